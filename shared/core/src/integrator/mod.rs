@@ -1,0 +1,3 @@
+//! The dynamics: one mode machine ([`modes`]) under two drivers, *sampled* and *exact*.
+
+pub mod modes;

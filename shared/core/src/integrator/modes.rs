@@ -1,0 +1,218 @@
+//! The mode machine: which of the set-valued forces stick, slip or press right now.
+//!
+//! Coulomb friction and a wall are not functions of the state but of what follows from it: while two bodies
+//! stick, the force is whatever keeps them together, up to a limit. So the motion is a sequence of modes,
+//! linear in each, and this module holds the two things every driver needs: [`resolve`], the mode that is
+//! consistent with a state, and [`impact`], the law of the hard wall. When events happen is the drivers'
+//! business ([`super::sampled`], [`super::exact`]).
+//!
+//! The structure's equation (u is the base displacement z here, absolute coordinates):
+//! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
+
+use crate::model::{SetUp, Wall};
+use crate::scalar::Scalar;
+
+/// +1, 0 or −1: a direction, or a side of the cavity.
+pub type Sign = i8;
+
+/// What the friction damper does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grip {
+    /// The structure slips on the damper (or there is none): the force is −sign·F.
+    Slip(Sign),
+    /// The structure moves with the base.
+    Stuck,
+}
+
+/// What the particle does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// There is none.
+    Absent,
+    /// It flies between the walls; the sign of y′ − x′ as far as internal friction is concerned.
+    Free(Sign),
+    /// It moves with the structure: held by internal friction (side 0), or resting on the wall of that side.
+    Held(Sign),
+}
+
+/// The mode of the whole system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mode {
+    /// Structure against base.
+    pub grip: Grip,
+    /// Particle against structure.
+    pub contact: Contact,
+}
+
+/// The set-up's parameters in the scalar of the calculation, as the equations use them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coefficients<S> {
+    /// M, kg.
+    pub mass: S,
+    /// c, N·s/m.
+    pub damping: S,
+    /// k, N/m.
+    pub stiffness: S,
+    /// F of the friction damper, N; 0 without one.
+    pub damper_force: S,
+    /// m, kg; 0 without a particle.
+    pub particle_mass: S,
+    /// d, m; 0 without a particle.
+    pub clearance: S,
+    /// e of a hard wall.
+    pub restitution: S,
+    /// μi·g, m/s²: the largest acceleration that internal friction gives the particle.
+    pub friction_acceleration: S,
+}
+
+impl<S: Scalar> Coefficients<S> {
+    /// From a validated set-up. A soft wall or a tuned mass is not part of these equations.
+    #[must_use]
+    pub fn new(set_up: &SetUp) -> Self {
+        let particle = set_up.particle;
+        let restitution = match particle.map(|p| p.wall) {
+            Some(Wall::Restitution { coefficient }) => coefficient,
+            _ => 0.0,
+        };
+        Self {
+            mass: S::from_f64(set_up.structure.mass_kg),
+            damping: S::from_f64(set_up.structure.damping_n_s_per_m),
+            stiffness: S::from_f64(set_up.structure.stiffness_n_per_m),
+            damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n)),
+            particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg)),
+            clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m)),
+            restitution: S::from_f64(restitution),
+            friction_acceleration: S::from_f64(particle.map_or(0.0, |p| p.friction_coefficient * set_up.gravity_m_per_s2)),
+        }
+    }
+
+    /// Mass that moves with the structure in `contact`, kg.
+    #[must_use]
+    pub fn moving_mass(&self, contact: Contact) -> S {
+        match contact {
+            Contact::Held(_) => self.mass + self.particle_mass,
+            Contact::Absent | Contact::Free(_) => self.mass,
+        }
+    }
+
+    /// Force of the particle on the structure in `contact` as far as it is known beforehand, N.
+    #[must_use]
+    pub fn drag(&self, contact: Contact) -> S {
+        match contact {
+            Contact::Free(direction) => signed(direction, self.particle_mass * self.friction_acceleration),
+            Contact::Absent | Contact::Held(_) => S::ZERO,
+        }
+    }
+
+    /// Force that a stuck damper must supply, N: positive pushes the structure along +x.
+    ///
+    /// `stretch` is x − z, `base_acceleration` is z″. The damper holds while its magnitude is at most F.
+    #[must_use]
+    pub fn holding_force(&self, contact: Contact, stretch: S, base_acceleration: S) -> S {
+        self.moving_mass(contact) * base_acceleration + self.stiffness * stretch - self.drag(contact)
+    }
+
+    /// Lowest and highest structure acceleration with which a particle held on `side` stays held, m/s².
+    ///
+    /// Friction gives it ±μi·g; a wall pushes inwards without limit and cannot pull.
+    #[must_use]
+    pub fn held_limits(&self, side: Sign) -> (Option<S>, Option<S>) {
+        let g = self.friction_acceleration;
+        ((side <= 0).then_some(-g), (side >= 0).then_some(g))
+    }
+}
+
+/// `value` with the sign of `direction`, or zero.
+#[must_use]
+pub fn signed<S: Scalar>(direction: Sign, value: S) -> S {
+    match direction {
+        1.. => value,
+        0 => S::ZERO,
+        _ => -value,
+    }
+}
+
+/// The sign of `value`.
+#[must_use]
+pub fn sign<S: Scalar>(value: S) -> Sign {
+    if value > S::ZERO {
+        1
+    } else if value < S::ZERO {
+        -1
+    } else {
+        0
+    }
+}
+
+/// What [`resolve`] needs to know of a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation<S> {
+    /// x − z, m.
+    pub stretch: S,
+    /// x′ − z′, m/s; exactly zero when the damper may stick.
+    pub slip: S,
+    /// y′ − x′, m/s; exactly zero when the particle may be held.
+    pub slide: S,
+    /// Side of the cavity at which the particle touches a wall, 0 inside.
+    pub side: Sign,
+    /// z″, m/s².
+    pub base_acceleration: S,
+}
+
+/// The mode that follows from a state: the one in which every force is within its limit.
+///
+/// A relative velocity of exactly zero asks whether the two bodies stick; any other says how they slip.
+/// A particle without internal friction is held by a wall only.
+#[must_use]
+pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation<S>) -> Mode {
+    if !has_particle {
+        return Mode { grip: grip(c, Contact::Absent, s), contact: Contact::Absent };
+    }
+    let may_be_held = s.slide == S::ZERO && (s.side != 0 || c.friction_acceleration > S::ZERO);
+    if !may_be_held {
+        let contact = Contact::Free(sign(s.slide));
+        return Mode { grip: grip(c, contact, s), contact };
+    }
+    let held = Contact::Held(s.side);
+    let grip_held = grip(c, held, s);
+    let acceleration = match grip_held {
+        Grip::Stuck => s.base_acceleration,
+        Grip::Slip(direction) => structure_acceleration(c, held, direction, s),
+    };
+    let (low, high) = c.held_limits(s.side);
+    // The particle lags behind a structure that accelerates more than friction and wall can follow.
+    let contact = if high.is_some_and(|high| acceleration > high) {
+        Contact::Free(-1)
+    } else if low.is_some_and(|low| acceleration < low) {
+        Contact::Free(1)
+    } else {
+        return Mode { grip: grip_held, contact: held };
+    };
+    Mode { grip: grip(c, contact, s), contact }
+}
+
+fn grip<S: Scalar>(c: &Coefficients<S>, contact: Contact, s: &Situation<S>) -> Grip {
+    if c.damper_force == S::ZERO {
+        return Grip::Slip(0);
+    }
+    if s.slip != S::ZERO {
+        return Grip::Slip(sign(s.slip));
+    }
+    let needed = c.holding_force(contact, s.stretch, s.base_acceleration);
+    if needed.abs() <= c.damper_force { Grip::Stuck } else { Grip::Slip(-sign(needed)) }
+}
+
+fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, direction: Sign, s: &Situation<S>) -> S {
+    let force = c.drag(contact) - c.stiffness * s.stretch - c.damping * s.slip - signed(direction, c.damper_force);
+    force / c.moving_mass(contact)
+}
+
+/// Velocities after the particle hits a hard wall: `(x′, y′)`, m/s, from those before.
+///
+/// Momentum `M x′ + m y′` is kept and `y′ − x′` becomes `−e (y′ − x′)` (thesis eq. 3.6 and 3.7). Written as
+/// increments, so that a light particle's impulse is not lost in rounding.
+#[must_use]
+pub fn impact<S: Scalar>(c: &Coefficients<S>, v: S, u: S) -> (S, S) {
+    let change = (S::ONE + c.restitution) * (u - v) / (c.mass + c.particle_mass);
+    (v + c.particle_mass * change, u - c.mass * change)
+}

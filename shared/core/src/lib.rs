@@ -1,0 +1,12 @@
+//! Every decision of the damprig rig: the models, the integrators, measurement and control.
+//!
+//! No standard library, no allocation, no `unsafe`, no clock: a caller hands in samples and commands and
+//! gets actuator values and replies. The same code runs on the controller board, in the emulator and on a
+//! computer. Byte formats live in `damprig-protocol`; pins and registers in the firmware.
+
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod integrator;
+pub mod model;
+pub mod scalar;

@@ -1,0 +1,246 @@
+//! What is mounted on the shaker: the structure and its damper, in SI units, as plain data.
+//!
+//! [`SetUp`] is what files and the protocol carry; [`SetUp::validate`] is the one place that says which
+//! values are physical. How it moves is the [`crate::integrator`]'s business; what a base motion is, too.
+
+use core::f64::consts::PI;
+use serde::{Deserialize, Serialize};
+
+/// Standard gravity as the rig's defaults use it, m/s².
+pub const GRAVITY_M_PER_S2: f64 = 9.81;
+
+/// A parameter that cannot be: which one, its value, and what is allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Invalid {
+    /// The parameter's name with its unit, as files spell it (`structure.mass_kg`).
+    pub parameter: &'static str,
+    /// The value found.
+    pub value: f64,
+    /// The allowed range in words ("greater than 0").
+    pub allowed: &'static str,
+}
+
+impl core::fmt::Display for Invalid {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} = {} is not allowed: must be {}", self.parameter, self.value, self.allowed)
+    }
+}
+
+impl core::error::Error for Invalid {}
+
+/// Refuses `value` unless `ok`, with the parameter's name.
+pub(crate) fn require(ok: bool, parameter: &'static str, value: f64, allowed: &'static str) -> Result<(), Invalid> {
+    if ok { Ok(()) } else { Err(Invalid { parameter, value, allowed }) }
+}
+
+/// Refuses anything but a finite number above zero.
+pub(crate) fn positive(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+    require(value.is_finite() && value > 0.0, parameter, value, "a finite number greater than 0")
+}
+
+/// Refuses anything but a finite number from zero up.
+pub(crate) fn not_negative(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+    require(value.is_finite() && value >= 0.0, parameter, value, "a finite number, 0 or greater")
+}
+
+/// Refuses NaN and infinities.
+pub(crate) fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+    require(value.is_finite(), parameter, value, "a finite number")
+}
+
+/// The single-degree-of-freedom structure: M x″ + c (x′ − z′) + k (x − z) = forces, base displacement z.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Structure {
+    /// M, kg; greater than 0.
+    pub mass_kg: f64,
+    /// k, N/m; greater than 0.
+    pub stiffness_n_per_m: f64,
+    /// c, N·s/m; 0 or greater.
+    pub damping_n_s_per_m: f64,
+}
+
+impl Structure {
+    /// From the quantities that a free-vibration test gives: natural frequency in Hz (undamped) and
+    /// damping ratio ζ = c/(2√(kM)).
+    #[must_use]
+    pub fn from_modal(mass_kg: f64, natural_frequency_hz: f64, damping_ratio: f64) -> Self {
+        let omega = 2.0 * PI * natural_frequency_hz;
+        Self {
+            mass_kg,
+            stiffness_n_per_m: mass_kg * omega * omega,
+            damping_n_s_per_m: 2.0 * damping_ratio * mass_kg * omega,
+        }
+    }
+
+    /// ω = √(k/M), rad/s.
+    #[must_use]
+    pub fn angular_frequency_rad_per_s(&self) -> f64 {
+        libm::sqrt(self.stiffness_n_per_m / self.mass_kg)
+    }
+
+    /// ζ = c/(2√(kM)).
+    #[must_use]
+    pub fn damping_ratio(&self) -> f64 {
+        self.damping_n_s_per_m / (2.0 * libm::sqrt(self.stiffness_n_per_m * self.mass_kg))
+    }
+}
+
+/// What the particle meets at both ends of its cavity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Wall {
+    /// A hard wall: momentum is kept and the relative speed is scaled by the coefficient, at an instant.
+    Restitution {
+        /// e, 0 (the particle does not bounce) to 1 (no energy is lost).
+        coefficient: f64,
+    },
+    /// A soft wall: a spring and a dashpot in parallel that the particle presses into.
+    Voigt {
+        /// k1, N/m; greater than 0.
+        stiffness_n_per_m: f64,
+        /// c1, N·s/m; 0 or greater.
+        damping_n_s_per_m: f64,
+        /// When contact ends.
+        release: Release,
+    },
+}
+
+/// When a particle leaves a soft wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Release {
+    /// When the penetration is back to zero; the wall pulls until then.
+    ZeroPenetration,
+    /// When the contact force would turn tensile; a new contact needs the particle back inside the clearance.
+    ZeroForce,
+}
+
+/// A single particle that slides between two walls fixed to the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Particle {
+    /// m, kg; greater than 0.
+    pub mass_kg: f64,
+    /// d, m: half the free travel, so the particle moves within |y − x| ≤ d; greater than 0.
+    pub clearance_m: f64,
+    /// μi of the dry friction between particle and structure; 0 or greater.
+    pub friction_coefficient: f64,
+    /// Both walls.
+    pub wall: Wall,
+}
+
+/// A dry friction damper between the structure and the moving base: a set-valued Coulomb force on x′ − z′.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrictionDamper {
+    /// F = μe·F_N, N: the friction force while slipping and the limit while stuck; 0 or greater.
+    pub force_n: f64,
+}
+
+/// A tuned mass damper: a mass on a spring and a dashpot from the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tmd {
+    /// m, kg; greater than 0.
+    pub mass_kg: f64,
+    /// k1, N/m; greater than 0.
+    pub stiffness_n_per_m: f64,
+    /// c1, N·s/m; 0 or greater.
+    pub damping_n_s_per_m: f64,
+}
+
+/// One mechanical set-up: a structure and the dampers mounted on it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SetUp {
+    /// The structure.
+    pub structure: Structure,
+    /// The impact damper, if mounted.
+    pub particle: Option<Particle>,
+    /// The friction damper, if mounted.
+    pub friction_damper: Option<FrictionDamper>,
+    /// The tuned mass damper, if mounted (instead of a particle).
+    pub tmd: Option<Tmd>,
+    /// g in the internal friction force μi·m·g, m/s²; 0 or greater.
+    pub gravity_m_per_s2: f64,
+}
+
+/// Where the masses are and how fast, relative to the resting laboratory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Initial {
+    /// Structure displacement x, m.
+    pub x_m: f64,
+    /// Structure velocity x′, m/s.
+    pub v_m_per_s: f64,
+    /// Displacement y of the particle or the tuned mass, m; |y − x| ≤ d for a particle.
+    pub y_m: f64,
+    /// Velocity y′ of the particle or the tuned mass, m/s.
+    pub u_m_per_s: f64,
+}
+
+impl SetUp {
+    /// A structure without any damper.
+    #[must_use]
+    pub fn bare(structure: Structure) -> Self {
+        Self { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: GRAVITY_M_PER_S2 }
+    }
+
+    /// Checks that every value is physical.
+    ///
+    /// # Errors
+    /// Names the first parameter outside its range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        positive("structure.mass_kg", self.structure.mass_kg)?;
+        positive("structure.stiffness_n_per_m", self.structure.stiffness_n_per_m)?;
+        not_negative("structure.damping_n_s_per_m", self.structure.damping_n_s_per_m)?;
+        not_negative("gravity_m_per_s2", self.gravity_m_per_s2)?;
+        if let Some(particle) = &self.particle {
+            positive("particle.mass_kg", particle.mass_kg)?;
+            positive("particle.clearance_m", particle.clearance_m)?;
+            not_negative("particle.friction_coefficient", particle.friction_coefficient)?;
+            match particle.wall {
+                Wall::Restitution { coefficient } => require(
+                    (0.0..=1.0).contains(&coefficient),
+                    "particle.wall.coefficient",
+                    coefficient,
+                    "from 0 to 1",
+                )?,
+                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                    positive("particle.wall.stiffness_n_per_m", stiffness_n_per_m)?;
+                    not_negative("particle.wall.damping_n_s_per_m", damping_n_s_per_m)?;
+                }
+            }
+        }
+        if let Some(damper) = &self.friction_damper {
+            not_negative("friction_damper.force_n", damper.force_n)?;
+        }
+        if let Some(tmd) = &self.tmd {
+            positive("tmd.mass_kg", tmd.mass_kg)?;
+            positive("tmd.stiffness_n_per_m", tmd.stiffness_n_per_m)?;
+            not_negative("tmd.damping_n_s_per_m", tmd.damping_n_s_per_m)?;
+            require(
+                self.particle.is_none(),
+                "tmd.mass_kg",
+                tmd.mass_kg,
+                "left out when a particle is mounted: one or the other",
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Checks a starting state against this set-up.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a particle outside its cavity.
+    pub fn validate_initial(&self, initial: &Initial) -> Result<(), Invalid> {
+        finite("initial.x_m", initial.x_m)?;
+        finite("initial.v_m_per_s", initial.v_m_per_s)?;
+        finite("initial.y_m", initial.y_m)?;
+        finite("initial.u_m_per_s", initial.u_m_per_s)?;
+        if let Some(particle) = &self.particle {
+            // A start "at the wall" is written as y = x ± d and may miss it by a rounding.
+            let room = particle.clearance_m * (1.0 + 1e-12) + 4.0 * f64::EPSILON * initial.x_m.abs();
+            require(
+                (initial.y_m - initial.x_m).abs() <= room,
+                "initial.y_m",
+                initial.y_m,
+                "within particle.clearance_m of initial.x_m (the particle starts inside its cavity)",
+            )?;
+        }
+        Ok(())
+    }
+}

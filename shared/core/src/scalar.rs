@@ -1,0 +1,91 @@
+//! The numbers a calculation runs in: `f64` on a computer, `f32` on the controller, from one source.
+//!
+//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`), so code
+//! written against it gives the same bits on every machine. Anything else (sine, square root) is called
+//! by path from [`libm`] or [`crate::sine`] at the place where it is needed. `num_traits::Float` was not
+//! taken: built for a host it forwards to the system's functions, whose last bits differ.
+
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// A real number type with exactly specified arithmetic.
+pub trait Scalar:
+    Copy
+    + Debug
+    + Default
+    + PartialEq
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + Send
+    + Sync
+    + 'static
+{
+    /// 0
+    const ZERO: Self;
+    /// 1
+    const ONE: Self;
+    /// Spacing of the numbers just above 1.
+    const EPSILON: Self;
+
+    /// The nearest number to `value`.
+    fn from_f64(value: f64) -> Self;
+
+    /// The value as `f64` (exact for both floating-point types).
+    fn to_f64(self) -> f64;
+
+    /// `|self|`
+    #[must_use]
+    fn abs(self) -> Self {
+        if self < Self::ZERO { -self } else { self }
+    }
+
+    /// The larger of the two.
+    #[must_use]
+    fn max(self, other: Self) -> Self {
+        if other > self { other } else { self }
+    }
+
+    /// The smaller of the two.
+    #[must_use]
+    fn min(self, other: Self) -> Self {
+        if other < self { other } else { self }
+    }
+}
+
+impl Scalar for f64 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+    const EPSILON: Self = f64::EPSILON;
+
+    #[inline]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+
+    #[inline]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for f32 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+    const EPSILON: Self = f32::EPSILON;
+
+    #[inline]
+    fn from_f64(value: f64) -> Self {
+        value as f32
+    }
+
+    #[inline]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
