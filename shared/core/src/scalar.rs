@@ -1,7 +1,7 @@
 //! The numbers a calculation runs in: `f64` on a computer, `f32` on the controller, from one source.
 //!
-//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`), so code
-//! written against it gives the same bits on every machine. Anything else (sine, square root) is called
+//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷ √`, comparison, `|·|`), so code
+//! written against it gives the same bits on every machine. Anything else (sine, exponential) is called
 //! by path from [`libm`] or [`crate::sine`] at the place where it is needed. `num_traits::Float` was not
 //! taken: built for a host it forwards to the system's functions, whose last bits differ.
 
@@ -36,8 +36,15 @@ pub trait Scalar:
     /// The nearest number to `value`.
     fn from_f64(value: f64) -> Self;
 
+    /// A small whole number.
+    fn from_u8(value: u8) -> Self;
+
     /// The value as `f64` (exact for both floating-point types).
     fn to_f64(self) -> f64;
+
+    /// The square root, correctly rounded as IEEE 754 asks; of a number that is not negative.
+    #[must_use]
+    fn sqrt(self) -> Self;
 
     /// `|self|`
     #[must_use]
@@ -69,8 +76,18 @@ impl Scalar for f64 {
     }
 
     #[inline]
+    fn from_u8(value: u8) -> Self {
+        f64::from(value)
+    }
+
+    #[inline]
     fn to_f64(self) -> f64 {
         self
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        libm::sqrt(self)
     }
 }
 
@@ -85,7 +102,17 @@ impl Scalar for f32 {
     }
 
     #[inline]
+    fn from_u8(value: u8) -> Self {
+        f32::from(value)
+    }
+
+    #[inline]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+
+    #[inline]
+    fn sqrt(self) -> Self {
+        libm::sqrtf(self)
     }
 }

@@ -1,3 +1,9 @@
-//! The dynamics: one mode machine ([`modes`]) under two drivers, *sampled* and *exact*.
+//! The dynamics: one mode machine ([`modes`]) under two drivers.
+//!
+//! [`sampled`] takes the base motion one sample at a time and runs in any [`crate::scalar::Scalar`]: it is the
+//! board's twin, the virtual rig's plant and the way to play a recorded motion.
 
+pub mod base;
 pub mod modes;
+pub mod polynomial;
+pub mod sampled;

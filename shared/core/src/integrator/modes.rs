@@ -86,6 +86,26 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
+    /// The same system in other units: time in steps of `step_s`, force per structure mass. Lengths stay metres,
+    /// so M = 1, velocities are in m/step and every function of this module holds unchanged.
+    #[must_use]
+    pub fn per_step(set_up: &SetUp, step_s: f64) -> Self {
+        let structure = &set_up.structure;
+        let mass = structure.mass_kg;
+        let (per_step, per_step_squared) = (step_s / mass, step_s * step_s / mass);
+        let particle = set_up.particle;
+        let friction = particle.map_or(0.0, |p| p.friction_coefficient) * set_up.gravity_m_per_s2;
+        Self {
+            mass: S::ONE,
+            damping: S::from_f64(structure.damping_n_s_per_m * per_step),
+            stiffness: S::from_f64(structure.stiffness_n_per_m * per_step_squared),
+            damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n) * per_step_squared),
+            particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg) / mass),
+            friction_acceleration: S::from_f64(friction * step_s * step_s),
+            ..Self::new(set_up)
+        }
+    }
+
     /// Mass that moves with the structure in `contact`, kg.
     #[must_use]
     pub fn moving_mass(&self, contact: Contact) -> S {
@@ -207,12 +227,12 @@ fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, dire
     force / c.moving_mass(contact)
 }
 
-/// Velocities after the particle hits a hard wall: `(x′, y′)`, m/s, from those before.
+/// Velocities after the particle hits a hard wall: `(x′, y′ − x′)` from those before.
 ///
-/// Momentum `M x′ + m y′` is kept and `y′ − x′` becomes `−e (y′ − x′)` (thesis eq. 3.6 and 3.7). Written as
-/// increments, so that a light particle's impulse is not lost in rounding.
+/// Momentum `M x′ + m y′` is kept and the relative velocity is scaled by −e (thesis eq. 3.6 and 3.7). In
+/// relative terms, so that e is exact and a light particle's impulse is not lost in rounding.
 #[must_use]
-pub fn impact<S: Scalar>(c: &Coefficients<S>, v: S, u: S) -> (S, S) {
-    let change = (S::ONE + c.restitution) * (u - v) / (c.mass + c.particle_mass);
-    (v + c.particle_mass * change, u - c.mass * change)
+pub fn impact<S: Scalar>(c: &Coefficients<S>, restitution: S, v: S, slide: S) -> (S, S) {
+    let impulse = (S::ONE + restitution) * slide * c.particle_mass;
+    (v + impulse / (c.mass + c.particle_mass), -restitution * slide)
 }

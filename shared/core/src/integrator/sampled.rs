@@ -1,0 +1,464 @@
+//! The sampled driver: the base arrives one sample at a time, as on the board.
+//!
+//! One step is one [`Segment`] of base motion. Within it the system is linear until a set-valued force changes
+//! its mode; the solution is followed as its own Taylor polynomial (a *flight*), exact to the degree kept, and the
+//! first time at which any guard (gap, relative velocity, force limit) would be violated ends the flight. The mode
+//! laws are in [`super::modes`], the root finder in [`super::polynomial`].
+//!
+//! States advance by increments, `x += Δx`, never `x = Φx`: in `f32` the latter loses 0.2 % of a damping of
+//! 0.0038. Time is counted in steps (velocities in m/step), and the particle's place is kept relative to the
+//! structure, so a held particle and the walls are exact. Only IEEE-exact operations are used: `f32` gives the same
+//! bits on every machine.
+
+use super::base::Segment;
+use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
+use super::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
+use crate::model::{Initial, Invalid, SetUp, Wall, require};
+use crate::scalar::Scalar;
+
+/// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
+pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
+
+/// Events in one step after which the rest of the step is taken without looking for more: a bound on the
+/// work of a controller's tick, whatever the numbers do. Counted in [`Sampled::unresolved`].
+const MOST_EVENTS_PER_STEP: usize = 64;
+
+/// Displacements (m) and velocities (m per step) of structure and particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State<S> {
+    /// x, m.
+    pub x: S,
+    /// x′, m/step.
+    pub v: S,
+    /// y − x, m.
+    pub offset: S,
+    /// y′ − x′, m/step.
+    pub slide: S,
+}
+
+/// The motion from one event to the next: polynomials from its own start.
+#[derive(Clone, Copy, Debug)]
+pub struct Flight<S> {
+    /// x, m.
+    pub x: Polynomial<S>,
+    /// y − x, m.
+    pub offset: Polynomial<S>,
+    /// x − z, m.
+    pub stretch: Polynomial<S>,
+}
+
+/// An impact on a hard wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Impact<S> {
+    /// When, in steps from the start of the step.
+    pub at: S,
+    /// +1 where y − x = +d.
+    pub side: Sign,
+    /// |y′ − x′| just before, m/step.
+    pub approach: S,
+    /// Momentum given to the structure over its mass: the change of x′, m/step.
+    pub kick: S,
+}
+
+/// Sees the motion between the samples. Every method may be left out.
+pub trait Observer<S> {
+    /// `flight` is valid from `start` for `length`, both in steps.
+    fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
+        let _ = (start, length, flight);
+    }
+
+    /// The particle hit a wall.
+    fn impact(&mut self, impact: &Impact<S>) {
+        let _ = impact;
+    }
+}
+
+impl<S> Observer<S> for () {}
+
+/// Taylor recurrence of the structure for one moving mass:
+/// `X[n+2] = damping[n]·Q[n+1] + stiffness[n]·Q[n]` with Q the coefficients of x − z.
+#[derive(Clone, Copy, Debug)]
+struct Weights<S> {
+    damping: [S; COEFFICIENTS - 2],
+    stiffness: [S; COEFFICIENTS - 2],
+    /// Half the acceleration that a unit of force gives.
+    half_inverse_mass: S,
+}
+
+impl<S: Scalar> Weights<S> {
+    fn new(c: &Coefficients<S>, mass: S) -> Self {
+        let mut weights = Self {
+            damping: [S::ZERO; COEFFICIENTS - 2],
+            stiffness: [S::ZERO; COEFFICIENTS - 2],
+            half_inverse_mass: S::ONE / (mass + mass),
+        };
+        for n in 0..COEFFICIENTS - 2 {
+            let (first, second) = (S::from_u8(n as u8 + 1), S::from_u8(n as u8 + 2));
+            weights.damping[n] = -c.damping / (mass * second);
+            weights.stiffness[n] = -c.stiffness / (mass * first * second);
+        }
+        weights
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    Wall(Sign),
+    SlideStops,
+    SlipStops,
+    HoldBreaks(Sign),
+    GripBreaks,
+}
+
+/// A set-up in motion, driven by base samples.
+#[derive(Clone, Debug)]
+pub struct Sampled<S> {
+    c: Coefficients<S>,
+    has_particle: bool,
+    alone: Weights<S>,
+    together: Weights<S>,
+    state: State<S>,
+    mode: Option<Mode>,
+    /// The particle has just been released: its slide starts from zero by definition, whatever rounding says.
+    slide_released: bool,
+    /// The friction damper has just been released.
+    slip_released: bool,
+    unresolved: u32,
+    step_s: f64,
+}
+
+impl<S: Scalar> Sampled<S> {
+    /// How many steps a sample interval must be divided into for this set-up.
+    ///
+    /// # Errors
+    /// More than 200 would be needed: the structure is too fast for the sampling rate.
+    pub fn steps_per_sample(set_up: &SetUp, sample_s: f64) -> Result<u8, Invalid> {
+        let structure = &set_up.structure;
+        let rate =
+            structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
+        let steps = libm::ceil(rate * sample_s / LARGEST_RATE_PER_STEP).max(1.0);
+        require(
+            steps <= 200.0,
+            "structure.stiffness_n_per_m",
+            structure.stiffness_n_per_m,
+            "low enough for the sampling rate (natural angular frequency × sample interval at most 20)",
+        )?;
+        Ok(steps as u8)
+    }
+
+    /// A set-up with steps of `step_s` seconds, starting from `initial` (structure and particle in absolute terms).
+    ///
+    /// # Errors
+    /// Names a value that is not physical, or a part this driver has no equations for (a soft wall, a tuned mass).
+    pub fn new(set_up: &SetUp, step_s: f64, initial: &Initial) -> Result<Self, Invalid> {
+        set_up.validate()?;
+        set_up.validate_initial(initial)?;
+        if let Some(tmd) = &set_up.tmd {
+            require(false, "tmd.mass_kg", tmd.mass_kg, "left out: the sampled driver has no tuned mass damper")?;
+        }
+        if let Some(Wall::Voigt { stiffness_n_per_m, .. }) = set_up.particle.map(|p| p.wall) {
+            require(
+                false,
+                "particle.wall.stiffness_n_per_m",
+                stiffness_n_per_m,
+                "left out: the sampled driver has hard walls (restitution) only",
+            )?;
+        }
+        let c = Coefficients::per_step(set_up, step_s);
+        let mut sampled = Self {
+            c,
+            has_particle: set_up.particle.is_some(),
+            alone: Weights::new(&c, c.mass),
+            together: Weights::new(&c, c.mass + c.particle_mass),
+            state: State::default(),
+            mode: None,
+            slide_released: false,
+            slip_released: false,
+            unresolved: 0,
+            step_s,
+        };
+        sampled.reset(initial);
+        Ok(sampled)
+    }
+
+    /// Starts again from `initial`.
+    pub fn reset(&mut self, initial: &Initial) {
+        let offset = if self.has_particle { initial.y_m - initial.x_m } else { 0.0 };
+        let slide = if self.has_particle { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
+        let d = self.c.clearance;
+        self.state = State {
+            x: S::from_f64(initial.x_m),
+            v: S::from_f64(initial.v_m_per_s * self.step_s),
+            offset: S::from_f64(offset).min(d).max(-d),
+            slide: S::from_f64(slide * self.step_s),
+        };
+        self.mode = None;
+        self.slide_released = false;
+        self.slip_released = false;
+        self.unresolved = 0;
+    }
+
+    /// The state at the end of the last step.
+    #[must_use]
+    pub fn state(&self) -> &State<S> {
+        &self.state
+    }
+
+    /// The mode at the end of the last step; none before the first.
+    #[must_use]
+    pub fn mode(&self) -> Option<Mode> {
+        self.mode
+    }
+
+    /// The set-up's coefficients per step.
+    #[must_use]
+    pub fn coefficients(&self) -> &Coefficients<S> {
+        &self.c
+    }
+
+    /// Steps in which events were so many that the search for them was given up.
+    #[must_use]
+    pub fn unresolved(&self) -> u32 {
+        self.unresolved
+    }
+
+    /// Advances by one step of base motion.
+    pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
+        let mut base = *base;
+        let mut start = S::ZERO;
+        if self.mode.is_none() {
+            let slip = self.state.v - base.velocity();
+            self.mode = Some(self.resolve(&base, slip));
+        }
+        for _ in 0..MOST_EVENTS_PER_STEP {
+            let mode = self.current_mode();
+            let flight = self.flight(mode, &base);
+            let rest = S::ONE - start;
+            let (length, event) = self.next_event(mode, &flight, &base, rest);
+            observer.flight(start, length, &flight);
+            self.advance(mode, &flight, length);
+            if length > S::ZERO {
+                self.slide_released = false;
+                self.slip_released = false;
+            }
+            let Some(event) = event else { return };
+            start += length;
+            base = base.from(length);
+            self.handle(event, mode, &base, start, observer);
+        }
+        self.unresolved += 1;
+        let mode = self.current_mode();
+        let flight = self.flight(mode, &base);
+        observer.flight(start, S::ONE - start, &flight);
+        self.advance(mode, &flight, S::ONE - start);
+        self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
+    }
+
+    fn current_mode(&self) -> Mode {
+        self.mode.unwrap_or(Mode { grip: Grip::Slip(0), contact: Contact::Absent })
+    }
+
+    /// The motion from the present state in `mode`.
+    fn flight(&self, mode: Mode, base: &Segment<S>) -> Flight<S> {
+        let z = &base.0;
+        let mut x = [S::ZERO; COEFFICIENTS];
+        let mut stretch = [S::ZERO; COEFFICIENTS];
+        x[0] = self.state.x;
+        stretch[0] = self.state.x - z[0];
+        match mode.grip {
+            Grip::Stuck => x[1..4].copy_from_slice(&z[1..4]),
+            Grip::Slip(direction) => {
+                let weights = match mode.contact {
+                    Contact::Held(_) => &self.together,
+                    Contact::Absent | Contact::Free(_) => &self.alone,
+                };
+                let force = self.c.drag(mode.contact) - signed(direction, self.c.damper_force);
+                x[1] = self.state.v;
+                stretch[1] = x[1] - z[1];
+                x[2] = force * weights.half_inverse_mass
+                    + (weights.damping[0] * stretch[1] + weights.stiffness[0] * stretch[0]);
+                stretch[2] = x[2] - z[2];
+                x[3] = weights.damping[1] * stretch[2] + weights.stiffness[1] * stretch[1];
+                stretch[3] = x[3] - z[3];
+                for n in 2..COEFFICIENTS - 2 {
+                    x[n + 2] = weights.damping[n] * stretch[n + 1] + weights.stiffness[n] * stretch[n];
+                    stretch[n + 2] = x[n + 2];
+                }
+            }
+        }
+        let mut offset = [S::ZERO; COEFFICIENTS];
+        offset[0] = self.state.offset;
+        if let Contact::Free(direction) = mode.contact {
+            offset[1] = self.state.slide;
+            for n in 2..COEFFICIENTS {
+                offset[n] = -x[n];
+            }
+            offset[2] -= signed(direction, self.c.friction_acceleration) * S::from_f64(0.5);
+        }
+        Flight { x, offset, stretch }
+    }
+
+    fn advance(&mut self, mode: Mode, flight: &Flight<S>, length: S) {
+        let state = &mut self.state;
+        state.x += polynomial::increment(&flight.x, length);
+        state.v = flight.x[1] + polynomial::derivative_increment(&flight.x, length);
+        if let Contact::Free(_) = mode.contact {
+            state.offset += polynomial::increment(&flight.offset, length);
+            state.slide += polynomial::derivative_increment(&flight.offset, length);
+        }
+    }
+
+    /// The first violated guard within `rest`, and the time until then.
+    fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
+        let mut first = (rest, None);
+        let mut consider = |guard: &Polynomial<S>, event: Event| {
+            if let Some(at) = first_failure(guard, first.0)
+                && (first.1.is_none() || at < first.0)
+            {
+                first = (at, Some(event));
+            }
+        };
+        match mode.contact {
+            Contact::Absent => {}
+            Contact::Free(direction) => {
+                let d = self.c.clearance;
+                let far = flight.offset[0].abs() + polynomial::reach(&flight.offset, rest);
+                if far >= d {
+                    for side in [1, -1] {
+                        let mut gap = flight.offset.map(|coefficient| -signed(side, coefficient));
+                        gap[0] += d;
+                        if self.slide_released && gap[0] == S::ZERO {
+                            gap[2] = gap[2].max(S::ZERO);
+                        }
+                        consider(&gap, Event::Wall(side));
+                    }
+                }
+                if self.c.friction_acceleration > S::ZERO {
+                    let mut slide = polynomial::derivative(&flight.offset).map(|s| signed(direction, s));
+                    if self.slide_released {
+                        slide[1] = slide[1].max(S::ZERO);
+                    }
+                    consider(&slide, Event::SlideStops);
+                }
+            }
+            Contact::Held(side) => {
+                let acceleration = polynomial::derivative(&polynomial::derivative(&flight.x));
+                let (low, high) = self.c.held_limits(side);
+                if let Some(high) = high {
+                    let mut guard = acceleration.map(|a| -a);
+                    guard[0] += high;
+                    consider(&guard, Event::HoldBreaks(-1));
+                }
+                if let Some(low) = low {
+                    let mut guard = acceleration;
+                    guard[0] -= low;
+                    consider(&guard, Event::HoldBreaks(1));
+                }
+            }
+        }
+        match mode.grip {
+            Grip::Slip(0) => {}
+            Grip::Slip(direction) => {
+                let mut slip = polynomial::derivative(&flight.stretch).map(|s| signed(direction, s));
+                if self.slip_released {
+                    slip[0] = S::ZERO;
+                    slip[1] = slip[1].max(S::ZERO);
+                }
+                consider(&slip, Event::SlipStops);
+            }
+            Grip::Stuck => {
+                let mass = self.c.moving_mass(mode.contact);
+                let mut needed = [S::ZERO; COEFFICIENTS];
+                needed[0] = self.c.holding_force(mode.contact, flight.stretch[0], base.acceleration());
+                needed[1] = mass * S::from_u8(6) * base.0[3];
+                let mut above = needed.map(|n| -n);
+                above[0] += self.c.damper_force;
+                consider(&above, Event::GripBreaks);
+                needed[0] += self.c.damper_force;
+                consider(&needed, Event::GripBreaks);
+            }
+        }
+        first
+    }
+
+    fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
+        let d = self.c.clearance;
+        let side = if self.state.offset >= d {
+            1
+        } else if self.state.offset <= -d {
+            -1
+        } else {
+            0
+        };
+        let situation = Situation {
+            stretch: self.state.x - base.0[0],
+            slip,
+            slide: self.state.slide,
+            side,
+            base_acceleration: base.acceleration(),
+        };
+        modes::resolve(&self.c, self.has_particle, &situation)
+    }
+
+    fn handle(
+        &mut self,
+        event: Event,
+        mode: Mode,
+        base: &Segment<S>,
+        at: S,
+        observer: &mut impl Observer<S>,
+    ) {
+        let slip = match mode.grip {
+            Grip::Stuck => S::ZERO,
+            Grip::Slip(_) => self.state.v - base.velocity(),
+        };
+        match event {
+            Event::Wall(side) => {
+                self.state.offset = signed(side, self.c.clearance);
+                if signed(side, self.state.slide) > S::ZERO {
+                    self.hit(side, mode, base, at, observer);
+                } else {
+                    self.mode = Some(self.resolve(base, slip));
+                }
+            }
+            Event::SlideStops => {
+                self.state.slide = S::ZERO;
+                self.mode = Some(self.resolve(base, slip));
+            }
+            Event::SlipStops => {
+                self.state.v = base.velocity();
+                self.mode = Some(self.resolve(base, S::ZERO));
+            }
+            Event::HoldBreaks(direction) => {
+                self.slide_released = true;
+                self.mode = Some(Mode { contact: Contact::Free(direction), ..mode });
+            }
+            Event::GripBreaks => {
+                self.slip_released = true;
+                self.state.v = base.velocity();
+                let needed =
+                    self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
+                self.mode = Some(Mode { grip: Grip::Slip(-sign(needed)), ..mode });
+            }
+        }
+    }
+
+    /// The particle meets the wall on `side` at speed; it may come to rest there.
+    fn hit(&mut self, side: Sign, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+        let approach = self.state.slide;
+        let before = if mode.grip == Grip::Stuck { base.velocity() } else { self.state.v };
+        let (v, slide) = modes::impact(&self.c, self.c.restitution, before, approach);
+        self.state.v = v;
+        self.state.slide = slide;
+        self.mode = Some(self.resolve(base, v - base.velocity()));
+        // A bounce whose height cannot be told from zero next to the clearance is the end of a chatter.
+        let pressing = signed(side, self.flight(self.current_mode(), base).offset[2]);
+        let height = self.c.clearance * S::EPSILON * S::from_u8(16);
+        if pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4) {
+            (self.state.v, self.state.slide) = modes::impact(&self.c, S::ZERO, v, slide);
+            self.state.slide = S::ZERO;
+            self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
+        }
+        observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
+    }
+}
