@@ -7,6 +7,11 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod control;
 pub mod integrator;
+pub mod measure;
 pub mod model;
+pub mod plant;
+pub mod rig;
 pub mod scalar;
+pub mod sine;

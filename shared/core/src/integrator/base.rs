@@ -24,12 +24,7 @@ impl<S: Scalar> Segment<S> {
     pub fn hermite(z0: S, z1: S, velocity0: S, velocity1: S) -> Self {
         let rise = z1 - z0;
         let two = S::from_u8(2);
-        Self([
-            z0,
-            velocity0,
-            S::from_u8(3) * rise - two * velocity0 - velocity1,
-            velocity0 + velocity1 - two * rise,
-        ])
+        Self([z0, velocity0, S::from_u8(3) * rise - two * velocity0 - velocity1, velocity0 + velocity1 - two * rise])
     }
 
     /// The same motion seen from `by` later.

@@ -82,7 +82,9 @@ impl<S: Scalar> Coefficients<S> {
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg)),
             clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m)),
             restitution: S::from_f64(restitution),
-            friction_acceleration: S::from_f64(particle.map_or(0.0, |p| p.friction_coefficient * set_up.gravity_m_per_s2)),
+            friction_acceleration: S::from_f64(
+                particle.map_or(0.0, |p| p.friction_coefficient * set_up.gravity_m_per_s2),
+            ),
         }
     }
 

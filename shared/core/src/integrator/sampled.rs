@@ -134,8 +134,7 @@ impl<S: Scalar> Sampled<S> {
     /// More than 200 would be needed: the structure is too fast for the sampling rate.
     pub fn steps_per_sample(set_up: &SetUp, sample_s: f64) -> Result<u8, Invalid> {
         let structure = &set_up.structure;
-        let rate =
-            structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
+        let rate = structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
         let steps = libm::ceil(rate * sample_s / LARGEST_RATE_PER_STEP).max(1.0);
         require(
             steps <= 200.0,
@@ -400,14 +399,7 @@ impl<S: Scalar> Sampled<S> {
         modes::resolve(&self.c, self.has_particle, &situation)
     }
 
-    fn handle(
-        &mut self,
-        event: Event,
-        mode: Mode,
-        base: &Segment<S>,
-        at: S,
-        observer: &mut impl Observer<S>,
-    ) {
+    fn handle(&mut self, event: Event, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
             Grip::Slip(_) => self.state.v - base.velocity(),
@@ -436,8 +428,7 @@ impl<S: Scalar> Sampled<S> {
             Event::GripBreaks => {
                 self.slip_released = true;
                 self.state.v = base.velocity();
-                let needed =
-                    self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
+                let needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
                 self.mode = Some(Mode { grip: Grip::Slip(-sign(needed)), ..mode });
             }
         }

@@ -1,0 +1,4 @@
+//! What the rig does: experiments and the interlocks that end them.
+
+pub mod limits;
+pub mod stepped_sine;

@@ -1,0 +1,162 @@
+//! Everything that is measured at one frequency of a stepped sine.
+
+use super::lock_in::LockIn;
+use super::trend::Trend;
+use crate::rig::Sensors;
+use serde::{Deserialize, Serialize};
+
+/// When a point counts as steady.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SteadyLimits {
+    /// Largest relative change of the cycle maxima per cycle, over the second half of the dwell.
+    pub change_per_cycle: f32,
+    /// Largest relative RMS scatter of the cycle maxima about that trend.
+    pub scatter: f32,
+}
+
+impl Default for SteadyLimits {
+    fn default() -> Self {
+        Self { change_per_cycle: 2e-4, scatter: 1e-2 }
+    }
+}
+
+/// The result of one frequency. Lengths in m, angles in rad; every figure is of the dwell's whole cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PointResult {
+    /// Place in the frequency list, from 0.
+    pub index: u16,
+    /// Drive frequency, Hz.
+    pub frequency_hz: f32,
+    /// Base amplitude Z at the drive frequency (lock-in), m.
+    pub z_amplitude_m: f32,
+    /// Structure amplitude at the drive frequency (lock-in), m.
+    pub x_amplitude_m: f32,
+    /// Phase of x relative to z, −π to π, rad.
+    pub phase_rad: f32,
+    /// RMS of x, m.
+    pub x_rms_m: f32,
+    /// Mean over the cycles of max |x| in each, m: the source document's "average maximum displacement".
+    pub x_mean_cycle_max_m: f32,
+    /// max |x|, m.
+    pub x_max_m: f32,
+    /// max |x| in the last cycle, m.
+    pub x_last_cycle_max_m: f32,
+    /// Relative change of the cycle maxima per cycle over the second half.
+    pub change_per_cycle: f32,
+    /// Relative RMS scatter of the cycle maxima about that trend.
+    pub scatter: f32,
+    /// Whole cycles measured.
+    pub cycles: u32,
+    /// Both limits of [`SteadyLimits`] are met.
+    pub steady: bool,
+    /// Tick of the first measured sample.
+    pub start_tick: u32,
+    /// Tick after the last measured sample.
+    pub end_tick: u32,
+}
+
+/// Measures one point, a tick at a time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PointMeter {
+    x: LockIn,
+    z: LockIn,
+    cycle_squares: f32,
+    squares: f64,
+    cycle_max: f32,
+    sum_of_maxima: f64,
+    max: f32,
+    last_max: f32,
+    trend: Trend,
+    trend_from: u32,
+    cycles: u32,
+    cycle_samples: u32,
+    samples: u32,
+}
+
+impl PointMeter {
+    /// For a dwell of `cycles` whole cycles; the trend is taken over the second half.
+    #[must_use]
+    pub fn new(cycles: u32) -> Self {
+        Self { trend_from: cycles / 2, ..Self::default() }
+    }
+
+    /// Whole cycles so far.
+    #[must_use]
+    pub fn cycles(&self) -> u32 {
+        self.cycles
+    }
+
+    /// Takes one tick's samples with the drive's sine and cosine at that tick.
+    #[inline]
+    pub fn push(&mut self, sensors: &Sensors, reference: (f32, f32)) {
+        let x = sensors.mean_x_m();
+        self.x.push(x, reference);
+        self.z.push(sensors.mean_z_m(), reference);
+        self.cycle_squares += x * x;
+        self.cycle_max = sensors.peak_x_m().max(self.cycle_max);
+        self.cycle_samples += 1;
+    }
+
+    /// Closes a cycle.
+    pub fn end_cycle(&mut self) {
+        self.x.end_cycle();
+        self.z.end_cycle();
+        self.squares += f64::from(self.cycle_squares);
+        self.sum_of_maxima += f64::from(self.cycle_max);
+        self.max = self.max.max(self.cycle_max);
+        self.last_max = self.cycle_max;
+        if self.cycles >= self.trend_from {
+            self.trend.push(self.cycle_max);
+        }
+        self.samples += self.cycle_samples;
+        self.cycles += 1;
+        self.cycle_squares = 0.0;
+        self.cycle_max = 0.0;
+        self.cycle_samples = 0;
+    }
+
+    /// The figures of the closed cycles.
+    #[must_use]
+    pub fn result(
+        &self,
+        index: u16,
+        frequency_hz: f32,
+        start_tick: u32,
+        end_tick: u32,
+        limits: &SteadyLimits,
+    ) -> PointResult {
+        let (x_amplitude, x_phase) = self.x.amplitude_and_phase(self.samples);
+        let (z_amplitude, z_phase) = self.z.amplitude_and_phase(self.samples);
+        let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f64::MAX, f64::MAX));
+        let (change, scatter) = (change as f32, scatter as f32);
+        PointResult {
+            index,
+            frequency_hz,
+            z_amplitude_m: z_amplitude as f32,
+            x_amplitude_m: x_amplitude as f32,
+            phase_rad: wrapped(x_phase - z_phase) as f32,
+            x_rms_m: libm::sqrt(self.squares / f64::from(self.samples.max(1))) as f32,
+            x_mean_cycle_max_m: (self.sum_of_maxima / f64::from(self.cycles.max(1))) as f32,
+            x_max_m: self.max,
+            x_last_cycle_max_m: self.last_max,
+            change_per_cycle: change,
+            scatter,
+            cycles: self.cycles,
+            steady: libm::fabsf(change) <= limits.change_per_cycle && scatter <= limits.scatter,
+            start_tick,
+            end_tick,
+        }
+    }
+}
+
+/// An angle brought into −π … π.
+fn wrapped(angle: f64) -> f64 {
+    use core::f64::consts::{PI, TAU};
+    if angle > PI {
+        angle - TAU
+    } else if angle < -PI {
+        angle + TAU
+    } else {
+        angle
+    }
+}
