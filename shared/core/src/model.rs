@@ -4,6 +4,7 @@
 //! values are physical. How it moves is the [`crate::integrator`]'s business; what a base motion is, too.
 
 use core::f64::consts::PI;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Standard gravity as the rig's defaults use it, m/s².
@@ -49,7 +50,7 @@ pub(crate) fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid>
 }
 
 /// The single-degree-of-freedom structure: M x″ + c (x′ − z′) + k (x − z) = forces, base displacement z.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Structure {
     /// M, kg; greater than 0.
     pub mass_kg: f64,
@@ -86,7 +87,7 @@ impl Structure {
 }
 
 /// What the particle meets at both ends of its cavity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Wall {
     /// A hard wall: momentum is kept and the relative speed is scaled by the coefficient, at an instant.
     Restitution {
@@ -105,7 +106,7 @@ pub enum Wall {
 }
 
 /// When a particle leaves a soft wall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Release {
     /// When the penetration is back to zero; the wall pulls until then.
     ZeroPenetration,
@@ -114,7 +115,7 @@ pub enum Release {
 }
 
 /// A single particle that slides between two walls fixed to the structure.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Particle {
     /// m, kg; greater than 0.
     pub mass_kg: f64,
@@ -127,14 +128,14 @@ pub struct Particle {
 }
 
 /// A dry friction damper between the structure and the moving base: a set-valued Coulomb force on x′ − z′.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct FrictionDamper {
     /// F = μe·F_N, N: the friction force while slipping and the limit while stuck; 0 or greater.
     pub force_n: f64,
 }
 
 /// A tuned mass damper: a mass on a spring and a dashpot from the structure.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Tmd {
     /// m, kg; greater than 0.
     pub mass_kg: f64,
@@ -145,7 +146,7 @@ pub struct Tmd {
 }
 
 /// One mechanical set-up: a structure and the dampers mounted on it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SetUp {
     /// The structure.
     pub structure: Structure,
@@ -160,7 +161,7 @@ pub struct SetUp {
 }
 
 /// Where the masses are and how fast, relative to the resting laboratory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Initial {
     /// Structure displacement x, m.
     pub x_m: f64,

@@ -9,12 +9,13 @@ use crate::integrator::sampled::{Flight, Observer, Sampled};
 use crate::model::{Initial, Invalid, SetUp, not_negative, positive, require};
 use crate::rig::{Actuators, SUBSAMPLES, Sensors, TICK_HZ};
 use crate::scalar::Scalar;
+use postcard_schema::Schema;
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
 use serde::{Deserialize, Serialize};
 
 /// An ideal displacement sensor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SensorModel {
     /// Readings stop at ± this, m; greater than 0.
     pub range_m: f32,
@@ -53,7 +54,7 @@ impl SensorModel {
 }
 
 /// What a simulated plant is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PlantConfig {
     /// The mechanical set-up.
     pub set_up: SetUp,

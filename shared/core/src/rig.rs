@@ -9,6 +9,7 @@ use crate::control::stepped_sine::{Outcome, Runner, Stage, SteppedSine};
 use crate::measure::point::PointResult;
 use crate::model::Invalid;
 use heapless::Deque;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Control ticks per second.
@@ -95,7 +96,7 @@ pub struct Actuators {
 }
 
 /// What the rig is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum State {
     /// Nothing; the drive is off.
     Idle,
@@ -124,6 +125,7 @@ impl State {
 
 /// What a host may ask of the rig.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Command {
     /// Set the interlocks' limits. Idle only.
     SetLimits(Limits),
@@ -149,6 +151,8 @@ pub enum Refusal {
         /// What to do, in words.
         advice: &'static str,
     },
+    /// This board cannot do it; why, in words.
+    NotHere(&'static str),
 }
 
 impl From<Invalid> for Refusal {
@@ -172,7 +176,7 @@ pub enum Event {
 }
 
 /// A summary of the state.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Status {
     /// What the rig is doing.
     pub state: State,
@@ -241,29 +245,37 @@ impl Rig {
         self.results.iter().find(|result| result.index == index)
     }
 
+    /// Refuses what may only be done while nothing moves.
+    ///
+    /// # Errors
+    /// The rig is not idle: says which state it is in and what to do.
+    pub fn must_be_idle(&self) -> Result<(), Refusal> {
+        let state = self.state;
+        match state {
+            State::Idle => Ok(()),
+            State::Faulted => Err(Refusal::WrongState { state, advice: "clear the fault first" }),
+            _ => Err(Refusal::WrongState { state, advice: "stop the experiment first" }),
+        }
+    }
+
     /// Carries out a command.
     ///
     /// # Errors
     /// A parameter out of range, or a command that makes no sense now; the rig is as it was.
     pub fn handle(&mut self, command: Command) -> Result<(), Refusal> {
-        let only_idle = |state| match state {
-            State::Idle => Ok(()),
-            State::Faulted => Err(Refusal::WrongState { state, advice: "clear the fault first" }),
-            _ => Err(Refusal::WrongState { state, advice: "stop the experiment first" }),
-        };
         match command {
             Command::SetLimits(limits) => {
-                only_idle(self.state)?;
+                self.must_be_idle()?;
                 limits.validate()?;
                 self.limits = limits;
             }
             Command::Configure(plan) => {
-                only_idle(self.state)?;
+                self.must_be_idle()?;
                 plan.validate(TICK_HZ)?;
                 self.plan = Some(plan);
             }
             Command::Start => {
-                only_idle(self.state)?;
+                self.must_be_idle()?;
                 let Some(plan) = self.plan.clone() else {
                     return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
                 };

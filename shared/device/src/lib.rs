@@ -1,2 +1,28 @@
-//! Placeholder.
+//! What a board does between its pins and its line: the device side of the protocol around the core's `Rig`.
+//!
+//! Each part is owned by one task on a real board and called in turn on a simulated one:
+//!
+//! * [`intake`] turns received bytes into requests and counts what is none,
+//! * [`control`] owns the rig: one request at most per tick, one tick, replies, events and telemetry rows out,
+//! * [`outbox`] turns those into frames, replies first, at the pace of the line,
+//! * [`simulated`] is a whole board without pins: the three parts around a simulated plant, under the host's tick
+//!   credit. The virtual rig and the emulated board are both exactly this.
+//!
+//! Decisions about the experiment live in `damprig-core`, byte formats in `damprig-protocol`, pins in the firmware.
+
 #![no_std]
+#![forbid(unsafe_code)]
+
+pub mod control;
+pub mod intake;
+pub mod outbox;
+pub mod simulated;
+
+/// Telemetry rows waiting for the line, at most.
+pub const ROWS_WAITING: usize = 64;
+
+/// Replies and events waiting for the line, at most.
+pub const REPLIES_WAITING: usize = 4;
+
+/// Requests waiting for their tick, at most.
+pub const REQUESTS_WAITING: usize = 2;

@@ -1,2 +1,69 @@
-//! Placeholder.
+//! The messages between a rig and its host, and the frames that carry them.
+//!
+//! The protocol in one page:
+//!
+//! * A **frame** is `COBS(body ‖ CRC-32(body), little endian) ‖ 0x00`; see [`frame`]. A frame that is too long, does
+//!   not decode or fails its checksum is counted and skipped, never acted on.
+//! * A body is one [`ToDevice`] or [`FromDevice`] in [postcard](https://postcard.jamesmunns.com/wire-format).
+//! * Every [`Request`] has a sequence number and gets exactly one [`FromDevice::Reply`] with the same number. A request
+//!   repeated with the same number is answered again but not carried out again.
+//! * [`FromDevice::Event`] and [`FromDevice::Telemetry`] come unasked, each with its own sequence number, so a gap shows
+//!   what was lost. Replies and events go before telemetry.
+//! * A simulated board has no clock of its own: its ticks pass only as far as [`ToDevice::Grant`] allows, and it says
+//!   [`FromDevice::Clock`] when it has used them up. A real board ignores grants.
+//! * [`Ask::Identify`] and [`Answer::Identity`] never change, so that two versions can tell each other what they are.
+//!
+//! # Known answers
+//! The bytes are part of the contract:
+//! ```
+//! use damprig_protocol::{Ask, Request, ToDevice, frame};
+//! let mut out = [0; frame::LONGEST];
+//! let message = ToDevice::Request(Request { seq: 7, at_tick: None, ask: Ask::Identify });
+//! let length = frame::encode(&message, &mut out).unwrap();
+//! // body 00 07 00 00 (request, seq 7, no tick, identify), then its CRC-32 in little endian
+//! assert_eq!(out[..length], [0x01, 0x02, 0x07, 0x01, 0x05, 0x99, 0xc9, 0x0b, 0x24, 0x00]);
+//!
+//! // Grant { until_tick: 1000 }: body 01 e8 07
+//! let length = frame::encode(&ToDevice::Grant { until_tick: 1000 }, &mut out).unwrap();
+//! assert_eq!(out[..length], [0x08, 0x01, 0xe8, 0x07, 0x62, 0x5f, 0x40, 0xf6, 0x00]);
+//!
+//! // One telemetry row: body 02, seq 1, first tick ac 02 = 300, every 5 ticks, 2 values in IEEE 754 little endian
+//! use damprig_protocol::{FromDevice, Telemetry};
+//! let values = [1.5, -2.0].into_iter().collect();
+//! let row = FromDevice::Telemetry(Telemetry { seq: 1, first_tick: 300, every_ticks: 5, values });
+//! let length = frame::encode(&row, &mut out).unwrap();
+//! let expected = [
+//!     0x07, 0x02, 0x01, 0xac, 0x02, 0x05, 0x02, 0x01, 0x03, 0xc0,
+//!     0x3f, 0x01, 0x01, 0x06, 0xc0, 0x26, 0x34, 0xf1, 0xa9, 0x00,
+//! ];
+//! assert_eq!(out[..length], expected);
+//! ```
+//!
+//! Who answers lives in `damprig-device`, who asks in the host; the values carried are `damprig-core`'s.
+
 #![no_std]
+#![forbid(unsafe_code)]
+
+pub mod frame;
+mod message;
+
+pub use message::*;
+
+/// Changes when an older or newer other side could misread something that the schema does not show.
+pub const VERSION: u16 = 1;
+
+/// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
+pub const SCHEMA: [u8; 8] = schema();
+
+const fn schema() -> [u8; 8] {
+    use postcard_schema::key::Key;
+    let to_device = Key::for_path::<ToDevice>("to_device").to_bytes();
+    let from_device = Key::for_path::<FromDevice>("from_device").to_bytes();
+    let mut both = [0; 8];
+    let mut n = 0;
+    while n < 8 {
+        both[n] = to_device[n] ^ from_device[7 - n];
+        n += 1;
+    }
+    both
+}

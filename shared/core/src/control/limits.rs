@@ -2,10 +2,11 @@
 
 use crate::model::{Invalid, positive};
 use crate::rig::Sensors;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Displacements that must not be reached.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Limits {
     /// Largest |x| of the structure, m; within the sensor's range.
     pub structure_m: f32,
@@ -21,7 +22,7 @@ impl Default for Limits {
 }
 
 /// Why the drive was stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Cause {
     /// |x| reached its limit.
     StructureDisplacement,
@@ -47,7 +48,7 @@ impl Cause {
 }
 
 /// A latched fault: it stays until it is cleared.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Fault {
     /// What happened.
     pub cause: Cause,

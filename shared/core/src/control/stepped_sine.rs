@@ -11,6 +11,7 @@ use crate::model::{Invalid, not_negative, positive, require};
 use crate::rig::Sensors;
 use crate::sine::Phase;
 use heapless::Vec;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Most frequencies in one experiment: what the controller's memory holds.
@@ -32,7 +33,7 @@ const REST_HOLD_S: f32 = 0.5;
 const REST_TIMEOUT_S: f32 = 600.0;
 
 /// How a point begins.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Start {
     /// The drive stops, and the next point begins once |x| has stayed below this level, m. A virtual rig puts
     /// its plant back to the start.
@@ -45,7 +46,7 @@ pub enum Start {
 }
 
 /// A stepped-sine experiment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SteppedSine {
     /// How each point begins.
     pub start: Start,
@@ -110,7 +111,7 @@ impl SteppedSine {
 }
 
 /// Where a point stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Stage {
     /// Waiting for the structure to come to rest.
     Rest,

@@ -57,7 +57,7 @@ pub fn reach<S: Scalar>(p: &Polynomial<S>, t: S) -> S {
 pub fn shift<S: Scalar>(p: &mut [S], by: S) {
     for lowest in 0..p.len().saturating_sub(1) {
         for n in (lowest..p.len() - 1).rev() {
-            p[n] = p[n] + by * p[n + 1];
+            p[n] += by * p[n + 1];
         }
     }
 }

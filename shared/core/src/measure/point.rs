@@ -3,10 +3,11 @@
 use super::lock_in::LockIn;
 use super::trend::Trend;
 use crate::rig::Sensors;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// When a point counts as steady.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SteadyLimits {
     /// Largest relative change of the cycle maxima per cycle, over the second half of the dwell.
     pub change_per_cycle: f32,
@@ -21,7 +22,7 @@ impl Default for SteadyLimits {
 }
 
 /// The result of one frequency. Lengths in m, angles in rad; every figure is of the dwell's whole cycles.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PointResult {
     /// Place in the frequency list, from 0.
     pub index: u16,

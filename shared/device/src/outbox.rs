@@ -1,0 +1,151 @@
+//! What waits for the line, and how it becomes frames: replies first, telemetry rows in batches, at the line's pace.
+
+use crate::control::Row;
+use damprig_core::rig::{SIGNALS, TICK_HZ};
+use damprig_protocol::{MOST_VALUES, Telemetry};
+use heapless::{Deque, Vec};
+
+/// Bits per second of the line.
+pub const BAUD: u32 = 921_600;
+
+/// Bytes that the line carries in a tick: ten bits to the byte.
+pub const BYTES_PER_TICK: f32 = BAUD as f32 / 10.0 / TICK_HZ;
+
+/// Rows in a full telemetry message.
+pub const ROWS_PER_BATCH: usize = MOST_VALUES / SIGNALS.len();
+
+/// Collects rows into telemetry messages.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    open: Option<Telemetry>,
+    done: Deque<Telemetry, 2>,
+    seq: u32,
+}
+
+impl Batch {
+    /// Takes a row; call [`Batch::pop`] until it is empty before the next.
+    ///
+    /// A row that does not follow the one before it at the batch's spacing begins a new batch, so a dropped row is
+    /// seen as a gap in the ticks.
+    pub fn push(&mut self, row: &Row) {
+        let continues = self.open.as_ref().is_some_and(|open| {
+            let rows = (open.values.len() / SIGNALS.len()) as u32;
+            let next_tick = open.first_tick.wrapping_add(rows * u32::from(open.every_ticks));
+            open.every_ticks == row.every_ticks && next_tick == row.tick
+        });
+        if !continues {
+            self.close();
+        }
+        if row.tick == 0 {
+            self.seq = 0;
+        }
+        let open = self.open.get_or_insert_with(|| Telemetry {
+            seq: self.seq,
+            first_tick: row.tick,
+            every_ticks: row.every_ticks,
+            values: Vec::new(),
+        });
+        // A full batch is closed below, so there is room for a row.
+        let _ = open.values.extend_from_slice(&row.values);
+        if open.values.len() == ROWS_PER_BATCH * SIGNALS.len() || row.last {
+            self.close();
+        }
+    }
+
+    /// Closes the batch as it is.
+    pub fn close(&mut self) {
+        if let Some(open) = self.open.take() {
+            self.seq = self.seq.wrapping_add(1);
+            // A push closes at most two, and they are popped before the next push.
+            let _ = self.done.push_back(open);
+        }
+    }
+
+    /// The next closed batch.
+    pub fn pop(&mut self) -> Option<Telemetry> {
+        self.done.pop_front()
+    }
+}
+
+/// The line's allowance in device time: a frame may start once the ones before it are through.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pace {
+    allowance: f32,
+}
+
+impl Pace {
+    /// A tick has passed. An idle line saves nothing up beyond one tick.
+    pub fn tick(&mut self) {
+        let allowance = self.allowance + BYTES_PER_TICK;
+        self.allowance = if allowance > BYTES_PER_TICK { BYTES_PER_TICK } else { allowance };
+    }
+
+    /// Whether a frame may start.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.allowance > 0.0
+    }
+
+    /// A frame of this many bytes has started.
+    pub fn charge(&mut self, bytes: usize) {
+        self.allowance -= bytes as f32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(tick: u32) -> Row {
+        Row { tick, every_ticks: 5, values: [tick as f32; SIGNALS.len()], last: false }
+    }
+
+    fn batches(rows: &[Row]) -> std::vec::Vec<Telemetry> {
+        let mut batch = Batch::default();
+        let mut out = std::vec::Vec::new();
+        for row in rows {
+            batch.push(row);
+            out.extend(core::iter::from_fn(|| batch.pop()));
+        }
+        batch.close();
+        out.extend(core::iter::from_fn(|| batch.pop()));
+        out
+    }
+
+    extern crate std;
+
+    #[test]
+    fn consecutive_rows_share_a_message() {
+        let rows: std::vec::Vec<_> = (0..ROWS_PER_BATCH as u32 + 1).map(|n| row(5 * n)).collect();
+        let out = batches(&rows);
+        assert_eq!(out.len(), 2);
+        assert_eq!(out[0].values.len(), ROWS_PER_BATCH * SIGNALS.len());
+        assert_eq!((out[1].seq, out[1].first_tick), (1, 5 * ROWS_PER_BATCH as u32));
+    }
+
+    #[test]
+    fn a_missing_row_begins_a_new_message() {
+        let out = batches(&[row(5), row(10), row(20)]);
+        assert_eq!(out.iter().map(|m| m.first_tick).collect::<std::vec::Vec<_>>(), [5, 20]);
+    }
+
+    #[test]
+    fn a_last_row_that_does_not_continue_is_sent_too() {
+        let out = batches(&[row(5), Row { last: true, ..row(20) }]);
+        assert_eq!(out.len(), 2);
+    }
+
+    #[test]
+    fn the_line_carries_its_rate_and_no_more() {
+        let (mut pace, mut sent) = (Pace::default(), 0);
+        for _ in 0..1000 {
+            pace.tick();
+            while pace.is_clear() {
+                pace.charge(300);
+                sent += 300;
+            }
+        }
+        let capacity = BYTES_PER_TICK * 1000.0;
+        assert!((sent as f32 - capacity).abs() <= 300.0, "{sent} of {capacity}");
+    }
+}

@@ -1,0 +1,223 @@
+//! A whole board without pins: control, plant and link under the host's tick credit.
+//!
+//! Device time passes only as far as the host has granted ([`ToDevice::Grant`]). Without credit the clock stands: then
+//! requests are served at once and everything that waits for the line goes out. So nothing that a host can see
+//! depends on how fast either side runs, and a run repeats bit for bit.
+
+use crate::control::{Bench, Control, Lanes, Name, Row};
+use crate::intake::Intake;
+use crate::outbox::{Batch, Pace};
+use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
+use damprig_core::plant::{Plant, PlantConfig};
+use damprig_core::rig::{Refusal, Sensors, State};
+use damprig_core::scalar::Scalar;
+use damprig_protocol::frame::{self, LONGEST};
+use damprig_protocol::{Ask, Clock, FromDevice, PlantKind, Request, ToDevice};
+use heapless::Deque;
+
+/// A scalar that a simulated plant may run in.
+pub trait PlantScalar: Scalar {
+    /// How it is announced.
+    const KIND: PlantKind;
+}
+
+impl PlantScalar for f32 {
+    const KIND: PlantKind = PlantKind::SimulatedF32;
+}
+
+impl PlantScalar for f64 {
+    const KIND: PlantKind = PlantKind::SimulatedF64;
+}
+
+#[derive(Debug, Default)]
+struct SimulatedBench<S> {
+    plant: Option<Plant<S>>,
+}
+
+impl<S: PlantScalar> Bench for SimulatedBench<S> {
+    const PLANT: PlantKind = S::KIND;
+    const CLOCK: Clock = Clock::Granted;
+
+    fn set_plant(&mut self, config: &PlantConfig) -> Result<(), Refusal> {
+        self.plant = Some(Plant::new(config)?);
+        Ok(())
+    }
+
+    fn restart(&mut self) -> Result<(), Refusal> {
+        let Some(plant) = &mut self.plant else {
+            return Err(Refusal::NotHere("this board is simulated: set its plant before starting"));
+        };
+        plant.restart();
+        Ok(())
+    }
+}
+
+#[derive(Debug, Default)]
+struct Waiting {
+    urgent: Deque<FromDevice, REPLIES_WAITING>,
+    rows: Deque<Row, ROWS_WAITING>,
+}
+
+impl Lanes for Waiting {
+    fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
+        self.urgent.push_back(message).map_err(|_| ())
+    }
+
+    fn row(&mut self, row: Row) -> Result<(), ()> {
+        self.rows.push_back(row).map_err(|_| ())
+    }
+}
+
+/// Whether a simulated board's clock can go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// There is credit left.
+    Running,
+    /// The credit is used up; nothing happens until something is received.
+    Standing,
+}
+
+/// The board.
+#[derive(Debug)]
+pub struct Simulated<S> {
+    control: Control,
+    bench: SimulatedBench<S>,
+    intake: Intake,
+    requests: Deque<Request, REQUESTS_WAITING>,
+    requests_dropped: u32,
+    waiting: Waiting,
+    batch: Batch,
+    pace: Pace,
+    until_tick: u32,
+    clock_told: bool,
+    sensors: Sensors,
+}
+
+impl<S: PlantScalar> Simulated<S> {
+    /// An idle board without a plant, its clock standing.
+    #[must_use]
+    pub fn new(name: Name) -> Self {
+        Self {
+            control: Control::new(name),
+            bench: SimulatedBench { plant: None },
+            intake: Intake::default(),
+            requests: Deque::new(),
+            requests_dropped: 0,
+            waiting: Waiting::default(),
+            batch: Batch::default(),
+            pace: Pace::default(),
+            until_tick: 0,
+            clock_told: true,
+            sensors: Sensors::default(),
+        }
+    }
+
+    /// Takes received bytes.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            match self.intake.push(byte) {
+                None => {}
+                Some(ToDevice::Grant { until_tick }) => {
+                    self.until_tick = until_tick;
+                    self.clock_told = false;
+                }
+                Some(ToDevice::Request(request)) => {
+                    if self.requests.push_back(request).is_err() {
+                        self.requests_dropped = self.requests_dropped.saturating_add(1);
+                    }
+                    if self.stands() {
+                        self.serve_due();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Lets up to `most_ticks` pass; `out` takes the frames.
+    pub fn run(&mut self, most_ticks: u32, mut out: impl FnMut(&[u8])) -> Progress {
+        let mut frame = [0; LONGEST];
+        for _ in 0..most_ticks {
+            if self.stands() {
+                self.stand(&mut frame, &mut out);
+                return Progress::Standing;
+            }
+            self.serve_due();
+            let actuators = self.control.tick(&self.sensors, &mut self.waiting);
+            if let Some(plant) = &mut self.bench.plant {
+                self.sensors = plant.tick(&actuators);
+            }
+            self.pace.tick();
+            while self.pace.is_clear()
+                && let Some(message) = self.next_message()
+            {
+                self.pace.charge(write(&message, &mut frame, &mut out));
+            }
+        }
+        Progress::Running
+    }
+
+    /// One tick of control alone, with the last samples: what a board spends on a tick besides its plant.
+    pub fn tick_control_only(&mut self) {
+        self.control.tick(&self.sensors, &mut self.waiting);
+    }
+
+    fn stands(&self) -> bool {
+        self.control.next_tick() >= self.until_tick
+    }
+
+    /// The clock stands: serve what waits, say so once, empty the line.
+    fn stand(&mut self, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) {
+        loop {
+            if !self.clock_told && self.waiting.urgent(FromDevice::Clock { tick: self.control.next_tick() }).is_ok() {
+                self.clock_told = true;
+            }
+            while let Some(message) = self.next_message() {
+                write(&message, frame, out);
+            }
+            if !self.serve_due() && self.clock_told {
+                return;
+            }
+        }
+    }
+
+    /// Serves the request at the head of the queue if its tick has come.
+    fn serve_due(&mut self) -> bool {
+        let tick = self.control.next_tick();
+        let due = self.requests.front().is_some_and(|request| request.at_tick.is_none_or(|at| at <= tick));
+        if !due {
+            return false;
+        }
+        let Some(request) = self.requests.pop_front() else { return false };
+        self.control.note(self.intake.bad_frames(), self.requests_dropped);
+        let starts = request.ask == Ask::Start && self.control.rig().status().state == State::Idle;
+        self.control.serve(request, &mut self.bench, &mut self.waiting);
+        if starts && self.control.rig().status().state != State::Idle {
+            // A new count of ticks: credit of the old one means nothing.
+            self.until_tick = 0;
+            self.clock_told = true;
+            self.sensors = Sensors::default();
+            self.pace = Pace::default();
+        }
+        true
+    }
+
+    fn next_message(&mut self) -> Option<FromDevice> {
+        if let Some(message) = self.waiting.urgent.pop_front() {
+            return Some(message);
+        }
+        loop {
+            if let Some(batch) = self.batch.pop() {
+                return Some(FromDevice::Telemetry(batch));
+            }
+            self.batch.push(&self.waiting.rows.pop_front()?);
+        }
+    }
+}
+
+/// Sends `message`; the bytes it took.
+fn write(message: &FromDevice, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) -> usize {
+    // Every message fits a frame: the longest is a test's claim.
+    let length = frame::encode(message, frame).unwrap_or(0);
+    out(&frame[..length]);
+    length
+}

@@ -1,0 +1,152 @@
+//! Bytes on the line: COBS, CRC-32, a zero at the end.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use serde::{Serialize, de::DeserializeOwned};
+
+/// Longest body, bytes: a stepped sine of 201 frequencies and room to grow.
+pub const LONGEST_BODY: usize = 1024;
+
+const CHECKSUM: usize = 4;
+
+/// Longest frame with its final zero, bytes: COBS adds one byte for every 254 begun.
+pub const LONGEST: usize = LONGEST_BODY + CHECKSUM + (LONGEST_BODY + CHECKSUM).div_ceil(254) + 1;
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// Why bytes are no frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadFrame {
+    /// Longer than [`LONGEST`].
+    TooLong,
+    /// Not COBS, or shorter than a checksum.
+    Malformed,
+    /// The checksum is another.
+    Checksum,
+    /// The body is no message of this protocol.
+    Message,
+}
+
+/// Writes `message` as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST`].
+pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usize> {
+    let mut body = [0; LONGEST_BODY + CHECKSUM];
+    let length = postcard::to_slice(message, &mut body[..LONGEST_BODY]).ok()?.len();
+    let checksum = CRC.checksum(&body[..length]).to_le_bytes();
+    body[length..length + CHECKSUM].copy_from_slice(&checksum);
+    let encoded = cobs::encode(&body[..length + CHECKSUM], out);
+    *out.get_mut(encoded)? = 0;
+    Some(encoded + 1)
+}
+
+/// Finds frames in a stream of bytes.
+#[derive(Clone, Debug)]
+pub struct Reader {
+    buffer: [u8; LONGEST],
+    length: usize,
+    too_long: bool,
+}
+
+impl Default for Reader {
+    fn default() -> Self {
+        Self { buffer: [0; LONGEST], length: 0, too_long: false }
+    }
+}
+
+impl Reader {
+    /// Takes one byte; the message or the error that it completes, if any. Empty frames are passed over.
+    pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<Result<T, BadFrame>> {
+        if byte != 0 {
+            if let Some(slot) = self.buffer.get_mut(self.length) {
+                *slot = byte;
+                self.length += 1;
+            } else {
+                self.too_long = true;
+            }
+            return None;
+        }
+        let length = core::mem::take(&mut self.length);
+        if core::mem::take(&mut self.too_long) {
+            return Some(Err(BadFrame::TooLong));
+        }
+        (length > 0).then(|| Self::decode(&mut self.buffer[..length]))
+    }
+
+    fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<T, BadFrame> {
+        let length = cobs::decode_in_place(frame).map_err(|_| BadFrame::Malformed)?;
+        let (body, checksum) =
+            frame.get(..length).and_then(|whole| whole.split_last_chunk::<CHECKSUM>()).ok_or(BadFrame::Malformed)?;
+        if CRC.checksum(body) != u32::from_le_bytes(*checksum) {
+            return Err(BadFrame::Checksum);
+        }
+        match postcard::take_from_bytes(body) {
+            Ok((message, [])) => Ok(message),
+            _ => Err(BadFrame::Message),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Ask, FromDevice, Request, Telemetry, ToDevice};
+
+    fn request(seq: u16) -> ToDevice {
+        ToDevice::Request(Request { seq, at_tick: Some(99), ask: Ask::Start })
+    }
+
+    fn read_all(bytes: &[u8]) -> (heapless::Vec<ToDevice, 8>, usize) {
+        let (mut reader, mut good, mut bad) = (Reader::default(), heapless::Vec::new(), 0);
+        for &byte in bytes {
+            match reader.push(byte) {
+                Some(Ok(message)) => good.push(message).unwrap(),
+                Some(Err(_)) => bad += 1,
+                None => {}
+            }
+        }
+        (good, bad)
+    }
+
+    #[test]
+    fn what_is_sent_is_what_arrives() {
+        let mut out = [0; LONGEST];
+        let length = encode(&request(5), &mut out).unwrap();
+        assert_eq!(read_all(&out[..length]).0.as_slice(), [request(5)]);
+    }
+
+    #[test]
+    fn every_single_bit_flip_is_noticed_and_the_next_frame_is_read() {
+        let mut first = [0; LONGEST];
+        let length = encode(&request(5), &mut first).unwrap();
+        let mut second = [0; LONGEST];
+        let second_length = encode(&request(6), &mut second).unwrap();
+        for bit in 0..length * 8 {
+            let mut stream = first;
+            stream[bit / 8] ^= 1 << (bit % 8);
+            stream[length..length + second_length].copy_from_slice(&second[..second_length]);
+            let (good, bad) = read_all(&stream[..length + second_length]);
+            // A flip in the closing zero joins both frames into one bad one.
+            let closing = bit / 8 == length - 1;
+            let expected: &[ToDevice] = if closing { &[] } else { &[request(6)] };
+            assert_eq!(good.as_slice(), expected, "bit {bit}");
+            assert!(bad >= 1, "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn an_endless_frame_is_counted_once_and_skipped() {
+        let mut stream = [1; LONGEST * 2 + 40];
+        let mut frame = [0; LONGEST];
+        let length = encode(&request(5), &mut frame).unwrap();
+        let end = LONGEST * 2;
+        stream[end] = 0;
+        stream[end + 1..end + 1 + length].copy_from_slice(&frame[..length]);
+        let (good, bad) = read_all(&stream[..end + 1 + length]);
+        assert_eq!((good.as_slice(), bad), ([request(5)].as_slice(), 1));
+    }
+
+    #[test]
+    fn the_longest_telemetry_fits() {
+        let values = core::iter::repeat_n(1.5, crate::MOST_VALUES).collect();
+        let message = FromDevice::Telemetry(Telemetry { seq: u32::MAX, first_tick: u32::MAX, every_ticks: 9, values });
+        assert!(encode(&message, &mut [0; LONGEST]).is_some());
+    }
+}
