@@ -165,18 +165,23 @@ impl<S: PlantScalar> Simulated<S> {
         self.control.next_tick() >= self.until_tick
     }
 
-    /// The clock stands: serve what waits, say so once, empty the line.
+    /// The clock stands: serve what waits, empty the line, and say so once, after everything else.
     fn stand(&mut self, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) {
         loop {
-            if !self.clock_told && self.waiting.urgent(FromDevice::Clock { tick: self.control.next_tick() }).is_ok() {
-                self.clock_told = true;
-            }
             while let Some(message) = self.next_message() {
                 write(&message, frame, out);
             }
-            if !self.serve_due() && self.clock_told {
-                return;
+            if !self.serve_due() {
+                break;
             }
+        }
+        self.batch.close();
+        while let Some(batch) = self.batch.pop() {
+            write(&FromDevice::Telemetry(batch), frame, out);
+        }
+        if !self.clock_told {
+            self.clock_told = true;
+            write(&FromDevice::Clock { tick: self.control.next_tick() }, frame, out);
         }
     }
 
@@ -197,6 +202,8 @@ impl<S: PlantScalar> Simulated<S> {
             self.clock_told = true;
             self.sensors = Sensors::default();
             self.pace = Pace::default();
+            self.batch = Batch::default();
+            self.waiting.rows.clear();
         }
         true
     }

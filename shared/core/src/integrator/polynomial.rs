@@ -4,11 +4,11 @@
 
 use crate::scalar::Scalar;
 
-/// Number of coefficients of a flight: degree 6.
+/// Number of coefficients of a flight: degree 7.
 ///
-/// With (largest rate × step) ≤ [`super::sampled::LARGEST_RATE_PER_STEP`] = 0.1 the first term left out is below
-/// 0.1⁷/7! = 2·10⁻¹¹ of the amplitude; at 2.5 Hz and 1 kHz, 5·10⁻¹⁷.
-pub const COEFFICIENTS: usize = 7;
+/// The velocity is its derivative, so the first term left out of a step is (rate × step)⁷/7! of the amplitude:
+/// 2·10⁻¹¹ at the largest allowed 0.1 ([`super::sampled::LARGEST_RATE_PER_STEP`]), 5·10⁻¹⁷ at 2.5 Hz and 1 kHz.
+pub const COEFFICIENTS: usize = 8;
 
 /// Coefficients in ascending order.
 pub type Polynomial<S> = [S; COEFFICIENTS];
@@ -159,20 +159,20 @@ mod tests {
     #[test]
     fn leaving_a_limit_is_no_failure_but_coming_back_is() {
         // t (0.3 − t): starts at the limit, leaves, returns at 0.3.
-        let p = [0.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.0];
+        let p = [0.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert!((first_failure(&p, 1.0).unwrap() - 0.3).abs() < 1e-15);
         assert_eq!(first_failure(&p, 0.2), None);
     }
 
     #[test]
     fn a_limit_that_is_being_broken_fails_at_once() {
-        assert_eq!(first_failure(&[0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
-        assert_eq!(first_failure(&[-1e-9, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
+        assert_eq!(first_failure(&[0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
+        assert_eq!(first_failure(&[-1e-9, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
     }
 
     #[test]
     fn shifting_moves_the_origin() {
-        let mut p = [1.0, -2.0, 3.0, 0.5, 0.0, 0.0, 0.0];
+        let mut p = [1.0, -2.0, 3.0, 0.5, 0.0, 0.0, 0.0, 0.0];
         shift(&mut p, 2.0);
         // p(2) = 1 − 4 + 12 + 4
         assert_eq!(p[0], 13.0);

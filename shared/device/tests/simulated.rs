@@ -1,0 +1,252 @@
+//! The simulated board as a host sees it: bytes in, bytes out.
+
+use damprig_core::control::limits::{Cause, Limits};
+use damprig_core::control::stepped_sine::{Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::model::{SetUp, Structure};
+use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_core::rig::State;
+use damprig_device::control::Name;
+use damprig_device::simulated::{Progress, Simulated};
+use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::{Answer, Ask, FromDevice, Happening, Refused, Request, ToDevice};
+
+struct Host {
+    board: Simulated<f64>,
+    reader: Reader,
+    bytes: Vec<u8>,
+    seq: u16,
+}
+
+impl Host {
+    fn new() -> Self {
+        let name = Name { firmware: "test", board: "none" };
+        Self { board: Simulated::new(name), reader: Reader::default(), bytes: vec![], seq: 0 }
+    }
+
+    fn send(&mut self, message: &ToDevice) {
+        let mut out = [0; LONGEST];
+        let length = frame::encode(message, &mut out).unwrap();
+        self.board.receive(&out[..length]);
+    }
+
+    /// Runs until the clock stands; every message that came.
+    fn run(&mut self) -> Vec<FromDevice> {
+        let mut received = vec![];
+        while self.board.run(1000, |bytes| received.extend_from_slice(bytes)) == Progress::Running {}
+        self.bytes.extend_from_slice(&received);
+        received.into_iter().filter_map(|byte| self.reader.push(byte)).map(Result::unwrap).collect()
+    }
+
+    fn repeat(&mut self, ask: Ask) -> Result<Answer, Refused> {
+        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask }));
+        let messages = self.run();
+        let [FromDevice::Reply { seq, answer }] = messages.as_slice() else { panic!("one reply, not {messages:?}") };
+        assert_eq!(*seq, self.seq);
+        answer.clone()
+    }
+
+    fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+        self.seq += 1;
+        self.repeat(ask)
+    }
+
+    fn grant(&mut self, until_tick: u32) -> Vec<FromDevice> {
+        self.send(&ToDevice::Grant { until_tick });
+        self.run()
+    }
+}
+
+fn plant() -> PlantConfig {
+    PlantConfig {
+        set_up: SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)),
+        particle_start_m: 0.0,
+        sensors: SensorModel::default(),
+    }
+}
+
+fn experiment() -> SteppedSine {
+    SteppedSine {
+        start: Start::FromRest { level_m: 5e-4 },
+        amplitude_m: 1e-3,
+        settle_s: 1.0,
+        dwell_s: 4.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [2.0, 3.0].into_iter().collect(),
+    }
+}
+
+fn ready() -> Host {
+    let mut host = Host::new();
+    for ask in [Ask::SetPlant(plant()), Ask::Configure(experiment()), Ask::SetTelemetry { every_ticks: 5 }] {
+        assert_eq!(host.ask(ask), Ok(Answer::Done));
+    }
+    host
+}
+
+fn points(messages: &[FromDevice]) -> Vec<f32> {
+    let point = |message: &FromDevice| match message {
+        FromDevice::Event { event: Happening::Point(result), .. } => Some(result.frequency_hz),
+        _ => None,
+    };
+    messages.iter().filter_map(point).collect()
+}
+
+#[test]
+fn an_experiment_runs_to_its_end_and_every_row_arrives() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    let messages = host.grant(20_000);
+    assert_eq!(points(&messages), [2.0, 3.0]);
+    let ticks: Vec<u32> = messages
+        .iter()
+        .filter_map(|message| if let FromDevice::Telemetry(t) = message { Some(t) } else { None })
+        .flat_map(|t| (0..t.values.len() as u32 / 4).map(|row| t.first_tick + row * u32::from(t.every_ticks)))
+        .collect();
+    assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 5), "a gap");
+    assert_eq!(ticks.first(), Some(&0));
+    let finished =
+        |m: &FromDevice| matches!(m, FromDevice::Event { event: Happening::Finished { rows_dropped: 0, .. }, .. });
+    assert!(messages.iter().any(finished));
+    assert_eq!(messages.last(), Some(&FromDevice::Clock { tick: 20_000 }));
+}
+
+#[test]
+fn a_second_start_gives_the_same_bytes() {
+    let mut runs = vec![];
+    let mut host = ready();
+    for _ in 0..2 {
+        assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+        host.bytes.clear();
+        // Event numbers go on counting; everything else starts again.
+        runs.push(
+            host.grant(15_000).into_iter().filter(|m| !matches!(m, FromDevice::Event { .. })).collect::<Vec<_>>(),
+        );
+        assert_eq!(host.ask(Ask::Stop), Ok(Answer::Done));
+        host.grant(16_000);
+    }
+    assert!(runs[0] == runs[1], "the second run differs");
+}
+
+#[test]
+fn the_size_of_the_grants_does_not_change_what_is_measured() {
+    let mut outcomes = vec![];
+    for grant in [7u32, 1000, 20_000] {
+        let mut host = ready();
+        assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+        let mut events = vec![];
+        let mut until = 0;
+        while until < 14_000 {
+            until += grant;
+            events.extend(host.grant(until).into_iter().filter(|m| matches!(m, FromDevice::Event { .. })));
+        }
+        outcomes.push(events);
+    }
+    assert!(!outcomes[0].is_empty());
+    assert_eq!(outcomes[0], outcomes[1]);
+    assert_eq!(outcomes[1], outcomes[2]);
+}
+
+#[test]
+fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    host.grant(100);
+    // Carried out again it would be refused: the rig is running.
+    assert_eq!(host.repeat(Ask::Start), Ok(Answer::Done));
+    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { state: State::Running(_), .. })));
+}
+
+#[test]
+fn a_command_with_a_tick_waits_for_it() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    host.seq += 1;
+    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(3000), ask: Ask::Stop }));
+    let messages = host.grant(2999);
+    assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "served too early");
+    let messages = host.grant(6000);
+    assert!(messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })));
+    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    assert_eq!(status.state, State::Idle);
+}
+
+#[test]
+fn a_damaged_frame_is_counted_and_changes_nothing() {
+    let mut host = ready();
+    let mut out = [0; LONGEST];
+    let request = ToDevice::Request(Request { seq: 99, at_tick: None, ask: Ask::Start });
+    let length = frame::encode(&request, &mut out).unwrap();
+    out[3] ^= 0x10;
+    host.board.receive(&out[..length]);
+    assert!(host.run().is_empty());
+    let Ok(Answer::Status { status, counters }) = host.ask(Ask::Status) else { panic!() };
+    assert_eq!((status.state, counters.bad_frames), (State::Idle, 1));
+}
+
+#[test]
+fn a_displacement_limit_stops_the_drive_and_stays_latched() {
+    let mut host = ready();
+    let limits = Limits { structure_m: 3e-3, base_m: 0.08 };
+    assert_eq!(host.ask(Ask::SetLimits(limits)), Ok(Answer::Done));
+    let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
+    assert_eq!(host.ask(Ask::Configure(resonance)), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    let messages = host.grant(8000);
+    let fault = messages.iter().find_map(|m| match m {
+        FromDevice::Event { event: Happening::Fault(fault), .. } => Some(*fault),
+        _ => None,
+    });
+    let fault = fault.expect("a fault");
+    assert_eq!(fault.cause, Cause::StructureDisplacement);
+    assert!(fault.value >= 3e-3 && fault.value < 3.1e-3, "{fault:?}");
+    // A second later the base stands still.
+    let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
+    let row = last.unwrap().values.chunks(4).next_back().unwrap();
+    assert_eq!(row[2], 0.0, "drive");
+    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { state: State::Faulted, .. })));
+    assert_eq!(host.ask(Ask::ClearFault), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+}
+
+#[test]
+fn nonsense_is_refused_with_the_parameter_and_what_is_allowed() {
+    let mut host = Host::new();
+    assert!(matches!(host.ask(Ask::Start), Err(Refused::NotHere { .. })), "no plant");
+    let mut config = plant();
+    config.set_up.structure.mass_kg = -1.0;
+    let Err(refused) = host.ask(Ask::SetPlant(config)) else { panic!() };
+    assert_eq!(refused.to_string(), "structure.mass_kg = -1 is not allowed: must be a finite number greater than 0");
+    assert_eq!(host.ask(Ask::SetPlant(plant())), Ok(Answer::Done));
+    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { .. })), "no experiment");
+    let too_fast = SteppedSine { frequencies_hz: [51.0].into_iter().collect(), ..experiment() };
+    assert!(matches!(host.ask(Ask::Configure(too_fast)), Err(Refused::Invalid { .. })));
+    let nan = SteppedSine { amplitude_m: f32::NAN, ..experiment() };
+    assert!(matches!(host.ask(Ask::Configure(nan)), Err(Refused::Invalid { .. })));
+}
+
+#[test]
+fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolution() {
+    let mut host = ready();
+    let long = SteppedSine {
+        settle_s: 300.0,
+        dwell_s: 40.0,
+        amplitude_m: 1e-4,
+        frequencies_hz: [2.5].into_iter().collect(),
+        ..experiment()
+    };
+    assert_eq!(host.ask(Ask::Configure(long)), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    let messages = host.grant(345_000);
+    let result = messages.iter().find_map(|m| match m {
+        FromDevice::Event { event: Happening::Point(result), .. } => Some(*result),
+        _ => None,
+    });
+    let result = result.expect("a result");
+    let two_zeta: f64 = 2.0 * 0.0038;
+    let exact = (1.0 + two_zeta * two_zeta).sqrt() / two_zeta * 1e-4;
+    assert!((f64::from(result.x_amplitude_m) - exact).abs() < 1e-5, "{result:?}");
+    // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
+    assert!((f64::from(result.x_max_m) - exact).abs() < 2.3e-5, "{result:?}");
+    assert!(result.steady);
+}
