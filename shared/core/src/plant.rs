@@ -45,10 +45,10 @@ impl SensorModel {
         not_negative("sensors.noise_rms_m", f64::from(self.noise_rms_m))?;
         let counts = if self.resolution_m > 0.0 { self.range_m / self.resolution_m } else { 0.0 };
         require(
-            counts < 1e7,
+            counts < 4e6,
             "sensors.resolution_m",
             f64::from(self.resolution_m),
-            "0, or at least a ten-millionth of sensors.range_m",
+            "0, or at least sensors.range_m / 4,000,000",
         )
     }
 }
@@ -209,17 +209,12 @@ impl Sensor {
             reading += self.noise * noise.next();
         }
         if self.per_resolution > 0.0 {
-            let counts = reading * self.per_resolution;
-            // A cast saturates and drops the fraction; the half makes it round to nearest.
-            reading = (counts + if counts < 0.0 { -0.5 } else { 0.5 }) as i32 as f32 * self.resolution;
+            // Adding 1.5 · 2²³ leaves no bits for a fraction: what remains is rounded to nearest, without a branch
+            // that noise would make unpredictable.
+            const NO_FRACTION: f32 = 12_582_912.0;
+            reading = (reading * self.per_resolution + NO_FRACTION - NO_FRACTION) * self.resolution;
         }
-        if reading > self.range {
-            self.range
-        } else if reading < -self.range {
-            -self.range
-        } else {
-            reading
-        }
+        Scalar::min(Scalar::max(reading, -self.range), self.range)
     }
 }
 
@@ -239,5 +234,30 @@ impl Noise {
         // Variance of the sum: 4 · (65536² − 1)/12.
         const SCALE: f32 = 1.0 / 37_837.227;
         sum as f32 * SCALE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readings_are_multiples_of_the_resolution_within_the_range() {
+        let model = SensorModel { noise_rms_m: 0.0, ..SensorModel::default() };
+        let (sensor, mut noise) = (Sensor::new(&model), Noise::new(1));
+        for (truth, reading) in [(0.000_123_6, 0.000_12), (-0.000_125_5, -0.000_13), (0.2, 0.08), (-3e9, -0.08)] {
+            assert!((sensor.read(truth, &mut noise) - reading).abs() < 1e-9, "{truth}");
+        }
+    }
+
+    #[test]
+    fn the_noise_has_unit_variance_and_no_mean() {
+        let mut noise = Noise::new(7);
+        let n = 100_000;
+        let values: heapless::Vec<f64, 100_000> = (0..n).map(|_| f64::from(noise.next())).collect();
+        let mean = values.iter().sum::<f64>() / f64::from(n);
+        let variance = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);
+        // Standard errors: 1/√n = 0.0032, and about √(1.7/n) = 0.0041.
+        assert!(mean.abs() < 0.013 && (variance - 1.0).abs() < 0.017, "{mean} {variance}");
     }
 }
