@@ -8,6 +8,8 @@
 #![forbid(unsafe_code)]
 
 pub mod control;
+#[cfg(feature = "fixed-point")]
+pub mod fixed_point;
 pub mod integrator;
 pub mod measure;
 pub mod model;

@@ -5,7 +5,7 @@
 
 use crate::integrator::base::{Segment, Track};
 use crate::integrator::polynomial;
-use crate::integrator::sampled::{Flight, Observer, Sampled};
+use crate::integrator::sampled::{Flight, Observer, Sampled, Units};
 use crate::model::{Initial, Invalid, SetUp, not_negative, positive, require};
 use crate::rig::{Actuators, SUBSAMPLES, Sensors, TICK_HZ};
 use crate::scalar::Scalar;
@@ -91,7 +91,7 @@ impl<S: Scalar> Plant<S> {
         config.sensors.validate()?;
         let tick_s = 1.0 / f64::from(TICK_HZ);
         let steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
-        let motion = Sampled::new(&config.set_up, tick_s / f64::from(steps), &config.initial())?;
+        let motion = Sampled::new(&config.set_up, Units::metres(tick_s / f64::from(steps)), &config.initial())?;
         let noise = Noise::new(config.sensors.seed);
         Ok(Self { config: *config, motion, steps, track: Track::default(), noise, impacts: 0 })
     }

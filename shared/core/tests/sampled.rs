@@ -1,7 +1,7 @@
 //! The sampled driver against exact results, in both precisions, at the controller's tick.
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
 use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use std::f64::consts::PI;
@@ -37,7 +37,7 @@ fn sine_segment<S: Scalar>(z_m: f64, omega: f64, step: usize) -> Segment<S> {
 
 /// max |x| over the last `cycles` cycles of a forced run.
 fn forced_maximum<S: Scalar>(set_up: &SetUp, z_m: f64, omega: f64, cycles: usize, last: usize) -> f64 {
-    let mut sampled = Sampled::<S>::new(set_up, STEP_S, &Initial::default()).unwrap();
+    let mut sampled = Sampled::<S>::new(set_up, Units::metres(STEP_S), &Initial::default()).unwrap();
     let per_cycle = 2.0 * PI / omega / STEP_S;
     let (steps, from) = ((cycles as f64 * per_cycle) as usize, ((cycles - last) as f64 * per_cycle) as usize);
     let mut maximum: f64 = 0.0;
@@ -70,7 +70,8 @@ fn the_bare_structure_settles_to_its_transmissibility() {
 #[test]
 fn f32_keeps_a_damping_ratio_of_0_0038_to_a_thousandth() {
     let zeta = 0.0038;
-    let mut sampled = Sampled::<f32>::new(&bare(zeta), STEP_S, &Initial { x_m: 0.035, ..Initial::default() }).unwrap();
+    let mut sampled =
+        Sampled::<f32>::new(&bare(zeta), Units::metres(STEP_S), &Initial { x_m: 0.035, ..Initial::default() }).unwrap();
     let cycles = 40;
     // A damped cycle is not a whole number of steps: energy instead of amplitude, at whole nominal cycles.
     let energy = |s: &Sampled<f32>| {
@@ -134,7 +135,7 @@ fn the_impact_damper_settles_on_the_symmetric_orbit() {
 }
 
 fn check_orbit<S: Scalar>(set_up: &SetUp, z_m: f64, drive: f64, approach: f64, tolerance: f64) {
-    let mut sampled = Sampled::<S>::new(set_up, STEP_S, &Initial::default()).unwrap();
+    let mut sampled = Sampled::<S>::new(set_up, Units::metres(STEP_S), &Initial::default()).unwrap();
     let mut last = LastApproach(S::ZERO);
     for step in 0..300_000 {
         sampled.step(&sine_segment(z_m, drive, step), &mut last);
@@ -149,7 +150,8 @@ fn dry_friction_takes_the_same_from_every_half_cycle_and_then_holds() {
     let mut set_up = bare(0.0);
     let reach_m = 1e-3;
     set_up.friction_damper = Some(FrictionDamper { force_n: reach_m * set_up.structure.stiffness_n_per_m });
-    let mut sampled = Sampled::<f64>::new(&set_up, STEP_S, &Initial { x_m: 10.3e-3, ..Initial::default() }).unwrap();
+    let mut sampled =
+        Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &Initial { x_m: 10.3e-3, ..Initial::default() }).unwrap();
     let mut turning_points = vec![];
     for half_cycle in 1..=5 {
         (0..200).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut ()));
@@ -210,7 +212,7 @@ fn random_dampers_keep_the_laws_of_impact_and_stay_in_their_cavity() {
             let force_n = uniform(0.1, 1.2) * z_m * set_up.structure.stiffness_n_per_m;
             set_up.friction_damper = Some(FrictionDamper { force_n });
         }
-        let mut sampled = Sampled::<f64>::new(&set_up, STEP_S, &Initial::default()).unwrap();
+        let mut sampled = Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &Initial::default()).unwrap();
         let mut laws = Laws { set_up: &set_up, impacts: 0, outside: 0.0 };
         let omega = uniform(10.0, 20.0);
         for step in 0..20_000 {
@@ -226,7 +228,7 @@ fn random_dampers_keep_the_laws_of_impact_and_stay_in_their_cavity() {
 fn a_conservative_damper_keeps_its_energy() {
     let set_up = with_particle(0.0, 0.1, 0.02, 1.0, 0.0);
     let initial = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
-    let mut sampled = Sampled::<f64>::new(&set_up, STEP_S, &initial).unwrap();
+    let mut sampled = Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &initial).unwrap();
     let k = set_up.structure.stiffness_n_per_m;
     let energy = |s: &Sampled<f64>| {
         let state = s.state();

@@ -9,6 +9,7 @@
 //! The structure's equation (u is the base displacement z here, absolute coordinates):
 //! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
 
+use super::sampled::Units;
 use crate::model::{SetUp, Wall};
 use crate::scalar::Scalar;
 
@@ -88,22 +89,23 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// The same system in other units: time in steps of `step_s`, force per structure mass. Lengths stay metres,
-    /// so M = 1, velocities are in m/step and every function of this module holds unchanged.
+    /// The same system in other units: time and length as given, force per structure mass. So M = 1, and every
+    /// function of this module holds unchanged.
     #[must_use]
-    pub fn per_step(set_up: &SetUp, step_s: f64) -> Self {
+    pub fn in_units(set_up: &SetUp, units: &Units) -> Self {
         let structure = &set_up.structure;
-        let mass = structure.mass_kg;
-        let (per_step, per_step_squared) = (step_s / mass, step_s * step_s / mass);
+        let (mass, step_s, length_m) = (structure.mass_kg, units.step_s, units.length_m);
+        let acceleration = length_m / (step_s * step_s);
         let particle = set_up.particle;
         let friction = particle.map_or(0.0, |p| p.friction_coefficient) * set_up.gravity_m_per_s2;
         Self {
             mass: S::ONE,
-            damping: S::from_f64(structure.damping_n_s_per_m * per_step),
-            stiffness: S::from_f64(structure.stiffness_n_per_m * per_step_squared),
-            damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n) * per_step_squared),
+            damping: S::from_f64(structure.damping_n_s_per_m * step_s / mass),
+            stiffness: S::from_f64(structure.stiffness_n_per_m * (step_s * step_s) / mass),
+            damper_force: S::from_f64(set_up.friction_damper.map_or(0.0, |d| d.force_n) / mass / acceleration),
             particle_mass: S::from_f64(particle.map_or(0.0, |p| p.mass_kg) / mass),
-            friction_acceleration: S::from_f64(friction * step_s * step_s),
+            clearance: S::from_f64(particle.map_or(0.0, |p| p.clearance_m) / length_m),
+            friction_acceleration: S::from_f64(friction / acceleration),
             ..Self::new(set_up)
         }
     }

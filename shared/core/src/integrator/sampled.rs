@@ -6,9 +6,24 @@
 //! laws are in [`super::modes`], the root finder in [`super::polynomial`].
 //!
 //! States advance by increments, `x += Δx`, never `x = Φx`: in `f32` the latter loses 0.2 % of a damping of
-//! 0.0038. Time is counted in steps (velocities in m/step), and the particle's place is kept relative to the
+//! 0.0038. Time is counted in steps (velocities in lengths per step), and the particle's place is kept relative to the
 //! structure, so a held particle and the walls are exact. Only IEEE-exact operations are used: `f32` gives the same
 //! bits on every machine.
+//!
+//! # What the small scalars lose
+//! Against `f64`, free vibration from x0 = 35 mm at 1 kHz (`tests/scalars.rs` prints it): largest error of x over 10 s
+//! in parts of x0, of the first ten impact times, and of the RMS over 30 cycles.
+//!
+//! | d/x0, e, μi | `f32`: x | impacts, s | RMS | fixed point: x | impacts, s | RMS |
+//! |---|---|---|---|---|---|---|
+//! | 0.4, 0.4, 0 | 5e-5 | 8e-8 | 4e-7 | 3e-7 | 9e-11 | 5e-10 |
+//! | 0.8, 0.4, 0.08 | 5e-7 | 9e-8 | 3e-7 | 4e-9 | 5e-10 | 1e-9 |
+//! | 0.85, 0.55, 0 | 4e-5 | 4e-7 | 2e-6 | 2e-7 | 3e-10 | 9e-9 |
+//! | 1.2, 0.3, 0.05 | 5e-7 | 4e-7 | 2e-7 | 2e-8 | 8e-10 | 4e-9 |
+//!
+//! The effective damping ratio over 30 cycles of the bare structure is off by 7e-6 of itself in `f32` and by 2e-8 in
+//! fixed point. Where an impact falls on the other side of a sample, the velocity at that one sample differs by the
+//! impact's kick.
 
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
@@ -23,27 +38,50 @@ pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 /// work of a controller's tick, whatever the numbers do. Counted in [`Sampled::unresolved`].
 const MOST_EVENTS_PER_STEP: usize = 64;
 
-/// Displacements (m) and velocities (m per step) of structure and particle.
+/// What a calculation counts in. Floating point takes metres; fixed point wants displacements of order one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Units {
+    /// The step: the unit of time, s.
+    pub step_s: f64,
+    /// The unit of length, m.
+    pub length_m: f64,
+}
+
+impl Units {
+    /// Steps of `step_s` seconds, lengths in metres.
+    #[must_use]
+    pub fn metres(step_s: f64) -> Self {
+        Self { step_s, length_m: 1.0 }
+    }
+
+    /// The unit of velocity, m/s.
+    #[must_use]
+    pub fn velocity_m_per_s(&self) -> f64 {
+        self.length_m / self.step_s
+    }
+}
+
+/// Displacements and velocities of structure and particle, in [`Units`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State<S> {
-    /// x, m.
+    /// x.
     pub x: S,
-    /// x′, m/step.
+    /// x′.
     pub v: S,
-    /// y − x, m.
+    /// y − x.
     pub offset: S,
-    /// y′ − x′, m/step.
+    /// y′ − x′.
     pub slide: S,
 }
 
 /// The motion from one event to the next: polynomials from its own start.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<S> {
-    /// x, m.
+    /// x.
     pub x: Polynomial<S>,
-    /// y − x, m.
+    /// y − x.
     pub offset: Polynomial<S>,
-    /// x − z, m.
+    /// x − z.
     pub stretch: Polynomial<S>,
 }
 
@@ -54,9 +92,9 @@ pub struct Impact<S> {
     pub at: S,
     /// +1 where y − x = +d.
     pub side: Sign,
-    /// |y′ − x′| just before, m/step.
+    /// |y′ − x′| just before.
     pub approach: S,
-    /// Momentum given to the structure over its mass: the change of x′, m/step.
+    /// Momentum given to the structure over its mass: the change of x′.
     pub kick: S,
 }
 
@@ -124,7 +162,7 @@ pub struct Sampled<S> {
     /// The friction damper has just been released.
     slip_released: bool,
     unresolved: u32,
-    step_s: f64,
+    units: Units,
 }
 
 impl<S: Scalar> Sampled<S> {
@@ -145,11 +183,12 @@ impl<S: Scalar> Sampled<S> {
         Ok(steps as u8)
     }
 
-    /// A set-up with steps of `step_s` seconds, starting from `initial` (structure and particle in absolute terms).
+    /// A set-up counted in `units`, starting from `initial` (structure and particle in absolute terms). Base samples are
+    /// then in `units` too.
     ///
     /// # Errors
     /// Names a value that is not physical, or a part this driver has no equations for (a soft wall, a tuned mass).
-    pub fn new(set_up: &SetUp, step_s: f64, initial: &Initial) -> Result<Self, Invalid> {
+    pub fn new(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
         set_up.validate_initial(initial)?;
         if let Some(tmd) = &set_up.tmd {
@@ -163,7 +202,7 @@ impl<S: Scalar> Sampled<S> {
                 "left out: the sampled driver has hard walls (restitution) only",
             )?;
         }
-        let c = Coefficients::per_step(set_up, step_s);
+        let c = Coefficients::in_units(set_up, &units);
         let mut sampled = Self {
             c,
             has_particle: set_up.particle.is_some(),
@@ -174,7 +213,7 @@ impl<S: Scalar> Sampled<S> {
             slide_released: false,
             slip_released: false,
             unresolved: 0,
-            step_s,
+            units,
         };
         sampled.reset(initial);
         Ok(sampled)
@@ -184,12 +223,13 @@ impl<S: Scalar> Sampled<S> {
     pub fn reset(&mut self, initial: &Initial) {
         let offset = if self.has_particle { initial.y_m - initial.x_m } else { 0.0 };
         let slide = if self.has_particle { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
+        let (length, velocity) = (self.units.length_m, self.units.velocity_m_per_s());
         let d = self.c.clearance;
         self.state = State {
-            x: S::from_f64(initial.x_m),
-            v: S::from_f64(initial.v_m_per_s * self.step_s),
-            offset: S::from_f64(offset).min(d).max(-d),
-            slide: S::from_f64(slide * self.step_s),
+            x: S::from_f64(initial.x_m / length),
+            v: S::from_f64(initial.v_m_per_s / velocity),
+            offset: S::from_f64(offset / length).min(d).max(-d),
+            slide: S::from_f64(slide / velocity),
         };
         self.mode = None;
         self.slide_released = false;
@@ -209,7 +249,13 @@ impl<S: Scalar> Sampled<S> {
         self.mode
     }
 
-    /// The set-up's coefficients per step.
+    /// What it counts in.
+    #[must_use]
+    pub fn units(&self) -> &Units {
+        &self.units
+    }
+
+    /// The set-up's coefficients in its units.
     #[must_use]
     pub fn coefficients(&self) -> &Coefficients<S> {
         &self.c
