@@ -90,6 +90,7 @@ pub struct Control {
     name: Name,
     rig: Rig,
     every_ticks: u16,
+    scheduled: Option<Request>,
     last_served: Option<u16>,
     last_refused: Option<Refused>,
     event_seq: u16,
@@ -105,6 +106,7 @@ impl Control {
             name,
             rig: Rig::new(),
             every_ticks: 0,
+            scheduled: None,
             last_served: None,
             last_refused: None,
             event_seq: 0,
@@ -131,8 +133,32 @@ impl Control {
         self.counters.requests_dropped = requests_dropped;
     }
 
-    /// Answers one request. A number that was just served is answered again but not carried out again.
+    /// Takes one request: answers it, or keeps it for its tick. One request at most waits for its tick.
     pub fn serve(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        if request.at_tick.is_none_or(|at| at <= self.next_tick()) {
+            self.carry_out(request, bench, lanes);
+            return;
+        }
+        match &self.scheduled {
+            None => self.scheduled = Some(request),
+            Some(waiting) if waiting.seq == request.seq => {}
+            Some(_) => {
+                let why = Refusal::NotHere("another request already waits for its tick");
+                self.say(FromDevice::Reply { seq: request.seq, answer: Err(why.into()) }, lanes);
+            }
+        }
+    }
+
+    /// Carries out the request that waited for this tick, if there is one.
+    pub fn serve_scheduled(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        let tick = self.next_tick();
+        if let Some(request) = self.scheduled.take_if(|request| request.at_tick.is_none_or(|at| at <= tick)) {
+            self.carry_out(request, bench, lanes);
+        }
+    }
+
+    /// Answers. A number that was just served is answered again but not carried out again.
+    fn carry_out(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
         let repeated = self.last_served == Some(request.seq);
         let answer = match (&request.ask, repeated) {
             // Questions have no effect: a repetition is answered afresh.
@@ -177,6 +203,8 @@ impl Control {
         if command == Command::Start {
             self.rig.must_be_idle()?;
             bench.restart()?;
+            // It waited for a tick of the count that ends here.
+            self.scheduled = None;
             self.rows_dropped_before_start = self.counters.rows_dropped;
         }
         self.rig.handle(command)?;

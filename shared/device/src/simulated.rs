@@ -126,7 +126,7 @@ impl<S: PlantScalar> Simulated<S> {
                         self.requests_dropped = self.requests_dropped.saturating_add(1);
                     }
                     if self.stands() {
-                        self.serve_due();
+                        self.serve_next();
                     }
                 }
             }
@@ -141,7 +141,7 @@ impl<S: PlantScalar> Simulated<S> {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
-            self.serve_due();
+            self.serve_next();
             let actuators = self.control.tick(&self.sensors, &mut self.waiting);
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
@@ -171,7 +171,7 @@ impl<S: PlantScalar> Simulated<S> {
             while let Some(message) = self.next_message() {
                 write(&message, frame, out);
             }
-            if !self.serve_due() {
+            if !self.serve_next() {
                 break;
             }
         }
@@ -185,13 +185,9 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
-    /// Serves the request at the head of the queue if its tick has come.
-    fn serve_due(&mut self) -> bool {
-        let tick = self.control.next_tick();
-        let due = self.requests.front().is_some_and(|request| request.at_tick.is_none_or(|at| at <= tick));
-        if !due {
-            return false;
-        }
+    /// Serves the request at the head of the queue, and one that waited for this tick.
+    fn serve_next(&mut self) -> bool {
+        self.control.serve_scheduled(&mut self.bench, &mut self.waiting);
         let Some(request) = self.requests.pop_front() else { return false };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
         let starts = request.ask == Ask::Start && self.control.rig().status().state == State::Idle;

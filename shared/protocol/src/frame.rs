@@ -28,13 +28,22 @@ pub enum BadFrame {
 
 /// Writes `message` as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST`].
 pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usize> {
-    let mut body = [0; LONGEST_BODY + CHECKSUM];
-    let length = postcard::to_slice(message, &mut body[..LONGEST_BODY]).ok()?.len();
-    let checksum = CRC.checksum(&body[..length]).to_le_bytes();
-    body[length..length + CHECKSUM].copy_from_slice(&checksum);
-    let encoded = cobs::encode(&body[..length + CHECKSUM], out);
-    *out.get_mut(encoded)? = 0;
-    Some(encoded + 1)
+    let mut body = [0; LONGEST_BODY];
+    wrap(postcard::to_slice(message, &mut body).ok()?, out)
+}
+
+/// Writes any body as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST_BODY`].
+pub fn wrap(body: &[u8], out: &mut [u8; LONGEST]) -> Option<usize> {
+    let mut checked = [0; LONGEST_BODY + CHECKSUM];
+    if body.len() > LONGEST_BODY {
+        return None;
+    }
+    let (start, end) = checked.split_at_mut(body.len());
+    start.copy_from_slice(body);
+    end.first_chunk_mut::<CHECKSUM>()?.copy_from_slice(&CRC.checksum(body).to_le_bytes());
+    let length = cobs::encode(&checked[..body.len() + CHECKSUM], out);
+    *out.get_mut(length)? = 0;
+    Some(length + 1)
 }
 
 /// Finds frames in a stream of bytes.
