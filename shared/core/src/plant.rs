@@ -23,7 +23,7 @@ pub struct SensorModel {
     pub resolution_m: f32,
     /// RMS of the white noise of one 10 kHz sample, m.
     pub noise_rms_m: f32,
-    /// Seed of the noise.
+    /// Seed of the noise; every point of an experiment draws its own stream from it.
     pub seed: u64,
 }
 
@@ -92,20 +92,16 @@ impl<S: Scalar> Plant<S> {
         let tick_s = 1.0 / f64::from(TICK_HZ);
         let steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
         let motion = Sampled::new(&config.set_up, Units::metres(tick_s / f64::from(steps)), &config.initial())?;
-        let noise = Noise::new(config.sensors.seed);
+        let noise = Noise::new(config.sensors.seed, 0);
         Ok(Self { config: *config, motion, steps, track: Track::default(), noise, impacts: 0 })
     }
 
-    /// Puts structure, particle and base back to their start; the noise goes on.
-    pub fn put_back(&mut self) {
+    /// Puts everything back to its start. `stream` chooses among independent noises of the same seed: a point's
+    /// noise is its own, whatever was measured before it.
+    pub fn restart(&mut self, stream: u16) {
         self.motion.reset(&self.config.initial());
         self.track = Track::default();
-    }
-
-    /// Puts everything back, the noise's seed too: the next run is the same to the bit.
-    pub fn restart(&mut self) {
-        self.put_back();
-        self.noise = Noise::new(self.config.sensors.seed);
+        self.noise = Noise::new(self.config.sensors.seed, stream);
         self.impacts = 0;
     }
 
@@ -135,8 +131,8 @@ impl<S: Scalar> Plant<S> {
 
     /// One tick of motion: x and z at the sub-sample instants, m.
     pub fn advance(&mut self, actuators: &Actuators) -> ([S; SUBSAMPLES], [S; SUBSAMPLES]) {
-        if actuators.put_plant_back {
-            self.put_back();
+        if let Some(point) = actuators.put_plant_back {
+            self.restart(point);
         }
         let drive = if actuators.drive_enabled { actuators.drive_m } else { 0.0 };
         let whole = self.track.push(S::from_f64(f64::from(drive)));
@@ -224,8 +220,9 @@ impl Sensor {
 struct Noise(Xoshiro128PlusPlus);
 
 impl Noise {
-    fn new(seed: u64) -> Self {
-        Self(Xoshiro128PlusPlus::seed_from_u64(seed))
+    fn new(seed: u64, stream: u16) -> Self {
+        // The seed is hashed (SplitMix64) on its way into the state, so neighbours are independent.
+        Self(Xoshiro128PlusPlus::seed_from_u64(seed.wrapping_add(u64::from(stream) << 48)))
     }
 
     fn next(&mut self) -> f32 {
@@ -244,7 +241,7 @@ mod tests {
     #[test]
     fn readings_are_multiples_of_the_resolution_within_the_range() {
         let model = SensorModel { noise_rms_m: 0.0, ..SensorModel::default() };
-        let (sensor, mut noise) = (Sensor::new(&model), Noise::new(1));
+        let (sensor, mut noise) = (Sensor::new(&model), Noise::new(1, 0));
         for (truth, reading) in [(0.000_123_6, 0.000_12), (-0.000_125_5, -0.000_13), (0.2, 0.08), (-3e9, -0.08)] {
             assert!((sensor.read(truth, &mut noise) - reading).abs() < 1e-9, "{truth}");
         }
@@ -252,7 +249,7 @@ mod tests {
 
     #[test]
     fn the_noise_has_unit_variance_and_no_mean() {
-        let mut noise = Noise::new(7);
+        let mut noise = Noise::new(7, 0);
         let n = 100_000;
         let values: heapless::Vec<f64, 100_000> = (0..n).map(|_| f64::from(noise.next())).collect();
         let mean = values.iter().sum::<f64>() / f64::from(n);

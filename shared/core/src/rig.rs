@@ -91,8 +91,8 @@ pub struct Actuators {
     pub drive_m: f32,
     /// The drive's relay may be closed.
     pub drive_enabled: bool,
-    /// A simulated plant goes back to its start; a real one cannot.
-    pub put_plant_back: bool,
+    /// A simulated plant goes back to its start for the point of this place; a real one cannot.
+    pub put_plant_back: Option<u16>,
 }
 
 /// What the rig is doing.
@@ -239,7 +239,7 @@ impl Rig {
         &self.signals
     }
 
-    /// A result of the present experiment by its place in the frequency list, while it is kept.
+    /// A result of the present experiment by its place in the whole, while it is kept.
     #[must_use]
     pub fn result(&self, index: u16) -> Option<&PointResult> {
         self.results.iter().find(|result| result.index == index)

@@ -47,7 +47,7 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
         let Some(plant) = &mut self.plant else {
             return Err(Refusal::NotHere("this board is simulated: set its plant before starting"));
         };
-        plant.restart();
+        plant.restart(0);
         Ok(())
     }
 }

@@ -2,7 +2,7 @@
 
 use damprig_core::control::limits::{Cause, Limits};
 use damprig_core::control::stepped_sine::{Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::plant::{PlantConfig, SensorModel};
 use damprig_core::rig::State;
@@ -72,6 +72,7 @@ fn experiment() -> SteppedSine {
         settle_s: 1.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
+        first_index: 0,
         frequencies_hz: [2.0, 3.0].into_iter().collect(),
     }
 }
@@ -249,4 +250,27 @@ fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolutio
     // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
     assert!((f64::from(result.x_max_m) - exact).abs() < 2.3e-5, "{result:?}");
     assert!(result.steady);
+}
+
+/// A point's figures without its times.
+fn figures(messages: &[FromDevice]) -> Vec<PointResult> {
+    let point = |message: &FromDevice| match message {
+        FromDevice::Event { event: Happening::Point(result), .. } => {
+            Some(PointResult { start_tick: 0, end_tick: 0, ..*result })
+        }
+        _ => None,
+    };
+    messages.iter().filter_map(point).collect()
+}
+
+#[test]
+fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
+    let mut whole = ready();
+    assert_eq!(whole.ask(Ask::Start), Ok(Answer::Done));
+    let whole = figures(&whole.grant(20_000));
+    let mut rest = ready();
+    let second = SteppedSine { first_index: 1, frequencies_hz: [3.0].into_iter().collect(), ..experiment() };
+    assert_eq!(rest.ask(Ask::Configure(second)), Ok(Answer::Done));
+    assert_eq!(rest.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(figures(&rest.grant(20_000)), whole[1..]);
 }

@@ -58,6 +58,9 @@ pub struct SteppedSine {
     pub dwell_s: f32,
     /// When a point counts as steady.
     pub steady: SteadyLimits,
+    /// Place of the first frequency in the whole experiment: above 0 when an interrupted one is taken up again. Results
+    /// and the virtual rig's noise go by the place in the whole, so both are the same as without the interruption.
+    pub first_index: u16,
     /// Frequencies in order, Hz.
     pub frequencies_hz: Vec<f32, MOST_POINTS>,
 }
@@ -79,6 +82,12 @@ impl SteppedSine {
         }
         positive("steady.change_per_cycle", f64::from(self.steady.change_per_cycle))?;
         positive("steady.scatter", f64::from(self.steady.scatter))?;
+        require(
+            usize::from(self.first_index) + self.frequencies_hz.len() <= usize::from(u16::MAX),
+            "first_index",
+            f64::from(self.first_index),
+            "small enough for 65535 points in all",
+        )?;
         require(!self.frequencies_hz.is_empty(), "frequencies_hz", 0.0, "a list with at least one frequency")?;
         for &frequency in &self.frequencies_hz {
             positive("frequencies_hz", f64::from(frequency))?;
@@ -196,10 +205,15 @@ impl Runner {
         if self.stage == Stage::Rest { 0.0 } else { self.point_frequency_hz() }
     }
 
-    /// A simulated plant should be put back to its start in this tick.
+    /// The point's place in the whole experiment.
+    fn place(&self) -> u16 {
+        self.plan.first_index.wrapping_add(self.index as u16)
+    }
+
+    /// A simulated plant should be put back to its start in this tick, for the point of this place.
     #[must_use]
-    pub fn wants_plant_put_back(&self) -> bool {
-        self.put_back
+    pub fn wants_plant_put_back(&self) -> Option<u16> {
+        self.put_back.then(|| self.place())
     }
 
     /// Lets the drive fade out, whatever comes after.
@@ -318,13 +332,8 @@ impl Runner {
     }
 
     fn end_point(&mut self, end_tick: u32) -> Outcome {
-        let result = self.meter.result(
-            self.index as u16,
-            self.point_frequency_hz(),
-            self.start_tick,
-            end_tick,
-            &self.plan.steady,
-        );
+        let result =
+            self.meter.result(self.place(), self.point_frequency_hz(), self.start_tick, end_tick, &self.plan.steady);
         self.index += 1;
         if self.index < self.plan.frequencies_hz.len() {
             self.begin_point();

@@ -24,7 +24,7 @@ impl Default for SteadyLimits {
 /// The result of one frequency. Lengths in m, angles in rad; every figure is of the dwell's whole cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PointResult {
-    /// Place in the frequency list, from 0.
+    /// Place in the whole experiment's frequency list, from 0.
     pub index: u16,
     /// Drive frequency, Hz.
     pub frequency_hz: f32,
