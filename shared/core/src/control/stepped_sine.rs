@@ -318,8 +318,10 @@ impl Runner {
             Start::FromRest { level_m } => level_m,
             Start::CarryOver => f32::MAX,
         };
+        // The samples of the tick in which a plant is put back are still of the motion before.
         self.put_back = self.ticks_in_stage == 1;
-        self.quiet_ticks = if sensors.peak_x_m() < level { self.quiet_ticks + 1 } else { 0 };
+        let quiet = sensors.peak_x_m() < level && !self.put_back;
+        self.quiet_ticks = if quiet { self.quiet_ticks + 1 } else { 0 };
         if self.quiet_ticks >= self.ticks(REST_HOLD_S) {
             self.phase = Phase::default();
             self.begin_settling();
