@@ -3,7 +3,7 @@
 use damprig_core::control::limits::{Cause, Limits};
 use damprig_core::control::stepped_sine::{Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
-use damprig_core::model::{SetUp, Structure};
+use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{PlantConfig, SensorModel};
 use damprig_core::rig::State;
 use damprig_device::control::Name;
@@ -273,4 +273,34 @@ fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
     assert_eq!(rest.ask(Ask::Configure(second)), Ok(Answer::Done));
     assert_eq!(rest.ask(Ask::Start), Ok(Answer::Done));
     assert_eq!(figures(&rest.grant(20_000)), whole[1..]);
+}
+
+/// d/Z = 10, e = 0.5, β = 0.1, f = fn: the symmetric orbit with two impacts a cycle has max|x| = 3.753385 Z
+/// (Masri & Caughey 1966; `core/tests/sampled.rs` has the formula).
+#[test]
+fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
+    let z_m = 1.5e-3;
+    let mut host = ready();
+    let mut config = plant();
+    config.set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 10.0 * f64::from(z_m),
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    });
+    assert_eq!(host.ask(Ask::SetPlant(config)), Ok(Answer::Done));
+    let long = SteppedSine {
+        settle_s: 200.0,
+        dwell_s: 40.0,
+        amplitude_m: z_m,
+        frequencies_hz: [2.5].into_iter().collect(),
+        ..experiment()
+    };
+    assert_eq!(host.ask(Ask::Configure(long)), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    let result = figures(&host.grant(245_000))[0];
+    let exact = 3.753_385 * z_m;
+    // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
+    assert!((result.x_mean_cycle_max_m - exact).abs() < 2.3e-5, "{result:?}");
+    assert!(result.steady, "{result:?}");
 }
