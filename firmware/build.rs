@@ -1,0 +1,23 @@
+//! Hands the linker the memory map of the board that the features choose.
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+fn main() {
+    let nucleo = env::var_os("CARGO_FEATURE_BOARD_NUCLEO_G474RE").is_some();
+    let mps2 = env::var_os("CARGO_FEATURE_BOARD_MPS2_AN386").is_some();
+    let map = match (nucleo, mps2) {
+        (true, false) => "../memory.x",
+        (false, true) => "src/board/mps2_an386.x",
+        _ => panic!(
+            "choose one board: --features board-nucleo-g474re or --features board-mps2-an386 (`tests/firmware` builds both)"
+        ),
+    };
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::copy(map, out.join("memory.x")).unwrap_or_else(|error| panic!("cannot copy {map} to {}: {error}", out.display()));
+    println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rerun-if-changed={map}");
+    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+    }
+}
