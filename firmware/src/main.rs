@@ -1,14 +1,46 @@
 //! The damprig controller image: wiring only. Pins are the boards', decisions the shared crates'.
+
 #![no_std]
 #![no_main]
 
 mod board;
+mod tasks;
 
 use defmt_rtt as _;
+use embassy_executor::Spawner;
 
 #[cfg(feature = "board-mps2-an386")]
 #[embassy_executor::main]
-async fn main(_spawner: embassy_executor::Spawner) {
-    let mut board = board::mps2_an386::init();
-    loop { let b = board.line.read().await; board.line.write(&[b]); }
+async fn main(spawner: Spawner) {
+    let board = board::mps2_an386::init();
+    spawner.spawn(tasks::granted::run(board.line, tasks::granted::device()).expect("the task is spawned once"));
+}
+
+#[cfg(feature = "board-nucleo-g474re")]
+mod wiring {
+    use embassy_executor::InterruptExecutor;
+    use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+    use panic_probe as _;
+
+    use super::*;
+
+    /// Runs the control tick above the thread executor, on an interrupt that the board has no other use for.
+    static CONTROL: InterruptExecutor = InterruptExecutor::new();
+
+    #[embassy_stm32::interrupt]
+    unsafe fn UART5() {
+        // SAFETY: this is the interrupt that `CONTROL` was started on.
+        unsafe { CONTROL.on_interrupt() }
+    }
+
+    #[embassy_executor::main]
+    async fn main(spawner: Spawner) {
+        let board = board::nucleo_g474re::init();
+        interrupt::UART5.set_priority(Priority::P6);
+        let control = CONTROL.start(interrupt::UART5);
+        control.spawn(tasks::control::run(board.bench).expect("the task is spawned once"));
+        spawner.spawn(tasks::receive::run(board.receiver).expect("the task is spawned once"));
+        spawner.spawn(tasks::transmit::run(board.transmitter, board.led).expect("the task is spawned once"));
+        defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::nucleo_g474re::NAME);
+    }
 }

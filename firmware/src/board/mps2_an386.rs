@@ -12,6 +12,9 @@ use cortex_m_rt::exception;
 use cortex_m_semihosting::debug;
 use embassy_sync::waitqueue::AtomicWaker;
 
+/// The board's name in the protocol.
+pub const NAME: &str = "mps2-an386";
+
 /// What the board has, each part ready for the task that will own it.
 pub struct Board {
     /// The serial line to the host.

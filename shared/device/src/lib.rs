@@ -2,6 +2,7 @@
 //!
 //! Each part is owned by one task on a real board and called in turn on a simulated one:
 //!
+//! * [`calibration`] says what converter counts mean,
 //! * [`intake`] turns received bytes into requests and counts what is none,
 //! * [`control`] owns the rig: one request at most per tick, one tick, replies, events and telemetry rows out,
 //! * [`outbox`] turns those into frames, replies first, at the pace of the line,
@@ -13,6 +14,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod calibration;
 pub mod control;
 pub mod intake;
 pub mod outbox;

@@ -1,0 +1,42 @@
+//! What lies between the tasks: bounded queues that control never waits at, and the counts of what found no room.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use damprig_device::control::{Lanes, Row};
+use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
+use damprig_protocol::{FromDevice, Request};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+
+/// Requests on their way from the line to control.
+pub static REQUESTS: Channel<CriticalSectionRawMutex, Request, REQUESTS_WAITING> = Channel::new();
+
+/// Replies and events on their way to the line.
+pub static URGENT: Channel<CriticalSectionRawMutex, FromDevice, REPLIES_WAITING> = Channel::new();
+
+/// Telemetry rows on their way to the line.
+pub static ROWS: Channel<CriticalSectionRawMutex, Row, ROWS_WAITING> = Channel::new();
+
+/// Frames that were none; written by the receiver alone.
+pub static BAD_FRAMES: AtomicU32 = AtomicU32::new(0);
+
+/// Requests that found no room; written by the receiver alone.
+pub static REQUESTS_DROPPED: AtomicU32 = AtomicU32::new(0);
+
+/// Reads a counter that another task writes.
+pub fn counted(counter: &AtomicU32) -> u32 {
+    counter.load(Ordering::Relaxed)
+}
+
+/// Control's way out.
+pub struct Outgoing;
+
+impl Lanes for Outgoing {
+    fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
+        URGENT.try_send(message).map_err(|_| ())
+    }
+
+    fn row(&mut self, row: Row) -> Result<(), ()> {
+        ROWS.try_send(row).map_err(|_| ())
+    }
+}

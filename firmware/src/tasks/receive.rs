@@ -1,0 +1,30 @@
+//! From the line to control: bytes to requests.
+
+use core::sync::atomic::Ordering;
+
+use damprig_device::intake::Intake;
+use damprig_protocol::ToDevice;
+use embassy_stm32::usart::BufferedUartRx;
+use embedded_io_async::Read;
+
+use crate::tasks::lanes::{BAD_FRAMES, REQUESTS, REQUESTS_DROPPED, counted};
+
+/// Owns the line's receiving side.
+#[embassy_executor::task]
+pub async fn run(mut receiver: BufferedUartRx<'static>) -> ! {
+    let mut intake = Intake::default();
+    let mut bytes = [0; 64];
+    loop {
+        // A framing or overrun error costs bytes: the checksum of the frame they belonged to shows it.
+        let Ok(length) = receiver.read(&mut bytes).await else { continue };
+        for &byte in &bytes[..length] {
+            // A real board's clock is its own: grants are passed over.
+            if let Some(ToDevice::Request(request)) = intake.push(byte)
+                && REQUESTS.try_send(request).is_err()
+            {
+                REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
+            }
+        }
+        BAD_FRAMES.store(intake.bad_frames(), Ordering::Relaxed);
+    }
+}
