@@ -14,7 +14,8 @@ fn main() {
         ),
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy(map, out.join("memory.x")).unwrap_or_else(|error| panic!("cannot copy {map} to {}: {error}", out.display()));
+    fs::copy(map, out.join("memory.x"))
+        .unwrap_or_else(|error| panic!("cannot copy {map} to {}: {error}", out.display()));
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed={map}");
     for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {

@@ -2,6 +2,8 @@
 
 #![no_std]
 #![no_main]
+// The image that only counts leaves the line alone.
+#![cfg_attr(feature = "count-instructions", allow(dead_code))]
 
 mod board;
 mod tasks;
@@ -9,11 +11,18 @@ mod tasks;
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 
-#[cfg(feature = "board-mps2-an386")]
+#[cfg(all(feature = "board-mps2-an386", not(feature = "count-instructions")))]
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let board = board::mps2_an386::init();
     spawner.spawn(tasks::granted::run(board.line, tasks::granted::device()).expect("the task is spawned once"));
+}
+
+#[cfg(feature = "count-instructions")]
+#[embassy_executor::main]
+async fn main(_spawner: Spawner) {
+    let board = board::mps2_an386::init();
+    tasks::count::run(&board.instructions, tasks::granted::device());
 }
 
 #[cfg(feature = "board-nucleo-g474re")]

@@ -7,10 +7,14 @@
 use core::future::poll_fn;
 use core::task::Poll;
 
-use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use cortex_m_semihosting::debug;
 use embassy_sync::waitqueue::AtomicWaker;
+
+#[cfg(feature = "count-instructions")]
+mod instructions;
+#[cfg(feature = "count-instructions")]
+pub use instructions::InstructionCounter;
 
 /// The board's name in the protocol.
 pub const NAME: &str = "mps2-an386";
@@ -20,13 +24,20 @@ pub struct Board {
     /// The serial line to the host.
     pub line: Line,
     /// The emulator's instruction counter.
+    #[cfg(feature = "count-instructions")]
     pub instructions: InstructionCounter,
 }
 
 /// Takes the peripherals and switches the serial line on. To be called once.
 pub fn init() -> Board {
     let core = cortex_m::Peripherals::take().expect("the board is initialised once");
-    Board { line: Line::new(), instructions: InstructionCounter::start(core.SYST) }
+    #[cfg(not(feature = "count-instructions"))]
+    let _ = core;
+    Board {
+        line: Line::new(),
+        #[cfg(feature = "count-instructions")]
+        instructions: InstructionCounter::start(core.SYST),
+    }
 }
 
 /// CMSDK UART 0 (ARM DDI 0479, section 4.3), whose interrupt wakes the reader.
@@ -130,37 +141,6 @@ unsafe fn DefaultHandler(_number: i16) {
     write_register!(control, CONTROL_TRANSMIT | CONTROL_RECEIVE);
     write_register!(interrupt, INTERRUPT_RECEIVE);
     RECEIVED.wake();
-}
-
-/// Counts instructions: under QEMU's `-icount shift=10` each takes 1 024 ns, which is 25.6 counts of the
-/// 25 MHz SysTick, so the count of instructions comes out exact.
-pub struct InstructionCounter {
-    timer: cortex_m::peripheral::SYST,
-}
-
-const SYSTEM_CLOCK_HZ: u64 = 25_000_000;
-const INSTRUCTION_NS: u64 = 1 << 10;
-const COUNTER_MASK: u32 = (1 << 24) - 1;
-
-impl InstructionCounter {
-    /// Starts SysTick over its whole range, without interrupts.
-    fn start(mut timer: cortex_m::peripheral::SYST) -> Self {
-        timer.set_clock_source(SystClkSource::Core);
-        timer.set_reload(COUNTER_MASK);
-        timer.clear_current();
-        timer.enable_counter();
-        Self { timer }
-    }
-
-    /// The instructions of `work`, at most 650 000, with what it returned. The call of the counter itself
-    /// is not taken off (some ten instructions).
-    pub fn count<T>(&mut self, work: impl FnOnce() -> T) -> (T, u32) {
-        let before = cortex_m::peripheral::SYST::get_current();
-        let result = work();
-        let counts = before.wrapping_sub(cortex_m::peripheral::SYST::get_current()) & COUNTER_MASK;
-        let _ = &self.timer;
-        (result, (u64::from(counts) * 1_000_000_000 / (SYSTEM_CLOCK_HZ * INSTRUCTION_NS)) as u32)
-    }
 }
 
 /// Ends the emulator, with success or failure as its exit status. Needs its semihosting switched on.

@@ -25,7 +25,7 @@ use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::{MasterMode, RoundTo, Timer};
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, bind_interrupts, dma, peripherals, triggers};
+use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals, triggers};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// The board's name in the protocol.
@@ -43,8 +43,7 @@ const OUTPUT_FULL_SCALE_COUNTS: u16 = 4_095;
 /// The shaker's displacement at the ends of the output's span, ± m. Assumed.
 const DRIVE_RANGE_M: f32 = 0.005;
 
-const CALIBRATION: Calibration =
-    Calibration::assumed(INPUT_FULL_SCALE_COUNTS, OUTPUT_FULL_SCALE_COUNTS, DRIVE_RANGE_M);
+const CALIBRATION: Calibration = Calibration::assumed(INPUT_FULL_SCALE_COUNTS, OUTPUT_FULL_SCALE_COUNTS, DRIVE_RANGE_M);
 
 /// Without a tick for this long the watchdog resets the board: its output goes off. µs.
 const WATCHDOG_US: u32 = 20_000;
@@ -80,6 +79,9 @@ pub fn init() -> Board {
     let mut config = Config::default();
     config.rcc = clocks();
     let p = embassy_stm32::init(config);
+
+    // A debugger that halts the core does not count as a stall.
+    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_iwdg(true));
 
     // The line never delays the tick; the executor of the tick sits between them.
     interrupt::LPUART1.set_priority(Priority::P8);

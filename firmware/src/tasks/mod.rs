@@ -2,6 +2,8 @@
 
 #[cfg(feature = "board-nucleo-g474re")]
 pub mod control;
+#[cfg(feature = "count-instructions")]
+pub mod count;
 #[cfg(feature = "board-mps2-an386")]
 pub mod granted;
 #[cfg(feature = "board-nucleo-g474re")]
