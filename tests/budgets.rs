@@ -1,0 +1,41 @@
+//! What the images cost, against `firmware/budgets.toml`.
+
+use damprig_tests::support::emulator::run_counting;
+use damprig_tests::support::images::{find, project, size};
+
+fn budget(image: &str, what: &str) -> u64 {
+    let path = project().join("firmware/budgets.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let budgets: toml::Table = text.parse().unwrap();
+    let value = budgets[image][what].as_integer().unwrap_or_else(|| panic!("[{image}] {what} is no whole number"));
+    u64::try_from(value).unwrap()
+}
+
+fn check(image: &str, what: &str, measured: u64) {
+    let most = budget(image, what);
+    println!("{image}: {what} {measured} of {most}");
+    assert!(measured > 0, "{image}: {what} was not measured");
+    assert!(measured <= most, "{image}: {what} is {measured}, the budget is {most} (firmware/budgets.toml)");
+}
+
+#[test]
+fn the_controller_image_keeps_its_size_budgets() {
+    let Some(image) = find("nucleo-g474re") else { return };
+    let size = size(&image);
+    check("nucleo-g474re", "flash_bytes", size.flash_bytes);
+    check("nucleo-g474re", "static_ram_bytes", size.static_ram_bytes);
+}
+
+#[test]
+fn a_control_tick_keeps_its_instruction_budgets() {
+    let Some(image) = find("mps2-an386-count") else { return };
+    let printed = run_counting(&image);
+    let count = |name: &str| -> u64 {
+        let line = printed.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "));
+        line.unwrap_or_else(|| panic!("no {name} in: {printed}")).trim().parse().unwrap()
+    };
+    for what in ["instructions_per_tick_mean", "instructions_per_tick_worst"] {
+        check("mps2-an386", what, count(what));
+    }
+    println!("mps2-an386: with the simulated plant and the line {}", count("instructions_per_simulated_tick_mean"));
+}

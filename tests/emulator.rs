@@ -1,0 +1,137 @@
+//! The emulated board gives the same bits as the virtual rig in `f32`, and the same bits again.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+use damprig_core::control::stepped_sine::{Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_device::control::Name;
+use damprig_device::simulated::{Progress, Simulated};
+use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::{Answer, Ask, FromDevice, Happening, Request, ToDevice};
+use damprig_tests::support::emulator::Emulator;
+use damprig_tests::support::images::find;
+
+/// Ticks of one experiment: from rest, two points of three seconds.
+const TICKS: u32 = 12_000;
+
+/// Ticks to the grant: few, so that the credit runs out in the middle of everything.
+const GRANT: u32 = 997;
+
+/// A board to talk to: everything it answers to one message.
+trait Board {
+    fn answer(&mut self, message: &ToDevice) -> Vec<u8>;
+}
+
+impl Board for Simulated<f32> {
+    fn answer(&mut self, message: &ToDevice) -> Vec<u8> {
+        let mut received = vec![];
+        self.receive(&bytes(message));
+        while self.run(1000, |bytes| received.extend_from_slice(bytes)) == Progress::Running {}
+        received
+    }
+}
+
+impl Board for TcpStream {
+    fn answer(&mut self, message: &ToDevice) -> Vec<u8> {
+        self.write_all(&bytes(message)).unwrap();
+        let (mut received, mut reader, mut some) = (vec![], Reader::default(), [0; 4096]);
+        loop {
+            let length = self.read(&mut some).expect("the emulator answers within the time-out");
+            assert!(length > 0, "the emulator closed the line");
+            received.extend_from_slice(&some[..length]);
+            let last = some[..length].iter().filter_map(|&byte| reader.push::<FromDevice>(byte)).last();
+            match (message, last) {
+                (ToDevice::Request(_), Some(Ok(FromDevice::Reply { .. }))) => return received,
+                (ToDevice::Grant { .. }, Some(Ok(FromDevice::Clock { .. }))) => return received,
+                _ => {}
+            }
+        }
+    }
+}
+
+fn bytes(message: &ToDevice) -> Vec<u8> {
+    let mut out = [0; LONGEST];
+    let length = frame::encode(message, &mut out).unwrap();
+    out[..length].to_vec()
+}
+
+fn messages(received: &[u8]) -> Vec<FromDevice> {
+    let mut reader = Reader::default();
+    received.iter().filter_map(|&byte| reader.push(byte)).map(|message| message.expect("a whole frame")).collect()
+}
+
+/// Particle, wall and friction damper at once: every branch of the integrator.
+fn hybrid() -> PlantConfig {
+    let mut set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038));
+    set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 0.0075,
+        friction_coefficient: 0.08,
+        wall: Wall::Restitution { coefficient: 0.47 },
+    });
+    set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
+    PlantConfig { set_up, particle_start_m: 0.001, sensors: SensorModel::default() }
+}
+
+fn experiment() -> SteppedSine {
+    SteppedSine {
+        start: Start::FromRest { level_m: 5e-4 },
+        amplitude_m: 1.5e-3,
+        settle_s: 1.0,
+        dwell_s: 3.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [2.4, 2.5].into_iter().collect(),
+    }
+}
+
+/// One experiment as a host would run it; every byte that came after the start.
+fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
+    let asks =
+        [Ask::SetPlant(hybrid()), Ask::Configure(experiment()), Ask::SetTelemetry { every_ticks: 5 }, Ask::Start];
+    for (seq, ask) in (first_seq..).zip(asks) {
+        let reply = messages(&board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask })));
+        assert_eq!(reply, [FromDevice::Reply { seq, answer: Ok(Answer::Done) }]);
+    }
+    let mut received = vec![];
+    for until_tick in (GRANT..TICKS + GRANT).step_by(GRANT as usize) {
+        received.extend(board.answer(&ToDevice::Grant { until_tick }));
+    }
+    received
+}
+
+fn connect(emulator: &Emulator) -> TcpStream {
+    let line = TcpStream::connect(emulator.socket()).unwrap();
+    line.set_nodelay(true).unwrap();
+    line.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    line
+}
+
+#[test]
+fn every_byte_of_an_experiment_is_the_virtual_rigs() {
+    let Some(image) = find("mps2-an386") else { return };
+    let emulator = Emulator::start(&image);
+    let emulated = run(&mut connect(&emulator), 1);
+    let here = run(&mut Simulated::<f32>::new(Name { firmware: "test", board: "test" }), 1);
+
+    let points: Vec<_> = messages(&here)
+        .into_iter()
+        .filter(|message| matches!(message, FromDevice::Event { event: Happening::Point(_), .. }))
+        .collect();
+    assert_eq!(points.len(), 2, "the experiment did not measure both points: {points:?}");
+    println!("compared {} bytes of {} messages", here.len(), messages(&here).len());
+    for (ours, theirs) in messages(&here).iter().zip(&messages(&emulated)) {
+        assert_eq!(ours, theirs);
+    }
+    assert!(here == emulated, "the streams differ in length");
+}
+
+#[test]
+fn a_run_on_the_emulated_board_repeats_to_the_byte() {
+    let Some(image) = find("mps2-an386") else { return };
+    let run = || run(&mut connect(&Emulator::start(&image)), 1);
+    assert!(run() == run());
+}

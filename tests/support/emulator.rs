@@ -1,0 +1,105 @@
+//! QEMU with the emulated board's image: started, reached over TCP, and ended with the value that holds it.
+
+use std::io::{BufRead, BufReader, Read};
+use std::net::{Ipv4Addr, TcpListener};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+const QEMU: &str = "qemu-system-arm";
+
+/// A running emulator; dropping it ends the process.
+#[derive(Debug)]
+pub struct Emulator {
+    process: Child,
+    port: u16,
+}
+
+impl Emulator {
+    /// Starts the image and waits until the emulator listens.
+    ///
+    /// # Panics
+    /// QEMU is missing or does not come up.
+    #[must_use]
+    pub fn start(image: &Path) -> Self {
+        let port = free_port();
+        let mut process = board(image)
+            .args(["-serial", &format!("tcp:127.0.0.1:{port},server=on,wait=on")])
+            .stdin(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap_or_else(|error| panic!("cannot start {QEMU}: {error}"));
+        let errors = process.stderr.take().expect("it was asked for");
+        let emulator = Self { process, port };
+        let mut lines = BufReader::new(errors);
+        let mut said = String::new();
+        // It says that it waits for a connection; a probe would be taken for the host.
+        while !said.contains("waiting for connection") {
+            let length = lines.read_line(&mut said).expect("the emulator's errors are text");
+            assert!(length > 0, "the emulator did not come up: {said}");
+        }
+        // What it says later must not fill the pipe.
+        std::thread::spawn(move || std::io::copy(&mut lines, &mut std::io::stderr()));
+        emulator
+    }
+
+    /// Where the board's line is, for `--rig`.
+    #[must_use]
+    pub fn address(&self) -> String {
+        format!("tcp:127.0.0.1:{}", self.port)
+    }
+
+    /// Host and port of the board's line.
+    #[must_use]
+    pub fn socket(&self) -> (Ipv4Addr, u16) {
+        (Ipv4Addr::LOCALHOST, self.port)
+    }
+
+    /// Ends the emulator now, as a pulled plug would.
+    pub fn pull_the_plug(&mut self) {
+        // It may have ended by itself.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        self.pull_the_plug();
+    }
+}
+
+/// Runs an image that ends by itself, its clock counting instructions; what it printed.
+///
+/// # Panics
+/// QEMU is missing, or the image ended with a failure.
+#[must_use]
+pub fn run_counting(image: &Path) -> String {
+    // With 1 024 ns to the instruction the board's 25 MHz timer shows every single one.
+    let mut process = board(image)
+        .args(["-serial", "null", "-icount", "shift=10,sleep=off"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap_or_else(|error| panic!("cannot start {QEMU}: {error}"));
+    let mut printed = String::new();
+    // Semihosting writes to either, depending on the version.
+    process.stderr.take().expect("asked for").read_to_string(&mut printed).expect("text");
+    process.stdout.take().expect("asked for").read_to_string(&mut printed).expect("text");
+    let status = process.wait().expect("it was started");
+    assert!(status.success(), "the image ended with {status}: {printed}");
+    printed
+}
+
+fn board(image: &Path) -> Command {
+    let mut command = Command::new(QEMU);
+    command.args(["-M", "mps2-an386", "-display", "none", "-monitor", "none"]);
+    // An image that panics ends the emulator with a failure.
+    command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(image);
+    command
+}
+
+fn free_port() -> u16 {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a local port");
+    listener.local_addr().expect("it is bound").port()
+}

@@ -1,0 +1,4 @@
+//! What several tests share: the built images and the emulator.
+
+pub mod emulator;
+pub mod images;

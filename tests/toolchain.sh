@@ -1,0 +1,67 @@
+# What the entry points need besides cargo: sourced by tests/run and tests/firmware.
+# shellcheck shell=bash
+
+target=thumbv7em-none-eabihf
+
+# Whether packages may be installed: as root, with apt, unless DAMPRIG_INSTALL=no.
+may_install() {
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && [ "${DAMPRIG_INSTALL:-yes}" != no ]
+}
+
+# install PACKAGE…: installs, or says what to install and fails.
+install() {
+    if ! may_install; then
+        echo "missing, please install: $*" >&2
+        return 1
+    fi
+    echo "installing $*"
+    export DEBIAN_FRONTEND=noninteractive
+    if ! { apt-get update -qq && apt-get install -qq -y --no-install-recommends "$@"; } </dev/null >/tmp/damprig-apt.$$ 2>&1; then
+        tail -5 /tmp/damprig-apt.$$ >&2
+        rm -f /tmp/damprig-apt.$$
+        echo "could not install $*" >&2
+        return 1
+    fi
+    rm -f /tmp/damprig-apt.$$
+}
+
+rustup_has_target() {
+    command -v rustup >/dev/null && rustup target list --installed 2>/dev/null </dev/null | grep -qx "$target"
+}
+
+distribution_has_source() {
+    [ -x /usr/bin/cargo ] && [ -x /usr/bin/rustc ] && [ -x /usr/bin/cargo-clippy ] &&
+        [ -d /usr/lib/rustlib/src/rust/library/core ] && command -v ld.lld >/dev/null
+}
+
+# Finds a compiler for the boards and defines `firmware_cargo`. A toolchain is never downloaded: an installed target of
+# rustup's is taken, else Debian's compiler, which comes with the source of `core`.
+find_firmware_compiler() {
+    if rustup_has_target; then
+        compiler="rustup's $(rustc --version)"
+        firmware_cargo() { cargo "$1" --target "$target" "${@:2}"; }
+        return
+    fi
+    if ! distribution_has_source; then
+        if ! install rustc-web cargo-web rust-web-src rust-web-clippy lld || ! distribution_has_source; then
+            echo "no compiler for the boards: run \`rustup target add $target\`, or on Debian install" \
+                "rustc-web cargo-web rust-web-src rust-web-clippy lld" >&2
+            return 1
+        fi
+    fi
+    compiler="Debian's $(/usr/bin/rustc --version), core built from source"
+    firmware_cargo() {
+        # Its own home and target directory: the two cargos' caches do not mix.
+        PATH="/usr/bin:$PATH" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 RUSTUP_TOOLCHAIN='' \
+            CARGO_HOME="${DAMPRIG_DEBIAN_CARGO_HOME:-$PWD/target/debian-home}" CARGO_TARGET_DIR="$PWD/target/debian" \
+            CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=ld.lld \
+            /usr/bin/cargo "$1" -Zbuild-std=core --target "$target" "${@:2}"
+    }
+    firmware_output=target/debian
+}
+
+# QEMU for the emulated board.
+find_emulator() {
+    command -v qemu-system-arm >/dev/null || install qemu-system-arm
+}
+firmware_output=target
