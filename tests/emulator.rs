@@ -85,6 +85,7 @@ fn experiment() -> SteppedSine {
         dwell_s: 3.0,
         steady: SteadyLimits::default(),
         frequencies_hz: [2.4, 2.5].into_iter().collect(),
+        first_index: 0,
     }
 }
 

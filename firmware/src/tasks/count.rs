@@ -81,5 +81,6 @@ fn experiment() -> SteppedSine {
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
         frequencies_hz: [2.0, 3.0].into_iter().collect(),
+        first_index: 0,
     }
 }
