@@ -1,0 +1,220 @@
+//! `[[experiment]]`: a stepped sine over a list of frequencies, on some of the set-ups.
+
+use crate::input::{Number, Problem, Section, Text, near};
+
+use super::CampaignSetUp;
+
+/// How a frequency begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// With the structure at rest: separate records.
+    FromRest,
+    /// With the motion that the frequency before left: a sweep.
+    CarryOver,
+}
+
+/// When a point counts as steady.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steady {
+    /// Largest relative change of the cycle maximum from cycle to cycle, as a trend.
+    pub change_per_cycle: f64,
+    /// Largest relative scatter of the cycle maxima around that trend.
+    pub scatter: f64,
+}
+
+impl Default for Steady {
+    /// A change of 0.05 % in a cycle (4 % over the 80 cycles of 32 s at 2.5 Hz), and 5 % of scatter.
+    fn default() -> Self {
+        Self { change_per_cycle: 5e-4, scatter: 0.05 }
+    }
+}
+
+/// A stepped sine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SteppedSine {
+    /// Name, for tables.
+    pub name: String,
+    /// Positions of the set-ups in the campaign.
+    pub set_ups: Vec<usize>,
+    /// The frequencies in the order they are run, Hz.
+    pub frequencies_hz: Vec<f64>,
+    /// How each frequency begins.
+    pub start: Start,
+    /// Time from the start of a frequency that is not measured, s.
+    pub settle_s: f64,
+    /// Time that is measured, s.
+    pub dwell_s: f64,
+    /// |x| below which the structure counts as at rest before a `from_rest` point, m.
+    pub rest_level_m: f64,
+    /// When a point counts as steady.
+    pub steady: Steady,
+}
+
+/// Ticks that a period needs: the drive and the lock-in see at least this many samples of it.
+const TICKS_PER_PERIOD: f64 = 20.0;
+/// Whole periods that a dwell must hold for an amplitude, a trend and a scatter.
+const PERIODS_PER_DWELL: f64 = 4.0;
+/// More points than this in one experiment are a typing mistake.
+const MOST_POINTS: f64 = 100_000.0;
+/// A tenth of a millimetre.
+const REST_LEVEL_M: f64 = 1e-4;
+
+/// The highest drive frequency, Hz.
+fn highest_hz() -> f64 {
+    crate::TICK_RATE_HZ / TICKS_PER_PERIOD
+}
+
+/// All `[[experiment]]` tables; `set_ups` is `None` when those could not be read.
+pub(super) fn read_all(root: &Section, set_ups: Option<&[CampaignSetUp]>) -> Option<Vec<SteppedSine>> {
+    let sections = root.tables("experiment");
+    if sections.is_empty() && root.source().is_clean() {
+        root.source().report(Problem {
+            title: "the campaign has no experiment".into(),
+            span: 0..0,
+            allowed: "give at least one `[[experiment]]`".into(),
+            help: None,
+        });
+        return None;
+    }
+    sections.into_iter().enumerate().map(|(i, s)| read(s, i, set_ups)).collect()
+}
+
+fn read(section: Section, index: usize, set_ups: Option<&[CampaignSetUp]>) -> Option<SteppedSine> {
+    let name = section.text("name").map_or_else(|| format!("experiment {}", index + 1), |t| t.value);
+    let kind = section.required("kind", "write kind = \"stepped_sine\"", |s, key| s.choice(key, &["stepped_sine"]));
+    let wanted = section.texts("set_ups");
+    let start = section.required("start", "write start = \"from_rest\" or \"carry_over\"", |s, key| {
+        s.choice(key, &["from_rest", "carry_over"])
+    });
+    let settle = section.not_negative("settle_s");
+    let dwell = section.required("dwell_s", "the time that is measured at each frequency", Section::positive);
+    let rest = section.positive("rest_level_m");
+    let frequencies = section.required("frequencies_hz", "a list, or { from_hz, to_hz, step_hz }", frequencies);
+    let steady = read_steady(&section);
+    if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
+        let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
+        if dwell.value * lowest < PERIODS_PER_DWELL {
+            let allowed = format!("must hold {PERIODS_PER_DWELL} periods of the lowest frequency, {lowest} Hz");
+            let help = Some(format!("write dwell_s = {} or more", PERIODS_PER_DWELL / lowest));
+            section.refuse("dwell_s", &dwell.span, allowed, help);
+        }
+    }
+    let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
+    section.finish();
+    kind?;
+    Some(SteppedSine {
+        name,
+        set_ups: chosen?,
+        frequencies_hz: frequencies?,
+        start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
+        settle_s: settle.map_or(0.0, |n| n.value),
+        dwell_s: dwell?.value,
+        rest_level_m: rest.map_or(REST_LEVEL_M, |n| n.value),
+        steady,
+    })
+}
+
+/// The set-ups that the experiment names; all of them when it names none.
+fn choose(section: &Section, wanted: Option<&[Text]>, set_ups: &[CampaignSetUp]) -> Option<Vec<usize>> {
+    let Some(wanted) = wanted else {
+        return (!section.has_own("set_ups")).then(|| (0..set_ups.len()).collect());
+    };
+    let names: Vec<&str> = set_ups.iter().map(|s| s.name.as_str()).collect();
+    let mut chosen = Vec::new();
+    for text in wanted {
+        match names.iter().position(|n| *n == text.value) {
+            Some(index) if chosen.contains(&index) => {
+                section.refuse("set_ups", &text.span, "is named twice", None);
+                return None;
+            }
+            Some(index) => chosen.push(index),
+            None => {
+                let help = near(&text.value, names.iter().copied()).first().map(|n| format!("did you mean {n:?}?"));
+                section.source().report(Problem {
+                    title: format!("`{}` names an unknown set-up {:?}", section.full("set_ups"), text.value),
+                    span: text.span.clone(),
+                    allowed: format!("the set-ups are {}", names.join(", ")),
+                    help,
+                });
+                return None;
+            }
+        }
+    }
+    if chosen.is_empty() {
+        let help = Some("leave out `set_ups` to run all".into());
+        section.refuse("set_ups", &section.span(), "must name at least one set-up", help);
+        return None;
+    }
+    Some(chosen)
+}
+
+/// A list of numbers, or a grid.
+fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
+    if !section.is_table(key) {
+        let list = section.numbers(key)?;
+        if list.is_empty() {
+            section.refuse(key, &section.span(), "must hold at least one frequency", None);
+            return None;
+        }
+        let refused = list.iter().filter(|n| !sound(section, key, n)).count();
+        return (refused == 0).then(|| list.iter().map(|n| n.value).collect());
+    }
+    let grid = section.table(key, None)?;
+    let from = grid.required("from_hz", "the first frequency", Section::number);
+    let to = grid.required("to_hz", "the last frequency", Section::number);
+    let step = grid.required("step_hz", "the step", Section::number);
+    let list = match (from, to, step) {
+        (Some(from), Some(to), Some(step)) => spread(&grid, &from, &to, &step),
+        _ => None,
+    };
+    grid.finish();
+    list
+}
+
+fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<Vec<f64>> {
+    let ends = [sound(grid, "from_hz", from), sound(grid, "to_hz", to)];
+    if step.value == 0.0 {
+        grid.refuse("step_hz", &step.span, "must not be 0", Some("for one frequency write frequencies_hz = [2.5]".into()));
+        return None;
+    }
+    if (to.value - from.value) * step.value < 0.0 {
+        let help = Some(format!("write step_hz = {}", -step.value));
+        grid.refuse("step_hz", &step.span, format!("must lead from {} to {} Hz", from.value, to.value), help);
+        return None;
+    }
+    // A grid's end is met up to the rounding of decimal fractions.
+    let steps = ((to.value - from.value) / step.value + 1e-6).floor();
+    if steps + 1.0 > MOST_POINTS {
+        grid.refuse("step_hz", &step.span, format!("would give {} points; at most {MOST_POINTS}", steps + 1.0), None);
+        return None;
+    }
+    // To the nanohertz, so that 2 + 7 × 0.05 is written 2.35.
+    let at = |i: usize| ((from.value + i as f64 * step.value) * 1e9).round() / 1e9;
+    (ends == [true, true]).then(|| (0..=steps as usize).map(at).collect())
+}
+
+/// Whether a drive frequency is one that the tick can carry.
+fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
+    let highest = highest_hz();
+    let ok = frequency.value > 0.0 && frequency.value <= highest;
+    if !ok {
+        let allowed = format!(
+            "must be above 0 and at most {highest} Hz: the controller's tick of {} Hz gives a period {TICKS_PER_PERIOD} samples there",
+            crate::TICK_RATE_HZ
+        );
+        section.refuse(key, &frequency.span, allowed, None);
+    }
+    ok
+}
+
+fn read_steady(section: &Section) -> Steady {
+    let default = Steady::default();
+    let Some(table) = section.table("steady", None) else { return default };
+    let change = table.positive("change_per_cycle");
+    let scatter = table.positive("scatter");
+    table.finish();
+    Steady {
+        change_per_cycle: change.map_or(default.change_per_cycle, |n| n.value),
+        scatter: scatter.map_or(default.scatter, |n| n.value),
+    }
+}

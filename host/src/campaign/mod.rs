@@ -1,0 +1,110 @@
+//! The campaign: set-ups on the rig and the experiments to run with them, as a person writes them in TOML.
+//!
+//! The parts are plain data, checked when read; [`Campaign::read`] is the only way in, so what exists is
+//! sound. Whether the set-ups stay within the sensor range is [`crate::prediction`]'s question, carrying
+//! them out is [`crate::run`]'s.
+
+mod experiment;
+mod rig;
+mod set_up;
+
+use std::path::Path;
+
+use toml::de::DeTable;
+
+use crate::input::{Problem, Refusal, Section, Source};
+
+pub use experiment::{Start, Steady, SteppedSine};
+pub use rig::{RigSettings, Telemetry};
+pub use set_up::{CampaignSetUp, SetUpSpec};
+
+/// A campaign, read and checked.
+#[derive(Debug)]
+pub struct Campaign {
+    /// Short name, part of the run folder's name.
+    pub name: String,
+    /// Sensors and limits.
+    pub rig: RigSettings,
+    /// What is recorded besides the results, and how often.
+    pub telemetry: Telemetry,
+    /// The set-ups, in the order of the file.
+    pub set_ups: Vec<CampaignSetUp>,
+    /// The experiments, in the order of the file.
+    pub experiments: Vec<SteppedSine>,
+    /// The file, to copy into the run folder and to point into.
+    pub source: Source,
+}
+
+impl Campaign {
+    /// Reads and checks a campaign file.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, each with file, line, key, value, what is allowed and the likely fix.
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        Self::parse(Source::read(path)?)
+    }
+
+    /// Checks a campaign that is at hand as a text.
+    ///
+    /// # Errors
+    /// As [`Campaign::read`].
+    pub fn parse(source: Source) -> Result<Self, Refusal> {
+        let parts = parts(&source);
+        source.verdict()?;
+        let Some((name, rig, telemetry, set_ups, experiments)) = parts else {
+            return Err(Refusal("the campaign is incomplete".into()));
+        };
+        Ok(Self { name, rig, telemetry, set_ups, experiments, source })
+    }
+
+    /// Rig time of the whole campaign as far as the file tells it, s: settling and dwell, without the waits
+    /// for rest.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.experiments.iter().map(|e| e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (e.settle_s + e.dwell_s)).sum()
+    }
+}
+
+type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<SteppedSine>);
+
+/// Reads all parts; `None` only where a problem has been noted.
+fn parts(source: &Source) -> Option<Parts> {
+    let document = match DeTable::parse(source.text()) {
+        Ok(document) => document,
+        Err(error) => {
+            source.report(Problem {
+                title: "this is not TOML".into(),
+                span: error.span().unwrap_or(0..0),
+                allowed: error.message().to_string(),
+                help: None,
+            });
+            return None;
+        }
+    };
+    let root = Section::root(source, &document);
+    let name = name(&root);
+    let rig = rig::read_rig(&root);
+    let telemetry = rig::read_telemetry(&root);
+    let set_ups = set_up::read_all(&root);
+    let experiments = experiment::read_all(&root, set_ups.as_deref());
+    root.finish();
+    Some((name?, rig?, telemetry?, set_ups?, experiments?))
+}
+
+/// The campaign's name goes into a folder's name.
+fn name(root: &Section) -> Option<String> {
+    let name = root.required("name", "a short name, part of the run folder's name", Section::text)?;
+    let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if name.value.is_empty() || name.value.len() > 60 || !name.value.chars().all(fits) {
+        let help = Some(format!("write name = {:?}", slug(&name.value)));
+        root.refuse("name", &name.span, "must be 1 to 60 letters, digits, '-' or '_'", help);
+        return None;
+    }
+    Some(name.value)
+}
+
+fn slug(text: &str) -> String {
+    let kept: String = text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let kept = kept.trim_matches('-');
+    if kept.is_empty() { "campaign".into() } else { kept.chars().take(60).collect() }
+}

@@ -1,0 +1,93 @@
+//! `[rig]` and `[telemetry]`: the sensors as mounted, the limits, and what is recorded.
+
+use crate::input::{Section, Span, Text, near};
+
+/// Sensors and limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RigSettings {
+    /// The displacement sensors read from −range to +range, m; greater than 0.
+    pub sensor_range_m: f64,
+    /// Smallest displacement step that the sensors tell apart, m; 0 for none.
+    pub sensor_resolution_m: f64,
+    /// Standard deviation of the sensors' white noise, m; 0 for none. Simulated rigs only.
+    pub sensor_noise_rms_m: f64,
+    /// Seed of the simulated noise.
+    pub noise_seed: u32,
+    /// Beyond this |x| or |z| the rig stops the drive, m; at most the sensor range.
+    pub displacement_limit_m: f64,
+}
+
+/// What is recorded while the rig moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Telemetry {
+    /// Samples of each signal in a second of rig time.
+    pub rate_hz: f64,
+    /// Where the rate is written, for answers.
+    pub rate_span: Span,
+    /// Names of the signals wanted, from the device's signal table; empty for all.
+    pub signals: Vec<Text>,
+}
+
+/// The ±80 mm of the source document's laser sensors.
+const SENSOR_RANGE_M: f64 = 0.08;
+
+pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
+    let Some(rig) = root.table("rig", None) else {
+        // Everything has a default: the source document's rig with ideal sensors.
+        return (!root.has_own("rig")).then_some(RigSettings {
+            sensor_range_m: SENSOR_RANGE_M,
+            sensor_resolution_m: 0.0,
+            sensor_noise_rms_m: 0.0,
+            noise_seed: 1,
+            displacement_limit_m: SENSOR_RANGE_M,
+        });
+    };
+    let range = rig.positive("sensor_range_m").map_or(SENSOR_RANGE_M, |n| n.value);
+    let resolution = rig.not_negative("sensor_resolution_m");
+    let noise = rig.not_negative("sensor_noise_rms_m");
+    let whole = |v: f64| v >= 0.0 && v <= f64::from(u32::MAX) && v.fract() == 0.0;
+    let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
+    let within = format!("greater than 0 and at most sensor_range_m = {range}");
+    let limit = rig.number_if("displacement_limit_m", |v| v > 0.0 && v <= range, &within);
+    rig.finish();
+    Some(RigSettings {
+        sensor_range_m: range,
+        sensor_resolution_m: resolution.map_or(0.0, |n| n.value),
+        sensor_noise_rms_m: noise.map_or(0.0, |n| n.value),
+        noise_seed: seed.map_or(1, |n| n.value as u32),
+        displacement_limit_m: limit.map_or(range, |n| n.value),
+    })
+}
+
+pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
+    let Some(table) = root.table("telemetry", None) else {
+        return (!root.has_own("telemetry")).then(|| Telemetry { rate_hz: 100.0, rate_span: 0..0, signals: Vec::new() });
+    };
+    let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
+    let signals = table.texts("signals").unwrap_or_default();
+    table.finish();
+    let rate = rate?;
+    Some(Telemetry { rate_hz: rate.value, rate_span: rate.span, signals })
+}
+
+impl Telemetry {
+    /// Positions of the wanted signals in the device's table.
+    ///
+    /// # Errors
+    /// The first wanted name that the device does not have, with what it does have.
+    pub fn select(&self, available: &[String]) -> Result<Vec<usize>, (Span, String)> {
+        if self.signals.is_empty() {
+            return Ok((0..available.len()).collect());
+        }
+        let find = |wanted: &Text| {
+            available.iter().position(|a| *a == wanted.value).ok_or_else(|| {
+                let hint = match near(&wanted.value, available.iter().map(String::as_str)).first() {
+                    Some(name) => format!("; did you mean {name:?}?"),
+                    None => String::new(),
+                };
+                (wanted.span.clone(), format!("the device has the signals {}{hint}", available.join(", ")))
+            })
+        };
+        self.signals.iter().map(find).collect()
+    }
+}

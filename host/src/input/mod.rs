@@ -1,0 +1,141 @@
+//! Reading what a person wrote, and answering what is wrong with it: file, line, key, value, what is
+//! allowed, and the likely fix, all problems at once.
+//!
+//! [`section`] walks a TOML table; this module holds the text and renders the answer. Which keys there
+//! are and which values are physical is said by the readers ([`crate::campaign`]) and the model.
+
+pub mod section;
+mod suggest;
+
+use std::cell::RefCell;
+use std::ops::Range;
+use std::path::Path;
+
+use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+
+pub use section::{Number, Section, Text};
+pub use suggest::near;
+
+/// Where a value stands in its file, in bytes.
+pub type Span = Range<usize>;
+
+/// One thing wrong with a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// What is wrong, with the key and the value.
+    pub title: String,
+    /// Where.
+    pub span: Span,
+    /// What is allowed; stands beside the marked text.
+    pub allowed: String,
+    /// The likely fix, if one can be told.
+    pub help: Option<String>,
+}
+
+/// A text with its name, and the problems found in it so far.
+#[derive(Debug)]
+pub struct Source {
+    name: String,
+    text: String,
+    problems: RefCell<Vec<Problem>>,
+}
+
+impl Source {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Names the file and says why it cannot be read; when it does not exist, names files that look like it.
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        match std::fs::read_to_string(path) {
+            Ok(text) => Ok(Self::new(path.display().to_string(), text)),
+            Err(error) => {
+                let mut answer = format!("cannot read {}: {error}", path.display());
+                if error.kind() == std::io::ErrorKind::NotFound {
+                    answer.push_str(&neighbours(path));
+                } else if error.kind() == std::io::ErrorKind::InvalidData {
+                    answer.push_str("\n  a campaign is a TOML text in UTF-8");
+                }
+                Err(Refusal(answer))
+            }
+        }
+    }
+
+    /// A text that is at hand already; `name` stands for the file in answers.
+    #[must_use]
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), text: text.into(), problems: RefCell::default() }
+    }
+
+    /// The text as read.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Notes a problem; reading goes on, so that one answer holds them all.
+    pub fn report(&self, problem: Problem) {
+        self.problems.borrow_mut().push(problem);
+    }
+
+    /// Whether nothing was wrong so far.
+    #[must_use]
+    pub fn is_clean(&self) -> bool {
+        self.problems.borrow().is_empty()
+    }
+
+    /// All problems so far as one answer, in the order of the file.
+    ///
+    /// # Errors
+    /// When there are any.
+    pub fn verdict(&self) -> Result<(), Refusal> {
+        let mut problems = self.problems.borrow().clone();
+        if problems.is_empty() {
+            return Ok(());
+        }
+        problems.sort_by_key(|p| p.span.start);
+        problems.dedup();
+        let renderer = Renderer::plain();
+        let answers: Vec<String> = problems.iter().map(|p| self.render(&renderer, p)).collect();
+        Err(Refusal(answers.join("\n\n")))
+    }
+
+    fn render(&self, renderer: &Renderer, problem: &Problem) -> String {
+        let end = problem.span.end.min(self.text.len());
+        let start = problem.span.start.min(end);
+        // A header or an inline table can span lines; its first line is enough to point at.
+        let end = self.text[start..end].find('\n').map_or(end, |n| start + n);
+        let snippet = Snippet::source(self.text.as_str())
+            .path(self.name.as_str())
+            .annotation(AnnotationKind::Primary.span(start..end).label(problem.allowed.as_str()));
+        let mut group = Level::ERROR.primary_title(problem.title.as_str()).element(snippet);
+        if let Some(help) = &problem.help {
+            group = group.element(Level::HELP.message(help.as_str()));
+        }
+        // The caller prints "error: " itself.
+        let text = renderer.render(&[group]).to_string();
+        text.strip_prefix("error: ").unwrap_or(&text).to_string()
+    }
+}
+
+/// Bad input, refused; the text says what, where, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct Refusal(pub String);
+
+/// "did you mean": files beside a missing one with a near name.
+fn neighbours(path: &Path) -> String {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let wanted = path.file_name().unwrap_or_default().to_string_lossy().to_string();
+    let names: Vec<String> = match std::fs::read_dir(folder) {
+        Ok(entries) => entries
+            .flatten()
+            .map(|e| e.file_name().to_string_lossy().to_string())
+            .filter(|n| Path::new(n).extension().is_some_and(|e| e == "toml"))
+            .collect(),
+        Err(_) => return format!("\n  there is no folder {}", folder.display()),
+    };
+    match near(&wanted, names.iter().map(String::as_str)).first() {
+        Some(name) => format!("\n  did you mean {}?", folder.join(name).display()),
+        None => String::new(),
+    }
+}

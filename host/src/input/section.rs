@@ -1,0 +1,345 @@
+//! One TOML table, read key by key: what is asked for is known, what is left over is answered.
+//!
+//! A section may inherit: a key it does not have is looked up in the table of the same name that the file
+//! gives for all. Values are checked where they are read, and every problem is noted in the [`Source`], so
+//! readers carry on with `None` and the caller asks for the verdict once at the end.
+
+use std::cell::RefCell;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::{Problem, Source, Span, suggest};
+
+/// A number and where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Number {
+    /// The value.
+    pub value: f64,
+    /// Where it was written.
+    pub span: Span,
+}
+
+/// A text and where it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Text {
+    /// The value.
+    pub value: String,
+    /// Where it was written.
+    pub span: Span,
+}
+
+/// A table of the file, under the name that answers call it by.
+#[derive(Debug)]
+pub struct Section<'a> {
+    source: &'a Source,
+    path: String,
+    span: Span,
+    own: &'a DeTable<'a>,
+    inherited: Option<(&'static str, &'a DeTable<'a>)>,
+    known: RefCell<Vec<&'static str>>,
+    missing: RefCell<Vec<(&'static str, Problem)>>,
+}
+
+impl<'a> Section<'a> {
+    /// The whole file.
+    #[must_use]
+    pub fn root(source: &'a Source, document: &'a Spanned<DeTable<'a>>) -> Self {
+        Self::new(source, String::new(), document.span(), document.get_ref(), None)
+    }
+
+    fn new(
+        source: &'a Source,
+        path: String,
+        span: Span,
+        own: &'a DeTable<'a>,
+        inherited: Option<(&'static str, &'a DeTable<'a>)>,
+    ) -> Self {
+        Self { source, path, span, own, inherited, known: RefCell::default(), missing: RefCell::default() }
+    }
+
+    /// The full name of a key of this section, as answers spell it (`set_up[2].particle.mass_kg`).
+    #[must_use]
+    pub fn full(&self, key: &str) -> String {
+        if self.path.is_empty() { key.to_string() } else { format!("{}.{key}", self.path) }
+    }
+
+    /// Where the section stands.
+    #[must_use]
+    pub fn span(&self) -> Span {
+        self.span.clone()
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn source(&self) -> &'a Source {
+        self.source
+    }
+
+    fn value(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
+        self.known.borrow_mut().push(key);
+        self.own.get(key).or_else(|| self.inherited?.1.get(key))
+    }
+
+    /// Whether the section itself, not what it inherits, has the key.
+    #[must_use]
+    pub fn has_own(&self, key: &str) -> bool {
+        self.own.contains_key(key)
+    }
+
+    /// Notes that the value of `key`, written at `span`, is not allowed.
+    pub fn refuse(&self, key: &str, span: &Span, allowed: impl Into<String>, help: Option<String>) {
+        let value = self.source.text().get(span.clone()).and_then(|t| t.lines().next()).unwrap_or_default();
+        // A value that many set-ups inherit is answered once, under the name of where it stands.
+        let name = match self.inherited {
+            Some((table, keys)) if !self.own.contains_key(key) && keys.contains_key(key) => format!("{table}.{key}"),
+            _ => self.full(key),
+        };
+        self.source.report(Problem {
+            title: format!("`{name}` = {value} is not allowed"),
+            span: span.clone(),
+            allowed: allowed.into(),
+            help,
+        });
+    }
+
+    /// Notes that a key which must be there is not; `what` says in words what it is.
+    pub fn lack(&self, key: &'static str, what: &str) {
+        let problem = Problem {
+            title: format!("`{}` is missing", self.full(key)),
+            span: self.span.clone(),
+            allowed: what.to_string(),
+            help: None,
+        };
+        self.missing.borrow_mut().push((key, problem));
+    }
+
+    /// A finite number, if the key is there.
+    pub fn number(&self, key: &'static str) -> Option<Number> {
+        let value = self.value(key)?;
+        let span = value.span();
+        let number = match value.get_ref() {
+            DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok(),
+            DeValue::Float(f) => f.as_str().parse().ok(),
+            _ => None,
+        };
+        match number {
+            Some(number) if f64::is_finite(number) => Some(Number { value: number, span }),
+            _ => {
+                self.refuse(key, &span, "must be a finite number", None);
+                None
+            }
+        }
+    }
+
+    /// A number for which `ok` holds; `allowed` says in words what that is.
+    pub fn number_if(&self, key: &'static str, ok: impl Fn(f64) -> bool, allowed: &str) -> Option<Number> {
+        let number = self.number(key)?;
+        if ok(number.value) {
+            return Some(number);
+        }
+        self.refuse(key, &number.span, format!("must be {allowed}"), None);
+        None
+    }
+
+    /// A number greater than 0.
+    pub fn positive(&self, key: &'static str) -> Option<Number> {
+        self.number_if(key, |v| v > 0.0, "greater than 0")
+    }
+
+    /// A number from 0 up.
+    pub fn not_negative(&self, key: &'static str) -> Option<Number> {
+        self.number_if(key, |v| v >= 0.0, "0 or greater")
+    }
+
+    /// `read` as a key that must be there; `what` says in words what it is.
+    pub fn required<T>(
+        &self,
+        key: &'static str,
+        what: &str,
+        read: impl FnOnce(&Self, &'static str) -> Option<T>,
+    ) -> Option<T> {
+        let found = read(self, key);
+        if found.is_none() && self.value(key).is_none() {
+            self.lack(key, what);
+        }
+        found
+    }
+
+    /// One quantity that may be written under either of two keys, with the same condition on both: which key
+    /// it was, and the number. A section's own key wins over the other one inherited.
+    pub fn either(&self, keys: [&'static str; 2], read: impl Fn(&Self, &'static str) -> Option<Number>) -> Option<(usize, Number)> {
+        let here = keys.map(|k| self.value(k).is_some());
+        let own = keys.map(|k| self.has_own(k));
+        let which = match (here, own) {
+            ([false, false], _) => {
+                self.lack(keys[0], &format!("give `{}` or `{}`", keys[0], keys[1]));
+                return None;
+            }
+            (_, [true, true]) | ([true, true], [false, false]) => {
+                let span = self.value(keys[1]).map_or(self.span(), Spanned::span);
+                let help = Some(format!("leave out `{}` or `{}`", keys[0], keys[1]));
+                self.refuse(keys[1], &span, format!("`{}` is given too, and says the same quantity", keys[0]), help);
+                return None;
+            }
+            (_, [true, false]) => 0,
+            (_, [false, true]) => 1,
+            ([first, _], _) => usize::from(!first),
+        };
+        read(self, keys[which]).map(|n| (which, n))
+    }
+
+    /// A text, if the key is there.
+    pub fn text(&self, key: &'static str) -> Option<Text> {
+        let value = self.value(key)?;
+        match value.get_ref() {
+            DeValue::String(s) => Some(Text { value: s.to_string(), span: value.span() }),
+            other => {
+                let help = Some(format!("this is a TOML {}; put a text in quotes", other.type_str()));
+                self.refuse(key, &value.span(), "must be a text", help);
+                None
+            }
+        }
+    }
+
+    /// One of a list of words, if the key is there: its index.
+    pub fn choice(&self, key: &'static str, words: &[&'static str]) -> Option<usize> {
+        let text = self.text(key)?;
+        let index = words.iter().position(|w| *w == text.value);
+        if index.is_none() {
+            let list: Vec<String> = words.iter().map(|w| format!("{w:?}")).collect();
+            let help = suggest::near(&text.value, words.iter().copied()).first().map(|w| format!("did you mean {w:?}?"));
+            self.refuse(key, &text.span, format!("must be {}", list.join(" or ")), help);
+        }
+        index
+    }
+
+    /// A list of texts, if the key is there.
+    pub fn texts(&self, key: &'static str) -> Option<Vec<Text>> {
+        let list = self.list(key)?;
+        let mut texts = Vec::new();
+        for item in list {
+            match item.get_ref() {
+                DeValue::String(s) => texts.push(Text { value: s.to_string(), span: item.span() }),
+                _ => {
+                    self.refuse(key, &item.span(), "must be a text in quotes", None);
+                    return None;
+                }
+            }
+        }
+        Some(texts)
+    }
+
+    /// A list of finite numbers, if the key is there and is a list.
+    pub fn numbers(&self, key: &'static str) -> Option<Vec<Number>> {
+        let list = self.list(key)?;
+        let mut numbers = Vec::new();
+        for item in list {
+            let value = match item.get_ref() {
+                DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok(),
+                DeValue::Float(f) => f.as_str().parse().ok(),
+                _ => None,
+            };
+            match value {
+                Some(value) if f64::is_finite(value) => numbers.push(Number { value, span: item.span() }),
+                _ => {
+                    self.refuse(key, &item.span(), "must be a finite number", None);
+                    return None;
+                }
+            }
+        }
+        Some(numbers)
+    }
+
+    fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {
+        let value = self.value(key)?;
+        match value.get_ref() {
+            DeValue::Array(list) => Some(list),
+            _ => {
+                self.refuse(key, &value.span(), "must be a list in square brackets", None);
+                None
+            }
+        }
+    }
+
+    /// Whether the value of `key` is a table.
+    #[must_use]
+    pub fn is_table(&self, key: &'static str) -> bool {
+        self.value(key).is_some_and(|v| v.get_ref().is_table())
+    }
+
+    /// A table inside this one that takes missing keys from `inherited`, the table of that name for all.
+    /// Without a table of its own there is none.
+    pub fn table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
+        let value = self.value(key)?;
+        let Some(own) = value.get_ref().as_table() else {
+            let help = Some(format!("write `[{}]` or `{key} = {{ … }}`", self.full(key)));
+            self.refuse(key, &value.span(), "must be a table", help);
+            return None;
+        };
+        Some(Section::new(self.source, self.full(key), value.span(), own, inherited.map(|t| (key, t))))
+    }
+
+    /// The table for all, read in place of one of this section's own.
+    pub fn inherited_table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
+        Some(Section::new(self.source, key.to_string(), self.span(), inherited?, None))
+    }
+
+    /// The table itself, to be inherited from; known, and not read yet.
+    pub fn raw_table(&self, key: &'static str) -> Option<&'a DeTable<'a>> {
+        self.table(key, None).map(|s| s.own)
+    }
+
+    /// The tables of a list of tables (`[[set_up]]`), named `key[1]`, `key[2]` …
+    pub fn tables(&self, key: &'static str) -> Vec<Section<'a>> {
+        let Some(value) = self.value(key) else { return Vec::new() };
+        let items = value.get_ref().as_array().filter(|list| list.iter().all(|item| item.get_ref().is_table()));
+        let Some(items) = items else {
+            self.refuse(key, &value.span(), format!("must be a list of tables, each headed `[[{key}]]`"), None);
+            return Vec::new();
+        };
+        let section = |(i, item): (usize, &'a Spanned<DeValue<'a>>)| {
+            let own = item.get_ref().as_table()?;
+            let path = format!("{}[{}]", self.full(key), i + 1);
+            Some(Section::new(self.source, path, item.span(), own, None))
+        };
+        items.iter().enumerate().filter_map(section).collect()
+    }
+
+    /// Ends the reading: what was not asked for is unknown, what must be there and is not is missing.
+    pub fn finish(self) {
+        let known = self.known.into_inner();
+        let mut names: Vec<&str> = known.clone();
+        names.sort_unstable();
+        names.dedup();
+        let mut answered = Vec::new();
+        let tables = [Some((self.path.as_str(), self.own)), self.inherited];
+        for (path, table) in tables.into_iter().flatten() {
+            let absent: Vec<&str> = names.iter().copied().filter(|k| !table.contains_key(*k)).collect();
+            for (key, value) in table.iter().filter(|(k, _)| !names.contains(&k.get_ref().as_ref())) {
+                let number = match value.get_ref() {
+                    DeValue::Integer(i) => i.as_str().parse().ok(),
+                    DeValue::Float(f) => f.as_str().parse().ok(),
+                    _ => None,
+                };
+                let help = suggest::replacement(key.get_ref(), number, &absent).map(|(right, help)| {
+                    answered.push(right);
+                    help
+                });
+                let dot = if path.is_empty() { "" } else { "." };
+                self.source.report(Problem {
+                    title: format!("unknown key `{path}{dot}{}`", key.get_ref()),
+                    span: key.span(),
+                    allowed: format!("allowed here: {}", names.join(", ")),
+                    help,
+                });
+            }
+        }
+        // A key that is only misspelt is answered once.
+        for (key, problem) in self.missing.into_inner() {
+            if !answered.iter().any(|a| a == key) {
+                self.source.report(problem);
+            }
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! One row of the results: what was measured at one frequency of one set-up, and in which unit.
+//!
+//! [`COLUMNS`] is the one list of what a results file holds: the Parquet schema, the manifest's units and
+//! the figures all follow from it.
+
+/// What the rig measured at one point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResultRow {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Drive frequency, Hz.
+    pub frequency_hz: f64,
+    /// Lock-in amplitude of the base, m.
+    pub z_amplitude_m: f32,
+    /// Lock-in amplitude of the structure, m.
+    pub x_amplitude_m: f32,
+    /// Phase of x relative to z, rad.
+    pub phase_rad: f32,
+    /// RMS of x over the dwell, m.
+    pub x_rms_m: f32,
+    /// Mean over the cycles of the dwell of max|x|, m.
+    pub x_mean_cycle_max_m: f32,
+    /// Largest |x| of the dwell, m.
+    pub x_max_m: f32,
+    /// max|x| of the last whole cycle, m.
+    pub x_last_cycle_max_m: f32,
+    /// Trend of the cycle maximum, relative change in a cycle.
+    pub change_per_cycle: f32,
+    /// Scatter of the cycle maxima around that trend, relative.
+    pub scatter: f32,
+    /// Whole cycles in the dwell.
+    pub cycles: u32,
+    /// Whether the point counts as steady.
+    pub steady: bool,
+    /// First tick of the dwell.
+    pub start_tick: u64,
+    /// First tick after the dwell.
+    pub end_tick: u64,
+    /// d/Z with Z as set; NaN without a particle.
+    pub d_over_z: f64,
+}
+
+impl ResultRow {
+    /// X/Z as the literature's tables have it: mean cycle maximum over the measured base amplitude.
+    #[must_use]
+    pub fn x_over_z(&self) -> f64 {
+        f64::from(self.x_mean_cycle_max_m) / f64::from(self.z_amplitude_m)
+    }
+}
+
+/// A value of a results file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// A name.
+    Text(String),
+    /// Double precision.
+    F64(f64),
+    /// Single precision, as the controller computed it.
+    F32(f32),
+    /// A count.
+    U32(u32),
+    /// A tick.
+    U64(u64),
+    /// Yes or no.
+    Bool(bool),
+}
+
+/// A column of a results file.
+#[derive(Clone, Copy, Debug)]
+pub struct Column {
+    /// Its name, with the unit.
+    pub name: &'static str,
+    /// Its unit; "1" for a ratio or a count, "" for names and flags.
+    pub unit: &'static str,
+    /// What it holds.
+    pub about: &'static str,
+    /// Its value in a row.
+    pub get: fn(&ResultRow) -> Cell,
+}
+
+const fn column(name: &'static str, unit: &'static str, about: &'static str, get: fn(&ResultRow) -> Cell) -> Column {
+    Column { name, unit, about, get }
+}
+
+/// The columns, in the order of the file.
+pub const COLUMNS: &[Column] = &[
+    column("set_up", "", "name of the set-up", |r| Cell::Text(r.set_up.clone())),
+    column("experiment", "", "name of the experiment", |r| Cell::Text(r.experiment.clone())),
+    column("frequency_hz", "Hz", "drive frequency", |r| Cell::F64(r.frequency_hz)),
+    column("x_over_z", "1", "x_mean_cycle_max_m / z_amplitude_m", |r| Cell::F64(r.x_over_z())),
+    column("d_over_z", "1", "clearance over base amplitude as set; NaN without a particle", |r| Cell::F64(r.d_over_z)),
+    column("z_amplitude_m", "m", "base: lock-in amplitude", |r| Cell::F32(r.z_amplitude_m)),
+    column("x_amplitude_m", "m", "structure: lock-in amplitude", |r| Cell::F32(r.x_amplitude_m)),
+    column("phase_rad", "rad", "phase of x relative to z", |r| Cell::F32(r.phase_rad)),
+    column("x_rms_m", "m", "structure: RMS over the dwell", |r| Cell::F32(r.x_rms_m)),
+    column("x_mean_cycle_max_m", "m", "structure: mean over cycles of max|x|", |r| Cell::F32(r.x_mean_cycle_max_m)),
+    column("x_max_m", "m", "structure: largest |x| of the dwell", |r| Cell::F32(r.x_max_m)),
+    column("x_last_cycle_max_m", "m", "structure: max|x| of the last whole cycle", |r| Cell::F32(r.x_last_cycle_max_m)),
+    column("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle", |r| Cell::F32(r.change_per_cycle)),
+    column("scatter", "1", "scatter of the cycle maxima around the trend, relative", |r| Cell::F32(r.scatter)),
+    column("cycles", "1", "whole cycles in the dwell", |r| Cell::U32(r.cycles)),
+    column("steady", "", "whether the point counts as steady", |r| Cell::Bool(r.steady)),
+    column("start_tick", "tick", "first tick of the dwell", |r| Cell::U64(r.start_tick)),
+    column("end_tick", "tick", "first tick after the dwell", |r| Cell::U64(r.end_tick)),
+];
