@@ -3,7 +3,10 @@
 //! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
 
 pub mod campaign;
+pub mod figure;
 pub mod input;
+pub mod prediction;
+pub mod recording;
 
-/// The controller's tick rate, Hz.
-pub const TICK_RATE_HZ: f64 = 1000.0;
+/// Name and version, as files and reports carry it.
+pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -1,5 +1,9 @@
 //! `[[experiment]]`: a stepped sine over a list of frequencies, on some of the set-ups.
 
+use damprig_core::control::stepped_sine::{FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::rig::TICK_HZ;
+
 use crate::input::{Number, Problem, Section, Text, near};
 
 use super::CampaignSetUp;
@@ -11,22 +15,6 @@ pub enum Start {
     FromRest,
     /// With the motion that the frequency before left: a sweep.
     CarryOver,
-}
-
-/// When a point counts as steady.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Steady {
-    /// Largest relative change of the cycle maximum from cycle to cycle, as a trend.
-    pub change_per_cycle: f64,
-    /// Largest relative scatter of the cycle maxima around that trend.
-    pub scatter: f64,
-}
-
-impl Default for Steady {
-    /// A change of 0.05 % in a cycle (4 % over the 80 cycles of 32 s at 2.5 Hz), and 5 % of scatter.
-    fn default() -> Self {
-        Self { change_per_cycle: 5e-4, scatter: 0.05 }
-    }
 }
 
 /// A stepped sine.
@@ -47,21 +35,15 @@ pub struct SteppedSine {
     /// |x| below which the structure counts as at rest before a `from_rest` point, m.
     pub rest_level_m: f64,
     /// When a point counts as steady.
-    pub steady: Steady,
+    pub steady: SteadyLimits,
 }
 
-/// Ticks that a period needs: the drive and the lock-in see at least this many samples of it.
-const TICKS_PER_PERIOD: f64 = 20.0;
-/// Whole periods that a dwell must hold for an amplitude, a trend and a scatter.
-const PERIODS_PER_DWELL: f64 = 4.0;
-/// More points than this in one experiment are a typing mistake.
-const MOST_POINTS: f64 = 100_000.0;
 /// A tenth of a millimetre.
 const REST_LEVEL_M: f64 = 1e-4;
 
 /// The highest drive frequency, Hz.
 fn highest_hz() -> f64 {
-    crate::TICK_RATE_HZ / TICKS_PER_PERIOD
+    f64::from(TICK_HZ / FEWEST_TICKS_PER_CYCLE)
 }
 
 /// All `[[experiment]]` tables; `set_ups` is `None` when those could not be read.
@@ -93,9 +75,9 @@ fn read(section: Section, index: usize, set_ups: Option<&[CampaignSetUp]>) -> Op
     let steady = read_steady(&section);
     if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
         let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
-        if dwell.value * lowest < PERIODS_PER_DWELL {
-            let allowed = format!("must hold {PERIODS_PER_DWELL} periods of the lowest frequency, {lowest} Hz");
-            let help = Some(format!("write dwell_s = {} or more", PERIODS_PER_DWELL / lowest));
+        if dwell.value * lowest < f64::from(FEWEST_CYCLES) {
+            let allowed = format!("must hold {FEWEST_CYCLES} periods of the lowest frequency, {lowest} Hz");
+            let help = Some(format!("write dwell_s = {} or more", f64::from(FEWEST_CYCLES) / lowest));
             section.refuse("dwell_s", &dwell.span, allowed, help);
         }
     }
@@ -156,6 +138,15 @@ fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
             section.refuse(key, &section.span(), "must hold at least one frequency", None);
             return None;
         }
+        if list.len() > MOST_POINTS {
+            section.refuse(
+                key,
+                &section.span(),
+                format!("holds {} points; the controller holds {MOST_POINTS}", list.len()),
+                None,
+            );
+            return None;
+        }
         let refused = list.iter().filter(|n| !sound(section, key, n)).count();
         return (refused == 0).then(|| list.iter().map(|n| n.value).collect());
     }
@@ -174,7 +165,12 @@ fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
 fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<Vec<f64>> {
     let ends = [sound(grid, "from_hz", from), sound(grid, "to_hz", to)];
     if step.value == 0.0 {
-        grid.refuse("step_hz", &step.span, "must not be 0", Some("for one frequency write frequencies_hz = [2.5]".into()));
+        grid.refuse(
+            "step_hz",
+            &step.span,
+            "must not be 0",
+            Some("for one frequency write frequencies_hz = [2.5]".into()),
+        );
         return None;
     }
     if (to.value - from.value) * step.value < 0.0 {
@@ -184,8 +180,13 @@ fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<V
     }
     // A grid's end is met up to the rounding of decimal fractions.
     let steps = ((to.value - from.value) / step.value + 1e-6).floor();
-    if steps + 1.0 > MOST_POINTS {
-        grid.refuse("step_hz", &step.span, format!("would give {} points; at most {MOST_POINTS}", steps + 1.0), None);
+    if steps + 1.0 > MOST_POINTS as f64 {
+        grid.refuse(
+            "step_hz",
+            &step.span,
+            format!("would give {} points; the controller holds {MOST_POINTS}", steps + 1.0),
+            None,
+        );
         return None;
     }
     // To the nanohertz, so that 2 + 7 × 0.05 is written 2.35.
@@ -199,22 +200,22 @@ fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
     let ok = frequency.value > 0.0 && frequency.value <= highest;
     if !ok {
         let allowed = format!(
-            "must be above 0 and at most {highest} Hz: the controller's tick of {} Hz gives a period {TICKS_PER_PERIOD} samples there",
-            crate::TICK_RATE_HZ
+            "must be above 0 and at most {highest} Hz: the controller's tick of {} Hz gives a period {FEWEST_TICKS_PER_CYCLE} samples there",
+            TICK_HZ
         );
         section.refuse(key, &frequency.span, allowed, None);
     }
     ok
 }
 
-fn read_steady(section: &Section) -> Steady {
-    let default = Steady::default();
+fn read_steady(section: &Section) -> SteadyLimits {
+    let default = SteadyLimits::default();
     let Some(table) = section.table("steady", None) else { return default };
     let change = table.positive("change_per_cycle");
     let scatter = table.positive("scatter");
     table.finish();
-    Steady {
-        change_per_cycle: change.map_or(default.change_per_cycle, |n| n.value),
-        scatter: scatter.map_or(default.scatter, |n| n.value),
+    SteadyLimits {
+        change_per_cycle: change.map_or(default.change_per_cycle, |n| n.value as f32),
+        scatter: scatter.map_or(default.scatter, |n| n.value as f32),
     }
 }

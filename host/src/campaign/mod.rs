@@ -14,7 +14,7 @@ use toml::de::DeTable;
 
 use crate::input::{Problem, Refusal, Section, Source};
 
-pub use experiment::{Start, Steady, SteppedSine};
+pub use experiment::{Start, SteppedSine};
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::{CampaignSetUp, SetUpSpec};
 
@@ -57,11 +57,20 @@ impl Campaign {
         Ok(Self { name, rig, telemetry, set_ups, experiments, source })
     }
 
+    /// Points of the whole campaign: frequencies times set-ups.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.experiments.iter().map(|e| e.set_ups.len() * e.frequencies_hz.len()).sum()
+    }
+
     /// Rig time of the whole campaign as far as the file tells it, s: settling and dwell, without the waits
     /// for rest.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        self.experiments.iter().map(|e| e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (e.settle_s + e.dwell_s)).sum()
+        self.experiments
+            .iter()
+            .map(|e| e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (e.settle_s + e.dwell_s))
+            .sum()
     }
 }
 
@@ -104,7 +113,8 @@ fn name(root: &Section) -> Option<String> {
 }
 
 fn slug(text: &str) -> String {
-    let kept: String = text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let kept: String =
+        text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
     let kept = kept.trim_matches('-');
     if kept.is_empty() { "campaign".into() } else { kept.chars().take(60).collect() }
 }

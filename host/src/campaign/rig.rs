@@ -61,7 +61,11 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
 
 pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
     let Some(table) = root.table("telemetry", None) else {
-        return (!root.has_own("telemetry")).then(|| Telemetry { rate_hz: 100.0, rate_span: 0..0, signals: Vec::new() });
+        return (!root.has_own("telemetry")).then(|| Telemetry {
+            rate_hz: 100.0,
+            rate_span: 0..0,
+            signals: Vec::new(),
+        });
     };
     let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
     let signals = table.texts("signals").unwrap_or_default();

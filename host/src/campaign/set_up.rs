@@ -58,7 +58,13 @@ impl SetUpSpec {
                 Relative::Ratio(ratio) => ratio * self.structure.stiffness_n_per_m * base_amplitude_m,
             },
         });
-        SetUp { structure: self.structure, particle, friction_damper, tmd: None, gravity_m_per_s2: self.gravity_m_per_s2 }
+        SetUp {
+            structure: self.structure,
+            particle,
+            friction_damper,
+            tmd: None,
+            gravity_m_per_s2: self.gravity_m_per_s2,
+        }
     }
 
     /// y − x at the start at base amplitude Z, m; 0 without a particle.
@@ -174,9 +180,9 @@ fn read<'a>(section: Section<'a>, defaults: &Defaults<'a>) -> Option<CampaignSet
     let amplitude = section.required("base_amplitude_m", "Z, the base amplitude in metres", Section::positive);
     let structure = read_structure(&section, defaults);
     let has_particle = section.has_own("particle");
-    let particle = section.table("particle", defaults.particle).and_then(|s| {
-        read_particle(s, structure.as_ref().map(|s| s.mass_kg), amplitude.as_ref().map(|n| n.value))
-    });
+    let particle = section
+        .table("particle", defaults.particle)
+        .and_then(|s| read_particle(s, structure.as_ref().map(|s| s.mass_kg), amplitude.as_ref().map(|n| n.value)));
     let has_friction = section.has_own("friction_damper");
     let friction = section.table("friction_damper", defaults.friction_damper).and_then(read_friction);
     section.finish();
@@ -225,14 +231,16 @@ fn read_particle(table: Section, structure_mass_kg: Option<f64>, amplitude: Opti
     let mass = table.either(["mass_kg", "mass_ratio"], Section::positive);
     let clearance = table.either(["clearance_m", "clearance_ratio"], Section::positive);
     let friction = table.not_negative("friction_coefficient");
-    let wall = table.required("wall", "write wall = { kind = \"restitution\", coefficient = 0.5 }", |s, key| s.table(key, None));
+    let wall = table
+        .required("wall", "write wall = { kind = \"restitution\", coefficient = 0.5 }", |s, key| s.table(key, None));
     let wall = wall.and_then(read_wall);
     let start = table.choice("start", &STARTS);
     let start_m = table.number("start_m");
     if let (true, Some(n)) = (table.has_own("start"), &start_m) {
         table.refuse("start_m", &n.span, "`start` is given too", Some("leave out `start` or `start_m`".into()));
     }
-    let clearance = clearance.map(|(which, n)| if which == 0 { Relative::Absolute(n.value) } else { Relative::Ratio(n.value) });
+    let clearance =
+        clearance.map(|(which, n)| if which == 0 { Relative::Absolute(n.value) } else { Relative::Ratio(n.value) });
     if let (Some(n), Some(clearance), Some(amplitude)) = (&start_m, clearance, amplitude) {
         let room = match clearance {
             Relative::Absolute(d) => d,

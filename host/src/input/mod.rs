@@ -7,9 +7,9 @@
 pub mod section;
 mod suggest;
 
-use std::cell::RefCell;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
@@ -37,7 +37,7 @@ pub struct Problem {
 pub struct Source {
     name: String,
     text: String,
-    problems: RefCell<Vec<Problem>>,
+    problems: Mutex<Vec<Problem>>,
 }
 
 impl Source {
@@ -63,7 +63,12 @@ impl Source {
     /// A text that is at hand already; `name` stands for the file in answers.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), text: text.into(), problems: RefCell::default() }
+        Self { name: name.into(), text: text.into(), problems: Mutex::default() }
+    }
+
+    fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {
+        // A list of problems is sound whatever happened to the thread that added to it.
+        self.problems.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The text as read.
@@ -74,13 +79,13 @@ impl Source {
 
     /// Notes a problem; reading goes on, so that one answer holds them all.
     pub fn report(&self, problem: Problem) {
-        self.problems.borrow_mut().push(problem);
+        self.problems().push(problem);
     }
 
     /// Whether nothing was wrong so far.
     #[must_use]
     pub fn is_clean(&self) -> bool {
-        self.problems.borrow().is_empty()
+        self.problems().is_empty()
     }
 
     /// All problems so far as one answer, in the order of the file.
@@ -88,7 +93,7 @@ impl Source {
     /// # Errors
     /// When there are any.
     pub fn verdict(&self) -> Result<(), Refusal> {
-        let mut problems = self.problems.borrow().clone();
+        let mut problems = self.problems().clone();
         if problems.is_empty() {
             return Ok(());
         }

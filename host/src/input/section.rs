@@ -168,7 +168,11 @@ impl<'a> Section<'a> {
 
     /// One quantity that may be written under either of two keys, with the same condition on both: which key
     /// it was, and the number. A section's own key wins over the other one inherited.
-    pub fn either(&self, keys: [&'static str; 2], read: impl Fn(&Self, &'static str) -> Option<Number>) -> Option<(usize, Number)> {
+    pub fn either(
+        &self,
+        keys: [&'static str; 2],
+        read: impl Fn(&Self, &'static str) -> Option<Number>,
+    ) -> Option<(usize, Number)> {
         let here = keys.map(|k| self.value(k).is_some());
         let own = keys.map(|k| self.has_own(k));
         let which = match (here, own) {
@@ -208,7 +212,8 @@ impl<'a> Section<'a> {
         let index = words.iter().position(|w| *w == text.value);
         if index.is_none() {
             let list: Vec<String> = words.iter().map(|w| format!("{w:?}")).collect();
-            let help = suggest::near(&text.value, words.iter().copied()).first().map(|w| format!("did you mean {w:?}?"));
+            let help =
+                suggest::near(&text.value, words.iter().copied()).first().map(|w| format!("did you mean {w:?}?"));
             self.refuse(key, &text.span, format!("must be {}", list.join(" or ")), help);
         }
         index

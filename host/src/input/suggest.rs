@@ -31,7 +31,8 @@ const CONVERSIONS: &[(&str, &str, f64)] = &[
 /// Name without its unit: `mass_kg` → `mass`, `clearance_mm` → `clearance`.
 fn stem(key: &str) -> &str {
     const UNITS: &[&str] = &["_n_s_per_m", "_kn_per_m", "_n_per_mm", "_n_per_m", "_rad_per_s", "_m_per_s2", "_m_per_s"];
-    const SHORT: &[&str] = &["_kg", "_g", "_mm", "_cm", "_um", "_m", "_khz", "_mhz", "_hz", "_ms", "_min", "_s", "_kn", "_mn", "_n"];
+    const SHORT: &[&str] =
+        &["_kg", "_g", "_mm", "_cm", "_um", "_m", "_khz", "_mhz", "_hz", "_ms", "_min", "_s", "_kn", "_mn", "_n"];
     for unit in UNITS.iter().chain(SHORT) {
         if let Some(stem) = key.strip_suffix(unit) {
             return stem;
@@ -70,7 +71,8 @@ pub(super) fn replacement(key: &str, value: Option<f64>, known: &[&str]) -> Opti
 mod tests {
     use super::*;
 
-    const KNOWN: &[&str] = &["mass_kg", "mass_ratio", "clearance_m", "clearance_ratio", "base_amplitude_m", "coefficient"];
+    const KNOWN: &[&str] =
+        &["mass_kg", "mass_ratio", "clearance_m", "clearance_ratio", "base_amplitude_m", "coefficient"];
 
     #[test]
     fn a_missing_unit_is_answered_with_the_right_key() {

@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use arrow_array::builder::StringDictionaryBuilder;
 use arrow_array::types::Int32Type;
-use arrow_array::{ArrayRef, BooleanArray, Float32Array, Float64Array, RecordBatch, StringArray, UInt32Array, UInt64Array};
+use arrow_array::{
+    ArrayRef, BooleanArray, Float32Array, Float64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
+};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -26,7 +28,10 @@ fn field(name: &str, kind: DataType, unit: &str) -> Field {
 }
 
 fn properties() -> WriterProperties {
-    WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by(crate::VERSION_LINE.to_string()).build()
+    WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_created_by(crate::VERSION_LINE.to_string())
+        .build()
 }
 
 /// A parquet failure as the storage failure it is; the disk's own words when there are any.
@@ -39,11 +44,16 @@ fn failure(path: &Path, error: ParquetError) -> StorageError {
 }
 
 /// Writes a file beside `path`, then gives it its name.
-fn write_whole(path: &Path, schema: &SchemaRef, batches: impl Iterator<Item = Result<RecordBatch, String>>) -> Result<(), StorageError> {
+fn write_whole(
+    path: &Path,
+    schema: &SchemaRef,
+    batches: impl Iterator<Item = Result<RecordBatch, String>>,
+) -> Result<(), StorageError> {
     let beside = PathBuf::from(format!("{}.tmp", path.display()));
     let written = (|| {
         let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
-        let mut writer = ArrowWriter::try_new(file, schema.clone(), Some(properties())).map_err(|e| failure(path, e))?;
+        let mut writer =
+            ArrowWriter::try_new(file, schema.clone(), Some(properties())).map_err(|e| failure(path, e))?;
         for batch in batches {
             let batch = batch.map_err(|e| StorageError::new("write", path, e))?;
             writer.write(&batch).map_err(|e| failure(path, e))?;
@@ -170,7 +180,13 @@ impl SampleFile {
     ///
     /// # Errors
     /// When a part was full and could not be written.
-    pub fn push(&mut self, point: Point, tick: u64, t_s: f64, values: impl Iterator<Item = f32>) -> Result<(), StorageError> {
+    pub fn push(
+        &mut self,
+        point: Point,
+        tick: u64,
+        t_s: f64,
+        values: impl Iterator<Item = f32>,
+    ) -> Result<(), StorageError> {
         let set_up = self.name(point.set_up);
         let experiment = self.name(point.experiment);
         self.rows.set_up.push(set_up);
@@ -233,7 +249,8 @@ impl SampleFile {
     /// When that cannot be written; the parts stay, and can be read as they are.
     pub fn close(&mut self) -> Result<(), StorageError> {
         let flushed = self.flush();
-        let parts: Vec<PathBuf> = (1..=self.part).map(|i| self.parts.join(format!("{i:06}.parquet"))).filter(|p| p.exists()).collect();
+        let parts: Vec<PathBuf> =
+            (1..=self.part).map(|i| self.parts.join(format!("{i:06}.parquet"))).filter(|p| p.exists()).collect();
         let batches = parts.iter().flat_map(|path| match read(path) {
             Ok(batches) => batches,
             Err(error) => vec![Err(error)],

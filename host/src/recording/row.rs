@@ -43,6 +43,27 @@ pub struct ResultRow {
 }
 
 impl ResultRow {
+    /// A row without values, to ask the columns for their types.
+    pub(super) const SAMPLE: Self = Self {
+        set_up: String::new(),
+        experiment: String::new(),
+        frequency_hz: 0.0,
+        z_amplitude_m: 0.0,
+        x_amplitude_m: 0.0,
+        phase_rad: 0.0,
+        x_rms_m: 0.0,
+        x_mean_cycle_max_m: 0.0,
+        x_max_m: 0.0,
+        x_last_cycle_max_m: 0.0,
+        change_per_cycle: 0.0,
+        scatter: 0.0,
+        cycles: 0,
+        steady: false,
+        start_tick: 0,
+        end_tick: 0,
+        d_over_z: 0.0,
+    };
+
     /// X/Z as the literature's tables have it: mean cycle maximum over the measured base amplitude.
     #[must_use]
     pub fn x_over_z(&self) -> f64 {
@@ -98,7 +119,9 @@ pub const COLUMNS: &[Column] = &[
     column("x_mean_cycle_max_m", "m", "structure: mean over cycles of max|x|", |r| Cell::F32(r.x_mean_cycle_max_m)),
     column("x_max_m", "m", "structure: largest |x| of the dwell", |r| Cell::F32(r.x_max_m)),
     column("x_last_cycle_max_m", "m", "structure: max|x| of the last whole cycle", |r| Cell::F32(r.x_last_cycle_max_m)),
-    column("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle", |r| Cell::F32(r.change_per_cycle)),
+    column("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle", |r| {
+        Cell::F32(r.change_per_cycle)
+    }),
     column("scatter", "1", "scatter of the cycle maxima around the trend, relative", |r| Cell::F32(r.scatter)),
     column("cycles", "1", "whole cycles in the dwell", |r| Cell::U32(r.cycles)),
     column("steady", "", "whether the point counts as steady", |r| Cell::Bool(r.steady)),

@@ -1,0 +1,212 @@
+//! A pair of axes with round ticks, linear or logarithmic, and the way from values to points on the page.
+//!
+//! The library's own mesh leaves a logarithmic axis of two decades with hardly a label; here ticks are
+//! chosen for the reader: 1, 2, 5 in every decade, or round steps.
+
+use plotters::element::{PathElement, Text};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, FontTransform};
+
+use super::{Canvas, FigureError, GREY, INK, PALE, text};
+
+/// How values are spread over an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// In proportion.
+    Linear,
+    /// By their logarithm; values must be greater than 0.
+    Log,
+}
+
+/// One axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Quantity and unit, as written beside the axis.
+    pub label: String,
+    /// Value at the lower or left end.
+    pub from: f64,
+    /// Value at the upper or right end; greater than `from`.
+    pub to: f64,
+    /// How values are spread.
+    pub scale: Scale,
+}
+
+impl Axis {
+    /// An axis that holds all finite `values` with a margin; from 0 to 1 when there are none.
+    pub fn around(label: impl Into<String>, scale: Scale, values: impl IntoIterator<Item = f64>) -> Self {
+        let usable = |v: &f64| v.is_finite() && (scale == Scale::Linear || *v > 0.0);
+        let (low, high) = values
+            .into_iter()
+            .filter(usable)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (from, to) = match scale {
+            _ if low > high => (0.5, 2.0),
+            Scale::Log => (low / 1.3, high * 1.3),
+            Scale::Linear => {
+                let margin = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+                (low - margin, high + margin)
+            }
+        };
+        Self { label: label.into(), from, to, scale }
+    }
+
+    /// Place of a value on the axis, 0 at `from`, 1 at `to`.
+    #[must_use]
+    pub fn place(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => (value - self.from) / (self.to - self.from),
+            Scale::Log => (value / self.from).ln() / (self.to / self.from).ln(),
+        }
+    }
+
+    /// Values at which the axis is labelled, and those that only get a line.
+    #[must_use]
+    pub fn ticks(&self) -> (Vec<f64>, Vec<f64>) {
+        let inside = |v: &f64| *v >= self.from * (1.0 - 1e-9) - 1e-300 && *v <= self.to + 1e-9 * self.to.abs();
+        match self.scale {
+            Scale::Log => {
+                let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
+                let spread = (self.to / self.from).log10();
+                let labelled: &[f64] = if spread <= 3.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+                let all = decades.flat_map(|d| (1..10).map(move |m| (f64::from(m), f64::from(m) * 10f64.powi(d))));
+                let (major, minor): (Vec<_>, Vec<_>) =
+                    all.filter(|(_, v)| inside(v)).partition(|(m, _)| labelled.contains(m));
+                (major.into_iter().map(|t| t.1).collect(), minor.into_iter().map(|t| t.1).collect())
+            }
+            Scale::Linear => {
+                let step = round_step((self.to - self.from) / 7.0);
+                let first = (self.from / step).ceil() as i64;
+                let last = (self.to / step).floor() as i64;
+                ((first..=last).map(|i| i as f64 * step).collect(), Vec::new())
+            }
+        }
+    }
+
+    /// A tick's label, with as many decimals as the ticks differ in.
+    fn tick_label(&self, value: f64) -> String {
+        let decimals = match self.scale {
+            Scale::Log => (-value.log10().floor()).max(0.0) as usize,
+            Scale::Linear => (-round_step((self.to - self.from) / 7.0).log10().floor()).max(0.0) as usize,
+        };
+        format!("{value:.decimals$}").replace('-', "−")
+    }
+}
+
+/// The next of 1, 2, 5 times a power of ten from `at_least` up.
+fn round_step(at_least: f64) -> f64 {
+    let power = 10f64.powf(at_least.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|s| *s >= at_least * (1.0 - 1e-9)).unwrap_or(10.0 * power)
+}
+
+/// A plotting frame on a page: two axes and the rectangle between them.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Horizontal.
+    pub x: Axis,
+    /// Vertical.
+    pub y: Axis,
+    /// Left, top, right, bottom, in points of the page.
+    pub bounds: (i32, i32, i32, i32),
+}
+
+impl Frame {
+    /// The page's point for a pair of values.
+    #[must_use]
+    pub fn point(&self, x: f64, y: f64) -> (i32, i32) {
+        let (left, top, right, bottom) = self.bounds;
+        let across = f64::from(left) + self.x.place(x) * f64::from(right - left);
+        let up = f64::from(bottom) - self.y.place(y) * f64::from(bottom - top);
+        (across.round() as i32, up.round() as i32)
+    }
+
+    /// Draws grid, frame, ticks and labels.
+    ///
+    /// # Errors
+    /// What the drawing library says.
+    pub fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        let (left, top, right, bottom) = self.bounds;
+        let line = |points: Vec<(i32, i32)>, style: plotters::style::ShapeStyle| {
+            canvas.draw(&PathElement::new(points, style)).map_err(FigureError::of)
+        };
+        let label = text(13.0, INK);
+        let (major, minor) = self.y.ticks();
+        for value in minor {
+            let (_, y) = self.point(self.x.from, value);
+            line(vec![(left, y), (right, y)], PALE.mix(0.45).stroke_width(1))?;
+        }
+        for value in major {
+            let (_, y) = self.point(self.x.from, value);
+            line(vec![(left, y), (right, y)], PALE.stroke_width(1))?;
+            line(vec![(left - 5, y), (left, y)], INK.stroke_width(1))?;
+            let style = label.clone().pos(Pos::new(HPos::Right, VPos::Center));
+            canvas.draw(&Text::new(self.y.tick_label(value), (left - 9, y), style)).map_err(FigureError::of)?;
+        }
+        for value in self.x.ticks().0 {
+            let (x, _) = self.point(value, self.y.from);
+            line(vec![(x, top), (x, bottom)], PALE.stroke_width(1))?;
+            line(vec![(x, bottom), (x, bottom + 5)], INK.stroke_width(1))?;
+            let style = label.clone().pos(Pos::new(HPos::Center, VPos::Top));
+            canvas.draw(&Text::new(self.x.tick_label(value), (x, bottom + 9), style)).map_err(FigureError::of)?;
+        }
+        let corners = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
+        line(corners, INK.stroke_width(1))?;
+        let centred = Pos::new(HPos::Center, VPos::Center);
+        let title = text(15.0, INK).pos(centred);
+        let below = ((left + right) / 2, bottom + 42);
+        canvas.draw(&Text::new(self.x.label.clone(), below, title.clone())).map_err(FigureError::of)?;
+        let beside = (left - 54, (top + bottom) / 2);
+        let upright = title.transform(FontTransform::Rotate270);
+        canvas.draw(&Text::new(self.y.label.clone(), beside, upright)).map_err(FigureError::of)
+    }
+
+    /// Draws a dashed vertical line at `x` with a word at its top.
+    ///
+    /// # Errors
+    /// What the drawing library says.
+    pub fn mark_x(&self, canvas: &Canvas, x: f64, word: &str) -> Result<(), FigureError> {
+        if !(self.x.from..=self.x.to).contains(&x) {
+            return Ok(());
+        }
+        let (across, _) = self.point(x, self.y.from);
+        let (_, top, _, bottom) = self.bounds;
+        for y in (top..bottom).step_by(9) {
+            let dash = PathElement::new(vec![(across, y), (across, (y + 5).min(bottom))], GREY.stroke_width(1));
+            canvas.draw(&dash).map_err(FigureError::of)?;
+        }
+        let style = text(13.0, GREY).pos(Pos::new(HPos::Center, VPos::Bottom));
+        canvas.draw(&Text::new(word.to_string(), (across, top - 4), style)).map_err(FigureError::of)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_logarithmic_axis_of_two_decades_is_labelled_at_1_2_5() {
+        let axis = Axis { label: String::new(), from: 0.9, to: 110.0, scale: Scale::Log };
+        assert_eq!(axis.ticks().0, [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        assert_eq!(axis.tick_label(0.5), "0.5");
+    }
+
+    #[test]
+    fn a_linear_axis_has_round_steps_and_the_decimals_they_need() {
+        let axis = Axis::around("", Scale::Linear, [2.0, 3.0]);
+        let (ticks, _) = axis.ticks();
+        assert_eq!(
+            ticks.iter().map(|t| axis.tick_label(*t)).collect::<Vec<_>>(),
+            ["2.0", "2.2", "2.4", "2.6", "2.8", "3.0"]
+        );
+    }
+
+    #[test]
+    fn all_values_stay_inside_and_none_at_all_is_no_panic() {
+        let values = [3.2, f64::NAN, 118.0, 0.7, 0.0];
+        let axis = Axis::around("", Scale::Log, values);
+        for v in [3.2, 118.0, 0.7] {
+            assert!((0.0..=1.0).contains(&axis.place(v)));
+        }
+        let empty = Axis::around("", Scale::Log, []);
+        assert!(empty.from < empty.to && !empty.ticks().0.is_empty());
+    }
+}

@@ -1,0 +1,129 @@
+//! The figure that the research is about: the vibration amplitude ratio X/Z over frequency, all set-ups.
+
+use plotters::element::{PathElement, Polygon, Text};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, RGBColor, WHITE};
+
+use super::axis::{Axis, Frame, Scale};
+use super::{Canvas, FigureError, GREY, INK, Picture, colour, text, width};
+
+/// One point of a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Hz.
+    pub frequency_hz: f64,
+    /// X/Z.
+    pub x_over_z: f64,
+    /// Whether the value is a steady one.
+    pub steady: bool,
+}
+
+/// The curve of one set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// The set-up's name for people.
+    pub label: String,
+    /// What is special about it, for the legend's second line ("d/Z = 10, Z = 1.5 mm").
+    pub detail: String,
+    /// In the order they were run.
+    pub points: Vec<CurvePoint>,
+}
+
+/// What the figure shows besides the curves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Notes {
+    /// Frequency at which a line marks fn, Hz.
+    pub natural_frequency_hz: Option<f64>,
+    /// Drawn below the axis; explains what X is and how long was measured.
+    pub caption: String,
+}
+
+const WIDTH: i32 = 980;
+const HEIGHT: i32 = 600;
+const LEFT: i32 = 82;
+const TOP: i32 = 34;
+const BOTTOM: i32 = HEIGHT - 88;
+const LEGEND_LINE: i32 = 19;
+
+/// Draws X/Z over frequency on a logarithmic ordinate; points that are not steady are hollow.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn draw(curves: &[Curve], notes: &Notes) -> Result<Picture, FigureError> {
+    let widest = curves.iter().flat_map(|c| [width(&text(14.0, INK), &c.label), width(&text(12.0, GREY), &c.detail)]);
+    let legend_width = widest.chain([width(&text(12.0, GREY), NOT_STEADY.0)]).max().unwrap_or(0) + 52;
+    let values = || curves.iter().flat_map(|c| &c.points);
+    let frame = Frame {
+        x: Axis::around("Frequency (Hz)", Scale::Linear, values().map(|p| p.frequency_hz)),
+        y: Axis::around("Vibration amplitude ratio X/Z", Scale::Log, values().map(|p| p.x_over_z)),
+        bounds: (LEFT, TOP, WIDTH - legend_width - 30, BOTTOM),
+    };
+    Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
+        frame.draw(canvas)?;
+        if let Some(natural) = notes.natural_frequency_hz {
+            frame.mark_x(canvas, natural, "fn")?;
+        }
+        for (i, curve) in curves.iter().enumerate() {
+            draw_curve(canvas, &frame, curve, i)?;
+        }
+        legend(canvas, frame.bounds.2 + 22, curves)?;
+        let caption = text(12.0, GREY).pos(Pos::new(HPos::Left, VPos::Bottom));
+        canvas.draw(&Text::new(notes.caption.clone(), (LEFT, HEIGHT - 12), caption)).map_err(FigureError::of)
+    })
+}
+
+fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &Curve, index: usize) -> Result<(), FigureError> {
+    let mut points: Vec<&CurvePoint> =
+        curve.points.iter().filter(|p| p.x_over_z.is_finite() && p.x_over_z > 0.0).collect();
+    points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    let at = |p: &CurvePoint| frame.point(p.frequency_hz, p.x_over_z);
+    let path = points.iter().map(|p| at(p)).collect::<Vec<_>>();
+    canvas.draw(&PathElement::new(path, colour(index).stroke_width(2))).map_err(FigureError::of)?;
+    points.iter().try_for_each(|p| marker(canvas, at(p), index, p.steady))
+}
+
+/// Each curve has a shape of its own besides its colour.
+fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Result<(), FigureError> {
+    const SHAPES: [&[(i32, i32)]; 6] = [
+        &[(5, 0), (4, 3), (3, 4), (0, 5), (-3, 4), (-4, 3), (-5, 0), (-4, -3), (-3, -4), (0, -5), (3, -4), (4, -3)],
+        &[(-4, -4), (4, -4), (4, 4), (-4, 4)],
+        &[(0, -6), (6, 4), (-6, 4)],
+        &[(0, -6), (6, 0), (0, 6), (-6, 0)],
+        &[(0, 6), (6, -4), (-6, -4)],
+        &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)],
+    ];
+    let mut outline: Vec<(i32, i32)> = SHAPES[index % SHAPES.len()].iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
+    let tint: RGBColor = colour(index);
+    let inside = if filled { tint } else { WHITE };
+    canvas.draw(&Polygon::new(outline.clone(), inside.filled())).map_err(FigureError::of)?;
+    outline.push(outline[0]);
+    outline.push(outline[1]);
+    canvas.draw(&PathElement::new(outline, tint.stroke_width(2))).map_err(FigureError::of)
+}
+
+const STEADY: (&str, bool) = ("steady", true);
+const NOT_STEADY: (&str, bool) = ("not steady within the dwell", false);
+
+fn legend(canvas: &Canvas, left: i32, curves: &[Curve]) -> Result<(), FigureError> {
+    let at = |style: plotters::style::TextStyle<'static>| style.pos(Pos::new(HPos::Left, VPos::Center));
+    let mut y = TOP + 8;
+    for (i, curve) in curves.iter().enumerate() {
+        canvas
+            .draw(&PathElement::new(vec![(left, y), (left + 30, y)], colour(i).stroke_width(2)))
+            .map_err(FigureError::of)?;
+        marker(canvas, (left + 15, y), i, true)?;
+        canvas.draw(&Text::new(curve.label.clone(), (left + 40, y), at(text(14.0, INK)))).map_err(FigureError::of)?;
+        y += LEGEND_LINE;
+        canvas.draw(&Text::new(curve.detail.clone(), (left + 40, y), at(text(12.0, GREY)))).map_err(FigureError::of)?;
+        y += LEGEND_LINE + 9;
+    }
+    y += 8;
+    for (word, filled) in [STEADY, NOT_STEADY] {
+        for (place, index) in [(8, 0), (24, 1)] {
+            marker(canvas, (left + place, y), index, filled)?;
+        }
+        canvas.draw(&Text::new(word.to_string(), (left + 40, y), at(text(12.0, GREY)))).map_err(FigureError::of)?;
+        y += LEGEND_LINE + 2;
+    }
+    Ok(())
+}

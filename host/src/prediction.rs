@@ -1,0 +1,167 @@
+//! Before anything moves: how far each set-up will swing, and whether the sensors can follow.
+//!
+//! Each set-up is simulated through the campaign's own points with the sampled driver in `f64`, the base
+//! motion given as cubics that meet the sine's displacement and velocity at the ends of every step. A cubic
+//! over a step h misses a sine of angular frequency Ω by at most (Ωh)⁴/384 of its amplitude; with at least
+//! 64 steps in a period that is 2.5·10⁻⁷, far below what decides between fits and does not fit.
+
+use std::f64::consts::TAU;
+
+use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
+use damprig_core::model::{Initial, Invalid};
+use rayon::prelude::*;
+
+use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::input::{Problem, Refusal};
+
+/// How far a set-up swings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Swing {
+    /// Largest |x|, m.
+    pub max_x_m: f64,
+    /// Drive frequency at which it occurs, Hz.
+    pub frequency_hz: f64,
+}
+
+/// The prediction for one set-up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// Position of the set-up in the campaign.
+    pub set_up: usize,
+    /// How far it swings over all its points.
+    pub swing: Swing,
+}
+
+/// Steps in a period of the drive, at least.
+const STEPS_PER_PERIOD: f64 = 64.0;
+
+/// Share of the displacement limit that a prediction may use up: what is left is for noise, resolution and
+/// what the model does not know.
+pub const USABLE: f64 = 0.98;
+
+/// Predicts every set-up that an experiment uses, in the order of the campaign.
+///
+/// # Errors
+/// A parameter that the simulation cannot take, with the set-up's name.
+pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
+    let used = |i: &usize| campaign.experiments.iter().any(|e| e.set_ups.contains(i));
+    let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
+    let predictions: Result<Vec<Prediction>, Refusal> = indices
+        .into_par_iter()
+        .map(|set_up| {
+            let it = &campaign.set_ups[set_up];
+            let swing = swing(campaign, set_up, it.base_amplitude_m);
+            swing.map(|swing| Prediction { set_up, swing }).map_err(|e| Refusal(format!("set-up {:?}: {e}", it.name)))
+        })
+        .collect();
+    predictions
+}
+
+/// Refuses set-ups that would leave the displacement limit, with the largest Z that would fit.
+///
+/// # Errors
+/// One answer for all of them, each pointing at the set-up's base amplitude.
+pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refusal> {
+    let limit = campaign.rig.displacement_limit_m;
+    for prediction in predictions {
+        if prediction.swing.max_x_m <= USABLE * limit {
+            continue;
+        }
+        let set_up = &campaign.set_ups[prediction.set_up];
+        let fix = largest_fitting(campaign, prediction, limit);
+        campaign.source.report(Problem {
+            title: format!(
+                "set-up {:?} would leave the displacement limit: predicted max|x| = {:.1} mm at {} Hz, limit ±{} mm (sensor range ±{} mm)",
+                set_up.name,
+                prediction.swing.max_x_m * 1e3,
+                prediction.swing.frequency_hz,
+                trim(limit * 1e3),
+                trim(campaign.rig.sensor_range_m * 1e3),
+            ),
+            span: set_up.base_amplitude_span.clone(),
+            allowed: format!("Z = {} mm is too much for this set-up", trim(set_up.base_amplitude_m * 1e3)),
+            help: fix.map(|(z, swing)| {
+                format!("write base_amplitude_m = {z} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
+            }),
+        });
+    }
+    campaign.source.verdict()
+}
+
+/// Up to six digits, no trailing zeros.
+fn trim(value: f64) -> String {
+    format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// The largest base amplitude of two digits that keeps the set-up within the limit, with its prediction.
+///
+/// |x| need not rise steadily with Z, so candidates are simulated one by one, from the amplitude that would fit
+/// in proportion downwards.
+fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> Option<(f64, Swing)> {
+    let z = campaign.set_ups[prediction.set_up].base_amplitude_m;
+    let mut candidate = two_digits_down(z * USABLE * limit / prediction.swing.max_x_m);
+    for _ in 0..30 {
+        let swing = swing(campaign, prediction.set_up, candidate).ok()?;
+        if swing.max_x_m <= USABLE * limit {
+            return Some((candidate, swing));
+        }
+        candidate = two_digits_down(candidate * 0.97);
+    }
+    None
+}
+
+fn two_digits_down(value: f64) -> f64 {
+    let exponent = value.log10().floor() as i32 - 1;
+    let digits = (value / 10f64.powi(exponent) * (1.0 + 1e-12)).floor();
+    // Through text, so that the person reads 0.00018 and not its binary neighbour.
+    format!("{digits}e{exponent}").parse().unwrap_or(value)
+}
+
+fn swing(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<Swing, Invalid> {
+    let mut largest = Swing { max_x_m: 0.0, frequency_hz: 0.0 };
+    for experiment in campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up)) {
+        let swing = simulate(&campaign.set_ups[set_up], experiment, base_amplitude_m)?;
+        if swing.max_x_m > largest.max_x_m {
+            largest = swing;
+        }
+    }
+    Ok(largest)
+}
+
+/// One experiment on one set-up with base amplitude Z.
+fn simulate(set_up: &CampaignSetUp, experiment: &SteppedSine, base_amplitude_m: f64) -> Result<Swing, Invalid> {
+    let model = set_up.spec.at(base_amplitude_m);
+    let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
+    let rate =
+        model.structure.angular_frequency_rad_per_s().max(model.structure.damping_n_s_per_m / model.structure.mass_kg);
+    let mut largest = Swing { max_x_m: 0.0, frequency_hz: 0.0 };
+    let mut carried: Option<Initial> = None;
+    for &frequency_hz in &experiment.frequencies_hz {
+        let steps = STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil());
+        let step_s = 1.0 / (frequency_hz * steps);
+        let mut motion = Sampled::<f64>::new(&model, step_s, &carried.take().unwrap_or(initial))?;
+        let count = ((experiment.settle_s + experiment.dwell_s) / step_s).ceil() as u64;
+        let at = |step: u64| {
+            let angle = TAU * (step as f64 % steps) / steps;
+            (base_amplitude_m * angle.sin(), base_amplitude_m * angle.cos() * TAU / steps)
+        };
+        let mut start = at(0);
+        for step in 0..count {
+            let end = at(step + 1);
+            motion.step(&Segment::hermite(start.0, end.0, start.1, end.1), &mut ());
+            start = end;
+            let x = motion.state().x.abs();
+            if x > largest.max_x_m {
+                largest = Swing { max_x_m: x, frequency_hz };
+            }
+        }
+        if experiment.start == Start::CarryOver {
+            let state = motion.state();
+            let (v, slide) = (state.v / step_s, state.slide / step_s);
+            let y_m = state.x + state.offset;
+            carried = Some(Initial { x_m: state.x, v_m_per_s: v, y_m, u_m_per_s: v + slide });
+        }
+    }
+    Ok(largest)
+}

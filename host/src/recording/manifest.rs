@@ -1,0 +1,163 @@
+//! `manifest.json`: everything about a run that is not a table.
+
+use serde::Serialize;
+
+use super::Signal;
+use super::row::COLUMNS;
+use crate::campaign::{Campaign, CampaignSetUp};
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Ending {
+    /// Not yet. Found in a folder whose run is over: it was killed.
+    Running,
+    /// Every point was taken.
+    Complete,
+    /// It ended before.
+    Incomplete {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What the device said about itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Device {
+    /// The link it was reached by, as given to `--rig`.
+    pub link: String,
+    /// Board name.
+    pub board: String,
+    /// Firmware version.
+    pub firmware: String,
+    /// Protocol version.
+    pub protocol_version: u16,
+    /// Hash of the protocol's message schema, in hexadecimal.
+    pub protocol_schema: String,
+    /// Whether the plant is simulated.
+    pub simulated: bool,
+    /// Ticks in a second.
+    pub tick_hz: f64,
+}
+
+/// What got lost on the way; zeros unless something is wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counters {
+    /// Telemetry records that the device had no room for.
+    pub dropped_records: u64,
+    /// Telemetry records missing by their sequence numbers.
+    pub missing_records: u64,
+    /// Frames that the host refused: checksum, length, or content.
+    pub bad_frames_host: u64,
+    /// Frames that the device refused.
+    pub bad_frames_device: u64,
+}
+
+/// A set-up in SI units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SetUpRecord {
+    name: String,
+    label: String,
+    base_amplitude_m: f64,
+    clearance_ratio: Option<f64>,
+    friction_ratio: Option<f64>,
+    natural_frequency_hz: f64,
+    particle_start_m: f64,
+    predicted_max_x_m: f64,
+    model: damprig_core::model::SetUp,
+}
+
+impl SetUpRecord {
+    /// Of a campaign's set-up and its prediction.
+    #[must_use]
+    pub fn new(set_up: &CampaignSetUp, predicted_max_x_m: f64) -> Self {
+        Self {
+            name: set_up.name.clone(),
+            label: set_up.label.clone(),
+            base_amplitude_m: set_up.base_amplitude_m,
+            clearance_ratio: set_up.clearance_ratio(),
+            friction_ratio: set_up.friction_ratio(),
+            natural_frequency_hz: set_up.natural_frequency_hz(),
+            particle_start_m: set_up.particle_start_m(),
+            predicted_max_x_m,
+            model: set_up.model(),
+        }
+    }
+}
+
+/// Unit and meaning of a results column.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+struct ColumnRecord {
+    name: &'static str,
+    unit: &'static str,
+    about: &'static str,
+}
+
+/// How long it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Clock {
+    /// Time that passed on the rig, s.
+    pub rig_s: f64,
+    /// Time that passed for the person waiting, s.
+    pub wall_s: f64,
+}
+
+/// The manifest.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Manifest {
+    /// Name of the campaign.
+    pub campaign: String,
+    /// How the run ended.
+    #[serde(flatten)]
+    pub ending: Ending,
+    /// Start, local time with its zone.
+    pub started: String,
+    /// Version of this program.
+    pub damprig: String,
+    /// Operating system and architecture of the host.
+    pub host: String,
+    /// The device; absent when it never answered.
+    pub device: Option<Device>,
+    /// Points planned.
+    pub points_planned: usize,
+    /// Points taken.
+    pub points_taken: usize,
+    /// Rows in the samples file.
+    pub sample_rows: u64,
+    /// Samples of each signal in a second, as asked for.
+    pub telemetry_rate_hz: f64,
+    /// Signals recorded.
+    pub signals: Vec<Signal>,
+    /// What got lost.
+    pub counters: Counters,
+    /// Durations.
+    pub clock: Clock,
+    /// The set-ups in SI units.
+    pub set_ups: Vec<SetUpRecord>,
+    results_columns: Vec<ColumnRecord>,
+}
+
+impl Manifest {
+    /// At the start of a run.
+    #[must_use]
+    pub fn begin(campaign: &Campaign, set_ups: Vec<SetUpRecord>, started: &jiff::Zoned) -> Self {
+        let columns = COLUMNS.iter().map(|c| ColumnRecord { name: c.name, unit: c.unit, about: c.about });
+        Self {
+            campaign: campaign.name.clone(),
+            ending: Ending::Running,
+            started: started.to_string(),
+            damprig: crate::VERSION_LINE.to_string(),
+            host: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            device: None,
+            points_planned: campaign.points(),
+            points_taken: 0,
+            sample_rows: 0,
+            telemetry_rate_hz: campaign.telemetry.rate_hz,
+            signals: Vec::new(),
+            counters: Counters::default(),
+            clock: Clock::default(),
+            set_ups,
+            results_columns: columns.collect(),
+        }
+    }
+}
