@@ -3,10 +3,14 @@
 //! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
 
 pub mod campaign;
+pub mod commands;
 pub mod figure;
 pub mod input;
+pub mod link;
 pub mod prediction;
 pub mod recording;
+pub mod run;
+pub mod session;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -1,2 +1,7 @@
-//! The command.
-fn main() {}
+//! The `damprig` command; everything in it is [`damprig::commands`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    damprig::commands::main()
+}

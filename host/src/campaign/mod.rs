@@ -63,16 +63,19 @@ impl Campaign {
         self.experiments.iter().map(|e| e.set_ups.len() * e.frequencies_hz.len()).sum()
     }
 
-    /// Rig time of the whole campaign as far as the file tells it, s: settling and dwell, without the waits
-    /// for rest.
+    /// Rig time that the whole campaign takes when every rest is immediate, as on a virtual rig, s.
     #[must_use]
-    pub fn duration_s(&self) -> f64 {
-        self.experiments
-            .iter()
-            .map(|e| e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (e.settle_s + e.dwell_s))
-            .sum()
+    pub fn expected_s(&self) -> f64 {
+        let one = |e: &SteppedSine| {
+            let rest_s = if e.start == Start::FromRest { REST_S } else { 0.0 };
+            e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (rest_s + e.settle_s + e.dwell_s)
+        };
+        self.experiments.iter().map(one).sum()
     }
 }
+
+/// Time between two points from rest: the drive fades, the rest level holds.
+const REST_S: f64 = 0.7;
 
 type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<SteppedSine>);
 

@@ -1,6 +1,8 @@
 //! `[rig]` and `[telemetry]`: the sensors as mounted, the limits, and what is recorded.
 
-use crate::input::{Section, Span, Text, near};
+use damprig_core::rig::TICK_HZ;
+
+use crate::input::{Number, Section, Span, Text, near};
 
 /// Sensors and limits.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,16 +22,16 @@ pub struct RigSettings {
 /// What is recorded while the rig moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Telemetry {
-    /// Samples of each signal in a second of rig time.
+    /// Samples of each signal in a second of rig time; 0 for none.
     pub rate_hz: f64,
-    /// Where the rate is written, for answers.
-    pub rate_span: Span,
     /// Names of the signals wanted, from the device's signal table; empty for all.
     pub signals: Vec<Text>,
 }
 
 /// The ±80 mm of the source document's laser sensors.
 const SENSOR_RANGE_M: f64 = 0.08;
+/// Ticks from row to row that the protocol can say.
+const MOST_TICKS: f64 = u16::MAX as f64;
 
 pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let Some(rig) = root.table("rig", None) else {
@@ -63,18 +65,40 @@ pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
     let Some(table) = root.table("telemetry", None) else {
         return (!root.has_own("telemetry")).then(|| Telemetry {
             rate_hz: 100.0,
-            rate_span: 0..0,
             signals: Vec::new(),
         });
     };
     let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
+    let rate = rate.filter(|rate| is_carried(&table, rate));
     let signals = table.texts("signals").unwrap_or_default();
     table.finish();
-    let rate = rate?;
-    Some(Telemetry { rate_hz: rate.value, rate_span: rate.span, signals })
+    Some(Telemetry { rate_hz: rate?.value, signals })
+}
+
+/// Whether the rate is a whole fraction of the tick rate.
+fn is_carried(table: &Section, rate: &Number) -> bool {
+    let tick_hz = f64::from(TICK_HZ);
+    let every = tick_hz / rate.value;
+    if rate.value == 0.0 || (every.fract() == 0.0 && (1.0..=MOST_TICKS).contains(&every)) {
+        return true;
+    }
+    // The whole fractions on both sides of what was written.
+    let near = every.clamp(1.0, MOST_TICKS);
+    let (above, below) = (tick_hz / near.floor(), tick_hz / near.ceil());
+    let help =
+        if above == below { format!("write rate_hz = {above}") } else { format!("write rate_hz = {below} or {above}") };
+    let allowed = format!("must be 0 or the tick rate of {tick_hz} Hz divided by a whole number up to {MOST_TICKS}");
+    table.refuse("rate_hz", &rate.span, allowed, Some(help));
+    false
 }
 
 impl Telemetry {
+    /// Ticks from row to row; 0 for none.
+    #[must_use]
+    pub fn every_ticks(&self) -> u16 {
+        if self.rate_hz > 0.0 { (f64::from(TICK_HZ) / self.rate_hz).round() as u16 } else { 0 }
+    }
+
     /// Positions of the wanted signals in the device's table.
     ///
     /// # Errors

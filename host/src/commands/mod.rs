@@ -1,0 +1,78 @@
+//! The `damprig` command line: one subcommand a file.
+//!
+//! To add one: a file with its clap `Args` and a function that returns [`Outcome`], and a line each in
+//! [`Command`] and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
+
+mod progress;
+mod report;
+mod run;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Runs, records and reports experiments on a vibration-damper rig, real or virtual.
+#[derive(Debug, Parser)]
+#[command(name = "damprig", version, propagate_version = true, after_help = AFTER_HELP, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig run host/campaigns/hybrid.toml                     on the virtual rig
+  damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig help run
+
+Exit codes:
+  0    done
+  1    it could not be done: the rig, the link or the disk; what was taken is kept
+  2    the command line or a file is wrong; nothing has moved
+  130  interrupted (Ctrl-C); the rig was stopped, what was taken is kept";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a campaign and record it in a run folder
+    Run(run::Args),
+}
+
+/// Why a subcommand did not succeed: the words, and the exit code that goes with them.
+#[derive(Debug)]
+pub enum Failure {
+    /// The command line or a file is wrong (exit code 2).
+    Input(String),
+    /// It could not be done (exit code 1).
+    Failed(String),
+    /// Ctrl-C (exit code 130).
+    Interrupted(String),
+}
+
+/// How a subcommand ends.
+pub type Outcome = Result<(), Failure>;
+
+/// Parses the command line and does what it says.
+#[must_use]
+pub fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Run(args) => run::run(&args),
+    };
+    let (code, message) = match outcome {
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(Failure::Failed(message)) => (1, message),
+        Err(Failure::Input(message)) => (2, message),
+        Err(Failure::Interrupted(message)) => (130, message),
+    };
+    eprintln!("error: {message}");
+    ExitCode::from(code)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        super::Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,105 @@
+//! Progress of a run: a bar with an estimate on a terminal, a line per set-up elsewhere.
+
+use std::io::{BufRead, IsTerminal};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::recording::ResultRow;
+use crate::run::{RunError, Watcher};
+
+/// Shows how far a run has come.
+pub struct Progress {
+    bar: ProgressBar,
+    expected_s: f64,
+    mount_without_asking: bool,
+    set_ups: usize,
+    mounted: usize,
+    line: Option<Line>,
+}
+
+/// What the line of a set-up will say.
+struct Line {
+    label: String,
+    points: usize,
+    peak: Option<(f64, f64)>,
+}
+
+/// Bar steps in a second of rig time.
+const STEPS_PER_S: f64 = 10.0;
+
+impl Progress {
+    /// For a run of this campaign.
+    #[must_use]
+    pub fn new(campaign: &Campaign, mount_without_asking: bool) -> Self {
+        let expected_s = campaign.expected_s();
+        let bar = ProgressBar::with_draw_target(
+            Some((expected_s * STEPS_PER_S) as u64),
+            if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() },
+        );
+        let style = ProgressStyle::with_template("{msg:24!} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} to go");
+        if let Ok(style) = style {
+            bar.set_style(style.progress_chars("━╸─"));
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
+        Self { bar, expected_s, mount_without_asking, set_ups: used.count(), mounted: 0, line: None }
+    }
+
+    /// The run is over.
+    pub fn end(&mut self) {
+        self.say_line();
+        self.bar.finish_and_clear();
+    }
+
+    fn say_line(&mut self) {
+        let Some(line) = self.line.take() else { return };
+        if self.bar.is_hidden() {
+            let peak = line.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
+            println!("[{}/{}] {}: {} points{peak}", self.mounted, self.set_ups, line.label, line.points);
+        }
+    }
+}
+
+impl Watcher for Progress {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+        self.say_line();
+        self.mounted += 1;
+        self.bar.set_message(set_up.name.clone());
+        self.line = Some(Line { label: set_up.name.clone(), points: 0, peak: None });
+        if simulated || self.mount_without_asking {
+            return Ok(());
+        }
+        let what = super::report::describe(set_up);
+        if !std::io::stdin().is_terminal() {
+            let message = format!(
+                "set-up {:?} ({what}) has to be mounted by a person, and there is no terminal to ask at; use --yes when it is mounted",
+                set_up.name
+            );
+            return Err(RunError::NobodyThere(message));
+        }
+        self.bar.suspend(|| {
+            eprint!("Mount set-up {:?}: {what}. Press Enter when it is ready. ", set_up.name);
+            let mut answer = String::new();
+            match std::io::stdin().lock().read_line(&mut answer) {
+                Ok(count) if count > 0 => Ok(()),
+                _ => Err(RunError::NobodyThere(format!("set-up {:?} was not confirmed", set_up.name))),
+            }
+        })
+    }
+
+    fn progress(&mut self, rig_s: f64) {
+        // A structure that takes longer to come to rest makes the run longer than reckoned.
+        self.bar.set_position((rig_s.min(self.expected_s) * STEPS_PER_S) as u64);
+    }
+
+    fn point(&mut self, row: &ResultRow) {
+        if let Some(line) = &mut self.line {
+            line.points += 1;
+            if line.peak.is_none_or(|(x, _)| row.x_over_z() > x) {
+                line.peak = Some((row.x_over_z(), row.frequency_hz));
+            }
+        }
+    }
+}

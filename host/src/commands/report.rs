@@ -1,0 +1,129 @@
+//! What a run says to people: the plan with its prediction, the table of results, the summary, the figure.
+
+use comfy_table::presets::UTF8_FULL_CONDENSED;
+use comfy_table::{CellAlignment, Table};
+
+use crate::campaign::{Campaign, CampaignSetUp, Start};
+use crate::figure::response::{Curve, CurvePoint, Notes, draw};
+use crate::figure::{FigureError, Picture};
+use crate::prediction::Prediction;
+use crate::recording::ResultRow;
+use crate::recording::manifest::Manifest;
+
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(header.to_vec());
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn ratio(value: Option<f64>) -> String {
+    value.map_or("–".into(), |v| trimmed(v, 2))
+}
+
+/// Up to `decimals`, without trailing zeros.
+fn trimmed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+}
+
+/// What is special about a set-up: `d/Z = 10, γF = 0.6, Z = 1.5 mm`.
+pub fn describe(set_up: &CampaignSetUp) -> String {
+    let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
+    let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
+    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
+    [clearance, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// The set-ups with their predicted displacements.
+pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
+    let mut table = table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the range (%)"]);
+    for prediction in predictions {
+        let set_up = &campaign.set_ups[prediction.set_up];
+        let swing = prediction.swing;
+        table.add_row([
+            set_up.name.clone(),
+            trimmed(set_up.base_amplitude_m * 1e3, 3),
+            ratio(set_up.clearance_ratio()),
+            ratio(set_up.friction_ratio()),
+            format!("{:.1}", swing.max_x_m * 1e3),
+            trimmed(swing.frequency_hz, 4),
+            format!("{:.0}", 100.0 * swing.max_x_m / campaign.rig.sensor_range_m),
+        ]);
+    }
+    table
+}
+
+/// Per set-up: the peak of X/Z, and the value at fn.
+pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
+    let mut table =
+        table(&["set-up", "peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "of them steady"]);
+    for set_up in &campaign.set_ups {
+        let own: Vec<&ResultRow> = rows.iter().filter(|r| r.set_up == set_up.name).collect();
+        let Some(peak) = own.iter().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) else { continue };
+        let natural = set_up.natural_frequency_hz();
+        let at_natural = own.iter().find(|r| (r.frequency_hz - natural).abs() < 1e-4 * natural);
+        let yes_no = |row: &ResultRow| if row.steady { "yes" } else { "no" }.to_string();
+        table.add_row([
+            set_up.name.clone(),
+            format!("{:.2}", peak.x_over_z()),
+            trimmed(peak.frequency_hz, 4),
+            yes_no(peak),
+            at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
+            at_natural.map_or("–".into(), |r| yes_no(r)),
+            own.len().to_string(),
+            own.iter().filter(|r| r.steady).count().to_string(),
+        ]);
+    }
+    table
+}
+
+/// One line on the run itself.
+pub fn summary(manifest: &Manifest) -> String {
+    let clock = manifest.clock;
+    let tick_hz = manifest.device.as_ref().map_or(0.0, |d| d.tick_hz);
+    let counters = manifest.counters;
+    format!(
+        "{} of {} points; {:.0} s of rig time in {:.2} s ({:.0} times real time) at a tick of {tick_hz} Hz; {} sample rows; dropped {}, missing {}, bad frames {}",
+        manifest.points_taken,
+        manifest.points_planned,
+        clock.rig_s,
+        clock.wall_s,
+        clock.rig_s / clock.wall_s,
+        manifest.sample_rows,
+        counters.dropped_records,
+        counters.missing_records,
+        counters.bad_frames_host + counters.bad_frames_device,
+    )
+}
+
+/// X/Z over frequency, all set-ups.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn figure(campaign: &Campaign, rows: &[ResultRow]) -> Result<Picture, FigureError> {
+    let curve = |set_up: &CampaignSetUp| Curve {
+        label: set_up.label.clone(),
+        detail: describe(set_up),
+        points: rows
+            .iter()
+            .filter(|r| r.set_up == set_up.name)
+            .map(|r| CurvePoint { frequency_hz: r.frequency_hz, x_over_z: r.x_over_z(), steady: r.steady })
+            .collect(),
+    };
+    let curves: Vec<Curve> = campaign.set_ups.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
+    let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
+    let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
+    let how: Vec<String> = campaign
+        .experiments
+        .iter()
+        .map(|e| {
+            let start = if e.start == Start::FromRest { "from rest" } else { "carried over" };
+            format!("{} s at each frequency, {start}", trimmed(e.dwell_s, 3))
+        })
+        .collect();
+    let caption = format!("X: mean over the cycles of max|x|; {}. Z: amplitude of the base.", how.join("; "));
+    draw(&curves, &Notes { natural_frequency_hz: common, caption })
+}

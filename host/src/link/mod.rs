@@ -1,0 +1,120 @@
+//! Ways to a rig: bytes out, bytes in. What the bytes mean is [`crate::session`]'s business.
+
+mod serial;
+mod tcp;
+mod virtual_rig;
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::time::Duration;
+
+pub use virtual_rig::VirtualRig;
+
+/// A two-way stream of bytes.
+pub trait Link: Send {
+    /// Sends all bytes.
+    ///
+    /// # Errors
+    /// When the link is broken.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// Appends what has arrived; waits for at most `wait` when there is nothing.
+    ///
+    /// # Errors
+    /// When the link is broken. Nothing within `wait` is no error.
+    fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> io::Result<()>;
+}
+
+/// Where a rig is: the value of `--rig`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Address {
+    /// In this process, simulated in double or single precision.
+    Virtual {
+        /// `f32`, to compare with a board bit for bit.
+        single: bool,
+    },
+    /// `HOST:PORT`.
+    Tcp(String),
+    /// A serial port.
+    Serial(PathBuf),
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Virtual { single: false } => f.write_str("virtual"),
+            Self::Virtual { single: true } => f.write_str("virtual:f32"),
+            Self::Tcp(address) => write!(f, "tcp:{address}"),
+            Self::Serial(path) => write!(f, "serial:{}", path.display()),
+        }
+    }
+}
+
+impl FromStr for Address {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "virtual" => Ok(Self::Virtual { single: false }),
+            Some(("virtual", "f64")) => Ok(Self::Virtual { single: false }),
+            Some(("virtual", "f32")) => Ok(Self::Virtual { single: true }),
+            Some(("tcp", address)) => match address.rsplit_once(':') {
+                Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok_and(|p| p > 0) => {
+                    Ok(Self::Tcp(address.to_string()))
+                }
+                _ => Err("write tcp:HOST:PORT with a port from 1 to 65535".into()),
+            },
+            Some(("serial", path)) if !path.is_empty() => Ok(Self::Serial(path.into())),
+            _ => Err("must be virtual, virtual:f32, tcp:HOST:PORT or serial:PATH".into()),
+        }
+    }
+}
+
+/// A link that cannot be opened.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("cannot reach the rig at {address}: {message}")]
+pub struct Unreachable {
+    address: String,
+    message: String,
+}
+
+/// Opens the link to a rig.
+///
+/// # Errors
+/// Names the address, what went wrong, and what to look at.
+pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
+    let failed = |message: String| Unreachable { address: address.to_string(), message };
+    Ok(match address {
+        Address::Virtual { single: false } => Box::new(VirtualRig::<f64>::new()),
+        Address::Virtual { single: true } => Box::new(VirtualRig::<f32>::new()),
+        Address::Tcp(place) => Box::new(tcp::Tcp::connect(place).map_err(failed)?),
+        Address::Serial(path) => Box::new(serial::Serial::open(path).map_err(failed)?),
+    })
+}
+
+/// Nothing arrived in time: not an error of a [`Link`].
+fn is_quiet(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_read_back_as_written() {
+        for text in ["virtual", "virtual:f32", "tcp:127.0.0.1:4000", "tcp:[::1]:4000", "serial:/dev/ttyACM0"] {
+            assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn a_wrong_address_is_told_what_is_allowed() {
+        for text in ["", "usb", "tcp:nowhere", "tcp::1", "tcp:host:0", "tcp:host:99999", "serial:", "virtual:f16"] {
+            let answer = text.parse::<Address>().unwrap_err();
+            assert!(answer.contains("tcp:HOST:PORT"), "{text}: {answer}");
+        }
+    }
+}

@@ -1,0 +1,369 @@
+//! Carries a campaign out on a device and records what it reports.
+//!
+//! Set-up by set-up and experiment by experiment: configure, start, take results and telemetry until the
+//! experiment is finished. Whatever ends a run early, the rig is told to stop and what was taken is kept.
+//! Bytes and time-outs are [`crate::session`]'s, files are [`crate::recording`]'s, words for people the
+//! command's (through [`Watcher`]).
+
+mod track;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use damprig_core::control::limits::{Fault, Limits};
+use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::measure::point::PointResult;
+use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_core::rig::TICK_HZ;
+use damprig_protocol::{Answer, Ask, Happening, PlantKind};
+
+use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::input::{Problem, Refusal};
+use crate::recording::manifest::{Counters, Device, Manifest};
+use crate::recording::{Point, ResultRow, RunFolder, Signal, StorageError};
+use crate::session::{Report, Session, SessionError, hex};
+use track::Track;
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The campaign asks for what this device does not have; nothing has moved.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The device or the link.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The disk.
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    /// An interlock.
+    #[error("set-up {set_up:?}: {} at t = {t_s:.3} s (value {value}, limit {limit}); the drive was stopped", cause.text())]
+    Fault {
+        /// The set-up.
+        set_up: String,
+        /// What happened.
+        cause: damprig_core::control::limits::Cause,
+        /// When, since the start of the experiment, s.
+        t_s: f64,
+        /// The value that broke the limit.
+        value: f32,
+        /// The limit.
+        limit: f32,
+    },
+    /// A result never arrived and the device has it no more.
+    #[error("set-up {set_up:?}: {missing} of {points} results were lost on the way")]
+    Lost {
+        /// The set-up.
+        set_up: String,
+        /// How many.
+        missing: usize,
+        /// Of how many.
+        points: usize,
+    },
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+    /// A person has to change the set-up, and nobody is there.
+    #[error("{0}")]
+    NobodyThere(String),
+}
+
+/// Is told how a run goes on.
+pub trait Watcher {
+    /// A set-up must be on the rig before this returns; on a real rig a person mounts it.
+    ///
+    /// # Errors
+    /// Nobody is there to do it.
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError>;
+
+    /// Rig time of the whole run has come to `rig_s`.
+    fn progress(&mut self, rig_s: f64);
+
+    /// A point has been taken.
+    fn point(&mut self, row: &ResultRow);
+}
+
+/// What a run leaves besides its folder.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Time that passed on the rig, s.
+    pub rig_s: f64,
+    /// What got lost.
+    pub counters: Counters,
+}
+
+/// What the device says about itself, for the manifest.
+#[must_use]
+pub fn device_record(session: &Session) -> Device {
+    Device {
+        link: session.name().to_string(),
+        board: session.identity.board.to_string(),
+        firmware: session.identity.firmware.to_string(),
+        protocol_version: session.identity.protocol,
+        protocol_schema: hex(&session.identity.schema),
+        simulated: session.description.plant != PlantKind::Real,
+        tick_hz: f64::from(session.description.tick_hz),
+    }
+}
+
+/// A campaign on a device.
+pub struct Run<'a> {
+    campaign: &'a Campaign,
+    session: &'a mut Session,
+    folder: &'a mut RunFolder,
+    watcher: &'a mut dyn Watcher,
+    stop: &'a AtomicBool,
+    /// Positions of the recorded signals in the device's table.
+    chosen: Vec<usize>,
+    every_ticks: u16,
+    tally: Tally,
+}
+
+impl<'a> Run<'a> {
+    /// Checks the campaign against what the device has. Nothing moves yet.
+    ///
+    /// # Errors
+    /// A signal, a rate or a number of points that the device does not have.
+    pub fn prepare(
+        campaign: &'a Campaign,
+        session: &'a mut Session,
+        folder: &'a mut RunFolder,
+        watcher: &'a mut dyn Watcher,
+        stop: &'a AtomicBool,
+    ) -> Result<(Self, Vec<Signal>), RunError> {
+        let tick_hz = session.description.tick_hz;
+        if tick_hz != TICK_HZ {
+            let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
+            return Err(Refusal(message).into());
+        }
+        let names: Vec<String> = session.description.signals.iter().map(|s| s.name.to_string()).collect();
+        let chosen = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
+            let title = "`telemetry.signals` names a signal that the device does not have".into();
+            campaign.source.report(Problem { title, span, allowed, help: None });
+            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
+        })?;
+        let signals = chosen.iter().map(|&i| &session.description.signals[i]);
+        let signals =
+            signals.map(|s| Signal { name: column_name(&s.name, &s.unit), unit: s.unit.to_string() }).collect();
+        let every_ticks = campaign.telemetry.every_ticks();
+        let run = Self { campaign, session, folder, watcher, stop, chosen, every_ticks, tally: Tally::default() };
+        Ok((run, signals))
+    }
+
+    /// Writes what is known before the start into the run folder.
+    ///
+    /// # Errors
+    /// When the folder cannot be written.
+    pub fn begin(self, campaign_text: &str, manifest: &Manifest, signals: &[Signal]) -> Result<Self, RunError> {
+        self.folder.write_campaign(campaign_text)?;
+        self.folder.write_manifest(manifest)?;
+        self.folder.record(signals)?;
+        Ok(self)
+    }
+
+    /// Runs all experiments. Whatever happens, the tally says what has passed, and the rig has been told to stop.
+    pub fn carry_out(mut self) -> (Tally, Result<(), RunError>) {
+        let result = self.all();
+        if result.is_err() {
+            self.end_drive(&result);
+        }
+        if let Ok((_, device)) = self.session.status() {
+            self.tally.counters.bad_frames_device = u64::from(device.bad_frames);
+        }
+        self.tally.counters.bad_frames_host = self.session.bad_frames();
+        (self.tally, result)
+    }
+
+    fn all(&mut self) -> Result<(), RunError> {
+        self.session.bring_to_idle()?;
+        self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+        for set_up in self.in_order() {
+            let it = &self.campaign.set_ups[set_up];
+            let simulated = self.session.description.plant != PlantKind::Real;
+            self.watcher.mount(it, simulated)?;
+            for experiment in self.campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up)) {
+                self.one(it, experiment)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The set-ups that any experiment uses: each is mounted once.
+    fn in_order(&self) -> Vec<usize> {
+        let used = |i: &usize| self.campaign.experiments.iter().any(|e| e.set_ups.contains(i));
+        (0..self.campaign.set_ups.len()).filter(used).collect()
+    }
+
+    /// The rig must not go on driving for a host that has given up.
+    fn end_drive(&mut self, result: &Result<(), RunError>) {
+        match result {
+            Err(RunError::Session(SessionError::Broken { .. } | SessionError::Silent { .. })) => {
+                self.session.stop_blindly()
+            }
+            _ => {
+                if self.session.bring_to_idle().is_err() {
+                    self.session.stop_blindly();
+                }
+            }
+        }
+    }
+
+    fn one(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
+        self.configure(set_up, experiment)?;
+        // A granted clock stands at tick 0 after the start; a real one would be some ticks on.
+        if self.session.is_granted() {
+            self.session.start()?;
+            self.telemetry()?;
+        } else {
+            self.telemetry()?;
+            self.session.start()?;
+        }
+        let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted());
+        let before_s = self.tally.rig_s;
+        let tick_s = 1.0 / f64::from(TICK_HZ);
+        while !track.is_complete() {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            match self.session.next_report()? {
+                Some(Report::Telemetry(rows)) => {
+                    for (tick, values) in track.rows(&rows, self.session.description.signals.len()) {
+                        let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
+                        let point = point(set_up, experiment, index);
+                        let values = self.chosen.iter().map(|&i| values[i]);
+                        self.folder.push_sample(point, u64::from(tick), f64::from(tick) * tick_s, values)?;
+                    }
+                }
+                Some(Report::Event { tick, event: Happening::Point(result) }) => {
+                    track.point_done(result.index, tick);
+                    self.take(set_up, experiment, &result)?;
+                }
+                Some(Report::Event { tick, event: Happening::Finished { rows_dropped, .. } }) => {
+                    track.finished(tick);
+                    self.tally.counters.dropped_records += u64::from(rows_dropped);
+                }
+                Some(Report::Event { tick, event: Happening::Fault(fault) }) => {
+                    self.tally.rig_s = before_s + f64::from(tick) * tick_s;
+                    return Err(fault_error(set_up, fault));
+                }
+                None => track.quiet(),
+            }
+            self.tally.rig_s = before_s + f64::from(track.latest_tick()) * tick_s;
+            self.watcher.progress(self.tally.rig_s);
+        }
+        self.tally.counters.missing_records += track.missing_messages();
+        self.fetch_missing(set_up, experiment, &track)?;
+        if self.every_ticks > 0 {
+            self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+        }
+        Ok(())
+    }
+
+    fn configure(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
+        let rig = &self.campaign.rig;
+        if self.session.description.plant != PlantKind::Real {
+            let sensors = SensorModel {
+                range_m: rig.sensor_range_m as f32,
+                resolution_m: rig.sensor_resolution_m as f32,
+                noise_rms_m: rig.sensor_noise_rms_m as f32,
+                seed: u64::from(rig.noise_seed),
+            };
+            let plant = PlantConfig { set_up: set_up.model(), particle_start_m: set_up.particle_start_m(), sensors };
+            self.session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
+        }
+        let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };
+        self.session.tell("take the limits", Ask::SetLimits(limits))?;
+        self.session.tell("take the experiment", Ask::Configure(plan(set_up, experiment)))?;
+        Ok(())
+    }
+
+    fn telemetry(&mut self) -> Result<(), RunError> {
+        Ok(self.session.tell("send telemetry", Ask::SetTelemetry { every_ticks: self.every_ticks })?)
+    }
+
+    fn take(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine, result: &PointResult) -> Result<(), RunError> {
+        let index = usize::from(result.index);
+        if index >= experiment.frequencies_hz.len() {
+            return Ok(());
+        }
+        let row = row(set_up, point(set_up, experiment, index), result);
+        self.watcher.point(&row);
+        self.folder.push_result(row)?;
+        Ok(())
+    }
+
+    /// Asks for results whose report did not arrive; the device keeps the last few.
+    fn fetch_missing(
+        &mut self,
+        set_up: &CampaignSetUp,
+        experiment: &SteppedSine,
+        track: &Track,
+    ) -> Result<(), RunError> {
+        let mut lost = 0;
+        for index in track.missing_points() {
+            match self.session.ask("repeat a result", Ask::Result { index }) {
+                Ok(Answer::Result(result)) => self.take(set_up, experiment, &result)?,
+                Ok(_) | Err(SessionError::Refused { .. }) => lost += 1,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let points = experiment.frequencies_hz.len();
+        if lost > 0 { Err(RunError::Lost { set_up: set_up.name.clone(), missing: lost, points }) } else { Ok(()) }
+    }
+}
+
+/// `x` in metres becomes `x_m`.
+fn column_name(name: &str, unit: &str) -> String {
+    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
+}
+
+fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
+    RunError::Fault {
+        set_up: set_up.name.clone(),
+        cause: fault.cause,
+        t_s: f64::from(fault.tick) / f64::from(TICK_HZ),
+        value: fault.value,
+        limit: fault.limit,
+    }
+}
+
+fn point<'p>(set_up: &'p CampaignSetUp, experiment: &'p SteppedSine, index: usize) -> Point<'p> {
+    Point { set_up: &set_up.name, experiment: &experiment.name, frequency_hz: experiment.frequencies_hz[index] }
+}
+
+/// The experiment as the controller takes it.
+fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sine::SteppedSine {
+    core_sine::SteppedSine {
+        start: match experiment.start {
+            Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
+            Start::CarryOver => core_sine::Start::CarryOver,
+        },
+        amplitude_m: set_up.base_amplitude_m as f32,
+        settle_s: experiment.settle_s as f32,
+        dwell_s: experiment.dwell_s as f32,
+        steady: experiment.steady,
+        // Cannot overflow: the campaign's reader has counted them.
+        frequencies_hz: experiment.frequencies_hz.iter().map(|f| *f as f32).collect(),
+    }
+}
+
+fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) -> ResultRow {
+    ResultRow {
+        set_up: point.set_up.to_string(),
+        experiment: point.experiment.to_string(),
+        frequency_hz: point.frequency_hz,
+        z_amplitude_m: result.z_amplitude_m,
+        x_amplitude_m: result.x_amplitude_m,
+        phase_rad: result.phase_rad,
+        x_rms_m: result.x_rms_m,
+        x_mean_cycle_max_m: result.x_mean_cycle_max_m,
+        x_max_m: result.x_max_m,
+        x_last_cycle_max_m: result.x_last_cycle_max_m,
+        change_per_cycle: result.change_per_cycle,
+        scatter: result.scatter,
+        cycles: result.cycles,
+        steady: result.steady,
+        start_tick: u64::from(result.start_tick),
+        end_tick: u64::from(result.end_tick),
+        d_over_z: set_up.clearance_ratio().unwrap_or(f64::NAN),
+    }
+}

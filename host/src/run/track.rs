@@ -1,0 +1,177 @@
+//! What has arrived of one experiment, and what has not.
+//!
+//! Events overtake telemetry on the line (they go first), so a row's point is told by its tick, and an
+//! experiment is over only when the rows up to its last tick are there too.
+
+use damprig_protocol::Telemetry;
+
+/// Waits for rows that are still under way when the experiment has finished. A row that was lost on the line
+/// does not come, however long one waits.
+const MOST_QUIET_TURNS: u32 = 10;
+
+/// The state of one experiment's arrivals.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    points: usize,
+    every_ticks: u16,
+    /// Tick of the event of each point taken, by index.
+    done: Vec<Option<u32>>,
+    end_tick: Option<u32>,
+    latest_tick: u32,
+    latest_row: Option<u32>,
+    /// Rows are of this experiment: a real board sends telemetry before the start too.
+    fresh: bool,
+    stale_tick: Option<u32>,
+    next_seq: Option<u32>,
+    missing_messages: u64,
+    quiet_turns: u32,
+}
+
+impl Track {
+    pub(super) fn new(points: usize, every_ticks: u16, is_granted: bool) -> Self {
+        Self {
+            points,
+            every_ticks,
+            done: vec![None; points],
+            end_tick: None,
+            latest_tick: 0,
+            latest_row: None,
+            fresh: is_granted,
+            stale_tick: None,
+            next_seq: None,
+            missing_messages: 0,
+            quiet_turns: 0,
+        }
+    }
+
+    /// The rows of a message that belong to this experiment, each with its tick.
+    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry, signals: usize) -> Vec<(u32, &'m [f32])> {
+        let count = message.values.len() / signals.max(1);
+        if !self.fresh {
+            // Message numbers and ticks restart with the experiment.
+            self.fresh = message.seq == 0 || self.stale_tick.is_some_and(|stale| message.first_tick < stale);
+            if !self.fresh {
+                self.stale_tick = Some(message.first_tick);
+                return Vec::new();
+            }
+        }
+        self.missing_messages += u64::from(message.seq.saturating_sub(self.next_seq.unwrap_or(0)));
+        self.next_seq = Some(message.seq.wrapping_add(1));
+        self.quiet_turns = 0;
+        let tick = |i: usize| message.first_tick + i as u32 * u32::from(message.every_ticks);
+        let all = (0..count).map(|i| (tick(i), &message.values[i * signals..(i + 1) * signals]));
+        let own: Vec<_> = all.filter(|(tick, _)| self.end_tick.is_none_or(|end| *tick <= end)).collect();
+        if count > 0 {
+            self.latest_row = Some(tick(count - 1));
+        }
+        if let Some((tick, _)) = own.last() {
+            self.latest_tick = self.latest_tick.max(*tick);
+        }
+        own
+    }
+
+    /// Place in the frequency list of the point that a tick belongs to.
+    pub(super) fn point_of(&self, tick: u32) -> usize {
+        self.done.iter().rposition(|end| end.is_some_and(|end| end < tick)).map_or(0, |last| last + 1)
+    }
+
+    pub(super) fn point_done(&mut self, index: u16, tick: u32) {
+        if let Some(slot) = self.done.get_mut(usize::from(index)) {
+            *slot = Some(tick);
+        }
+        self.latest_tick = self.latest_tick.max(tick);
+    }
+
+    pub(super) fn finished(&mut self, tick: u32) {
+        self.end_tick = Some(tick);
+        self.latest_tick = self.latest_tick.max(tick);
+        self.quiet_turns = 0;
+    }
+
+    /// Nothing came for a moment.
+    pub(super) fn quiet(&mut self) {
+        self.quiet_turns += 1;
+    }
+
+    /// The experiment has finished and its rows are there, or will not come any more.
+    pub(super) fn is_complete(&self) -> bool {
+        let Some(end) = self.end_tick else { return false };
+        let every = u32::from(self.every_ticks);
+        if every == 0 || self.quiet_turns > MOST_QUIET_TURNS {
+            return true;
+        }
+        self.latest_row.is_some_and(|row| row >= end - end % every)
+    }
+
+    /// The latest tick heard of.
+    pub(super) fn latest_tick(&self) -> u32 {
+        self.latest_tick
+    }
+
+    /// Telemetry messages missing by their numbers.
+    pub(super) fn missing_messages(&self) -> u64 {
+        self.missing_messages
+    }
+
+    /// Points whose result has not arrived.
+    pub(super) fn missing_points(&self) -> Vec<u16> {
+        (0..self.points).filter(|i| self.done[*i].is_none()).map(|i| i as u16).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(seq: u32, first_tick: u32, rows: usize) -> Telemetry {
+        Telemetry { seq, first_tick, every_ticks: 10, values: (0..2 * rows).map(|i| i as f32).collect() }
+    }
+
+    #[test]
+    fn a_row_that_an_event_overtook_still_belongs_to_its_point() {
+        let mut track = Track::new(2, 10, true);
+        track.point_done(0, 105);
+        let late = message(0, 90, 3);
+        let points: Vec<_> = track.rows(&late, 2).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
+        assert_eq!(points, [(90, 0), (100, 0), (110, 1)]);
+    }
+
+    #[test]
+    fn an_experiment_ends_when_its_last_row_is_there() {
+        let mut track = Track::new(1, 10, true);
+        track.point_done(0, 100);
+        track.finished(125);
+        assert!(!track.is_complete());
+        track.rows(&message(0, 110, 2), 2);
+        assert!(track.is_complete());
+    }
+
+    #[test]
+    fn a_last_row_that_was_lost_is_not_waited_for_for_ever() {
+        let mut track = Track::new(1, 10, true);
+        track.finished(125);
+        (0..=MOST_QUIET_TURNS).for_each(|_| track.quiet());
+        assert!(track.is_complete());
+        assert_eq!(track.missing_points(), [0]);
+    }
+
+    #[test]
+    fn a_gap_in_the_numbers_is_counted() {
+        let mut track = Track::new(1, 10, true);
+        track.rows(&message(0, 0, 2), 2);
+        track.rows(&message(3, 60, 2), 2);
+        assert_eq!(track.missing_messages(), 2);
+    }
+
+    #[test]
+    fn rows_from_before_the_start_of_a_real_rig_are_passed_over() {
+        let mut track = Track::new(1, 10, false);
+        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
+        assert_eq!(track.rows(&message(0, 0, 2), 2).len(), 2);
+        // Even when the very first message is lost.
+        let mut track = Track::new(1, 10, false);
+        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
+        assert_eq!(track.rows(&message(1, 20, 2), 2).len(), 2);
+        assert_eq!(track.missing_messages(), 1);
+    }
+}

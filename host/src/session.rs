@@ -1,0 +1,403 @@
+//! A conversation with one device over a [`Link`]: who it is, requests with their replies, and what it reports.
+//!
+//! Requests are repeated when a reply is late (the device carries a repeated number out once), a granted
+//! clock is fed, and a device that falls silent is an error, not a hang. What is done with reports is
+//! [`crate::run`]'s business.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use damprig_core::rig::{State, Status};
+use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::{
+    Answer, Ask, Clock, Counters, Description, FromDevice, Happening, Identity, Request, SCHEMA, Telemetry, ToDevice,
+    VERSION,
+};
+
+use crate::link::{Address, Link, Unreachable};
+
+/// What can go wrong with a device.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The link could not be opened.
+    #[error(transparent)]
+    Unreachable(#[from] Unreachable),
+    /// The link broke.
+    #[error("the link to {link} broke: {error}")]
+    Broken {
+        /// Which.
+        link: String,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// Nothing came for too long.
+    #[error("the device at {link} stopped answering: nothing for {seconds} s{hint}")]
+    Silent {
+        /// Which.
+        link: String,
+        /// For how long.
+        seconds: f64,
+        /// What to look at.
+        hint: String,
+    },
+    /// The two sides speak different protocols.
+    #[error(
+        "the device at {link} speaks another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware that belongs to this program, or use the program that belongs to the firmware"
+    )]
+    Version {
+        /// Which.
+        link: String,
+        /// The device's.
+        device_version: u16,
+        /// The device's.
+        device_schema: String,
+        /// The device's.
+        firmware: String,
+        /// The device's.
+        board: String,
+        /// Ours.
+        version: u16,
+        /// Ours.
+        schema: String,
+        /// Ours.
+        program: &'static str,
+    },
+    /// The device said no.
+    #[error("the device refused to {what}: {why}")]
+    Refused {
+        /// What was asked.
+        what: &'static str,
+        /// Its words.
+        why: String,
+    },
+    /// The device answered something else than what was asked.
+    #[error("the device answered something else when asked to {what}")]
+    Confused {
+        /// What was asked.
+        what: &'static str,
+    },
+}
+
+/// Something that the device said unasked.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Report {
+    /// An event, with its tick.
+    Event {
+        /// The tick.
+        tick: u32,
+        /// What happened.
+        event: Happening,
+    },
+    /// Rows of signals.
+    Telemetry(Box<Telemetry>),
+}
+
+/// Ticks granted to a simulated board at a time: short enough for Ctrl-C, long enough that the round trip
+/// does not count.
+const GRANT_TICKS: u32 = 4000;
+
+/// How long a single wait for bytes lasts before Ctrl-C is looked at again.
+const TURN: Duration = Duration::from_millis(50);
+
+/// How often a request is sent before the device counts as silent.
+const TRIES: u32 = 3;
+
+/// A conversation.
+pub struct Session {
+    link: Box<dyn Link>,
+    name: String,
+    timeout: Duration,
+    reader: Reader,
+    bytes: Vec<u8>,
+    reports: VecDeque<Report>,
+    replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
+    seq: u16,
+    bad_frames: u64,
+    granted_until: Option<u32>,
+    clock_tick: u32,
+    heard: Instant,
+    nudged: Instant,
+    /// Who the device is.
+    pub identity: Identity,
+    /// What it can do.
+    pub description: Description,
+}
+
+impl Session {
+    /// Opens the link, asks who is there and checks that both sides speak the same protocol.
+    ///
+    /// # Errors
+    /// An unreachable link, a silent device, another protocol: each with both sides named.
+    pub fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
+        let link = crate::link::open(address)?;
+        Self::over(link, address.to_string(), timeout)
+    }
+
+    /// As [`Session::open`], over a link that is open already; `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub fn over(link: Box<dyn Link>, name: String, timeout: Duration) -> Result<Self, SessionError> {
+        let nobody = Identity { protocol: 0, schema: [0; 8], firmware: Default::default(), board: Default::default() };
+        let nothing = Description {
+            tick_hz: 0.0,
+            clock: Clock::RealTime,
+            plant: damprig_protocol::PlantKind::Real,
+            most_points: 0,
+            signals: Default::default(),
+        };
+        let now = Instant::now();
+        let mut session = Self {
+            link,
+            name,
+            timeout,
+            reader: Reader::default(),
+            bytes: Vec::new(),
+            reports: VecDeque::new(),
+            replies: VecDeque::new(),
+            seq: 0,
+            bad_frames: 0,
+            granted_until: None,
+            clock_tick: 0,
+            heard: now,
+            nudged: now,
+            identity: nobody,
+            description: nothing,
+        };
+        // Ends whatever half a frame an earlier host may have left in the device's reader.
+        session.send_bytes(&[0])?;
+        session.identity = match session.ask("say who it is", Ask::Identify)? {
+            Answer::Identity(identity) => identity,
+            _ => return Err(SessionError::Confused { what: "say who it is" }),
+        };
+        session.check_version()?;
+        session.description = match session.ask("describe itself", Ask::Describe)? {
+            Answer::Description(description) => description,
+            _ => return Err(SessionError::Confused { what: "describe itself" }),
+        };
+        // Counted from here: bytes that were under way before are not this session's.
+        session.bad_frames = 0;
+        Ok(session)
+    }
+
+    fn check_version(&self) -> Result<(), SessionError> {
+        let it = &self.identity;
+        if it.protocol == VERSION && it.schema == SCHEMA {
+            return Ok(());
+        }
+        Err(SessionError::Version {
+            link: self.name.clone(),
+            device_version: it.protocol,
+            device_schema: hex(&it.schema),
+            firmware: it.firmware.to_string(),
+            board: it.board.to_string(),
+            version: VERSION,
+            schema: hex(&SCHEMA),
+            program: env!("CARGO_PKG_VERSION"),
+        })
+    }
+
+    /// Name of the link, as given to `--rig`.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Frames that arrived broken since the conversation began.
+    #[must_use]
+    pub fn bad_frames(&self) -> u64 {
+        self.bad_frames
+    }
+
+    /// Whether the device's clock is the host's to grant.
+    #[must_use]
+    pub fn is_granted(&self) -> bool {
+        self.description.clock == Clock::Granted
+    }
+
+    fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
+        self.link.send(bytes).map_err(|error| SessionError::Broken { link: self.name.clone(), error })
+    }
+
+    fn send(&mut self, message: &ToDevice) -> Result<(), SessionError> {
+        let mut out = [0; LONGEST];
+        // Every message fits a frame: its parts have their sizes in their types.
+        let length = frame::encode(message, &mut out).unwrap_or(0);
+        self.send_bytes(&out[..length])
+    }
+
+    /// Takes in what has arrived, waiting for at most `wait`.
+    fn listen(&mut self, wait: Duration) -> Result<(), SessionError> {
+        let mut bytes = std::mem::take(&mut self.bytes);
+        bytes.clear();
+        let received = self.link.receive(&mut bytes, wait);
+        for &byte in &bytes {
+            match self.reader.push::<FromDevice>(byte) {
+                None => {}
+                Some(Err(_)) => self.bad_frames += 1,
+                Some(Ok(message)) => {
+                    self.heard = Instant::now();
+                    match message {
+                        FromDevice::Reply { seq, answer } => self.replies.push_back((seq, answer)),
+                        FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
+                        FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
+                        FromDevice::Clock { tick } => self.clock_tick = tick,
+                    }
+                }
+            }
+        }
+        self.bytes = bytes;
+        received.map_err(|error| SessionError::Broken { link: self.name.clone(), error })
+    }
+
+    /// Asks and waits for the reply; `what` says in words what is asked.
+    ///
+    /// # Errors
+    /// The device refuses, is silent, or the link breaks.
+    pub fn ask(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
+        self.seq = self.seq.wrapping_add(1);
+        let seq = self.seq;
+        let message = ToDevice::Request(Request { seq, at_tick: None, ask });
+        for _ in 0..TRIES {
+            self.send(&message)?;
+            let deadline = Instant::now() + self.timeout / TRIES;
+            loop {
+                self.listen(TURN)?;
+                while let Some((number, answer)) = self.replies.pop_front() {
+                    if number == seq {
+                        return answer.map_err(|no| SessionError::Refused { what, why: no.to_string() });
+                    }
+                }
+                if Instant::now() >= deadline {
+                    break;
+                }
+            }
+        }
+        Err(self.silent())
+    }
+
+    /// Asks for something that is answered with "done".
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn tell(&mut self, what: &'static str, ask: Ask) -> Result<(), SessionError> {
+        match self.ask(what, ask)? {
+            Answer::Done => Ok(()),
+            _ => Err(SessionError::Confused { what }),
+        }
+    }
+
+    /// State and counters.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
+        match self.ask("say how it is", Ask::Status)? {
+            Answer::Status { status, counters } => Ok((status, counters)),
+            _ => Err(SessionError::Confused { what: "say how it is" }),
+        }
+    }
+
+    /// Begins the configured experiment; ticks count from 0, earlier reports are forgotten.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn start(&mut self) -> Result<(), SessionError> {
+        self.reports.clear();
+        self.tell("start", Ask::Start)?;
+        self.granted_until = None;
+        self.clock_tick = 0;
+        Ok(())
+    }
+
+    /// The next report, waiting a moment for one; a granted clock runs on meanwhile.
+    ///
+    /// # Errors
+    /// The device is silent, or the link breaks.
+    pub fn next_report(&mut self) -> Result<Option<Report>, SessionError> {
+        if let Some(report) = self.reports.pop_front() {
+            return Ok(Some(report));
+        }
+        if self.is_granted() && self.granted_until.is_none_or(|until| self.clock_tick >= until) {
+            self.grant(self.clock_tick.saturating_add(GRANT_TICKS))?;
+        }
+        self.listen(TURN)?;
+        self.watch()?;
+        Ok(self.reports.pop_front())
+    }
+
+    fn grant(&mut self, until_tick: u32) -> Result<(), SessionError> {
+        self.granted_until = Some(until_tick);
+        let now = Instant::now();
+        (self.heard, self.nudged) = (now, now);
+        self.send(&ToDevice::Grant { until_tick })
+    }
+
+    /// A device that should be saying something and does not is asked again, then given up.
+    fn watch(&mut self) -> Result<(), SessionError> {
+        if self.heard.elapsed() > self.timeout {
+            return Err(self.silent());
+        }
+        if self.heard.elapsed() > self.timeout / TRIES && self.nudged.elapsed() > self.timeout / TRIES {
+            self.nudged = Instant::now();
+            return match (self.is_granted(), self.granted_until) {
+                // The grant, or the word that it is used up, may have been lost.
+                (true, Some(until_tick)) => self.send(&ToDevice::Grant { until_tick }),
+                _ => {
+                    self.seq = self.seq.wrapping_add(1);
+                    self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
+                }
+            };
+        }
+        Ok(())
+    }
+
+    /// Ends whatever runs and waits until the drive is silent; clears a fault.
+    ///
+    /// # Errors
+    /// The device does not become idle within the timeout.
+    pub fn bring_to_idle(&mut self) -> Result<(), SessionError> {
+        let deadline = Instant::now() + self.timeout;
+        loop {
+            let (status, _) = self.status()?;
+            match status.state {
+                State::Idle => return Ok(()),
+                State::Running(_) => self.tell("stop", Ask::Stop)?,
+                // Refused while the drive still fades out: asked again on the next turn.
+                State::Faulted => match self.tell("clear the fault", Ask::ClearFault) {
+                    Ok(()) | Err(SessionError::Refused { .. }) => {}
+                    Err(error) => return Err(error),
+                },
+                State::Stopping => {}
+            }
+            if self.is_granted() {
+                self.grant(status.tick.saturating_add(100))?;
+            }
+            self.listen(TURN)?;
+            if Instant::now() >= deadline {
+                return Err(self.silent());
+            }
+        }
+    }
+
+    /// Tells the rig to stop without waiting for an answer: for when the conversation is over anyway.
+    pub fn stop_blindly(&mut self) {
+        self.seq = self.seq.wrapping_add(1);
+        let _ = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Stop }));
+    }
+
+    fn silent(&self) -> SessionError {
+        let hint = match (self.identity.protocol, self.bad_frames) {
+            (0, 0) => "; is this a damprig device, and is it powered?".to_string(),
+            (_, 0) => String::new(),
+            (_, bad) => format!(" but {bad} broken frames; is it the right port and rate?"),
+        };
+        SessionError::Silent { link: self.name.clone(), seconds: self.timeout.as_secs_f64(), hint }
+    }
+}
+
+/// Bytes as hexadecimal digits.
+#[must_use]
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
