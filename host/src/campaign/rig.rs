@@ -63,10 +63,7 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
 
 pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
     let Some(table) = root.table("telemetry", None) else {
-        return (!root.has_own("telemetry")).then(|| Telemetry {
-            rate_hz: 100.0,
-            signals: Vec::new(),
-        });
+        return (!root.has_own("telemetry")).then(|| Telemetry { rate_hz: 100.0, signals: Vec::new() });
     };
     let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
     let rate = rate.filter(|rate| is_carried(&table, rate));
@@ -79,7 +76,10 @@ pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
 fn is_carried(table: &Section, rate: &Number) -> bool {
     let tick_hz = f64::from(TICK_HZ);
     let every = tick_hz / rate.value;
-    if rate.value == 0.0 || (every.fract() == 0.0 && (1.0..=MOST_TICKS).contains(&every)) {
+    // 333.333… is a decimal for a third of the tick rate.
+    if rate.value == 0.0
+        || ((every - every.round()).abs() < 1e-9 * every && (1.0..=MOST_TICKS).contains(&every.round()))
+    {
         return true;
     }
     // The whole fractions on both sides of what was written.

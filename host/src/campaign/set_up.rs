@@ -3,7 +3,11 @@
 //! Clearance and friction may be given relative to the base amplitude Z (d/Z, F/(kZ)), as the literature
 //! does; [`SetUpSpec`] keeps them as written, so that the same set-up can be looked at with another Z.
 
+use std::f64::consts::TAU;
+
+use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::rig::TICK_HZ;
 use toml::de::DeTable;
 
 use crate::input::{Problem, Section, Span};
@@ -23,6 +27,9 @@ enum Place {
     /// Distance from the centre, m.
     Metres(f64),
 }
+
+/// Steps that the simulation divides a tick into at most.
+const MOST_STEPS_PER_TICK: f64 = 200.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ParticleSpec {
@@ -223,7 +230,16 @@ fn read_structure<'a>(section: &Section<'a>, defaults: &Defaults<'a>) -> Option<
         0 => 2.0 * damping.value * (stiffness_n_per_m * mass_kg).sqrt(),
         _ => damping.value,
     };
-    Some(Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m })
+    let structure = Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m };
+    if Sampled::<f64>::steps_per_sample(&SetUp::bare(structure), 1.0 / f64::from(TICK_HZ)).is_err() {
+        let key = ["natural_frequency_hz", "stiffness_n_per_m"][which_stiffness];
+        let highest = LARGEST_RATE_PER_STEP * MOST_STEPS_PER_TICK * f64::from(TICK_HZ) / TAU;
+        let allowed =
+            format!("is too fast to simulate: natural frequency at most {highest:.0} Hz, c/M at most 2π times that");
+        table.refuse(key, &stiffness.span, allowed, None);
+        return None;
+    }
+    Some(structure)
 }
 
 fn read_particle(table: Section, structure_mass_kg: Option<f64>, amplitude: Option<f64>) -> Option<ParticleSpec> {

@@ -14,7 +14,7 @@ use crate::link::Address;
 use crate::prediction::{self, Prediction};
 use crate::recording::RunFolder;
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
-use crate::run::{Run, RunError, device_record};
+use crate::run::{Run, RunError, Selection, device_record};
 use crate::session::Session;
 
 /// Runs every set-up of the campaign through its experiments and records what the rig reports.
@@ -116,6 +116,7 @@ fn carry_out(
 ) -> Outcome {
     let started = jiff::Zoned::now();
     let failed = |e: &dyn std::fmt::Display| Failure::Failed(e.to_string());
+    let selection = Selection::of(campaign, session).map_err(|e| failure(&e, ""))?;
     let mut folder = match &args.out {
         Some(path) => RunFolder::create_at(path),
         None => RunFolder::create_dated(Path::new("."), &campaign.name, &started),
@@ -129,16 +130,9 @@ fn carry_out(
 
     let wall = Instant::now();
     let mut progress = Progress::new(campaign, args.yes);
-    let (run, signals) = match Run::prepare(campaign, session, &mut folder, &mut progress, stop) {
-        Ok(prepared) => prepared,
-        Err(error) => {
-            // Nothing has been written into the folder yet.
-            let _ = std::fs::remove_dir(folder.path());
-            return Err(failure(&error, ""));
-        }
-    };
-    manifest.signals = signals.clone();
-    let begun = run.begin(campaign.source.text(), &manifest, &signals);
+    manifest.signals = selection.signals.clone();
+    let run = Run::new(campaign, session, &mut folder, &mut progress, stop, selection);
+    let begun = run.begin(campaign.source.text(), &manifest);
     let (tally, result) = match begun {
         Ok(run) => run.carry_out(),
         Err(error) => (Default::default(), Err(error)),

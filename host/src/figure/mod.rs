@@ -143,7 +143,11 @@ impl Picture {
     pub fn write(&self, folder: &Path, stem: &str) -> Result<(), FigureError> {
         let save = |ending: &str, bytes: &[u8]| {
             let path = folder.join(format!("{stem}.{ending}"));
-            std::fs::write(&path, bytes).map_err(|e| FigureError(format!("{}: {e}", path.display())))
+            std::fs::write(&path, bytes).map_err(|e| {
+                // Half a picture is none.
+                let _ = std::fs::remove_file(&path);
+                FigureError(format!("{}: {e}", path.display()))
+            })
         };
         save("svg", self.svg.as_bytes())?;
         save("png", &self.png()?)

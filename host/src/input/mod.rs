@@ -101,7 +101,8 @@ impl Source {
         problems.dedup();
         let renderer = Renderer::plain();
         let answers: Vec<String> = problems.iter().map(|p| self.render(&renderer, p)).collect();
-        Err(Refusal(answers.join("\n\n")))
+        // The command says "error: " before the first.
+        Err(Refusal(answers.join("\n\nerror: ")))
     }
 
     fn render(&self, renderer: &Renderer, problem: &Problem) -> String {
@@ -116,7 +117,6 @@ impl Source {
         if let Some(help) = &problem.help {
             group = group.element(Level::HELP.message(help.as_str()));
         }
-        // The caller prints "error: " itself.
         let text = renderer.render(&[group]).to_string();
         text.strip_prefix("error: ").unwrap_or(&text).to_string()
     }

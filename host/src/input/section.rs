@@ -312,9 +312,8 @@ impl<'a> Section<'a> {
     }
 
     /// Ends the reading: what was not asked for is unknown, what must be there and is not is missing.
-    pub fn finish(self) {
-        let known = self.known.into_inner();
-        let mut names: Vec<&str> = known.clone();
+    pub fn finish(&self) {
+        let mut names: Vec<&str> = self.known.borrow().clone();
         names.sort_unstable();
         names.dedup();
         let mut answered = Vec::new();
@@ -341,7 +340,7 @@ impl<'a> Section<'a> {
             }
         }
         // A key that is only misspelt is answered once.
-        for (key, problem) in self.missing.into_inner() {
+        for (key, problem) in self.missing.take() {
             if !answered.iter().any(|a| a == key) {
                 self.source.report(problem);
             }

@@ -160,7 +160,7 @@ impl SampleFile {
         let mut fields = vec![
             field("set_up", name(), ""),
             field("experiment", name(), ""),
-            field("frequency_hz", DataType::Float64, "Hz"),
+            field("point_frequency_hz", DataType::Float64, "Hz"),
             field("tick", DataType::UInt64, "tick"),
             field("t_s", DataType::Float64, "s"),
         ];

@@ -105,6 +105,40 @@ pub fn device_record(session: &Session) -> Device {
     }
 }
 
+/// The signals that a campaign records on a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Their positions in the device's table.
+    positions: Vec<usize>,
+    /// Names of their columns, and units.
+    pub signals: Vec<Signal>,
+}
+
+impl Selection {
+    /// Checks the campaign against what the device has.
+    ///
+    /// # Errors
+    /// A signal or a tick rate that the device does not have.
+    pub fn of(campaign: &Campaign, session: &Session) -> Result<Self, RunError> {
+        let tick_hz = session.description.tick_hz;
+        if tick_hz != TICK_HZ {
+            let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
+            return Err(Refusal(message).into());
+        }
+        let table = &session.description.signals;
+        let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
+        let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
+            let title = "`telemetry.signals` names a signal that the device does not have".into();
+            campaign.source.report(Problem { title, span, allowed, help: None });
+            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
+        })?;
+        let signal =
+            |&i: &usize| Signal { name: column_name(&table[i].name, &table[i].unit), unit: table[i].unit.to_string() };
+        let signals = positions.iter().map(signal).collect();
+        Ok(Self { positions, signals })
+    }
+}
+
 /// A campaign on a device.
 pub struct Run<'a> {
     campaign: &'a Campaign,
@@ -112,51 +146,33 @@ pub struct Run<'a> {
     folder: &'a mut RunFolder,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
-    /// Positions of the recorded signals in the device's table.
-    chosen: Vec<usize>,
+    selection: Selection,
     every_ticks: u16,
     tally: Tally,
 }
 
 impl<'a> Run<'a> {
-    /// Checks the campaign against what the device has. Nothing moves yet.
-    ///
-    /// # Errors
-    /// A signal, a rate or a number of points that the device does not have.
-    pub fn prepare(
+    /// Puts the parts together; `selection` is what [`Selection::of`] gave for this session.
+    pub fn new(
         campaign: &'a Campaign,
         session: &'a mut Session,
         folder: &'a mut RunFolder,
         watcher: &'a mut dyn Watcher,
         stop: &'a AtomicBool,
-    ) -> Result<(Self, Vec<Signal>), RunError> {
-        let tick_hz = session.description.tick_hz;
-        if tick_hz != TICK_HZ {
-            let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
-            return Err(Refusal(message).into());
-        }
-        let names: Vec<String> = session.description.signals.iter().map(|s| s.name.to_string()).collect();
-        let chosen = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
-            let title = "`telemetry.signals` names a signal that the device does not have".into();
-            campaign.source.report(Problem { title, span, allowed, help: None });
-            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
-        })?;
-        let signals = chosen.iter().map(|&i| &session.description.signals[i]);
-        let signals =
-            signals.map(|s| Signal { name: column_name(&s.name, &s.unit), unit: s.unit.to_string() }).collect();
+        selection: Selection,
+    ) -> Self {
         let every_ticks = campaign.telemetry.every_ticks();
-        let run = Self { campaign, session, folder, watcher, stop, chosen, every_ticks, tally: Tally::default() };
-        Ok((run, signals))
+        Self { campaign, session, folder, watcher, stop, selection, every_ticks, tally: Tally::default() }
     }
 
     /// Writes what is known before the start into the run folder.
     ///
     /// # Errors
     /// When the folder cannot be written.
-    pub fn begin(self, campaign_text: &str, manifest: &Manifest, signals: &[Signal]) -> Result<Self, RunError> {
+    pub fn begin(self, campaign_text: &str, manifest: &Manifest) -> Result<Self, RunError> {
         self.folder.write_campaign(campaign_text)?;
         self.folder.write_manifest(manifest)?;
-        self.folder.record(signals)?;
+        self.folder.record(&self.selection.signals)?;
         Ok(self)
     }
 
@@ -229,7 +245,7 @@ impl<'a> Run<'a> {
                     for (tick, values) in track.rows(&rows, self.session.description.signals.len()) {
                         let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
                         let point = point(set_up, experiment, index);
-                        let values = self.chosen.iter().map(|&i| values[i]);
+                        let values = self.selection.positions.iter().map(|&i| values[i]);
                         self.folder.push_sample(point, u64::from(tick), f64::from(tick) * tick_s, values)?;
                     }
                 }

@@ -1,0 +1,202 @@
+//! What is wrong with a campaign is answered with line, key, value, what is allowed, and the likely fix,
+//! before anything moves.
+
+mod common;
+
+use common::{damprig, folder_with, short};
+
+/// The short campaign with one text in the place of another.
+fn edited(from: &str, to: &str) -> String {
+    let text = short();
+    assert!(text.contains(from), "the short campaign has no {from:?}");
+    text.replacen(from, to, 1)
+}
+
+/// Line of the edited campaign in which `text` stands.
+fn line_of(campaign: &str, text: &str) -> usize {
+    1 + campaign[..campaign.find(text).expect("the text is there")].matches('\n').count()
+}
+
+/// Runs the edited campaign; it must be refused with all of `words` and the line of `to`.
+fn refused(from: &str, to: &str, words: &[&str]) {
+    let campaign = edited(from, to);
+    let folder = folder_with(&campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{answer}");
+    let place = format!("--> test.toml:{}:", line_of(&campaign, to));
+    for word in words.iter().copied().chain([place.as_str()]) {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+    assert!(!folder.path().join("runs").exists(), "a run was begun");
+}
+
+#[test]
+fn a_misspelt_key_is_answered_with_the_right_one() {
+    refused("damping_ratio", "dampin_ratio", &["unknown key `structure.dampin_ratio`", "did you mean `damping_ratio`"]);
+}
+
+#[test]
+fn a_missing_unit_is_answered_with_the_key_that_carries_it() {
+    let fix = "write `base_amplitude_m`: every number carries its unit in its name";
+    refused("base_amplitude_m = 0.0004", "base_amplitude = 0.0004", &["unknown key `set_up[1].base_amplitude`", fix]);
+}
+
+#[test]
+fn a_wrong_unit_is_answered_with_the_converted_value() {
+    let fix = "write `base_amplitude_m = 0.0004`";
+    refused(
+        "base_amplitude_m = 0.0004",
+        "base_amplitude_mm = 0.4",
+        &["unknown key `set_up[1].base_amplitude_mm`", fix],
+    );
+}
+
+#[test]
+fn a_negative_mass_is_refused() {
+    refused(
+        "mass_kg = 1.6",
+        "mass_kg = -1.6",
+        &["`structure.mass_kg` = -1.6 is not allowed", "must be greater than 0"],
+    );
+}
+
+#[test]
+fn not_a_number_is_refused() {
+    refused("mass_kg = 1.6", "mass_kg = nan", &["`structure.mass_kg` = nan is not allowed", "must be a finite number"]);
+    refused("mass_kg = 1.6", "mass_kg = \"1.6\"", &["`structure.mass_kg` = \"1.6\" is not allowed"]);
+}
+
+#[test]
+fn a_zero_step_is_refused() {
+    let grid = "frequencies_hz = { from_hz = 2.0, to_hz = 3.0, step_hz = 0.0 }";
+    let words = ["`experiment[1].frequencies_hz.step_hz` = 0.0 is not allowed", "must not be 0"];
+    refused("frequencies_hz = [2.4, 2.5, 2.6]", grid, &words);
+}
+
+#[test]
+fn a_step_in_the_wrong_direction_is_refused_with_the_right_one() {
+    let grid = "frequencies_hz = { from_hz = 3.0, to_hz = 2.0, step_hz = 0.1 }";
+    refused("frequencies_hz = [2.4, 2.5, 2.6]", grid, &["must lead from 3 to 2 Hz", "write step_hz = -0.1"]);
+}
+
+#[test]
+fn a_frequency_above_what_the_tick_carries_is_refused() {
+    let words = ["`experiment[1].frequencies_hz` = 51 is not allowed", "at most 50 Hz", "tick of 1000 Hz"];
+    refused("[2.4, 2.5, 2.6]", "[2.4, 2.5, 51]", &words);
+}
+
+#[test]
+fn a_dwell_without_enough_cycles_is_refused_with_one_that_has_them() {
+    refused(
+        "dwell_s = 4.0",
+        "dwell_s = 1.0",
+        &["must hold 6 periods of the lowest frequency, 2.4 Hz", "write dwell_s = 2.5"],
+    );
+}
+
+#[test]
+fn an_unknown_set_up_is_answered_with_those_there_are() {
+    let to = "start = \"from_rest\"\nset_ups = [\"hybird\"]";
+    let words = [
+        "`experiment[1].set_ups` names an unknown set-up \"hybird\"",
+        "the set-ups are bare, hybrid",
+        "did you mean \"hybrid\"?",
+    ];
+    let campaign = edited("start = \"from_rest\"", to);
+    let folder = folder_with(&campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    for word in words.into_iter().chain([format!("test.toml:{}:", line_of(&campaign, "hybird")).as_str()]) {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+}
+
+#[test]
+fn a_quantity_given_twice_is_refused() {
+    let to = "natural_frequency_hz = 2.50\nstiffness_n_per_m = 395";
+    let campaign = edited("natural_frequency_hz = 2.50", to);
+    let folder = folder_with(&campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert!(answer.contains("`natural_frequency_hz` is given too, and says the same quantity"), "{answer}");
+}
+
+#[test]
+fn a_restitution_above_1_and_a_start_outside_the_cavity_are_refused() {
+    refused(
+        "coefficient = 0.47",
+        "coefficient = 1.47",
+        &["`set_up[2].particle.wall.coefficient` = 1.47", "must be from 0 to 1"],
+    );
+    refused(
+        "clearance_ratio = 5,",
+        "clearance_ratio = 5, start_m = 0.009,",
+        &["start_m` = 0.009", "within the clearance"],
+    );
+}
+
+#[test]
+fn an_unknown_signal_is_answered_with_the_devices_own() {
+    refused(
+        "signals = [\"x\", \"z\"]",
+        "signals = [\"x\", \"drve\"]",
+        &["the device has the signals x, z, drive, frequency", "did you mean \"drive\"?"],
+    );
+}
+
+#[test]
+fn a_telemetry_rate_between_whole_fractions_of_the_tick_is_refused_with_the_next_ones() {
+    refused(
+        "rate_hz = 100",
+        "rate_hz = 300",
+        &["`telemetry.rate_hz` = 300 is not allowed", "write rate_hz = 250 or 333.3"],
+    );
+}
+
+#[test]
+fn a_structure_too_fast_for_the_tick_is_refused() {
+    refused(
+        "natural_frequency_hz = 2.50",
+        "natural_frequency_hz = 25000",
+        &["`structure.natural_frequency_hz` = 25000 is not allowed"],
+    );
+}
+
+#[test]
+fn all_problems_are_in_one_answer() {
+    let campaign = edited("mass_kg = 1.6", "mass_kg = 0").replace("dwell_s = 4.0", "dwel_s = 4.0");
+    let folder = folder_with(&campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(answer.matches("error: ").count(), 2, "{answer}");
+    assert!(answer.contains("structure.mass_kg") && answer.contains("experiment[1].dwel_s"), "{answer}");
+}
+
+#[test]
+fn a_swing_beyond_the_range_is_refused_and_the_z_that_is_offered_fits() {
+    let campaign = edited("base_amplitude_m = 0.0004", "base_amplitude_m = 0.004");
+    let folder = folder_with(&campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{answer}");
+    assert!(answer.contains("set-up \"bare\" would leave the displacement limit: predicted max|x| = "), "{answer}");
+    assert!(!folder.path().join("runs").exists());
+    let offered = answer.split("write base_amplitude_m = ").nth(1).and_then(|t| t.split(' ').next()).expect("an offer");
+    std::fs::write(
+        folder.path().join("test.toml"),
+        edited("base_amplitude_m = 0.0004", &format!("base_amplitude_m = {offered}")),
+    )
+    .unwrap();
+    damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
+}
+
+#[test]
+fn a_missing_file_is_answered_with_its_neighbour_and_no_toml_with_the_place() {
+    let folder = folder_with("name = [\n");
+    let missing = damprig(&folder).args(["run", "tst.toml"]).output().unwrap();
+    assert!(String::from_utf8_lossy(&missing.stderr).contains("did you mean ./test.toml?"), "{missing:?}");
+    let broken = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    assert!(String::from_utf8_lossy(&broken.stderr).contains("this is not TOML"), "{broken:?}");
+    assert_eq!(broken.status.code(), Some(2));
+}

@@ -1,0 +1,242 @@
+//! `damprig run` from the file to the folder, and what is left of a run that ends badly.
+
+mod common;
+
+use common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, rows, short};
+use damprig_protocol::{Ask, FromDevice, ToDevice};
+use predicates::prelude::*;
+use predicates::str::contains;
+
+/// Points of the short campaign.
+const POINTS: usize = 6;
+
+#[test]
+fn a_campaign_becomes_a_complete_folder_that_reads_back() {
+    let folder = folder_with(&short());
+    let run = folder.path().join("out");
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success().stdout(contains("6 of 6 points"));
+    assert_eq!(std::fs::read_to_string(run.join("campaign.toml")).unwrap(), short());
+    assert_eq!(rows(run.join("results.parquet")), POINTS);
+    let manifest = manifest(&run);
+    assert_eq!(manifest["status"], "complete");
+    assert_eq!(manifest["signals"][0]["unit"], "m");
+    // 5 s of drive in each point at 100 Hz, and the rest before it.
+    let samples = rows(run.join("samples.parquet"));
+    assert!(samples >= POINTS * 500, "{samples} rows");
+    assert_eq!(manifest["sample_rows"], samples);
+    assert!(!run.join("samples.parts").exists());
+    let schema = read_parquet(run.join("results.parquet"))[0].schema();
+    assert_eq!(schema.field_with_name("x_rms_m").unwrap().metadata()["unit"], "m");
+    let svg = std::fs::read_to_string(run.join("figure.svg")).unwrap();
+    assert!(svg.contains("Vibration amplitude ratio X/Z") && svg.contains("Hybrid"));
+    assert!(std::fs::read(run.join("figure.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_run_folder_is_made_below_runs_when_none_is_given() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml"]).assert().success();
+    let runs: Vec<_> = std::fs::read_dir(folder.path().join("runs")).unwrap().flatten().collect();
+    assert_eq!(runs.len(), 1);
+    assert!(runs[0].file_name().to_string_lossy().contains("-short-"));
+}
+
+#[test]
+fn the_link_does_not_change_a_bit() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
+    let board = Served::start(|_| Fate::Pass);
+    damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "tcp"]).assert().success();
+    for file in ["results.parquet", "samples.parquet"] {
+        let read = |run: &str| read_parquet(folder.path().join(run).join(file));
+        assert_eq!(read("direct"), read("tcp"), "{file}");
+    }
+}
+
+#[test]
+fn a_folder_in_use_is_refused_before_anything_moves() {
+    let folder = folder_with(&short());
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    std::fs::write(folder.path().join("out/earlier.txt"), "data").unwrap();
+    let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(1);
+    answer.stderr(contains("cannot use the folder out: it is not empty; give --out a new folder"));
+    let file = damprig(&folder).args(["run", "test.toml", "--out", "test.toml/run"]).assert().code(1);
+    file.stderr(contains("test.toml/run").and(contains("Not a directory")));
+}
+
+#[test]
+fn nobody_at_the_port_is_said_at_once() {
+    let folder = folder_with(&short());
+    // A port that was free a moment ago.
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let rig = format!("tcp:127.0.0.1:{port}");
+    let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().code(1);
+    answer.stderr(
+        contains(format!("cannot reach the rig at {rig}")).and(contains("is the rig (or the emulator) running")),
+    );
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
+fn a_link_that_breaks_in_mid_run_keeps_what_was_taken() {
+    let folder = folder_with(&short());
+    let mut points = 0;
+    let board = Served::start(move |message| {
+        points += usize::from(is_point(message));
+        // The third result is on its way when the cable comes out.
+        if points == 3 { Fate::Close } else { Fate::Pass }
+    });
+    let answer = damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().code(1);
+    answer.stderr(contains(format!("the link to {} broke", board.rig)).and(contains("2 of 6 points are kept in out")));
+    let run = folder.path().join("out");
+    assert_eq!(rows(run.join("results.parquet")), 2);
+    assert!(rows(run.join("samples.parquet")) >= 2 * 500);
+    assert_eq!(manifest(&run)["status"], "incomplete");
+    assert!(run.join("figure.png").exists());
+}
+
+#[test]
+fn a_device_that_falls_silent_is_given_up_and_told_to_stop() {
+    let folder = folder_with(&short());
+    let mut points = 0;
+    let board = Served::start(move |message| {
+        points += usize::from(is_point(message));
+        if points == 2 { Fate::Mute } else { Fate::Pass }
+    });
+    let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out", "--timeout", "0.5"];
+    let answer = damprig(&folder).args(arguments).assert().code(1);
+    answer.stderr(contains(format!("the device at {} stopped answering: nothing for 0.5 s", board.rig)));
+    assert_eq!(rows(folder.path().join("out/results.parquet")), 1);
+    let stops = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.ask == Ask::Stop);
+    assert!(board.received().iter().any(stops), "the rig was left driving");
+}
+
+#[test]
+fn another_protocol_version_is_refused_with_both_sides_named() {
+    let folder = folder_with(&short());
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let rig = format!("tcp:{}", listener.local_addr().unwrap());
+    let stranger = std::thread::spawn(move || {
+        use std::io::{Read, Write};
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut reader = damprig_protocol::frame::Reader::default();
+        let mut byte = [0];
+        while stream.read_exact(&mut byte).is_ok() {
+            if let Some(Ok(ToDevice::Request(request))) = reader.push(byte[0]) {
+                let identity = damprig_protocol::Identity {
+                    protocol: 77,
+                    schema: [0xab; 8],
+                    firmware: "9.9.9".parse().unwrap(),
+                    board: "elsewhere".parse().unwrap(),
+                };
+                let answer = Ok(damprig_protocol::Answer::Identity(identity));
+                let mut frame = [0; damprig_protocol::frame::LONGEST];
+                let reply = FromDevice::Reply { seq: request.seq, answer };
+                let length = damprig_protocol::frame::encode(&reply, &mut frame).unwrap();
+                stream.write_all(&frame[..length]).unwrap();
+            }
+        }
+    });
+    let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig]).assert().code(1);
+    answer.stderr(
+        contains("speaks another protocol: device version 77 (schema abababababababab, firmware 9.9.9 on elsewhere)")
+            .and(contains(format!("this program version {}", damprig_protocol::VERSION))),
+    );
+    stranger.join().unwrap();
+}
+
+#[test]
+fn broken_frames_are_counted_and_change_no_result() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "clean"]).assert().success();
+    let mut messages = 0;
+    let board = Served::start(move |message| {
+        messages += 1;
+        let hit = match message {
+            // A lost result is asked for again; a lost word about the clock, too.
+            FromDevice::Event { .. } => is_point(message),
+            FromDevice::Telemetry(_) => messages % 5 == 0,
+            _ => false,
+        };
+        if hit { Fate::Corrupt } else { Fate::Pass }
+    });
+    damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "noisy"]).assert().success();
+    let read = |run: &str| read_parquet(folder.path().join(run).join("results.parquet"));
+    assert_eq!(read("clean"), read("noisy"));
+    let counters = &manifest(&folder.path().join("noisy"))["counters"];
+    assert!(counters["bad_frames_host"].as_u64().unwrap() > 6, "{counters}");
+    assert!(counters["missing_records"].as_u64().unwrap() > 0, "{counters}");
+    assert!(rows(folder.path().join("noisy/samples.parquet")) < rows(folder.path().join("clean/samples.parquet")));
+}
+
+/// A disk is "full" for a process that may not write files beyond a size.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_said_and_the_parts_stay_readable() {
+    let folder = folder_with(&short());
+    let binary = assert_cmd::cargo::cargo_bin("damprig");
+    // 40 blocks of 512 bytes: room for the samples of a point, not of all points in one file.
+    let script = "trap '' XFSZ; ulimit -f 40; exec \"$0\" run test.toml --out out";
+    let shell = std::process::Command::new("sh").args(["-c", script]).arg(binary).current_dir(folder.path()).output();
+    let output = shell.unwrap();
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    assert!(words.contains("cannot write") && words.contains("File too large"), "{words}");
+    let parts: Vec<_> = std::fs::read_dir(folder.path().join("out/samples.parts")).unwrap().flatten().collect();
+    assert!(!parts.is_empty());
+    assert!(parts.into_iter().map(|p| rows(p.path())).sum::<usize>() > 500);
+    assert!(rows(folder.path().join("out/results.parquet")) >= 1);
+}
+
+/// Runs the short campaign against a board that sends `signal` to the program when a result comes by.
+#[cfg(unix)]
+fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, Vec<ToDevice>) {
+    use std::sync::mpsc;
+    let folder = folder_with(&short());
+    let (tell, pid) = mpsc::channel::<u32>();
+    let mut points = 0;
+    let board = Served::start(move |message| {
+        points += usize::from(is_point(message));
+        if is_point(message) && points == 2 {
+            let pid = pid.recv().unwrap().to_string();
+            assert!(std::process::Command::new("kill").args([signal, &pid]).status().unwrap().success());
+        }
+        Fate::Pass
+    });
+    let child = std::process::Command::new(assert_cmd::cargo::cargo_bin("damprig"))
+        .args(["run", "test.toml", "--rig", &board.rig, "--out", "out"])
+        .current_dir(folder.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    tell.send(child.id()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    (folder, output, board.received())
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_stops_the_rig_and_keeps_what_was_taken() {
+    let (folder, output, received) = signalled("-INT");
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{words}");
+    assert!(words.contains("interrupted"), "{words}");
+    assert!(received.iter().any(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Stop)));
+    let run = folder.path().join("out");
+    assert_eq!(manifest(&run)["reason"], "interrupted");
+    assert!(rows(run.join("results.parquet")) >= 1);
+    assert!(rows(run.join("samples.parquet")) > 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_its_points_readable_and_says_that_it_was_running() {
+    let (folder, _, _) = signalled("-KILL");
+    let run = folder.path().join("out");
+    assert_eq!(manifest(&run)["status"], "running");
+    assert!(rows(run.join("results.parquet")) >= 1);
+    let parts = std::fs::read_dir(run.join("samples.parts")).unwrap().flatten();
+    let whole = parts.filter(|p| p.path().extension().is_some_and(|e| e == "parquet"));
+    assert!(whole.map(|p| rows(p.path())).sum::<usize>() > 0);
+}
