@@ -310,12 +310,17 @@ impl Session {
         Ok(())
     }
 
+    /// A report that has arrived already.
+    pub fn report_at_hand(&mut self) -> Option<Report> {
+        self.reports.pop_front()
+    }
+
     /// The next report, waiting a moment for one; a granted clock runs on meanwhile.
     ///
     /// # Errors
     /// The device is silent, or the link breaks.
     pub fn next_report(&mut self) -> Result<Option<Report>, SessionError> {
-        if let Some(report) = self.reports.pop_front() {
+        if let Some(report) = self.report_at_hand() {
             return Ok(Some(report));
         }
         if self.is_granted() && self.granted_until.is_none_or(|until| self.clock_tick >= until) {
@@ -323,7 +328,7 @@ impl Session {
         }
         self.listen(TURN)?;
         self.watch()?;
-        Ok(self.reports.pop_front())
+        Ok(self.report_at_hand())
     }
 
     fn grant(&mut self, until_tick: u32) -> Result<(), SessionError> {

@@ -149,12 +149,15 @@ fn another_protocol_version_is_refused_with_both_sides_named() {
 fn broken_frames_are_counted_and_change_no_result() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "clean"]).assert().success();
-    let mut messages = 0;
+    let (mut messages, mut events) = (0, 0);
     let board = Served::start(move |message| {
         messages += 1;
         let hit = match message {
-            // A lost result is asked for again; a lost word about the clock, too.
-            FromDevice::Event { .. } => is_point(message),
+            // Three points and the word that all is finished, twice: every second one is lost.
+            FromDevice::Event { .. } => {
+                events += 1;
+                events % 2 == 0
+            }
             FromDevice::Telemetry(_) => messages % 5 == 0,
             _ => false,
         };
@@ -166,7 +169,6 @@ fn broken_frames_are_counted_and_change_no_result() {
     let counters = &manifest(&folder.path().join("noisy"))["counters"];
     assert!(counters["bad_frames_host"].as_u64().unwrap() > 6, "{counters}");
     assert!(counters["missing_records"].as_u64().unwrap() > 0, "{counters}");
-    assert!(rows(folder.path().join("noisy/samples.parquet")) < rows(folder.path().join("clean/samples.parquet")));
 }
 
 /// A disk is "full" for a process that may not write files beyond a size.

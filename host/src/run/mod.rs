@@ -8,13 +8,14 @@
 mod track;
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use damprig_core::control::limits::{Fault, Limits};
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::{PlantConfig, SensorModel};
-use damprig_core::rig::TICK_HZ;
-use damprig_protocol::{Answer, Ask, Happening, PlantKind};
+use damprig_core::rig::{State, TICK_HZ};
+use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
 
 use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
@@ -104,6 +105,9 @@ pub fn device_record(session: &Session) -> Device {
         tick_hz: f64::from(session.description.tick_hz),
     }
 }
+
+/// Wall time without an event after which the device is asked whether it is still running.
+const ASK_AFTER: Duration = Duration::from_secs(2);
 
 /// The signals that a campaign records on a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -235,41 +239,94 @@ impl<'a> Run<'a> {
         }
         let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted());
         let before_s = self.tally.rig_s;
-        let tick_s = 1.0 / f64::from(TICK_HZ);
+        let mut heard = Instant::now();
         while !track.is_complete() {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
             match self.session.next_report()? {
-                Some(Report::Telemetry(rows)) => {
-                    for (tick, values) in track.rows(&rows, self.session.description.signals.len()) {
-                        let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
-                        let point = point(set_up, experiment, index);
-                        let values = self.selection.positions.iter().map(|&i| values[i]);
-                        self.folder.push_sample(point, u64::from(tick), f64::from(tick) * tick_s, values)?;
+                Some(report) => {
+                    if let Report::Event { .. } = report {
+                        heard = Instant::now();
                     }
-                }
-                Some(Report::Event { tick, event: Happening::Point(result) }) => {
-                    track.point_done(result.index, tick);
-                    self.take(set_up, experiment, &result)?;
-                }
-                Some(Report::Event { tick, event: Happening::Finished { rows_dropped, .. } }) => {
-                    track.finished(tick);
-                    self.tally.counters.dropped_records += u64::from(rows_dropped);
-                }
-                Some(Report::Event { tick, event: Happening::Fault(fault) }) => {
-                    self.tally.rig_s = before_s + f64::from(tick) * tick_s;
-                    return Err(fault_error(set_up, fault));
+                    self.handle(set_up, experiment, &mut track, report)?;
                 }
                 None => track.quiet(),
             }
-            self.tally.rig_s = before_s + f64::from(track.latest_tick()) * tick_s;
+            if heard.elapsed() > ASK_AFTER || track.is_overdue() {
+                heard = Instant::now();
+                self.look_for_the_end(set_up, experiment, &mut track)?;
+            }
+            self.tally.rig_s = before_s + f64::from(track.latest_tick()) / f64::from(TICK_HZ);
             self.watcher.progress(self.tally.rig_s);
         }
         self.tally.counters.missing_records += track.missing_messages();
-        self.fetch_missing(set_up, experiment, &track)?;
+        let points = experiment.frequencies_hz.len();
+        self.fetch_missing(set_up, experiment, &mut track, points as u16)?;
         if self.every_ticks > 0 {
             self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+        }
+        match track.lost() {
+            0 => Ok(()),
+            missing => Err(RunError::Lost { set_up: set_up.name.clone(), missing, points }),
+        }
+    }
+
+    fn handle(
+        &mut self,
+        set_up: &CampaignSetUp,
+        experiment: &SteppedSine,
+        track: &mut Track,
+        report: Report,
+    ) -> Result<(), RunError> {
+        match report {
+            Report::Telemetry(rows) => self.record(set_up, experiment, track, &rows),
+            Report::Event { tick, event: Happening::Point(result) } => {
+                // The device keeps only the last few results: one that was lost is asked for at once.
+                self.fetch_missing(set_up, experiment, track, result.index)?;
+                if track.point_done(result.index, tick) { self.take(set_up, experiment, &result) } else { Ok(()) }
+            }
+            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
+                track.finished(tick);
+                self.tally.counters.dropped_records += u64::from(rows_dropped);
+                Ok(())
+            }
+            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(set_up, fault)),
+        }
+    }
+
+    /// The word that the experiment is over may have been lost: a device that has become idle is finished.
+    fn look_for_the_end(
+        &mut self,
+        set_up: &CampaignSetUp,
+        experiment: &SteppedSine,
+        track: &mut Track,
+    ) -> Result<(), RunError> {
+        let (status, _) = self.session.status()?;
+        while let Some(report) = self.session.report_at_hand() {
+            self.handle(set_up, experiment, track, report)?;
+        }
+        if let Some(fault) = status.fault {
+            return Err(fault_error(set_up, fault));
+        }
+        if status.state == State::Idle && !track.has_finished() {
+            track.finished(track.latest_tick());
+        }
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        set_up: &CampaignSetUp,
+        experiment: &SteppedSine,
+        track: &mut Track,
+        rows: &Telemetry,
+    ) -> Result<(), RunError> {
+        for (tick, values) in track.rows(rows, self.session.description.signals.len()) {
+            let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
+            let values = self.selection.positions.iter().map(|&i| values[i]);
+            let t_s = f64::from(tick) / f64::from(TICK_HZ);
+            self.folder.push_sample(point(set_up, experiment, index), u64::from(tick), t_s, values)?;
         }
         Ok(())
     }
@@ -307,23 +364,25 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Asks for results whose report did not arrive; the device keeps the last few.
+    /// Asks for the results before `until` whose report did not arrive.
     fn fetch_missing(
         &mut self,
         set_up: &CampaignSetUp,
         experiment: &SteppedSine,
-        track: &Track,
+        track: &mut Track,
+        until: u16,
     ) -> Result<(), RunError> {
-        let mut lost = 0;
-        for index in track.missing_points() {
+        for index in track.missing_points(until) {
             match self.session.ask("repeat a result", Ask::Result { index }) {
-                Ok(Answer::Result(result)) => self.take(set_up, experiment, &result)?,
-                Ok(_) | Err(SessionError::Refused { .. }) => lost += 1,
+                Ok(Answer::Result(result)) => {
+                    track.point_done(index, result.end_tick.saturating_sub(1));
+                    self.take(set_up, experiment, &result)?;
+                }
+                Ok(_) | Err(SessionError::Refused { .. }) => track.point_lost(index),
                 Err(error) => return Err(error.into()),
             }
         }
-        let points = experiment.frequencies_hz.len();
-        if lost > 0 { Err(RunError::Lost { set_up: set_up.name.clone(), missing: lost, points }) } else { Ok(()) }
+        Ok(())
     }
 }
 

@@ -3,19 +3,24 @@
 //! Events overtake telemetry on the line (they go first), so a row's point is told by its tick, and an
 //! experiment is over only when the rows up to its last tick are there too.
 
+use damprig_core::control::stepped_sine::FADE_S;
+use damprig_core::rig::TICK_HZ;
 use damprig_protocol::Telemetry;
 
 /// Waits for rows that are still under way when the experiment has finished. A row that was lost on the line
 /// does not come, however long one waits.
 const MOST_QUIET_TURNS: u32 = 10;
 
+/// Ticks from the last point to the word that the experiment is over; the drive fades out in a fifth of that.
+const OVERDUE_TICKS: u32 = (5.0 * FADE_S * TICK_HZ) as u32;
+
 /// The state of one experiment's arrivals.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
-    points: usize,
     every_ticks: u16,
-    /// Tick of the event of each point taken, by index.
+    /// Last tick of each point taken, by index.
     done: Vec<Option<u32>>,
+    lost: Vec<u16>,
     end_tick: Option<u32>,
     latest_tick: u32,
     latest_row: Option<u32>,
@@ -30,9 +35,9 @@ pub(super) struct Track {
 impl Track {
     pub(super) fn new(points: usize, every_ticks: u16, is_granted: bool) -> Self {
         Self {
-            points,
             every_ticks,
             done: vec![None; points],
+            lost: Vec::new(),
             end_tick: None,
             latest_tick: 0,
             latest_row: None,
@@ -75,17 +80,41 @@ impl Track {
         self.done.iter().rposition(|end| end.is_some_and(|end| end < tick)).map_or(0, |last| last + 1)
     }
 
-    pub(super) fn point_done(&mut self, index: u16, tick: u32) {
-        if let Some(slot) = self.done.get_mut(usize::from(index)) {
-            *slot = Some(tick);
-        }
+    /// A result is there; whether it is a new one.
+    pub(super) fn point_done(&mut self, index: u16, tick: u32) -> bool {
         self.latest_tick = self.latest_tick.max(tick);
+        match self.done.get_mut(usize::from(index)) {
+            Some(slot) => slot.replace(tick).is_none(),
+            None => false,
+        }
+    }
+
+    /// A result will not come any more.
+    pub(super) fn point_lost(&mut self, index: u16) {
+        self.lost.push(index);
+    }
+
+    /// Results that will not come any more.
+    pub(super) fn lost(&self) -> usize {
+        self.lost.len()
+    }
+
+    /// Whether the experiment's end has been heard of.
+    pub(super) fn has_finished(&self) -> bool {
+        self.end_tick.is_some()
     }
 
     pub(super) fn finished(&mut self, tick: u32) {
         self.end_tick = Some(tick);
         self.latest_tick = self.latest_tick.max(tick);
         self.quiet_turns = 0;
+    }
+
+    /// All points are there, and much more time has passed than the drive needs to fade out: the experiment is
+    /// over, and the word about it was lost.
+    pub(super) fn is_overdue(&self) -> bool {
+        let last = self.done.last().copied().flatten();
+        self.end_tick.is_none() && last.is_some_and(|last| self.latest_tick > last.saturating_add(OVERDUE_TICKS))
     }
 
     /// Nothing came for a moment.
@@ -113,9 +142,10 @@ impl Track {
         self.missing_messages
     }
 
-    /// Points whose result has not arrived.
-    pub(super) fn missing_points(&self) -> Vec<u16> {
-        (0..self.points).filter(|i| self.done[*i].is_none()).map(|i| i as u16).collect()
+    /// Points before `until` whose result has not arrived and may still be asked for.
+    pub(super) fn missing_points(&self, until: u16) -> Vec<u16> {
+        let missing = |i: &u16| self.done.get(usize::from(*i)) == Some(&None) && !self.lost.contains(i);
+        (0..until).filter(missing).collect()
     }
 }
 
@@ -152,7 +182,16 @@ mod tests {
         track.finished(125);
         (0..=MOST_QUIET_TURNS).for_each(|_| track.quiet());
         assert!(track.is_complete());
-        assert_eq!(track.missing_points(), [0]);
+        assert_eq!(track.missing_points(1), [0]);
+    }
+
+    #[test]
+    fn a_result_that_comes_twice_counts_once_and_a_lost_one_is_not_asked_for_again() {
+        let mut track = Track::new(3, 10, true);
+        assert!(track.point_done(1, 50));
+        assert!(!track.point_done(1, 50));
+        track.point_lost(0);
+        assert_eq!((track.missing_points(3), track.lost()), (vec![2], 1));
     }
 
     #[test]
