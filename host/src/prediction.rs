@@ -9,7 +9,7 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
+use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled, Units};
 use damprig_core::model::{Initial, Invalid};
 use rayon::prelude::*;
 
@@ -141,7 +141,7 @@ fn simulate(set_up: &CampaignSetUp, experiment: &SteppedSine, base_amplitude_m: 
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil());
         let step_s = 1.0 / (frequency_hz * steps);
-        let mut motion = Sampled::<f64>::new(&model, step_s, &carried.take().unwrap_or(initial))?;
+        let mut motion = Sampled::<f64>::new(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
         let count = ((experiment.settle_s + experiment.dwell_s) / step_s).ceil() as u64;
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;

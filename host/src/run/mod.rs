@@ -5,23 +5,25 @@
 //! Bytes and time-outs are [`crate::session`]'s, files are [`crate::recording`]'s, words for people the
 //! command's (through [`Watcher`]).
 
+mod convert;
 mod track;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use damprig_core::control::limits::{Fault, Limits};
-use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::control::limits::Limits;
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::{PlantConfig, SensorModel};
 use damprig_core::rig::{State, TICK_HZ};
 use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
 
-use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
-use crate::input::{Problem, Refusal};
+use crate::campaign::{Campaign, CampaignSetUp, SteppedSine};
+use crate::input::Refusal;
 use crate::recording::manifest::{Counters, Device, Manifest};
-use crate::recording::{Point, ResultRow, RunFolder, Signal, StorageError};
+use crate::recording::{ResultRow, RunFolder, StorageError};
 use crate::session::{Report, Session, SessionError, hex};
+pub use convert::Selection;
+use convert::{fault_error, plan, point, row};
 use track::Track;
 
 /// Why a run ended before its end.
@@ -109,40 +111,6 @@ pub fn device_record(session: &Session) -> Device {
 /// Wall time without an event after which the device is asked whether it is still running.
 const ASK_AFTER: Duration = Duration::from_secs(2);
 
-/// The signals that a campaign records on a device.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Selection {
-    /// Their positions in the device's table.
-    positions: Vec<usize>,
-    /// Names of their columns, and units.
-    pub signals: Vec<Signal>,
-}
-
-impl Selection {
-    /// Checks the campaign against what the device has.
-    ///
-    /// # Errors
-    /// A signal or a tick rate that the device does not have.
-    pub fn of(campaign: &Campaign, session: &Session) -> Result<Self, RunError> {
-        let tick_hz = session.description.tick_hz;
-        if tick_hz != TICK_HZ {
-            let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
-            return Err(Refusal(message).into());
-        }
-        let table = &session.description.signals;
-        let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
-        let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
-            let title = "`telemetry.signals` names a signal that the device does not have".into();
-            campaign.source.report(Problem { title, span, allowed, help: None });
-            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
-        })?;
-        let signal =
-            |&i: &usize| Signal { name: column_name(&table[i].name, &table[i].unit), unit: table[i].unit.to_string() };
-        let signals = positions.iter().map(signal).collect();
-        Ok(Self { positions, signals })
-    }
-}
-
 /// A campaign on a device.
 pub struct Run<'a> {
     campaign: &'a Campaign,
@@ -186,7 +154,10 @@ impl<'a> Run<'a> {
         if result.is_err() {
             self.end_drive(&result);
         }
-        if let Ok((_, device)) = self.session.status() {
+        // A device that is gone need not be waited for again.
+        if !matches!(result, Err(RunError::Session(_)))
+            && let Ok((_, device)) = self.session.status()
+        {
             self.tally.counters.bad_frames_device = u64::from(device.bad_frames);
         }
         self.tally.counters.bad_frames_host = self.session.bad_frames();
@@ -383,62 +354,5 @@ impl<'a> Run<'a> {
             }
         }
         Ok(())
-    }
-}
-
-/// `x` in metres becomes `x_m`.
-fn column_name(name: &str, unit: &str) -> String {
-    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
-}
-
-fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
-    RunError::Fault {
-        set_up: set_up.name.clone(),
-        cause: fault.cause,
-        t_s: f64::from(fault.tick) / f64::from(TICK_HZ),
-        value: fault.value,
-        limit: fault.limit,
-    }
-}
-
-fn point<'p>(set_up: &'p CampaignSetUp, experiment: &'p SteppedSine, index: usize) -> Point<'p> {
-    Point { set_up: &set_up.name, experiment: &experiment.name, frequency_hz: experiment.frequencies_hz[index] }
-}
-
-/// The experiment as the controller takes it.
-fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sine::SteppedSine {
-    core_sine::SteppedSine {
-        start: match experiment.start {
-            Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
-            Start::CarryOver => core_sine::Start::CarryOver,
-        },
-        amplitude_m: set_up.base_amplitude_m as f32,
-        settle_s: experiment.settle_s as f32,
-        dwell_s: experiment.dwell_s as f32,
-        steady: experiment.steady,
-        // Cannot overflow: the campaign's reader has counted them.
-        frequencies_hz: experiment.frequencies_hz.iter().map(|f| *f as f32).collect(),
-    }
-}
-
-fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) -> ResultRow {
-    ResultRow {
-        set_up: point.set_up.to_string(),
-        experiment: point.experiment.to_string(),
-        frequency_hz: point.frequency_hz,
-        z_amplitude_m: result.z_amplitude_m,
-        x_amplitude_m: result.x_amplitude_m,
-        phase_rad: result.phase_rad,
-        x_rms_m: result.x_rms_m,
-        x_mean_cycle_max_m: result.x_mean_cycle_max_m,
-        x_max_m: result.x_max_m,
-        x_last_cycle_max_m: result.x_last_cycle_max_m,
-        change_per_cycle: result.change_per_cycle,
-        scatter: result.scatter,
-        cycles: result.cycles,
-        steady: result.steady,
-        start_tick: u64::from(result.start_tick),
-        end_tick: u64::from(result.end_tick),
-        d_over_z: set_up.clearance_ratio().unwrap_or(f64::NAN),
     }
 }

@@ -1,0 +1,104 @@
+//! Between the campaign's words, the device's, and the files': experiments, signals, results, faults.
+
+use damprig_core::control::limits::Fault;
+use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::measure::point::PointResult;
+use damprig_core::rig::TICK_HZ;
+
+use super::RunError;
+use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::input::{Problem, Refusal};
+use crate::recording::{Point, ResultRow, Signal};
+use crate::session::Session;
+
+/// The signals that a campaign records on a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Their positions in the device's table.
+    pub(super) positions: Vec<usize>,
+    /// Names of their columns, and units.
+    pub signals: Vec<Signal>,
+}
+
+impl Selection {
+    /// Checks the campaign against what the device has.
+    ///
+    /// # Errors
+    /// A signal or a tick rate that the device does not have.
+    pub fn of(campaign: &Campaign, session: &Session) -> Result<Self, RunError> {
+        let tick_hz = session.description.tick_hz;
+        if tick_hz != TICK_HZ {
+            let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
+            return Err(Refusal(message).into());
+        }
+        let table = &session.description.signals;
+        let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
+        let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
+            let title = "`telemetry.signals` names a signal that the device does not have".into();
+            campaign.source.report(Problem { title, span, allowed, help: None });
+            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
+        })?;
+        let signal =
+            |&i: &usize| Signal { name: column_name(&table[i].name, &table[i].unit), unit: table[i].unit.to_string() };
+        let signals = positions.iter().map(signal).collect();
+        Ok(Self { positions, signals })
+    }
+}
+
+/// `x` in metres becomes `x_m`.
+fn column_name(name: &str, unit: &str) -> String {
+    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
+}
+
+pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
+    RunError::Fault {
+        set_up: set_up.name.clone(),
+        cause: fault.cause,
+        t_s: f64::from(fault.tick) / f64::from(TICK_HZ),
+        value: fault.value,
+        limit: fault.limit,
+    }
+}
+
+pub(super) fn point<'p>(set_up: &'p CampaignSetUp, experiment: &'p SteppedSine, index: usize) -> Point<'p> {
+    Point { set_up: &set_up.name, experiment: &experiment.name, frequency_hz: experiment.frequencies_hz[index] }
+}
+
+/// The experiment as the controller takes it.
+pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sine::SteppedSine {
+    core_sine::SteppedSine {
+        start: match experiment.start {
+            Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
+            Start::CarryOver => core_sine::Start::CarryOver,
+        },
+        amplitude_m: set_up.base_amplitude_m as f32,
+        settle_s: experiment.settle_s as f32,
+        dwell_s: experiment.dwell_s as f32,
+        steady: experiment.steady,
+        first_index: 0,
+        // Cannot overflow: the campaign's reader has counted them.
+        frequencies_hz: experiment.frequencies_hz.iter().map(|f| *f as f32).collect(),
+    }
+}
+
+pub(super) fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) -> ResultRow {
+    ResultRow {
+        set_up: point.set_up.to_string(),
+        experiment: point.experiment.to_string(),
+        frequency_hz: point.frequency_hz,
+        z_amplitude_m: result.z_amplitude_m,
+        x_amplitude_m: result.x_amplitude_m,
+        phase_rad: result.phase_rad,
+        x_rms_m: result.x_rms_m,
+        x_mean_cycle_max_m: result.x_mean_cycle_max_m,
+        x_max_m: result.x_max_m,
+        x_last_cycle_max_m: result.x_last_cycle_max_m,
+        change_per_cycle: result.change_per_cycle,
+        scatter: result.scatter,
+        cycles: result.cycles,
+        steady: result.steady,
+        start_tick: u64::from(result.start_tick),
+        end_tick: u64::from(result.end_tick),
+        d_over_z: set_up.clearance_ratio().unwrap_or(f64::NAN),
+    }
+}
