@@ -1,7 +1,7 @@
 //! The `damprig` command line: one subcommand a file.
 //!
 //! To add one: a file with its clap `Args` and a function that returns [`Outcome`], and a line each in
-//! [`Command`] and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
+//! `Command` and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
 
 mod progress;
 mod report;

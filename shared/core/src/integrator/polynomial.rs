@@ -43,7 +43,7 @@ pub fn derivative<S: Scalar>(p: &Polynomial<S>) -> Polynomial<S> {
     d
 }
 
-/// Σ |p[n]| tⁿ over n ≥ 1: how far `p` can stray from `p(0)` up to time `t`.
+/// `Σ |p[n]| tⁿ` over n ≥ 1: how far `p` can stray from `p(0)` up to time `t`.
 #[inline]
 pub fn reach<S: Scalar>(p: &Polynomial<S>, t: S) -> S {
     let mut sum = S::ZERO;
