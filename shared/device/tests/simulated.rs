@@ -1,10 +1,10 @@
 //! The simulated board as a host sees it: bytes in, bytes out.
 
 use damprig_core::control::limits::{Cause, Limits};
-use damprig_core::control::stepped_sine::{Start, SteppedSine};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
-use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::State;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
@@ -61,7 +61,9 @@ fn plant() -> PlantConfig {
     PlantConfig {
         set_up: SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)),
         particle_start_m: 0.0,
+        base: Base::Prescribed,
         sensors: SensorModel::default(),
+        data_sheet: None,
     }
 }
 
@@ -69,6 +71,8 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),

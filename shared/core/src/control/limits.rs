@@ -32,6 +32,8 @@ pub enum Cause {
     SensorInvalid,
     /// The structure did not come to rest in the time given.
     RestTimeout,
+    /// The closed loop of the base amplitude swung up.
+    BaseRunaway,
 }
 
 impl Cause {
@@ -43,6 +45,7 @@ impl Cause {
             Self::BaseDisplacement => "the base reached its displacement limit",
             Self::SensorInvalid => "a sensor gave no number",
             Self::RestTimeout => "the structure did not come to rest in time",
+            Self::BaseRunaway => "the base amplitude ran away: amplifier in voltage mode? sign of drive and z right?",
         }
     }
 }

@@ -3,8 +3,10 @@
 //!
 //! A point runs through *rest* (only when it starts from rest), *settle* and *dwell*. The drive is phase-continuous
 //! from one frequency to the next when the motion is carried over; from rest it starts at phase zero, so the base
-//! leaves its place without a step in displacement.
+//! leaves its place without a step in displacement. The drive comes and goes on a smooth ramp if one is asked for, and
+//! is constant, or whatever [`super::base_loop`] needs for a constant base amplitude.
 
+use crate::control::base_loop::{BaseLoop, ClosedLoop, DELAY_TICKS, RUNAWAY};
 use crate::control::limits::{Cause, Fault};
 use crate::measure::point::{PointMeter, PointResult, SteadyLimits};
 use crate::model::{Invalid, not_negative, positive, require};
@@ -23,7 +25,7 @@ pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;
 /// Fewest whole cycles in a dwell: the trend of the cycle maxima needs three in its second half.
 pub const FEWEST_CYCLES: f32 = 6.0;
 
-/// Time over which the drive fades out before a rest or after a stop, s.
+/// Time over which the drive fades out after a stop or a fault, and at least before a rest, s.
 pub const FADE_S: f32 = 0.2;
 
 /// How long |x| must stay below the rest level, s.
@@ -45,6 +47,16 @@ pub enum Start {
     CarryOver,
 }
 
+/// What is held at the demanded amplitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Drive {
+    /// The drive, as in the source document: a base that feels its load sags near resonance.
+    #[default]
+    Constant,
+    /// The measured base displacement.
+    ClosedLoop(ClosedLoop),
+}
+
 /// A stepped-sine experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SteppedSine {
@@ -52,6 +64,10 @@ pub struct SteppedSine {
     pub start: Start,
     /// Demanded base amplitude Z, m; greater than 0.
     pub amplitude_m: f32,
+    /// What is held at that amplitude.
+    pub drive: Drive,
+    /// Time over which the drive rises from silence and, between points and at the end, fades, s; 0 (at once) to settle_s.
+    pub ramp_s: f32,
     /// Time after a frequency begins before it is measured, s; 0 or more.
     pub settle_s: f32,
     /// Time measured at each frequency, s: its whole cycles are used.
@@ -77,6 +93,18 @@ impl SteppedSine {
         let longest_s = 1e6 / f64::from(tick_hz) * 1000.0;
         require(f64::from(self.settle_s) <= longest_s, "settle_s", f64::from(self.settle_s), "at most 10⁹ ticks")?;
         require(f64::from(self.dwell_s) <= longest_s, "dwell_s", f64::from(self.dwell_s), "at most 10⁹ ticks")?;
+        let ramp_s = f64::from(self.ramp_s);
+        not_negative("ramp_s", ramp_s)?;
+        require(self.ramp_s <= self.settle_s, "ramp_s", ramp_s, "at most settle_s: nothing is measured on the ramp")?;
+        if let Drive::ClosedLoop(parameters) = &self.drive {
+            parameters.validate()?;
+            require(
+                self.amplitude_m < parameters.drive_limit_m,
+                "drive.drive_limit_m",
+                f64::from(parameters.drive_limit_m),
+                "greater than amplitude_m",
+            )?;
+        }
         if let Start::FromRest { level_m } = self.start {
             positive("rest_level_m", f64::from(level_m))?;
         }
@@ -107,11 +135,12 @@ impl SteppedSine {
         Ok(())
     }
 
-    /// Ticks that the whole experiment takes when every rest is immediate, as on a virtual rig.
+    /// Ticks that the whole experiment takes when every rest is immediate, as on a virtual rig, and a closed loop never
+    /// waits for its base.
     #[must_use]
     pub fn expected_ticks(&self, tick_hz: f32) -> u64 {
         let rest_s = match self.start {
-            Start::FromRest { .. } => FADE_S + REST_HOLD_S,
+            Start::FromRest { .. } => self.ramp_s.max(FADE_S) + REST_HOLD_S,
             Start::CarryOver => 0.0,
         };
         let point_s = f64::from(rest_s + self.settle_s + self.dwell_s);
@@ -151,12 +180,17 @@ pub struct Runner {
     index: usize,
     stage: Stage,
     ticks_in_stage: u32,
+    /// Since the present frequency began.
+    driven_ticks: u32,
     quiet_ticks: u32,
     phase: Phase,
     increment: u32,
-    /// Drive amplitude over the demanded one, 0 to 1.
+    /// Place on the ramp, 0 to 1.
     gain: f32,
+    fade_s: f32,
     driving: bool,
+    /// Used by [`Drive::ClosedLoop`] alone.
+    base: BaseLoop,
     meter: PointMeter,
     cycles: u32,
     start_tick: u32,
@@ -173,11 +207,14 @@ impl Runner {
             index: 0,
             stage: Stage::Rest,
             ticks_in_stage: 0,
+            driven_ticks: 0,
             quiet_ticks: 0,
             phase: Phase::default(),
             increment: 0,
             gain: 0.0,
+            fade_s: FADE_S,
             driving: false,
+            base: BaseLoop::default(),
             meter: PointMeter::default(),
             cycles: 0,
             start_tick: 0,
@@ -219,6 +256,7 @@ impl Runner {
     /// Lets the drive fade out, whatever comes after.
     pub fn release_drive(&mut self) {
         self.driving = false;
+        self.fade_s = FADE_S;
     }
 
     /// The drive has faded out.
@@ -240,11 +278,16 @@ impl Runner {
         match self.plan.start {
             Start::FromRest { .. } => {
                 self.stage = Stage::Rest;
-                self.driving = false;
+                self.end_driving();
                 self.quiet_ticks = 0;
             }
             Start::CarryOver => self.begin_settling(),
         }
+    }
+
+    fn end_driving(&mut self) {
+        self.driving = false;
+        self.fade_s = self.plan.ramp_s.max(FADE_S);
     }
 
     fn begin_settling(&mut self) {
@@ -252,31 +295,78 @@ impl Runner {
         self.increment = Phase::increment(frequency, self.tick_hz);
         self.cycles = (self.plan.dwell_s * frequency) as u32;
         self.stage = Stage::Settle;
-        self.ticks_in_stage = 0;
+        self.driven_ticks = 0;
         self.driving = true;
-        self.gain = 1.0;
+        if let Drive::ClosedLoop(parameters) = &self.plan.drive {
+            if self.gain == 0.0 {
+                self.base = BaseLoop::new(parameters);
+            }
+            self.base.tune(parameters, frequency, self.tick_hz);
+        }
+    }
+
+    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to begin anew.
+    fn base_slipped(&self) -> bool {
+        match &self.plan.drive {
+            Drive::Constant => false,
+            Drive::ClosedLoop(parameters) => {
+                !self.base.is_held() && self.driven_ticks <= self.ticks(self.plan.settle_s + parameters.wait_s)
+            }
+        }
+    }
+
+    /// Settled: measuring may begin at the next cycle.
+    fn is_settled(&self) -> bool {
+        self.driven_ticks > self.ticks(self.plan.settle_s)
+            && match &self.plan.drive {
+                Drive::Constant => true,
+                Drive::ClosedLoop(parameters) => {
+                    self.base.is_held() || self.driven_ticks > self.ticks(self.plan.settle_s + parameters.wait_s)
+                }
+            }
     }
 
     fn begin_dwelling(&mut self, tick: u32) {
         self.stage = Stage::Dwell;
-        self.ticks_in_stage = 0;
         self.start_tick = tick;
         self.meter = PointMeter::new(self.cycles);
+        self.base.take_saturated();
     }
 
     /// The drive for this tick, m, without measuring: for the fade after a stop.
     pub fn fade(&mut self) -> f32 {
-        let drive = self.drive_m();
+        let drive = self.drive_m(None, 0).0;
         self.phase.advance(self.increment);
         drive
     }
 
-    /// The demanded base displacement at the present phase, m; fades while the drive is released.
-    fn drive_m(&mut self) -> f32 {
-        if !self.driving {
-            self.gain = (self.gain - 1.0 / (FADE_S * self.tick_hz)).max(0.0);
+    /// The drive at the present phase, m, and a fault of the closed loop. Fades while the drive is released: then, and
+    /// without samples, the loop is open.
+    fn drive_m(&mut self, sensors: Option<&Sensors>, tick: u32) -> (f32, Option<Fault>) {
+        let ramp_s = if self.driving { self.plan.ramp_s } else { self.fade_s };
+        let step = if ramp_s > 0.0 { 1.0 / (ramp_s * self.tick_hz) } else { 1.0 };
+        self.gain = (self.gain + if self.driving { step } else { -step }).clamp(0.0, 1.0);
+        // Without a corner at either end.
+        let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
+        let now = self.phase.sin_cos();
+        let amplitude = self.plan.amplitude_m;
+        let (Drive::ClosedLoop(_), Some(sensors), true) = (&self.plan.drive, sensors, self.driving) else {
+            let full = match self.plan.drive {
+                Drive::Constant => amplitude * now.0,
+                Drive::ClosedLoop(_) => self.base.open(now),
+            };
+            return (ramp * full, None);
+        };
+        let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
+        let drive = self.base.tick(ramp * amplitude, sensors.mean_z_m(), then.sin_cos(), now);
+        if then.0.checked_add(self.increment).is_none() {
+            self.base.end_cycle(amplitude);
+            if let Some(value) = self.base.runaway(amplitude) {
+                let limit = RUNAWAY * amplitude;
+                return (drive, Some(Fault { cause: Cause::BaseRunaway, tick, value, limit }));
+            }
         }
-        self.plan.amplitude_m * self.gain * self.phase.sin_cos().0
+        (drive, None)
     }
 
     /// One tick: this tick's samples in, the demanded base displacement (m) out.
@@ -284,24 +374,28 @@ impl Runner {
         let mut outcome = Outcome::Running;
         self.put_back = false;
         self.ticks_in_stage += 1;
+        self.driven_ticks = self.driven_ticks.saturating_add(1);
         match self.stage {
             Stage::Rest => outcome = self.rest(sensors, tick),
             Stage::Settle | Stage::Dwell => {}
         }
         // A dwell begins at the start of a cycle, and so does a drive from rest.
-        if self.stage == Stage::Settle
-            && self.ticks_in_stage > self.ticks(self.plan.settle_s)
-            && self.phase.0 < self.increment
-        {
+        if self.stage == Stage::Settle && self.phase.0 < self.increment && self.is_settled() {
             self.begin_dwelling(tick);
         }
-        let drive = self.drive_m();
+        let (drive, fault) = self.drive_m(Some(sensors), tick);
+        if let Some(fault) = fault {
+            outcome = Outcome::Failed(fault);
+        }
         if self.stage == Stage::Dwell {
-            self.meter.push(sensors, self.phase.sin_cos());
+            self.meter.push(sensors, drive, self.phase.sin_cos());
         }
         if self.phase.advance(self.increment) && self.stage == Stage::Dwell {
             self.meter.end_cycle();
-            if self.meter.cycles() == self.cycles {
+            if self.base_slipped() {
+                self.stage = Stage::Settle;
+            }
+            if self.meter.cycles() == self.cycles && outcome == Outcome::Running {
                 outcome = self.end_point(tick + 1);
             }
         }
@@ -325,7 +419,7 @@ impl Runner {
         if self.quiet_ticks >= self.ticks(REST_HOLD_S) {
             self.phase = Phase::default();
             self.begin_settling();
-            self.ticks_in_stage = 1;
+            self.driven_ticks = 1;
         } else if self.ticks_in_stage > self.ticks(REST_TIMEOUT_S) {
             let value = sensors.peak_x_m();
             return Outcome::Failed(Fault { cause: Cause::RestTimeout, tick, value, limit: level });
@@ -334,14 +428,15 @@ impl Runner {
     }
 
     fn end_point(&mut self, end_tick: u32) -> Outcome {
-        let result =
+        let mut result =
             self.meter.result(self.place(), self.point_frequency_hz(), self.start_tick, end_tick, &self.plan.steady);
+        result.drive_saturated = self.base.take_saturated();
         self.index += 1;
         if self.index < self.plan.frequencies_hz.len() {
             self.begin_point();
             Outcome::Point(result)
         } else {
-            self.driving = false;
+            self.end_driving();
             Outcome::Finished(result)
         }
     }

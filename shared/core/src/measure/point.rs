@@ -30,6 +30,13 @@ pub struct PointResult {
     pub frequency_hz: f32,
     /// Base amplitude Z at the drive frequency (lock-in), m.
     pub z_amplitude_m: f32,
+    /// Distortion of the base: the 2nd to 5th harmonics' amplitudes (root of the sum of squares) over Z. Resolves about
+    /// 1/(cycles × ticks per cycle).
+    pub z_distortion: f32,
+    /// Drive amplitude at the drive frequency, m: the demanded one at constant drive, what it took in closed loop.
+    pub drive_amplitude_m: f32,
+    /// A closed loop's drive was at its limit during the dwell: Z may be below its target.
+    pub drive_saturated: bool,
     /// Structure amplitude at the drive frequency (lock-in), m.
     pub x_amplitude_m: f32,
     /// Phase of x relative to z, −π to π, rad.
@@ -61,6 +68,8 @@ pub struct PointResult {
 pub struct PointMeter {
     x: LockIn,
     z: LockIn,
+    drive: LockIn,
+    z_harmonics: [LockIn; 4],
     cycle_squares: f32,
     squares: f64,
     cycle_max: f32,
@@ -87,12 +96,21 @@ impl PointMeter {
         self.cycles
     }
 
-    /// Takes one tick's samples with the drive's sine and cosine at that tick.
+    /// Takes one tick's samples and drive (m) with the drive's sine and cosine at that tick.
     #[inline]
-    pub fn push(&mut self, sensors: &Sensors, reference: (f32, f32)) {
-        let x = sensors.mean_x_m();
+    pub fn push(&mut self, sensors: &Sensors, drive_m: f32, reference: (f32, f32)) {
+        let (x, z) = (sensors.mean_x_m(), sensors.mean_z_m());
         self.x.push(x, reference);
-        self.z.push(sensors.mean_z_m(), reference);
+        self.z.push(z, reference);
+        self.drive.push(drive_m, reference);
+        let mut harmonic = reference;
+        for lock_in in &mut self.z_harmonics {
+            harmonic = (
+                harmonic.0 * reference.1 + harmonic.1 * reference.0,
+                harmonic.1 * reference.1 - harmonic.0 * reference.0,
+            );
+            lock_in.push(z, harmonic);
+        }
         self.cycle_squares += x * x;
         self.cycle_max = sensors.peak_x_m().max(self.cycle_max);
         self.cycle_samples += 1;
@@ -102,6 +120,8 @@ impl PointMeter {
     pub fn end_cycle(&mut self) {
         self.x.end_cycle();
         self.z.end_cycle();
+        self.drive.end_cycle();
+        self.z_harmonics.iter_mut().for_each(LockIn::end_cycle);
         self.squares += f64::from(self.cycle_squares);
         self.sum_of_maxima += f64::from(self.cycle_max);
         self.max = self.max.max(self.cycle_max);
@@ -128,12 +148,21 @@ impl PointMeter {
     ) -> PointResult {
         let (x_amplitude, x_phase) = self.x.amplitude_and_phase(self.samples);
         let (z_amplitude, z_phase) = self.z.amplitude_and_phase(self.samples);
+        let mut harmonics = 0.0;
+        for lock_in in &self.z_harmonics {
+            let (amplitude, _) = lock_in.amplitude_and_phase(self.samples);
+            harmonics += amplitude * amplitude;
+        }
+        let distortion = if z_amplitude > 0.0 { libm::sqrt(harmonics) / z_amplitude } else { 0.0 };
         let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f64::MAX, f64::MAX));
         let (change, scatter) = (change as f32, scatter as f32);
         PointResult {
             index,
             frequency_hz,
             z_amplitude_m: z_amplitude as f32,
+            z_distortion: distortion as f32,
+            drive_amplitude_m: self.drive.amplitude_and_phase(self.samples).0 as f32,
+            drive_saturated: false,
             x_amplitude_m: x_amplitude as f32,
             phase_rad: wrapped(x_phase - z_phase) as f32,
             x_rms_m: libm::sqrt(self.squares / f64::from(self.samples.max(1))) as f32,
@@ -159,5 +188,32 @@ fn wrapped(angle: f64) -> f64 {
         angle + TAU
     } else {
         angle
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::SUBSAMPLES;
+    use crate::sine::Phase;
+
+    #[test]
+    fn the_distortion_of_a_known_wave_comes_back() {
+        let increment = Phase::increment(2.5, 1000.0);
+        let (mut phase, mut meter) = (Phase::default(), PointMeter::new(20));
+        while meter.cycles() < 20 {
+            let multiple = |n: u32| Phase(phase.0.wrapping_mul(n)).sin_cos();
+            let (first, second, fifth) = (multiple(1), multiple(2), multiple(5));
+            let z = 1e-3 * (first.0 + 0.03 * second.1 + 0.04 * fifth.0) + 2e-4;
+            let sensors = Sensors { z_m: [z; SUBSAMPLES], ..Sensors::default() };
+            meter.push(&sensors, 2e-3 * first.1, first);
+            if phase.advance(increment) {
+                meter.end_cycle();
+            }
+        }
+        let result = meter.result(0, 2.5, 0, 0, &SteadyLimits::default());
+        // Cycles end on a tick: what one tick of 20 × 400 adds to a harmonic, 2 · 1.2/8000.
+        assert!((result.z_distortion - 0.05).abs() < 3e-4, "{}", result.z_distortion);
+        assert!((result.drive_amplitude_m / 2e-3 - 1.0).abs() < 3e-4, "{}", result.drive_amplitude_m);
     }
 }

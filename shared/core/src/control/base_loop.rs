@@ -1,0 +1,270 @@
+//! The closed base-amplitude loop: the base moves as `Z sin φ`, whatever the structure on it does.
+//!
+//! # Why it is hard
+//! A shaker in voltage mode is a source of velocity with a resistance R = (Bl)²/R_coil; its load pulls on it. Drive to
+//! base has the structure's own poles as *zeros*: at fn, damped by no more than σ = ζω (0.06 /s at ζ = 0.0038). Near them,
+//! with u and z the slowly varying complex amplitudes at the drive frequency, δ its distance from fn (rad/s) and
+//! κ = Mω²/2R,
+//!
+//! ```text
+//! z/u = h(s) = (s + σ + jδ)/(s + σ + κ + jδ)
+//! ```
+//! so at fn a steady drive gives a base that first moves as without load and then sags by 1 + κ/σ (six times with
+//! the default shaker) over some seconds, and the drive must follow the structure's slow breathing.
+//!
+//! # Why not once a cycle
+//! An integrator `u̇ = K (Z − z)` on the lock-in of every cycle T acts on what is T old: K T < 1 is its bound
+//! (below, with τ = T), so K of about 1 /s in practice, and the sag runs ahead of it by κ/(K + κ) = 25 %, which fades with the
+//! structure: e^(−σt), a minute. So the same integrator runs at every tick, in the frame that rotates with the drive. From
+//! outside it is
+//!
+//! ```text
+//! C(s) = (2K/Ω) s²/(s² + Ω²):     u = (2K/Ω) e + S sin φ + Q cos φ,   Ṡ = −2K e cos φ,   Q̇ = 2K e sin φ,   e = Z sin φ − z
+//! ```
+//! a resonator that cannot be off in frequency (φ is the drive's phase) and that neither sees nor moves the mean.
+//!
+//! # Stability
+//! With the table's admittance under load Y(s) = 1/(ms + R + k/s + Z_load(s)) the open loop is
+//!
+//! ```text
+//! L(s) = 2K · s/(s² + Ω²) · R Y(s)
+//! ```
+//! The first factor is positive real; the second is the admittance of a dissipating table with a *passive* load. A
+//! loop of a passive and a strictly passive part is stable for every K > 0 and every passive load: linear or not,
+//! bare structure, impacts and friction alike. At ζ = 0.0038 this shows in the envelope's poles,
+//! s (s + σ + κ + jδ) + K (s + σ + jδ) = 0: for K ≫ κ one at −K and one at −(σ + jδ)(1 − κ/K), damped for every δ.
+//!
+//! What remains is the delay τ from drive to reading. Two ticks of it are known ([`DELAY_TICKS`]) and the correlation
+//! uses the phase of then. R Y lies in the disk over [0, 1] (its real part is at least its modulus squared), so where its
+//! phase is −α its modulus is at most cos α; the loop turns to −180° where ωτ = π/2 − α, and has there at
+//! most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3) K τ. So **K < 3/(8τ)** for every passive load: 94 /s at
+//! τ = 4 ms; [`MOST_GAIN_PER_S`] is below half of it. Near Ω a phase θ = Ωτ that is not compensated could at worst excite an
+//! envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the structure's own σ.
+//!
+//! The first error of a start on a bare structure at fn is κ/(K + κ) (1.6 % at K = 20 /s) and fades with e^(−σt);
+//! beside fn it beats with δ. A damped structure's is smaller and shorter. A point is measured only once the amplitude has
+//! been within tolerance for [`HELD_CYCLES`], and again from the start if it leaves it, until the longest wait is over.
+//!
+//! None of this holds for a shaker in *current* mode, whose table is a mass and not a resistance (R is only its
+//! suspension's): the loop then swings up, and [`BaseLoop::runaway`] ends it.
+
+use crate::measure::lock_in::LockIn;
+use crate::model::{Invalid, positive, require};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Largest K, 1/s.
+pub const MOST_GAIN_PER_S: f32 = 40.0;
+
+/// Ticks from a drive value to the block of samples that shows it: one of waiting, half a tick of holding, half a
+/// block of averaging.
+pub const DELAY_TICKS: u32 = 2;
+
+/// Cycles in a row within the tolerance that make the base count as held.
+pub const HELD_CYCLES: u32 = 3;
+
+/// A cycle's amplitude over the demanded one at which the loop is given up.
+pub const RUNAWAY: f32 = 1.5;
+
+/// The loop's parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ClosedLoop {
+    /// K, 1/s: the rate at which an error of the amplitude fades without load (when the drive is calibrated at the
+    /// drive frequency; inversely proportional to it otherwise); greater than 0, at most [`MOST_GAIN_PER_S`].
+    pub gain_per_s: f32,
+    /// Relative error of the amplitude within which the base counts as held; 0.001 to 0.5.
+    pub tolerance: f32,
+    /// Longest time to wait, beyond the settling, for the base to be held, s; from 0 to 3600.
+    pub wait_s: f32,
+    /// The drive stays within ± this, m; greater than 0.
+    pub drive_limit_m: f32,
+}
+
+impl Default for ClosedLoop {
+    fn default() -> Self {
+        Self { gain_per_s: 20.0, tolerance: 0.01, wait_s: 120.0, drive_limit_m: 0.05 }
+    }
+}
+
+impl ClosedLoop {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the first out of range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let gain = f64::from(self.gain_per_s);
+        positive("drive.gain_per_s", gain)?;
+        require(self.gain_per_s <= MOST_GAIN_PER_S, "drive.gain_per_s", gain, "at most 40")?;
+        let tolerance = f64::from(self.tolerance);
+        // An amplitude over one cycle is known to one tick of it.
+        require((0.001..=0.5).contains(&self.tolerance), "drive.tolerance", tolerance, "from 0.001 to 0.5")?;
+        let wait = f64::from(self.wait_s);
+        require((0.0..=3600.0).contains(&self.wait_s), "drive.wait_s", wait, "from 0 to 3600")?;
+        positive("drive.drive_limit_m", f64::from(self.drive_limit_m))
+    }
+}
+
+/// The loop at work.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BaseLoop {
+    /// 2K per tick.
+    step: f32,
+    /// 2K/Ω.
+    proportional: f32,
+    limit: f32,
+    tolerance: f32,
+    /// S and Q, m.
+    sine: f32,
+    cosine: f32,
+    lock_in: LockIn,
+    ticks_per_cycle: f32,
+    amplitude: f32,
+    held: u32,
+    saturated: bool,
+}
+
+impl BaseLoop {
+    /// For validated parameters, silent.
+    #[must_use]
+    pub fn new(parameters: &ClosedLoop) -> Self {
+        Self { limit: parameters.drive_limit_m, tolerance: parameters.tolerance, ..Self::default() }
+    }
+
+    /// Goes on at another frequency; the drive's amplitude and phase carry over.
+    pub fn tune(&mut self, parameters: &ClosedLoop, frequency_hz: f32, tick_hz: f32) {
+        self.step = 2.0 * parameters.gain_per_s / tick_hz;
+        self.proportional = 2.0 * parameters.gain_per_s / (core::f32::consts::TAU * frequency_hz);
+        self.ticks_per_cycle = tick_hz / frequency_hz;
+        self.lock_in = LockIn::default();
+        self.held = 0;
+        self.amplitude = 0.0;
+    }
+
+    /// One tick: the error at the phase that the samples are of, and the drive for the phase of now, m.
+    pub fn tick(&mut self, target_m: f32, z_m: f32, then: (f32, f32), now: (f32, f32)) -> f32 {
+        self.lock_in.push(z_m, then);
+        let error = target_m * then.0 - z_m;
+        self.sine -= self.step * error * then.1;
+        self.cosine += self.step * error * then.0;
+        let amplitude = libm::sqrtf(self.sine * self.sine + self.cosine * self.cosine);
+        if amplitude > self.limit {
+            let scale = self.limit / amplitude;
+            self.sine *= scale;
+            self.cosine *= scale;
+            self.saturated = true;
+        }
+        let drive = self.proportional * error + self.open(now);
+        if drive.abs() > self.limit {
+            self.saturated = true;
+            return drive.max(-self.limit).min(self.limit);
+        }
+        drive
+    }
+
+    /// The drive without feedback: as it last was, m.
+    #[must_use]
+    pub fn open(&self, now: (f32, f32)) -> f32 {
+        self.sine * now.0 + self.cosine * now.1
+    }
+
+    /// Closes a cycle of the phase that the samples are of.
+    pub fn end_cycle(&mut self, target_m: f32) {
+        self.lock_in.end_cycle();
+        // The nominal length: with z in phase with the sine, the tick more or less at the cycle's end adds nothing.
+        let samples = self.ticks_per_cycle;
+        self.amplitude = (self.lock_in.amplitude_and_phase(1).0 / f64::from(samples)) as f32;
+        self.lock_in = LockIn::default();
+        let within = (self.amplitude - target_m).abs() <= self.tolerance * target_m;
+        self.held = if within { self.held.saturating_add(1) } else { 0 };
+    }
+
+    /// The base has been within tolerance for [`HELD_CYCLES`].
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held >= HELD_CYCLES
+    }
+
+    /// The last cycle's amplitude, m, if it is [`RUNAWAY`] times the target or more.
+    #[must_use]
+    pub fn runaway(&self, target_m: f32) -> Option<f32> {
+        (self.amplitude >= RUNAWAY * target_m).then_some(self.amplitude)
+    }
+
+    /// The drive was at its limit since this was last asked.
+    pub fn take_saturated(&mut self) -> bool {
+        core::mem::take(&mut self.saturated)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Complex = (f64, f64);
+
+    fn times(a: Complex, b: Complex) -> Complex {
+        (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
+    }
+
+    fn root(a: Complex) -> Complex {
+        let (modulus, half) = (libm::sqrt(libm::hypot(a.0, a.1)), libm::atan2(a.1, a.0) / 2.0);
+        (modulus * libm::cos(half), modulus * libm::sin(half))
+    }
+
+    /// Both roots of s (s + σ + κ + jδ) + K (s + σ + jδ).
+    fn envelope_poles(sigma: f64, kappa: f64, delta: f64, gain: f64) -> [Complex; 2] {
+        let b = (sigma + kappa + gain, delta);
+        let square = times(b, b);
+        let r = root((square.0 - 4.0 * gain * sigma, square.1 - 4.0 * gain * delta));
+        [((r.0 - b.0) / 2.0, (r.1 - b.1) / 2.0), ((-r.0 - b.0) / 2.0, (-r.1 - b.1) / 2.0)]
+    }
+
+    #[test]
+    fn the_envelope_is_damped_for_every_gain_load_and_distance_from_resonance() {
+        for exponent in -3..=3i8 {
+            let kappa = libm::pow(10.0, f64::from(exponent));
+            for gain in [0.01, 1.0, 20.0, f64::from(MOST_GAIN_PER_S)] {
+                for n in -100..=100i8 {
+                    let delta = f64::from(n) * 0.05;
+                    let poles = envelope_poles(0.0597, kappa, delta, gain);
+                    assert!(poles.iter().all(|p| p.0 < 0.0), "κ {kappa}, K {gain}, δ {delta}: {poles:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn at_high_gain_a_pole_stands_by_the_structures_own_zero() {
+        let (sigma, kappa, delta, gain) = (0.0597, 0.326, 0.3, 20.0);
+        let [slow, _] = envelope_poles(sigma, kappa, delta, gain);
+        let share = 1.0 - kappa / gain;
+        // The next order of the expansion is (κ/K)².
+        assert!((slow.0 / (-sigma * share) - 1.0).abs() < 2e-3, "{slow:?}");
+        assert!((slow.1 / (-delta * share) - 1.0).abs() < 2e-3, "{slow:?}");
+    }
+
+    /// K < 3/(8τ): at it, the loop's modulus at −180° stays below 1 for every admittance R Y in the disk over [0, 1].
+    #[test]
+    fn the_delay_bound_holds_for_every_passive_load() {
+        let (omega, delay) = (core::f64::consts::TAU * 2.5, 4e-3);
+        let gain = 3.0 / (8.0 * delay);
+        assert!(f64::from(MOST_GAIN_PER_S) < gain / 2.0);
+        for n in 0..=1000u16 {
+            let at = 2.0 * omega * libm::pow(1.004, f64::from(n));
+            if at * delay < core::f64::consts::FRAC_PI_2 {
+                let modulus = 2.0 * gain * at * libm::sin(at * delay) / (at * at - omega * omega);
+                assert!(modulus <= 1.0, "{at}: {modulus}");
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_refused_by_name() {
+        let name = |loop_: ClosedLoop| loop_.validate().unwrap_err().parameter;
+        assert_eq!(name(ClosedLoop { gain_per_s: 41.0, ..ClosedLoop::default() }), "drive.gain_per_s");
+        assert_eq!(name(ClosedLoop { tolerance: 0.0, ..ClosedLoop::default() }), "drive.tolerance");
+        assert_eq!(name(ClosedLoop { wait_s: f32::NAN, ..ClosedLoop::default() }), "drive.wait_s");
+        assert_eq!(name(ClosedLoop { drive_limit_m: 0.0, ..ClosedLoop::default() }), "drive.drive_limit_m");
+        assert!(ClosedLoop::default().validate().is_ok());
+    }
+}

@@ -1,0 +1,230 @@
+//! The simulated rig: a plant and its sensors behind the same [`Sensors`] and [`Actuators`] as a real one.
+//!
+//! The base follows the drive exactly (prescribed motion) or is the table of a [`shaker`] that feels its load
+//! ([`table`]); the [`sensors`] are ideal or have a data sheet. The virtual rig runs it in `f64`, the emulated board in
+//! `f32`. What moves on the base is [`crate::integrator`]'s business.
+
+mod noise;
+pub mod sensors;
+pub mod shaker;
+pub mod table;
+
+pub use sensors::{DataSheet, SensorModel};
+pub use shaker::{Amplifier, Shaker};
+
+use crate::integrator::base::{Segment, Track};
+use crate::integrator::polynomial;
+use crate::integrator::sampled::{Flight, Observer, Sampled, Units};
+use crate::model::{Initial, Invalid, SetUp};
+use crate::rig::{Actuators, SUBSAMPLES, Sensors, TICK_HZ};
+use crate::scalar::Scalar;
+use noise::Noise;
+use postcard_schema::Schema;
+use sensors::Channel;
+use serde::{Deserialize, Serialize};
+use table::Table;
+
+/// What moves the structure's base.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+pub enum Base {
+    /// It follows the drive exactly, one tick late, whatever the structure does.
+    #[default]
+    Prescribed,
+    /// A shaker whose table the structure pulls on; the drive is held over each tick.
+    Shaker(Shaker),
+}
+
+/// What a simulated plant is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct PlantConfig {
+    /// The mechanical set-up.
+    pub set_up: SetUp,
+    /// The particle's starting place relative to the middle of its cavity, m; |start| ≤ clearance.
+    pub particle_start_m: f64,
+    /// What moves the base.
+    pub base: Base,
+    /// Both displacement sensors.
+    pub sensors: SensorModel,
+    /// What their data sheet admits; none for ideal sensors.
+    pub data_sheet: Option<DataSheet>,
+}
+
+impl PlantConfig {
+    fn initial(&self) -> Initial {
+        Initial { y_m: self.particle_start_m, ..Initial::default() }
+    }
+}
+
+/// The simulated rig.
+#[derive(Clone, Debug)]
+pub struct Plant<S> {
+    config: PlantConfig,
+    motion: Sampled<S>,
+    steps: u8,
+    base: Moving<S>,
+    channels: [Channel; 2],
+    noise: Noise,
+    impacts: u32,
+}
+
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)]
+enum Moving<S> {
+    Prescribed(Track<S>),
+    Shaken(Table<S>),
+}
+
+impl<S: Scalar> Plant<S> {
+    /// A plant at rest.
+    ///
+    /// # Errors
+    /// Names a value that is not physical, or too fast for the tick.
+    pub fn new(config: &PlantConfig) -> Result<Self, Invalid> {
+        config.set_up.validate()?;
+        config.sensors.validate()?;
+        if let Some(sheet) = &config.data_sheet {
+            sheet.validate()?;
+        }
+        let tick_s = 1.0 / f64::from(TICK_HZ);
+        let mut steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
+        if let Base::Shaker(shaker) = &config.base {
+            shaker.validate()?;
+            steps = steps.max(Table::<S>::steps_per_sample(shaker, tick_s)?);
+        }
+        let units = Units::metres(tick_s / f64::from(steps));
+        let motion = Sampled::new(&config.set_up, units, &config.initial())?;
+        let base = match &config.base {
+            Base::Prescribed => Moving::Prescribed(Track::default()),
+            Base::Shaker(shaker) => Moving::Shaken(Table::new(shaker, &config.set_up, &units)),
+        };
+        let sheet = config.data_sheet.as_ref();
+        let channels = [false, true].map(|late| Channel::new(&config.sensors, sheet, late));
+        let noise = Noise::new(config.sensors.seed, 0);
+        Ok(Self { config: *config, motion, steps, base, channels, noise, impacts: 0 })
+    }
+
+    /// Puts everything back to its start. `stream` chooses among independent noises of the same seed: a point's
+    /// noise is its own, whatever was measured before it.
+    pub fn restart(&mut self, stream: u16) {
+        self.motion.reset(&self.config.initial());
+        match &mut self.base {
+            Moving::Prescribed(track) => *track = Track::default(),
+            Moving::Shaken(table) => table.reset(),
+        }
+        for channel in &mut self.channels {
+            channel.reset();
+        }
+        self.noise = Noise::new(self.config.sensors.seed, stream);
+        self.impacts = 0;
+    }
+
+    /// Impacts since the last restart.
+    #[must_use]
+    pub fn impacts(&self) -> u32 {
+        self.impacts
+    }
+
+    /// The motion itself, for tests and predictions.
+    #[must_use]
+    pub fn motion(&self) -> &Sampled<S> {
+        &self.motion
+    }
+
+    /// Steps since the last restart in which the shaker's amplifier or stroke was at its limit.
+    #[must_use]
+    pub fn limited(&self) -> u32 {
+        match &self.base {
+            Moving::Prescribed(_) => 0,
+            Moving::Shaken(table) => table.limited(),
+        }
+    }
+
+    /// One tick: what the actuators ask for in, what the sensors then read out.
+    pub fn tick(&mut self, actuators: &Actuators) -> Sensors {
+        let (x, z) = self.advance(actuators);
+        let [x_channel, z_channel] = &mut self.channels;
+        let mut sensors = Sensors::default();
+        for n in 0..SUBSAMPLES {
+            sensors.x_m[n] = x_channel.read(x[n].to_f64() as f32, &mut self.noise);
+            sensors.z_m[n] = z_channel.read(z[n].to_f64() as f32, &mut self.noise);
+        }
+        sensors
+    }
+
+    /// One tick of motion: x and z at the sub-sample instants, m.
+    pub fn advance(&mut self, actuators: &Actuators) -> ([S; SUBSAMPLES], [S; SUBSAMPLES]) {
+        if let Some(point) = actuators.put_plant_back {
+            self.restart(point);
+        }
+        let drive = if actuators.drive_enabled { actuators.drive_m } else { 0.0 };
+        let drive = S::from_f64(f64::from(drive));
+        let tenth = S::ONE / S::from_u8(SUBSAMPLES as u8);
+        let mut sampler =
+            Sampler { x: [S::ZERO; SUBSAMPLES], taken: 0, step: S::ZERO, steps: S::from_u8(self.steps), impacts: 0 };
+        let z = match &mut self.base {
+            Moving::Prescribed(track) => {
+                let whole = track.push(drive);
+                for part in 0..self.steps {
+                    sampler.step = S::from_u8(part);
+                    self.motion.step(&whole.part(part, self.steps), &mut sampler);
+                }
+                core::array::from_fn(|n| displacement(&whole, S::from_u8(n as u8 + 1) * tenth))
+            }
+            Moving::Shaken(table) => {
+                let (mut z, mut taken) = ([table.z(); SUBSAMPLES], 0);
+                for part in 0..self.steps {
+                    sampler.step = S::from_u8(part);
+                    let segment = table.step(&mut self.motion, drive, &mut sampler);
+                    while taken < SUBSAMPLES {
+                        let since = S::from_u8(taken as u8 + 1) * tenth * sampler.steps - sampler.step;
+                        if since > S::ONE && part + 1 < self.steps {
+                            break;
+                        }
+                        z[taken] = displacement(&segment, since);
+                        taken += 1;
+                    }
+                }
+                z
+            }
+        };
+        // Rounding of the instants can leave the last sample just past the last flight.
+        for sample in &mut sampler.x[sampler.taken..] {
+            *sample = self.motion.state().x;
+        }
+        self.impacts = self.impacts.wrapping_add(sampler.impacts);
+        (sampler.x, z)
+    }
+}
+
+fn displacement<S: Scalar>(segment: &Segment<S>, t: S) -> S {
+    segment.0[0] + polynomial::increment(&segment.0, t)
+}
+
+/// Reads x off the flights at the sub-sample instants.
+struct Sampler<S> {
+    x: [S; SUBSAMPLES],
+    taken: usize,
+    step: S,
+    steps: S,
+    impacts: u32,
+}
+
+impl<S: Scalar> Observer<S> for Sampler<S> {
+    fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
+        let tenth = S::ONE / S::from_u8(SUBSAMPLES as u8);
+        while self.taken < SUBSAMPLES {
+            let instant = S::from_u8(self.taken as u8 + 1) * tenth * self.steps - self.step;
+            let since = instant - start;
+            if since > length {
+                return;
+            }
+            self.x[self.taken] = flight.x[0] + polynomial::increment(&flight.x, since);
+            self.taken += 1;
+        }
+    }
+
+    fn impact(&mut self, _: &crate::integrator::sampled::Impact<S>) {
+        self.impacts += 1;
+    }
+}
