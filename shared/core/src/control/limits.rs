@@ -45,7 +45,9 @@ impl Cause {
             Self::BaseDisplacement => "the base reached its displacement limit",
             Self::SensorInvalid => "a sensor gave no number",
             Self::RestTimeout => "the structure did not come to rest in time",
-            Self::BaseRunaway => "the base amplitude ran away: amplifier in voltage mode? sign of drive and z right?",
+            Self::BaseRunaway => {
+                "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
+            }
         }
     }
 }
