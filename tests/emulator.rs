@@ -4,10 +4,10 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use damprig_core::control::stepped_sine::{Start, SteppedSine};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -74,13 +74,21 @@ fn hybrid() -> PlantConfig {
         wall: Wall::Restitution { coefficient: 0.47 },
     });
     set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
-    PlantConfig { set_up, particle_start_m: 0.001, sensors: SensorModel::default() }
+    PlantConfig {
+        set_up,
+        particle_start_m: 0.001,
+        base: Base::Prescribed,
+        sensors: SensorModel::default(),
+        data_sheet: None,
+    }
 }
 
 fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 3.0,
         steady: SteadyLimits::default(),

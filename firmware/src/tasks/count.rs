@@ -6,10 +6,10 @@
 use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
-use damprig_core::control::stepped_sine::{Start, SteppedSine};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::plant::{PlantConfig, SensorModel};
+use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::SUBSAMPLES;
 use damprig_device::calibration::Calibration;
 use damprig_device::simulated::Simulated;
@@ -69,7 +69,9 @@ fn plant() -> PlantConfig {
     PlantConfig {
         set_up: SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)),
         particle_start_m: 0.0,
+        base: Base::Prescribed,
         sensors: SensorModel::default(),
+        data_sheet: None,
     }
 }
 
@@ -77,6 +79,8 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 1e-4,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),

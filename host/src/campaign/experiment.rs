@@ -1,7 +1,9 @@
 //! `[[experiment]]`: a stepped sine over a list of frequencies, on some of the set-ups.
 
-use damprig_core::control::stepped_sine::{FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
+use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
+use damprig_core::control::stepped_sine::{Drive, FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
 use damprig_core::measure::point::SteadyLimits;
+use damprig_core::plant::Shaker;
 use damprig_core::rig::TICK_HZ;
 
 use crate::input::{Number, Problem, Section, Text, near};
@@ -28,6 +30,10 @@ pub struct SteppedSine {
     pub frequencies_hz: Vec<f64>,
     /// How each frequency begins.
     pub start: Start,
+    /// What is held at the base amplitude.
+    pub drive: Drive,
+    /// Time over which the drive rises from silence and fades again, s.
+    pub ramp_s: f64,
     /// Time from the start of a frequency that is not measured, s.
     pub settle_s: f64,
     /// Time that is measured, s.
@@ -47,7 +53,12 @@ fn highest_hz() -> f64 {
 }
 
 /// All `[[experiment]]` tables; `set_ups` is `None` when those could not be read.
-pub(super) fn read_all(root: &Section, set_ups: Option<&[CampaignSetUp]>) -> Option<Vec<SteppedSine>> {
+/// `shaker` is the campaign's, if it has one.
+pub(super) fn read_all(
+    root: &Section,
+    set_ups: Option<&[CampaignSetUp]>,
+    shaker: Option<&Shaker>,
+) -> Option<Vec<SteppedSine>> {
     let sections = root.tables("experiment");
     if sections.is_empty() && root.source().is_clean() {
         root.source().report(Problem {
@@ -58,10 +69,15 @@ pub(super) fn read_all(root: &Section, set_ups: Option<&[CampaignSetUp]>) -> Opt
         });
         return None;
     }
-    sections.into_iter().enumerate().map(|(i, s)| read(s, i, set_ups)).collect()
+    sections.into_iter().enumerate().map(|(i, s)| read(s, i, set_ups, shaker)).collect()
 }
 
-fn read(section: Section, index: usize, set_ups: Option<&[CampaignSetUp]>) -> Option<SteppedSine> {
+fn read(
+    section: Section,
+    index: usize,
+    set_ups: Option<&[CampaignSetUp]>,
+    shaker: Option<&Shaker>,
+) -> Option<SteppedSine> {
     let name = section.text("name").map_or_else(|| format!("experiment {}", index + 1), |t| t.value);
     let kind = section.required("kind", "write kind = \"stepped_sine\"", |s, key| s.choice(key, &["stepped_sine"]));
     let wanted = section.texts("set_ups");
@@ -81,6 +97,10 @@ fn read(section: Section, index: usize, set_ups: Option<&[CampaignSetUp]>) -> Op
             section.refuse("dwell_s", &dwell.span, allowed, help);
         }
     }
+    let settle_s = settle.as_ref().map_or(0.0, |n| n.value);
+    let allowed = format!("from 0 to settle_s = {settle_s}: nothing is measured on the ramp");
+    let ramp = section.number_if("ramp_s", |v| (0.0..=settle_s).contains(&v), &allowed);
+    let drive = read_drive(&section, shaker);
     let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
     section.finish();
     kind?;
@@ -89,7 +109,9 @@ fn read(section: Section, index: usize, set_ups: Option<&[CampaignSetUp]>) -> Op
         set_ups: chosen?,
         frequencies_hz: frequencies?,
         start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
-        settle_s: settle.map_or(0.0, |n| n.value),
+        drive: drive?,
+        ramp_s: ramp.map_or(0.0, |n| n.value),
+        settle_s,
         dwell_s: dwell?.value,
         rest_level_m: rest.map_or(REST_LEVEL_M, |n| n.value),
         steady,
@@ -206,6 +228,40 @@ fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
         section.refuse(key, &frequency.span, allowed, None);
     }
     ok
+}
+
+/// `drive`, and the `closed_loop` table that goes with one of its two words.
+fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<Drive> {
+    let is_closed = section.choice("drive", &["constant", "closed_loop"]) == Some(1);
+    if !is_closed {
+        return Some(Drive::Constant);
+    }
+    let Some(shaker) = shaker else {
+        let help = Some("add a `[rig.shaker]` table (it may be empty), or write drive = \"constant\"".into());
+        let span = section.text("drive").map_or(section.span(), |text| text.span);
+        section.refuse("drive", &span, "needs a shaker that feels its load", help);
+        return None;
+    };
+    let default = ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, ..ClosedLoop::default() };
+    let Some(table) = section.table("closed_loop", None) else { return Some(Drive::ClosedLoop(default)) };
+    let most = f64::from(MOST_GAIN_PER_S);
+    let gain = table.number_if(
+        "gain_per_s",
+        |v| v > 0.0 && v <= most,
+        &format!("greater than 0 and at most {most} per second"),
+    );
+    let tolerance = table.number_if("tolerance", |v| (0.001..=0.5).contains(&v), "from 0.001 to 0.5");
+    let wait = table.number_if("wait_s", |v| (0.0..=3600.0).contains(&v), "from 0 to 3600");
+    let limit = table.positive("drive_limit_m");
+    let parameters = ClosedLoop {
+        gain_per_s: gain.map_or(default.gain_per_s, |n| n.value as f32),
+        tolerance: tolerance.map_or(default.tolerance, |n| n.value as f32),
+        wait_s: wait.map_or(default.wait_s, |n| n.value as f32),
+        drive_limit_m: limit.map_or(default.drive_limit_m, |n| n.value as f32),
+        ..default
+    };
+    table.finish();
+    Some(Drive::ClosedLoop(parameters))
 }
 
 fn read_steady(section: &Section) -> SteadyLimits {

@@ -10,6 +10,7 @@ mod set_up;
 
 use std::path::Path;
 
+use damprig_core::control::stepped_sine::FADE_S;
 use toml::de::DeTable;
 
 use crate::input::{Problem, Refusal, Section, Source};
@@ -63,18 +64,20 @@ impl Campaign {
         self.experiments.iter().map(|e| e.set_ups.len() * e.frequencies_hz.len()).sum()
     }
 
-    /// Rig time that the whole campaign takes when every rest is immediate, as on a virtual rig, s.
+    /// Rig time that the whole campaign takes when every rest is immediate, as on a virtual rig, and no closed loop waits
+    /// for its base, s.
     #[must_use]
     pub fn expected_s(&self) -> f64 {
         let one = |e: &SteppedSine| {
-            let rest_s = if e.start == Start::FromRest { REST_S } else { 0.0 };
+            let rest_s =
+                if e.start == Start::FromRest { REST_S + (e.ramp_s - f64::from(FADE_S)).max(0.0) } else { 0.0 };
             e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (rest_s + e.settle_s + e.dwell_s)
         };
         self.experiments.iter().map(one).sum()
     }
 }
 
-/// Time between two points from rest: the drive fades, the rest level holds.
+/// Time between two points from rest: the drive fades (without a ramp), the rest level holds.
 const REST_S: f64 = 0.7;
 
 type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<SteppedSine>);
@@ -98,7 +101,7 @@ fn parts(source: &Source) -> Option<Parts> {
     let rig = rig::read_rig(&root);
     let telemetry = rig::read_telemetry(&root);
     let set_ups = set_up::read_all(&root);
-    let experiments = experiment::read_all(&root, set_ups.as_deref());
+    let experiments = experiment::read_all(&root, set_ups.as_deref(), rig.as_ref().and_then(|rig| rig.shaker.as_ref()));
     root.finish();
     Some((name?, rig?, telemetry?, set_ups?, experiments?))
 }

@@ -1,5 +1,7 @@
 //! `[rig]` and `[telemetry]`: the sensors as mounted, the limits, and what is recorded.
 
+use damprig_core::plant::table::Table;
+use damprig_core::plant::{Amplifier, DataSheet, Shaker};
 use damprig_core::rig::TICK_HZ;
 
 use crate::input::{Number, Section, Span, Text, near};
@@ -15,6 +17,11 @@ pub struct RigSettings {
     pub sensor_noise_rms_m: f64,
     /// Seed of the simulated noise.
     pub noise_seed: u32,
+    /// What the sensors' data sheet admits; none for ideal sensors. Simulated rigs only.
+    pub data_sheet: Option<DataSheet>,
+    /// The shaker that a simulated base is, and where a real one's drive is calibrated; none for a base that follows the
+    /// drive exactly.
+    pub shaker: Option<Shaker>,
     /// Beyond this |x| or |z| the rig stops the drive, m; at most the sensor range.
     pub displacement_limit_m: f64,
 }
@@ -41,6 +48,8 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
             sensor_resolution_m: 0.0,
             sensor_noise_rms_m: 0.0,
             noise_seed: 1,
+            data_sheet: None,
+            shaker: None,
             displacement_limit_m: SENSOR_RANGE_M,
         });
     };
@@ -51,14 +60,86 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
     let within = format!("greater than 0 and at most sensor_range_m = {range}");
     let limit = rig.number_if("displacement_limit_m", |v| v > 0.0 && v <= range, &within);
+    let data_sheet = rig.table("sensors", None).map(read_sensors);
+    let shaker = rig.table("shaker", None).map(|table| read_shaker(&table));
     rig.finish();
     Some(RigSettings {
+        data_sheet: data_sheet.flatten(),
+        shaker,
         sensor_range_m: range,
         sensor_resolution_m: resolution.map_or(0.0, |n| n.value),
         sensor_noise_rms_m: noise.map_or(0.0, |n| n.value),
         noise_seed: seed.map_or(1, |n| n.value as u32),
         displacement_limit_m: limit.map_or(range, |n| n.value),
     })
+}
+
+/// `[rig.sensors]`: none where they are ideal, or where a problem has been noted.
+fn read_sensors(table: Section) -> Option<DataSheet> {
+    let what = "write kind = \"ideal\" or \"data_sheet\"";
+    let kind = table.required("kind", what, |s, key| s.choice(key, &["ideal", "data_sheet"]));
+    let mut sheet = None;
+    if kind == Some(1) {
+        let default = DataSheet::default();
+        let within = |key, low: f64, high: f64| {
+            table
+                .number_if(key, |v| (low..=high).contains(&v), &format!("from {low} to {high}"))
+                .map(|n| n.value as f32)
+        };
+        let whole = |key, low: u8, high: u8| {
+            let ok = |v: f64| v.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&v);
+            table.number_if(key, ok, &format!("a whole number from {low} to {high}")).map(|n| n.value as u8)
+        };
+        sheet = Some(DataSheet {
+            linearity: within("linearity", 0.0, 0.1).unwrap_or(default.linearity),
+            response_s: within("response_s", 0.0, 1.0).unwrap_or(default.response_s),
+            skew_s: within("skew_s", 0.0, 1e-4).unwrap_or(default.skew_s),
+            anti_alias_hz: within("anti_alias_hz", 1.0, 1e6).unwrap_or(default.anti_alias_hz),
+            bits: whole("bits", 4, 20).unwrap_or(default.bits),
+            oversampling: whole("oversampling", 1, 64).unwrap_or(default.oversampling),
+        });
+    }
+    table.finish();
+    sheet
+}
+
+/// `[rig.shaker]`: what is left out is the core's default.
+fn read_shaker(table: &Section) -> Shaker {
+    let default = Shaker::default();
+    let positive = |key, otherwise: f64| table.positive(key).map_or(otherwise, |n| n.value);
+    let not_negative = |key, otherwise: f64| table.not_negative(key).map_or(otherwise, |n| n.value);
+    let amplifier = if table.choice("amplifier", &["voltage", "current"]) == Some(1) {
+        Amplifier::Current
+    } else {
+        let Amplifier::Voltage { coil_resistance_ohm, limit_v } = default.amplifier else { return default };
+        Amplifier::Voltage {
+            coil_resistance_ohm: positive("coil_resistance_ohm", coil_resistance_ohm),
+            limit_v: positive("limit_v", limit_v),
+        }
+    };
+    let shaker = Shaker {
+        moving_mass_kg: positive("moving_mass_kg", default.moving_mass_kg),
+        suspension_stiffness_n_per_m: not_negative(
+            "suspension_stiffness_n_per_m",
+            default.suspension_stiffness_n_per_m,
+        ),
+        suspension_damping_n_s_per_m: not_negative(
+            "suspension_damping_n_s_per_m",
+            default.suspension_damping_n_s_per_m,
+        ),
+        force_factor_n_per_a: positive("force_factor_n_per_a", default.force_factor_n_per_a),
+        amplifier,
+        current_limit_a: positive("current_limit_a", default.current_limit_a),
+        half_stroke_m: positive("half_stroke_m", default.half_stroke_m),
+        calibrated_at_hz: positive("calibrated_at_hz", default.calibrated_at_hz),
+    };
+    if let Err(invalid) = Table::<f64>::steps_per_sample(&shaker, 1.0 / f64::from(TICK_HZ)) {
+        let help = Some("(force factor)²/resistance over the mass is the table's fastest rate".into());
+        let span = table.number("moving_mass_kg").map_or(table.span(), |n| n.span);
+        table.refuse("moving_mass_kg", &span, format!("must be {}", invalid.allowed), help);
+    }
+    table.finish();
+    shaker
 }
 
 pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {

@@ -14,6 +14,14 @@ pub struct ResultRow {
     pub frequency_hz: f64,
     /// Lock-in amplitude of the base, m.
     pub z_amplitude_m: f32,
+    /// Distortion of the base: 2nd to 5th harmonic over the first.
+    pub z_distortion: f32,
+    /// Lock-in amplitude of the drive, m.
+    pub drive_amplitude_m: f32,
+    /// Whether a closed loop's drive was at its limit.
+    pub drive_saturated: bool,
+    /// Clearance, m; NaN without a particle.
+    pub clearance_m: f64,
     /// Lock-in amplitude of the structure, m.
     pub x_amplitude_m: f32,
     /// Phase of x relative to z, rad.
@@ -49,6 +57,10 @@ impl ResultRow {
         experiment: String::new(),
         frequency_hz: 0.0,
         z_amplitude_m: 0.0,
+        z_distortion: 0.0,
+        drive_amplitude_m: 0.0,
+        drive_saturated: false,
+        clearance_m: 0.0,
         x_amplitude_m: 0.0,
         phase_rad: 0.0,
         x_rms_m: 0.0,
@@ -68,6 +80,12 @@ impl ResultRow {
     #[must_use]
     pub fn x_over_z(&self) -> f64 {
         f64::from(self.x_mean_cycle_max_m) / f64::from(self.z_amplitude_m)
+    }
+
+    /// d/Z with Z as measured; NaN without a particle.
+    #[must_use]
+    pub fn actual_d_over_z(&self) -> f64 {
+        self.clearance_m / f64::from(self.z_amplitude_m)
     }
 }
 
@@ -112,7 +130,13 @@ pub const COLUMNS: &[Column] = &[
     column("frequency_hz", "Hz", "drive frequency", |r| Cell::F64(r.frequency_hz)),
     column("x_over_z", "1", "x_mean_cycle_max_m / z_amplitude_m", |r| Cell::F64(r.x_over_z())),
     column("d_over_z", "1", "clearance over base amplitude as set; NaN without a particle", |r| Cell::F64(r.d_over_z)),
+    column("actual_d_over_z", "1", "clearance over base amplitude as measured; NaN without a particle", |r| {
+        Cell::F64(r.actual_d_over_z())
+    }),
     column("z_amplitude_m", "m", "base: lock-in amplitude", |r| Cell::F32(r.z_amplitude_m)),
+    column("z_distortion", "1", "base: 2nd to 5th harmonic over the first", |r| Cell::F32(r.z_distortion)),
+    column("drive_amplitude_m", "m", "drive: lock-in amplitude", |r| Cell::F32(r.drive_amplitude_m)),
+    column("drive_saturated", "", "whether a closed loop's drive was at its limit", |r| Cell::Bool(r.drive_saturated)),
     column("x_amplitude_m", "m", "structure: lock-in amplitude", |r| Cell::F32(r.x_amplitude_m)),
     column("phase_rad", "rad", "phase of x relative to z", |r| Cell::F32(r.phase_rad)),
     column("x_rms_m", "m", "structure: RMS over the dwell", |r| Cell::F32(r.x_rms_m)),

@@ -3,10 +3,11 @@
 use damprig_core::control::limits::Fault;
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::measure::point::PointResult;
+use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::TICK_HZ;
 
 use super::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, RigSettings, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use crate::recording::{Point, ResultRow, Signal};
 use crate::session::Session;
@@ -64,6 +65,22 @@ pub(super) fn point<'p>(set_up: &'p CampaignSetUp, experiment: &'p SteppedSine, 
     Point { set_up: &set_up.name, experiment: &experiment.name, frequency_hz: experiment.frequencies_hz[index] }
 }
 
+/// The plant that a simulated rig is to be.
+pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp) -> PlantConfig {
+    PlantConfig {
+        set_up: set_up.model(),
+        particle_start_m: set_up.particle_start_m(),
+        base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
+        sensors: SensorModel {
+            range_m: rig.sensor_range_m as f32,
+            resolution_m: rig.sensor_resolution_m as f32,
+            noise_rms_m: rig.sensor_noise_rms_m as f32,
+            seed: u64::from(rig.noise_seed),
+        },
+        data_sheet: rig.data_sheet,
+    }
+}
+
 /// The experiment as the controller takes it.
 pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sine::SteppedSine {
     core_sine::SteppedSine {
@@ -72,6 +89,8 @@ pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sin
             Start::CarryOver => core_sine::Start::CarryOver,
         },
         amplitude_m: set_up.base_amplitude_m as f32,
+        drive: experiment.drive,
+        ramp_s: experiment.ramp_s as f32,
         settle_s: experiment.settle_s as f32,
         dwell_s: experiment.dwell_s as f32,
         steady: experiment.steady,
@@ -87,6 +106,10 @@ pub(super) fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) ->
         experiment: point.experiment.to_string(),
         frequency_hz: point.frequency_hz,
         z_amplitude_m: result.z_amplitude_m,
+        z_distortion: result.z_distortion,
+        drive_amplitude_m: result.drive_amplitude_m,
+        drive_saturated: result.drive_saturated,
+        clearance_m: set_up.model().particle.map_or(f64::NAN, |p| p.clearance_m),
         x_amplitude_m: result.x_amplitude_m,
         phase_rad: result.phase_rad,
         x_rms_m: result.x_rms_m,

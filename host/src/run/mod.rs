@@ -13,7 +13,6 @@ use std::time::{Duration, Instant};
 
 use damprig_core::control::limits::Limits;
 use damprig_core::measure::point::PointResult;
-use damprig_core::plant::{PlantConfig, SensorModel};
 use damprig_core::rig::{State, TICK_HZ};
 use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
 
@@ -208,7 +207,8 @@ impl<'a> Run<'a> {
             self.telemetry()?;
             self.session.start()?;
         }
-        let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted());
+        let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted())
+            .with_ramp(experiment.ramp_s);
         let before_s = self.tally.rig_s;
         let mut heard = Instant::now();
         while !track.is_complete() {
@@ -305,13 +305,7 @@ impl<'a> Run<'a> {
     fn configure(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
         let rig = &self.campaign.rig;
         if self.session.description.plant != PlantKind::Real {
-            let sensors = SensorModel {
-                range_m: rig.sensor_range_m as f32,
-                resolution_m: rig.sensor_resolution_m as f32,
-                noise_rms_m: rig.sensor_noise_rms_m as f32,
-                seed: u64::from(rig.noise_seed),
-            };
-            let plant = PlantConfig { set_up: set_up.model(), particle_start_m: set_up.particle_start_m(), sensors };
+            let plant = convert::plant(rig, set_up);
             self.session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
         let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };

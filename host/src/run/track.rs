@@ -11,7 +11,8 @@ use damprig_protocol::Telemetry;
 /// does not come, however long one waits.
 const MOST_QUIET_TURNS: u32 = 10;
 
-/// Ticks from the last point to the word that the experiment is over; the drive fades out in a fifth of that.
+/// Ticks from the last point to the word that the experiment is over, besides the experiment's own ramp; without one
+/// the drive fades out in a fifth of that.
 const OVERDUE_TICKS: u32 = (5.0 * FADE_S * TICK_HZ) as u32;
 
 /// The state of one experiment's arrivals.
@@ -30,6 +31,7 @@ pub(super) struct Track {
     next_seq: Option<u32>,
     missing_messages: u64,
     quiet_turns: u32,
+    overdue_ticks: u32,
 }
 
 impl Track {
@@ -46,7 +48,14 @@ impl Track {
             next_seq: None,
             missing_messages: 0,
             quiet_turns: 0,
+            overdue_ticks: OVERDUE_TICKS,
         }
+    }
+
+    /// For an experiment whose drive fades out over `ramp_s`.
+    pub(super) fn with_ramp(mut self, ramp_s: f64) -> Self {
+        self.overdue_ticks = OVERDUE_TICKS.saturating_add((ramp_s * f64::from(TICK_HZ)) as u32);
+        self
     }
 
     /// The rows of a message that belong to this experiment, each with its tick.
@@ -114,7 +123,7 @@ impl Track {
     /// over, and the word about it was lost.
     pub(super) fn is_overdue(&self) -> bool {
         let last = self.done.last().copied().flatten();
-        self.end_tick.is_none() && last.is_some_and(|last| self.latest_tick > last.saturating_add(OVERDUE_TICKS))
+        self.end_tick.is_none() && last.is_some_and(|last| self.latest_tick > last.saturating_add(self.overdue_ticks))
     }
 
     /// Nothing came for a moment.
