@@ -204,24 +204,24 @@ fn a_missing_file_is_answered_with_its_neighbour_and_no_toml_with_the_place() {
 #[test]
 fn a_closed_loop_without_a_shaker_is_answered_with_the_table_to_add() {
     let words = ["`experiment[1].drive` = \"closed_loop\"", "add a `[rig.shaker]` table"];
-    refused("settle_s = 1.0", "settle_s = 1.0\ndrive = \"closed_loop\"", &words);
+    refused("settle_s = 1.0", "drive = \"closed_loop\"\nsettle_s = 1.0", &words);
 }
 
 #[test]
 fn a_ramp_longer_than_the_settling_is_answered_with_the_settling() {
-    refused("settle_s = 1.0", "settle_s = 1.0\nramp_s = 2.0", &["`experiment[1].ramp_s` = 2.0", "settle_s = 1"]);
+    refused("settle_s = 1.0", "ramp_s = 2.0\nsettle_s = 1.0", &["`experiment[1].ramp_s` = 2.0", "settle_s = 1"]);
 }
 
 #[test]
 fn a_misspelt_kind_of_sensor_or_amplifier_is_answered_with_the_right_one() {
-    let sensors = "noise_seed = 7\nsensors = { kind = \"datasheet\" }";
+    let sensors = "sensors = { kind = \"datasheet\" }\nnoise_seed = 7";
     refused("noise_seed = 7", sensors, &["`rig.sensors.kind` = \"datasheet\"", "did you mean \"data_sheet\"?"]);
-    let shaker = "noise_seed = 7\nshaker = { amplifier = \"voltages\" }";
+    let shaker = "shaker = { amplifier = \"voltages\" }\nnoise_seed = 7";
     refused("noise_seed = 7", shaker, &["`rig.shaker.amplifier`", "did you mean \"voltage\"?"]);
 }
 
 #[test]
 fn a_shaker_too_fast_for_the_tick_is_refused() {
-    let shaker = "noise_seed = 7\nshaker = { moving_mass_kg = 0.001 }";
+    let shaker = "shaker = { moving_mass_kg = 0.001 }\nnoise_seed = 7";
     refused("noise_seed = 7", shaker, &["`rig.shaker.moving_mass_kg` = 0.001", "high enough for the sampling rate"]);
 }
