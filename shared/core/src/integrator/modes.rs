@@ -138,11 +138,13 @@ impl<S: Scalar> Coefficients<S> {
 
     /// Lowest and highest structure acceleration with which a particle held on `side` stays held, m/s².
     ///
-    /// Friction gives it ±μi·g; a wall pushes inwards without limit and cannot pull.
+    /// Friction gives it ±μi·g; a hard wall pushes inwards without limit and cannot pull; a soft one that is pressed
+    /// pushes with the reaction of `joint_force`.
     #[must_use]
-    pub fn held_limits(&self, side: Sign) -> (Option<S>, Option<S>) {
+    pub fn held_limits(&self, side: Sign, joint_force: S) -> (Option<S>, Option<S>) {
         let g = self.friction_acceleration;
-        ((side <= 0).then_some(-g), (side >= 0).then_some(g))
+        let pushed = if joint_force == S::ZERO { S::ZERO } else { -joint_force / self.particle_mass };
+        ((side <= 0).then_some(pushed - g), (side >= 0).then_some(pushed + g))
     }
 }
 
@@ -181,6 +183,10 @@ pub struct Situation<S> {
     pub side: Sign,
     /// z″, m/s².
     pub base_acceleration: S,
+    /// Force on the structure by a spring and dashpot between it and the particle (soft wall, tuned mass), N.
+    pub joint_force: S,
+    /// Any other force on the structure, N.
+    pub applied_force: S,
 }
 
 /// The mode that follows from a state: the one in which every force is within its limit.
@@ -203,7 +209,7 @@ pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation
         Grip::Stuck => s.base_acceleration,
         Grip::Slip(direction) => structure_acceleration(c, held, direction, s),
     };
-    let (low, high) = c.held_limits(s.side);
+    let (low, high) = c.held_limits(s.side, s.joint_force);
     // The particle lags behind a structure that accelerates more than friction and wall can follow.
     let contact = if high.is_some_and(|high| acceleration > high) {
         Contact::Free(-1)
@@ -222,13 +228,21 @@ fn grip<S: Scalar>(c: &Coefficients<S>, contact: Contact, s: &Situation<S>) -> G
     if s.slip != S::ZERO {
         return Grip::Slip(sign(s.slip));
     }
-    let needed = c.holding_force(contact, s.stretch, s.base_acceleration);
+    let needed = c.holding_force(contact, s.stretch, s.base_acceleration) - joint_force(contact, s) - s.applied_force;
     if needed.abs() <= c.damper_force { Grip::Stuck } else { Grip::Slip(-sign(needed)) }
 }
 
 fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, direction: Sign, s: &Situation<S>) -> S {
     let force = c.drag(contact) - c.stiffness * s.stretch - c.damping * s.slip - signed(direction, c.damper_force);
-    force / c.moving_mass(contact)
+    (force + joint_force(contact, s) + s.applied_force) / c.moving_mass(contact)
+}
+
+/// The joint's force on what moves as one body with the structure: none once the particle is part of it.
+fn joint_force<S: Scalar>(contact: Contact, s: &Situation<S>) -> S {
+    match contact {
+        Contact::Held(_) => S::ZERO,
+        Contact::Absent | Contact::Free(_) => s.joint_force,
+    }
 }
 
 /// Velocities after the particle hits a hard wall: `(x′, y′ − x′)` from those before.

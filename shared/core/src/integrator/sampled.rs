@@ -388,7 +388,7 @@ impl<S: Scalar> Sampled<S> {
             }
             Contact::Held(side) => {
                 let acceleration = polynomial::derivative(&polynomial::derivative(&flight.x));
-                let (low, high) = self.c.held_limits(side);
+                let (low, high) = self.c.held_limits(side, S::ZERO);
                 if let Some(high) = high {
                     let mut guard = acceleration.map(|a| -a);
                     guard[0] += high;
@@ -441,6 +441,8 @@ impl<S: Scalar> Sampled<S> {
             slide: self.state.slide,
             side,
             base_acceleration: base.acceleration(),
+            joint_force: S::ZERO,
+            applied_force: S::ZERO,
         };
         modes::resolve(&self.c, self.has_particle, &situation)
     }

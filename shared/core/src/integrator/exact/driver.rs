@@ -1,0 +1,477 @@
+//! The loop: arc after arc, until an event or the end.
+
+use core::cell::OnceCell;
+
+use super::excitation::{Excitation, Wave};
+use super::flow::{Flows, Leg, Path, Span, State, dot};
+use super::guards;
+use super::observe::{Arc, Observer};
+use super::time::Time;
+use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
+use crate::model::{Initial, Invalid, Release, SetUp, Wall};
+
+/// Arcs after which the rotating pair is taken afresh from the time, so that its rounding cannot add up.
+const ARCS_PER_ANCHOR: u32 = 64;
+
+/// Events at one instant after which a sliver of time is taken unguarded; see [`Exact::unresolved`].
+const MOST_EVENTS_AT_ONCE: u32 = 64;
+
+/// The sliver, as a fraction of an arc.
+const SLIVER: f64 = 1e-6;
+
+/// What a soft wall does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Touch {
+    /// Nothing: the particle is between the walls (or there is no soft wall).
+    #[default]
+    Clear,
+    /// The particle presses into the wall of that side.
+    Pressing(Sign),
+    /// The wall let go before the particle is back inside the clearance.
+    Leaving(Sign),
+}
+
+/// Guards that start an arc at their limit: how many leading coefficients are zero by definition.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Fresh {
+    pub gap_side: Sign,
+    pub gap: usize,
+    pub slide: usize,
+    pub slip: usize,
+    pub press: usize,
+}
+
+/// A set-up in motion under an excitation in closed form.
+///
+/// ```
+/// use damprig_core::integrator::exact::{Exact, Excitation};
+/// use damprig_core::model::{Initial, SetUp, Structure};
+///
+/// let set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0));
+/// let initial = Initial { x_m: 0.035, ..Initial::default() };
+/// let mut motion = Exact::new(&set_up, &Excitation::Fixed, &initial)?;
+/// motion.run(0.2, &mut ()); // half a period
+/// assert!((motion.state().x_m + 0.035).abs() < 1e-15);
+/// # Ok::<(), damprig_core::model::Invalid>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Exact {
+    pub(super) c: Coefficients<f64>,
+    pub(super) has_particle: bool,
+    pub(super) has_tmd: bool,
+    pub(super) soft: Option<Release>,
+    pub(super) flows: Flows,
+    excitation: Excitation,
+    pub(super) state: State,
+    pub(super) wave: Wave,
+    pub(super) time: Time,
+    pub(super) mode: Mode,
+    pub(super) touch: Touch,
+    pub(super) leg: Leg,
+    pub(super) fresh: Fresh,
+    next_break_s: f64,
+    started: bool,
+    arcs_since_anchor: u32,
+    events_at_once: u32,
+    unresolved: u32,
+}
+
+impl Exact {
+    /// A set-up at rest in time, about to move from `initial` at t = 0.
+    ///
+    /// # Errors
+    /// Names the first value that is not physical.
+    pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
+        set_up.validate()?;
+        excitation.validate()?;
+        set_up.validate_initial(initial)?;
+        let c = Coefficients::new(set_up);
+        let soft = set_up.particle.and_then(|p| match p.wall {
+            Wall::Voigt { release, .. } => Some(release),
+            Wall::Restitution { .. } => None,
+        });
+        let flows = Flows::new(set_up, excitation);
+        let mode = Mode { grip: Grip::Slip(0), contact: Contact::Absent };
+        let leg = Leg {
+            path: Path::Alone,
+            sliding: false,
+            structure_acceleration: 0.0,
+            particle_acceleration: 0.0,
+            rest_offset: 0.0,
+            step_s: flows.step_s(Path::Alone),
+        };
+        let mut exact = Self {
+            c,
+            has_particle: set_up.particle.is_some(),
+            has_tmd: set_up.tmd.is_some(),
+            soft,
+            flows,
+            excitation: *excitation,
+            state: State::default(),
+            wave: Wave::default(),
+            time: Time::default(),
+            mode,
+            touch: Touch::Clear,
+            leg,
+            fresh: Fresh::default(),
+            next_break_s: f64::INFINITY,
+            started: false,
+            arcs_since_anchor: 0,
+            events_at_once: 0,
+            unresolved: 0,
+        };
+        exact.reset(0.0, initial);
+        Ok(exact)
+    }
+
+    /// Starts again from `initial` at time `t_s`, keeping the tables.
+    pub fn reset(&mut self, t_s: f64, initial: &Initial) {
+        let joined = self.has_particle || self.has_tmd;
+        let mut offset_m = if joined { initial.y_m - initial.x_m } else { 0.0 };
+        if self.has_particle {
+            // A start "at the wall" is written as y = x ± d and may miss it by a rounding.
+            let d = self.c.clearance;
+            if offset_m.abs() >= d - 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs()) {
+                offset_m = if offset_m > 0.0 { d } else { -d };
+            }
+        }
+        self.state = State {
+            x_m: initial.x_m,
+            v_m_per_s: initial.v_m_per_s,
+            offset_m,
+            slide_m_per_s: if joined { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 },
+        };
+        self.time = Time::at(t_s);
+        self.anchor();
+        self.next_break_s = self.excitation.next_break_s(t_s);
+        self.touch = Touch::Clear;
+        self.fresh = Fresh::default();
+        self.started = false;
+        self.events_at_once = 0;
+    }
+
+    /// The instant reached, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        self.time.seconds()
+    }
+
+    /// The state reached.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The mode reached; meaningful once [`Exact::run`] has been called.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The soft wall's part of the mode.
+    #[must_use]
+    pub fn touch(&self) -> Touch {
+        self.touch
+    }
+
+    /// How often more than 64 events fell on one instant and a millionth of an arc was taken without guards.
+    #[must_use]
+    pub fn unresolved(&self) -> u32 {
+        self.unresolved
+    }
+
+    /// z and z′ now, m and m/s.
+    #[must_use]
+    pub fn base(&self) -> (f64, f64) {
+        (self.wave.offset + self.flows.base_share * self.wave.sine, self.base_velocity())
+    }
+
+    /// The shortest full arc of this set-up, s: what a stiff wall or a fast excitation costs.
+    #[must_use]
+    pub fn shortest_arc_s(&self) -> f64 {
+        [Path::Alone, Path::Together, Path::Coupled, Path::CarriedCoupled]
+            .into_iter()
+            .map(|path| self.flows.step_s(path))
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Moves on to `until_s`; nothing happens when that is past.
+    pub fn run<O: Observer>(&mut self, until_s: f64, observer: &mut O) {
+        if !self.started {
+            self.started = true;
+            self.start(observer);
+        }
+        loop {
+            let limit_s = until_s.min(self.next_break_s);
+            if self.time.until(limit_s) > 0.0 {
+                self.advance(limit_s, observer);
+            } else if self.time.until(until_s) > 0.0 {
+                self.pass_break(observer);
+            } else {
+                return;
+            }
+        }
+    }
+
+    /// The excitation's closed form changes here.
+    fn pass_break<O: Observer>(&mut self, observer: &mut O) {
+        let slip = self.slip();
+        let stuck = self.mode.grip == Grip::Stuck;
+        let before = self.base_velocity();
+        self.next_break_s = self.excitation.next_break_s(self.time.seconds());
+        self.anchor();
+        let jump = self.base_velocity() - before;
+        // A stuck structure has the base's velocity of before; a jump of the base makes it slip.
+        let slip = if stuck && jump.abs() > 1e-14 * before.abs() {
+            slip - jump
+        } else if stuck {
+            0.0
+        } else {
+            slip - jump
+        };
+        self.resolve(slip, observer);
+    }
+
+    fn anchor(&mut self) {
+        self.wave = self.excitation.wave(self.time);
+        self.arcs_since_anchor = 0;
+    }
+
+    pub(super) fn base_velocity(&self) -> f64 {
+        self.flows.base_share * self.flows.turning * self.wave.cosine
+    }
+
+    /// x′ − z′, exactly zero when stuck, m/s.
+    pub(super) fn slip(&self) -> f64 {
+        match self.mode.grip {
+            Grip::Stuck => 0.0,
+            Grip::Slip(_) => self.state.v_m_per_s - self.base_velocity(),
+        }
+    }
+
+    /// Side of the hard wall that the particle touches.
+    pub(super) fn wall_side(&self) -> Sign {
+        if !self.has_particle || self.soft.is_some() {
+            0
+        } else if self.state.offset_m >= self.c.clearance {
+            1
+        } else if self.state.offset_m <= -self.c.clearance {
+            -1
+        } else {
+            0
+        }
+    }
+
+    pub(super) fn situation(&self, slip: f64) -> Situation<f64> {
+        let link = &self.flows.link;
+        let joint = |rest: f64| link.stiffness * (self.state.offset_m - rest) + link.damping * self.state.slide_m_per_s;
+        Situation {
+            stretch: self.state.x_m - (self.wave.offset + self.flows.base_share * self.wave.sine),
+            slip,
+            slide: self.state.slide_m_per_s,
+            side: self.wall_side(),
+            base_acceleration: -self.flows.base_share * self.flows.turning * self.flows.turning * self.wave.sine,
+            joint_force: match self.touch {
+                _ if self.has_tmd => joint(0.0),
+                Touch::Pressing(side) => joint(signed(side, self.c.clearance)),
+                Touch::Clear | Touch::Leaving(_) => 0.0,
+            },
+            applied_force: (1.0 - self.flows.base_share) * self.wave.sine,
+        }
+    }
+
+    /// Takes the mode that follows from the state; `slip` is zero when the damper may stick.
+    pub(super) fn resolve<O: Observer>(&mut self, slip: f64, observer: &mut O) {
+        let before = self.mode;
+        let mode = modes::resolve(&self.c, self.has_particle, &self.situation(slip));
+        let released = before.contact != mode.contact && self.state.slide_m_per_s == 0.0;
+        if released
+            && let Contact::Free(direction) = mode.contact
+            && direction != 0
+        {
+            self.fresh.slide = self.fresh.slide.max(1);
+            let side = self.wall_side();
+            if side != 0 {
+                (self.fresh.gap_side, self.fresh.gap) = (side, 2);
+            }
+        }
+        if slip == 0.0 && matches!(mode.grip, Grip::Slip(direction) if direction != 0) {
+            self.fresh.slip = self.fresh.slip.max(1);
+        }
+        self.set_mode(mode, observer);
+    }
+
+    pub(super) fn set_mode<O: Observer>(&mut self, mode: Mode, observer: &mut O) {
+        if mode != self.mode {
+            observer.mode(self.time.seconds(), mode);
+        }
+        self.mode = mode;
+        self.set_leg();
+    }
+
+    /// Derives the equations of motion from the mode.
+    #[inline]
+    pub(super) fn set_leg(&mut self) {
+        let mode = self.mode;
+        let held = matches!(mode.contact, Contact::Held(_));
+        let pressed = if let Touch::Pressing(side) = self.touch { side } else { 0 };
+        let joined = self.has_tmd || (pressed != 0 && !held);
+        let (path, force) = match mode.grip {
+            Grip::Stuck if joined => (Path::CarriedCoupled, 0.0),
+            Grip::Stuck => (Path::Carried, 0.0),
+            Grip::Slip(direction) => {
+                let force = self.c.drag(mode.contact) - signed(direction, self.c.damper_force)
+                    + self.c.stiffness * self.wave.offset;
+                (
+                    if joined {
+                        Path::Coupled
+                    } else if held {
+                        Path::Together
+                    } else {
+                        Path::Alone
+                    },
+                    force,
+                )
+            }
+        };
+        self.leg = Leg {
+            path,
+            sliding: matches!(mode.contact, Contact::Free(_)),
+            structure_acceleration: force / self.c.moving_mass(mode.contact),
+            particle_acceleration: match mode.contact {
+                Contact::Free(direction) => -signed(direction, self.c.friction_acceleration),
+                Contact::Absent | Contact::Held(_) => 0.0,
+            },
+            rest_offset: signed(pressed, self.c.clearance),
+            step_s: self.flows.step_s(path),
+        };
+    }
+
+    /// One arc, at most to `limit_s`, and the event at its end if there is one.
+    #[inline]
+    fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
+        let h = self.leg.step_s;
+        let rest_s = self.time.until(limit_s);
+        let full = rest_s > h;
+        let (state, wave) = (self.state, self.wave);
+        if full && let Some(end) = self.quick() {
+            self.state = end;
+            let (cosine_less_one, sine) = self.flows.alone_turn;
+            self.wave = self.wave.turned_by(cosine_less_one, sine);
+            self.report(state, wave, h, None, observer);
+            self.time = self.time.plus(h);
+            self.fresh = Fresh::default();
+        } else {
+            let most = if full { 1.0 } else { rest_s / h };
+            let span = self.flows.span(&self.leg, &state, &wave);
+            let (mut at, mut event) = (most, None);
+            if self.events_at_once < MOST_EVENTS_AT_ONCE {
+                (at, event) = guards::first(self, &span, most);
+            } else {
+                self.unresolved += 1;
+                at = at.min(SLIVER);
+            }
+            if at > 0.0 {
+                self.state = span.state(at);
+                if !self.leg.sliding && !self.has_tmd {
+                    self.state.offset_m = state.offset_m;
+                    self.state.slide_m_per_s = 0.0;
+                }
+                if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.has_particle && self.soft.is_none() {
+                    let d = self.c.clearance;
+                    self.state.offset_m = self.state.offset_m.clamp(-d, d);
+                }
+                self.wave = self.wave.turned(self.flows.turning * h * at);
+                self.report(state, wave, h * at, Some(span), observer);
+                self.time =
+                    if event.is_none() && !full && at == most { Time::at(limit_s) } else { self.time.plus(h * at) };
+                self.fresh = Fresh::default();
+                self.events_at_once = 0;
+            }
+            if let Some(event) = event {
+                self.events_at_once += 1;
+                self.handle(event, observer);
+            }
+        }
+        self.arcs_since_anchor += 1;
+        if self.arcs_since_anchor >= ARCS_PER_ANCHOR {
+            self.anchor();
+        }
+    }
+
+    #[inline]
+    fn report<O: Observer>(&self, start: State, wave: Wave, length_s: f64, span: Option<Span>, observer: &mut O) {
+        if O::ARCS {
+            observer.arc(&Arc {
+                flows: &self.flows,
+                leg: &self.leg,
+                wave,
+                span: span.map_or_else(OnceCell::new, OnceCell::from),
+                start_s: self.time.seconds(),
+                length_s,
+                mode: self.mode,
+                start,
+                end: self.state,
+            });
+        }
+    }
+
+    /// The state after a full arc, if no event can fall into it by the test that the module documentation proves.
+    #[inline]
+    fn quick(&self) -> Option<State> {
+        let ready = self.leg.path == Path::Alone
+            && self.touch == Touch::Clear
+            && self.fresh.gap <= 1
+            && self.fresh.slide == 0
+            && self.fresh.slip == 0;
+        if !ready {
+            return None;
+        }
+        let (state, leg, table) = (&self.state, &self.leg, &self.flows.alone);
+        let h = leg.step_s;
+        let velocity = state.v_m_per_s * h;
+        let unit = [state.x_m, velocity, leg.structure_acceleration, self.wave.sine, self.wave.cosine];
+        let size = unit.map(f64::abs);
+        let (shift, kick) = (dot(&table.shift, &unit), dot(&table.kick, &unit));
+        let mut end = *state;
+        end.x_m += shift;
+        end.v_m_per_s = (velocity + kick) / h;
+        if leg.sliding {
+            let slide = state.slide_m_per_s * h;
+            let dragged = leg.particle_acceleration * h * h;
+            let slide_end = slide - kick + dragged;
+            end.offset_m += slide - (shift - velocity) + 0.5 * dragged;
+            end.slide_m_per_s = slide_end / h;
+            let margin = dot(&table.fourth, &size) * (1.0 / 288.0);
+            let d = self.c.clearance;
+            let (first, second) = (state.offset_m + slide * (1.0 / 3.0), end.offset_m - slide_end * (1.0 / 3.0));
+            let inner = d - margin;
+            let clear =
+                first.abs() < inner && second.abs() < inner && state.offset_m.abs() <= d && end.offset_m.abs() < d;
+            if !clear {
+                return None;
+            }
+            if let (Contact::Free(direction), true) = (self.mode.contact, self.c.friction_acceleration > 0.0) {
+                let least = signed(direction, slide).min(signed(direction, slide_end));
+                if least <= dot(&table.third, &size) * 0.125 {
+                    return None;
+                }
+            }
+        }
+        if let Grip::Slip(direction) = self.mode.grip
+            && direction != 0
+        {
+            let angle = self.flows.turning * h;
+            let (cosine_less_one, sine) = self.flows.alone_turn;
+            let turned = self.wave.turned_by(cosine_less_one, sine);
+            let share = self.flows.base_share * angle;
+            let least = signed(direction, velocity - share * self.wave.cosine)
+                .min(signed(direction, velocity + kick - share * turned.cosine));
+            let bound = dot(&table.third, &size) + share * angle * angle * (size[3] + size[4]);
+            if least <= bound * 0.125 {
+                return None;
+            }
+        }
+        Some(end)
+    }
+}

@@ -1,0 +1,221 @@
+//! What happens at an instant: start, impact, touch and release, stick and slip, and the end of a chatter.
+
+use super::driver::{Exact, Touch};
+use super::flow::{Path, dot};
+use super::guards::Event;
+use super::observe::{ContactEnd, Impact, Observer};
+use crate::integrator::modes::{self, Contact, Grip, Mode, Sign, sign, signed};
+use crate::model::Release;
+
+/// What a summed chatter may leave out, relative to the motion: one rounding.
+const LEFT_OUT: f64 = f64::EPSILON;
+
+/// The pressing acceleration may change by this share until the chatter ends.
+const PRESSING_CHANGE: f64 = 0.125;
+
+impl Exact {
+    /// Settles the initial state: contacts, sticking, an impact at t = 0.
+    pub(super) fn start<O: Observer>(&mut self, observer: &mut O) {
+        let slip = self.state.v_m_per_s - self.base_velocity();
+        let side = if self.has_particle && self.state.offset_m.abs() >= self.c.clearance {
+            sign(self.state.offset_m)
+        } else {
+            0
+        };
+        self.mode = Mode { grip: Grip::Slip(sign(slip)), contact: Contact::Absent };
+        if self.has_particle {
+            self.mode.contact = Contact::Free(sign(self.state.slide_m_per_s));
+        }
+        self.set_leg();
+        observer.mode(self.time.seconds(), self.mode);
+        if side == 0 {
+            self.resolve(slip, observer);
+        } else {
+            self.reach_wall(side, slip, observer);
+        }
+    }
+
+    pub(super) fn handle<O: Observer>(&mut self, event: Event, observer: &mut O) {
+        let slip = self.slip();
+        match event {
+            Event::Wall(side) => {
+                self.state.offset_m = signed(side, self.c.clearance);
+                self.reach_wall(side, slip, observer);
+            }
+            Event::LetGo(side) => self.let_go(side, slip, observer),
+            Event::Inside(side) => {
+                self.touch = Touch::Clear;
+                self.state.offset_m = signed(side, self.c.clearance);
+                (self.fresh.gap_side, self.fresh.gap) = (side, 1);
+                self.set_leg();
+            }
+            Event::SlideStops => {
+                self.state.slide_m_per_s = 0.0;
+                // Forget the direction, so that a new one counts as a release.
+                self.mode.contact = Contact::Free(0);
+                self.resolve(slip, observer);
+            }
+            Event::SlipStops => {
+                self.state.v_m_per_s = self.base_velocity();
+                self.resolve(0.0, observer);
+            }
+            Event::HoldBreaks(direction) => {
+                // Friction, or the wall, is at its limit and goes on without a jump: velocity and acceleration of the
+                // slide start from zero.
+                self.fresh.slide = 2;
+                let side = self.wall_side();
+                if side != 0 {
+                    (self.fresh.gap_side, self.fresh.gap) = (side, 3);
+                }
+                self.state.slide_m_per_s = 0.0;
+                self.set_mode(Mode { contact: Contact::Free(direction), ..self.mode }, observer);
+            }
+            Event::GripBreaks(direction) => {
+                self.fresh.slip = 2;
+                self.state.v_m_per_s = self.base_velocity();
+                self.set_mode(Mode { grip: Grip::Slip(direction), ..self.mode }, observer);
+            }
+        }
+    }
+
+    /// The particle is at the wall of `side`: it hits it, leaves it or rests on it.
+    fn reach_wall<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
+        let approach = signed(side, self.state.slide_m_per_s);
+        if self.soft.is_some() {
+            self.touch_soft(side, approach, slip, observer);
+        } else if approach > 0.0 {
+            self.hit(side, approach, slip, observer);
+        } else {
+            (self.fresh.gap_side, self.fresh.gap) = (side, 1);
+            self.resolve(slip, observer);
+        }
+    }
+
+    fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
+        let before = self.state;
+        let (v, slide) = modes::impact(&self.c, self.c.restitution, before.v_m_per_s, before.slide_m_per_s);
+        self.state.v_m_per_s = v;
+        self.state.slide_m_per_s = slide;
+        let time_s = self.time.seconds();
+        let after = self.state;
+        observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after });
+        if slide != 0.0 {
+            (self.fresh.gap_side, self.fresh.gap) = (side, 1);
+        }
+        let slip = slip + (v - before.v_m_per_s);
+        // The common case needs no deciding: the particle flies back and nothing can stick.
+        if slide != 0.0 && self.c.damper_force == 0.0 {
+            self.set_mode(Mode { contact: Contact::Free(sign(slide)), ..self.mode }, observer);
+        } else {
+            self.mode.contact = Contact::Free(0);
+            self.resolve(slip, observer);
+        }
+        if slide != 0.0 {
+            self.settle(side, slip, observer);
+        }
+    }
+
+    /// Ends a chatter when the impacts still to come can be summed; see the module documentation of `exact`.
+    fn settle<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
+        let h = self.leg.step_s;
+        let e = self.c.restitution;
+        let lift = self.state.slide_m_per_s.abs() * h;
+        let pressing_out = self.pressing(side, slip) * h * h;
+        let (mass, light) = (self.c.mass, self.c.particle_mass);
+        // Friction slows the particle on its way out and again on its way back.
+        let both_ways = 2.0 * self.c.friction_acceleration * (1.0 + light / mass) * h * h;
+        let pressing = pressing_out - both_ways;
+        if pressing <= 0.0 || lift > 0.1 * pressing {
+            return;
+        }
+        let height = lift * lift / (2.0 * pressing);
+        let returned = e * libm::sqrt(pressing / pressing_out);
+        let lasts = 2.0 * lift / (pressing * (1.0 - returned));
+        let unit = [
+            self.state.x_m,
+            self.state.v_m_per_s * h,
+            self.leg.structure_acceleration,
+            self.wave.sine,
+            self.wave.cosine,
+        ]
+        .map(f64::abs);
+        let jerk = dot(&self.flows.alone.third, &unit);
+        let size = unit[0] + unit[1] + self.c.clearance;
+        let together = mass + light;
+        let hop = 2.0 / 3.0 * lift * lift * lift / (pressing * pressing);
+        let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);
+        let sure = lasts <= 1.0 && jerk * lasts <= PRESSING_CHANGE * pressing;
+        let left_out = if both_ways > 0.0 { kick } else { kick * (jerk * lasts / pressing + lasts) };
+        // With a friction damper the impulses may make the structure stick and slip: its places differ by the height.
+        let damper_matters = self.c.damper_force > 0.0 && {
+            let change = (light / mass + lasts) * (lift + pressing + self.c.damper_force / mass * h * h) * 4.0;
+            slip.abs() * h <= change
+        };
+        let summed = sure && left_out <= LEFT_OUT * size && (!damper_matters || height <= 64.0 * LEFT_OUT * size);
+        let invisible = height <= 4.0 * f64::EPSILON * self.c.clearance;
+        if !summed && !invisible {
+            return;
+        }
+        let relative = self.state.slide_m_per_s;
+        let (v, _) = modes::impact(&self.c, 0.0, self.state.v_m_per_s, relative);
+        let correction = if summed && both_ways == 0.0 && !damper_matters { signed(side, kick / h) } else { 0.0 };
+        let slip = slip + (v - correction - self.state.v_m_per_s);
+        self.state.v_m_per_s = v - correction;
+        self.state.slide_m_per_s = 0.0;
+        self.fresh.gap = 0;
+        observer.rest(self.time.seconds(), side, 0.5 * mass * light / together * relative * relative);
+        self.mode.contact = Contact::Free(0);
+        self.resolve(slip, observer);
+    }
+
+    /// The acceleration with which the gap closes, m/s².
+    fn pressing(&self, side: Sign, slip: f64) -> f64 {
+        let structure = match self.leg.path {
+            Path::Carried => self.situation(0.0).base_acceleration,
+            _ => {
+                let s = self.situation(slip);
+                let spring = -(self.c.stiffness * s.stretch + self.c.damping * slip) + s.applied_force;
+                // The constant part holds k times the base's offset, which the stretch has already.
+                self.leg.structure_acceleration + (spring - self.c.stiffness * self.wave.offset) / self.c.mass
+            }
+        };
+        signed(side, self.leg.particle_acceleration - structure)
+    }
+
+    fn touch_soft<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
+        let pressing = if approach == 0.0 {
+            self.mode.contact = Contact::Free(0);
+            self.resolve(slip, observer);
+            match self.mode.contact {
+                Contact::Held(_) => return,
+                _ => self.pressing(side, self.slip()),
+            }
+        } else {
+            approach
+        };
+        if pressing <= 0.0 {
+            (self.fresh.gap_side, self.fresh.gap) = (side, if approach < 0.0 { 1 } else { 2 });
+            self.resolve(slip, observer);
+            return;
+        }
+        self.touch = Touch::Pressing(side);
+        self.fresh.press = if approach > 0.0 { 1 } else { 2 };
+        let (time_s, before) = (self.time.seconds(), self.state);
+        observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after: before });
+        self.resolve(slip, observer);
+    }
+
+    fn let_go<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
+        let past = signed(side, self.state.offset_m) - self.c.clearance;
+        if self.soft == Some(Release::ZeroForce) && past > 0.0 {
+            self.touch = Touch::Leaving(side);
+        } else {
+            self.touch = Touch::Clear;
+            self.state.offset_m = signed(side, self.c.clearance);
+            (self.fresh.gap_side, self.fresh.gap) = (side, 1);
+        }
+        let separation_speed_m_per_s = self.state.slide_m_per_s.abs();
+        observer.contact_end(&ContactEnd { time_s: self.time.seconds(), side, separation_speed_m_per_s });
+        self.resolve(slip, observer);
+    }
+}

@@ -1,0 +1,385 @@
+//! The motion within one mode, as its own power series: tables computed once per set-up and excitation.
+//!
+//! In every mode the system is linear with constant coefficients, so the series over an arc is a fixed matrix times
+//! the state at its start (displacement, velocity, constant acceleration, rotating pair). The tables hold that
+//! matrix column by column; nothing but multiplications and additions is left for the loop.
+
+use super::excitation::{Excitation, Wave};
+use super::series::{Series, TERMS};
+use crate::model::{SetUp, Wall};
+
+/// Length of a full arc times the fastest rate of its mode, rad.
+pub const LARGEST_ARC_RAD: f64 = 0.8;
+
+/// Displacements and velocities; the particle (or the tuned mass) relative to the structure, so that walls and a
+/// held particle are exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// x, m.
+    pub x_m: f64,
+    /// x′, m/s.
+    pub v_m_per_s: f64,
+    /// y − x, m.
+    pub offset_m: f64,
+    /// y′ − x′, m/s.
+    pub slide_m_per_s: f64,
+}
+
+impl State {
+    /// y, m.
+    #[must_use]
+    pub fn y_m(&self) -> f64 {
+        self.x_m + self.offset_m
+    }
+
+    /// y′, m/s.
+    #[must_use]
+    pub fn u_m_per_s(&self) -> f64 {
+        self.v_m_per_s + self.slide_m_per_s
+    }
+}
+
+/// `q″ = −stiffness q − damping q′ + sine·S + cosine·C + a`: one oscillator under the wave and a constant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rates {
+    stiffness: f64,
+    damping: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Rates {
+    /// Bound on the rate of everything in its solution, rad/s: with `|q| ≤ N`, `|q′| ≤ ρN`, `|q⁽ⁿ⁾| ≤ ρⁿN`.
+    fn fastest(&self, turning: f64) -> f64 {
+        let half = 0.5 * self.damping;
+        (half + libm::sqrt(half * half + self.stiffness)).max(turning)
+    }
+}
+
+/// Series of one oscillator for unit values of: displacement, velocity × step, acceleration, sine, cosine.
+#[derive(Clone, Debug)]
+pub(super) struct Oscillator {
+    pub step_s: f64,
+    columns: [Series; 5],
+    /// Displacement at the end less the displacement at the start.
+    pub shift: [f64; 5],
+    /// Velocity × step at the end less that at the start.
+    pub kick: [f64; 5],
+    /// Bound on the fourth derivative over the arc (in arcs).
+    pub fourth: [f64; 5],
+    /// Bound on the second derivative of the velocity × step.
+    pub third: [f64; 5],
+}
+
+impl Oscillator {
+    fn new(rates: Rates, turning: f64) -> Self {
+        let fastest = rates.fastest(turning);
+        let h = LARGEST_ARC_RAD / fastest;
+        let mut columns = [[0.0; TERMS]; 5];
+        for (which, column) in columns.iter_mut().enumerate() {
+            let mut unit = [0.0; 5];
+            unit[which] = 1.0;
+            *column = solve(&rates, turning, h, unit);
+        }
+        let sum = |column: &Series, weight: fn(f64) -> f64, first: usize| -> f64 {
+            (first..TERMS).rev().map(|n| column[n] * weight(n as f64)).sum()
+        };
+        let bound = |column: &Series, weight: fn(f64) -> f64| -> f64 {
+            (0..TERMS).map(|n| column[n].abs() * weight(n as f64)).sum()
+        };
+        Self {
+            step_s: h,
+            shift: columns.each_ref().map(|c| sum(c, |_| 1.0, 1)),
+            kick: columns.each_ref().map(|c| sum(c, |n| n, 2)),
+            third: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0))),
+            fourth: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0) * (n - 3.0))),
+            columns,
+        }
+    }
+
+    /// Σ of the columns, weighted.
+    #[inline]
+    pub fn series(&self, unit: &[f64; 5]) -> Series {
+        let mut sum = [0.0; TERMS];
+        for n in 0..TERMS {
+            sum[n] = (self.columns[0][n] * unit[0] + self.columns[1][n] * unit[1])
+                + (self.columns[2][n] * unit[2] + (self.columns[3][n] * unit[3] + self.columns[4][n] * unit[4]));
+        }
+        sum
+    }
+}
+
+/// `row · unit`.
+#[inline]
+pub(super) fn dot(row: &[f64; 5], unit: &[f64; 5]) -> f64 {
+    (row[0] * unit[0] + row[1] * unit[1]) + (row[2] * unit[2] + (row[3] * unit[3] + row[4] * unit[4]))
+}
+
+fn solve(rates: &Rates, turning: f64, h: f64, unit: [f64; 5]) -> Series {
+    let wave = wave_series(unit[3], unit[4], turning * h);
+    let quarter = wave_series(unit[4], -unit[3], turning * h);
+    let mut q = [0.0; TERMS];
+    q[0] = unit[0];
+    q[1] = unit[1];
+    let square = h * h;
+    for n in 0..TERMS - 2 {
+        let constant = if n == 0 { unit[2] } else { 0.0 };
+        let next = (n + 1) as f64;
+        let forces = rates.sine * wave[n] + rates.cosine * quarter[n] + constant - rates.stiffness * q[n];
+        q[n + 2] = (square * forces - rates.damping * h * next * q[n + 1]) / (next * (next + 1.0));
+    }
+    q
+}
+
+/// Series of the rotating part: `sine cos a τ + cosine sin a τ` with `a` the angle of an arc.
+#[inline]
+pub(super) fn wave_series(sine: f64, cosine: f64, angle: f64) -> Series {
+    let mut series = [0.0; TERMS];
+    series[0] = sine;
+    series[1] = cosine * angle;
+    let square = angle * angle;
+    for n in 2..TERMS {
+        series[n] = -series[n - 2] * square / ((n * (n - 1)) as f64);
+    }
+    series
+}
+
+/// Structure and second mass joined by a spring and a dashpot: unit values of x, v·h, w, s·h, a of the structure,
+/// a of the second mass, sine, cosine.
+#[derive(Clone, Debug)]
+pub(super) struct Coupled {
+    pub step_s: f64,
+    x: [Series; 8],
+    w: [Series; 8],
+}
+
+impl Coupled {
+    fn new(rates: Rates, link: Link, mass: f64, turning: f64) -> Self {
+        // In the coordinates (√M x, √m y) the matrices are symmetric; their row sums bound both rates.
+        let second = mass / link.mass_ratio;
+        let cross = libm::sqrt(mass / second);
+        let row = |structure: f64, joint: f64| {
+            let at_structure = structure + joint / mass * (1.0 + cross);
+            at_structure.max(joint / second * (1.0 + 1.0 / cross))
+        };
+        let bound = Rates {
+            stiffness: row(rates.stiffness, link.stiffness),
+            damping: row(rates.damping, link.damping),
+            ..rates
+        };
+        let h = LARGEST_ARC_RAD / bound.fastest(turning);
+        let (mut x, mut w) = ([[0.0; TERMS]; 8], [[0.0; TERMS]; 8]);
+        for which in 0..8 {
+            let mut unit = [0.0; 8];
+            unit[which] = 1.0;
+            (x[which], w[which]) = Self::solve(&rates, &link, mass, turning, h, &unit);
+        }
+        Self { step_s: h, x, w }
+    }
+
+    fn solve(rates: &Rates, link: &Link, mass: f64, turning: f64, h: f64, unit: &[f64; 8]) -> (Series, Series) {
+        let wave = wave_series(unit[6], unit[7], turning * h);
+        let quarter = wave_series(unit[7], -unit[6], turning * h);
+        let (mut x, mut w) = ([0.0; TERMS], [0.0; TERMS]);
+        (x[0], x[1], w[0], w[1]) = (unit[0], unit[1], unit[2], unit[3]);
+        let square = h * h;
+        for n in 0..TERMS - 2 {
+            let next = (n + 1) as f64;
+            let (ax, aw) = if n == 0 { (unit[4], unit[5]) } else { (0.0, 0.0) };
+            let joint = (square * link.stiffness * w[n] + h * link.damping * next * w[n + 1]) / mass;
+            let forces = rates.sine * wave[n] + rates.cosine * quarter[n] + ax - rates.stiffness * x[n];
+            let acceleration = square * forces - rates.damping * h * next * x[n + 1] + joint;
+            let scale = next * (next + 1.0);
+            x[n + 2] = acceleration / scale;
+            w[n + 2] = (square * aw - acceleration - joint * link.mass_ratio) / scale;
+        }
+        (x, w)
+    }
+
+    fn series(&self, unit: &[f64; 8]) -> (Series, Series) {
+        let (mut x, mut w) = ([0.0; TERMS], [0.0; TERMS]);
+        for (which, &amount) in unit.iter().enumerate() {
+            for n in 0..TERMS {
+                x[n] += self.x[which][n] * amount;
+                w[n] += self.w[which][n] * amount;
+            }
+        }
+        (x, w)
+    }
+}
+
+/// The spring and dashpot between structure and second mass: a soft wall, or those of a tuned mass damper.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Link {
+    /// k1, N/m.
+    pub stiffness: f64,
+    /// c1, N·s/m.
+    pub damping: f64,
+    /// M/m.
+    pub mass_ratio: f64,
+}
+
+/// Which equations hold for the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Path {
+    /// It moves by itself.
+    Alone,
+    /// The held particle moves with it.
+    Together,
+    /// It and the second mass are joined by the link.
+    Coupled,
+    /// It is stuck to the base.
+    Carried,
+    /// It is stuck to the base and the second mass moves on the link.
+    CarriedCoupled,
+}
+
+/// The equations of the present mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    pub path: Path,
+    /// The particle moves relative to the structure (else the offset is constant).
+    pub sliding: bool,
+    /// Constant acceleration of the structure, m/s².
+    pub structure_acceleration: f64,
+    /// Constant acceleration of the particle, m/s².
+    pub particle_acceleration: f64,
+    /// Offset at which the link is at rest, m.
+    pub rest_offset: f64,
+    /// Length of a full arc, s.
+    pub step_s: f64,
+}
+
+/// Both motions over one arc.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    /// x, m, over τ = 0 … 1.
+    pub x: Series,
+    /// y − x, m.
+    pub offset: Series,
+    /// z, m.
+    pub base: Series,
+    /// What τ = 1 means, s.
+    pub step_s: f64,
+}
+
+/// The tables of one set-up under one excitation.
+#[derive(Clone, Debug)]
+pub struct Flows {
+    pub(super) alone: Oscillator,
+    together: Option<Oscillator>,
+    coupled: Option<(Coupled, Oscillator)>,
+    pub(super) link: Link,
+    pub(super) turning: f64,
+    pub(super) base_share: f64,
+    /// Turn of the wave over a full arc of `alone`: cosine less one, sine.
+    pub(super) alone_turn: (f64, f64),
+}
+
+impl Flows {
+    /// The tables of a validated set-up.
+    pub(super) fn new(set_up: &SetUp, excitation: &Excitation) -> Self {
+        let turning = excitation.angular_frequency_rad_per_s();
+        let base_share = if excitation.moves_base() { 1.0 } else { 0.0 };
+        let structure = &set_up.structure;
+        let rates = |mass: f64| Rates {
+            stiffness: structure.stiffness_n_per_m / mass,
+            damping: structure.damping_n_s_per_m / mass,
+            sine: if base_share > 0.0 { structure.stiffness_n_per_m / mass } else { 1.0 / mass },
+            cosine: base_share * structure.damping_n_s_per_m * turning / mass,
+        };
+        let mass = structure.mass_kg;
+        let alone = Oscillator::new(rates(mass), turning);
+        let soft = set_up.particle.and_then(|p| match p.wall {
+            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m))
+            }
+            Wall::Restitution { .. } => None,
+        });
+        let joined = soft.or(set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m)));
+        let link = joined.map_or(Link::default(), |(second, stiffness, damping)| Link {
+            stiffness,
+            damping,
+            mass_ratio: mass / second,
+        });
+        let coupled = joined.map(|(second, stiffness, damping)| {
+            let carried = Rates {
+                stiffness: stiffness / second,
+                damping: damping / second,
+                sine: base_share * turning * turning,
+                cosine: 0.0,
+            };
+            (Coupled::new(rates(mass), link, mass, turning), Oscillator::new(carried, turning))
+        });
+        let angle = turning * alone.step_s;
+        let half_sine = libm::sin(0.5 * angle);
+        Self {
+            together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning)),
+            coupled,
+            link,
+            turning,
+            base_share,
+            alone_turn: (-2.0 * half_sine * half_sine, libm::sin(angle)),
+            alone,
+        }
+    }
+
+    /// Length of a full arc on `path`, s.
+    pub(super) fn step_s(&self, path: Path) -> f64 {
+        match path {
+            Path::Coupled => self.coupled.as_ref().map_or(self.alone.step_s, |(coupled, _)| coupled.step_s),
+            Path::CarriedCoupled => self.coupled.as_ref().map_or(self.alone.step_s, |(_, carried)| carried.step_s),
+            Path::Together => self.together.as_ref().map_or(self.alone.step_s, |together| together.step_s),
+            Path::Alone | Path::Carried => self.alone.step_s,
+        }
+    }
+
+    /// The arc from `state`.
+    #[inline]
+    pub(super) fn span(&self, leg: &Leg, state: &State, wave: &Wave) -> Span {
+        let h = leg.step_s;
+        let mut base = wave_series(self.base_share * wave.sine, self.base_share * wave.cosine, self.turning * h);
+        base[0] += wave.offset;
+        let velocity = state.v_m_per_s * h;
+        let unit = [state.x_m, velocity, leg.structure_acceleration, wave.sine, wave.cosine];
+        let mut offset = [0.0; TERMS];
+        offset[0] = state.offset_m;
+        let mut x = base;
+        match (leg.path, &self.coupled, &self.together) {
+            (Path::Coupled, Some((coupled, _)), _) => {
+                let unit = [
+                    state.x_m,
+                    velocity,
+                    state.offset_m - leg.rest_offset,
+                    state.slide_m_per_s * h,
+                    leg.structure_acceleration,
+                    leg.particle_acceleration,
+                    wave.sine,
+                    wave.cosine,
+                ];
+                (x, offset) = coupled.series(&unit);
+                offset[0] = state.offset_m;
+                return Span { x, offset, base, step_s: h };
+            }
+            (Path::CarriedCoupled, Some((_, carried)), _) => {
+                let from_rest = state.offset_m - leg.rest_offset;
+                let sliding = state.slide_m_per_s * h;
+                offset = carried.series(&[from_rest, sliding, leg.particle_acceleration, wave.sine, wave.cosine]);
+                offset[0] = state.offset_m;
+                x[0] = state.x_m;
+                return Span { x, offset, base, step_s: h };
+            }
+            (Path::Together, _, Some(together)) => x = together.series(&unit),
+            (Path::Carried, _, _) => x[0] = state.x_m,
+            _ => x = self.alone.series(&unit),
+        }
+        if leg.sliding {
+            offset[1] = state.slide_m_per_s * h;
+            offset[2] = 0.5 * leg.particle_acceleration * h * h - x[2];
+            for n in 3..TERMS {
+                offset[n] = -x[n];
+            }
+        }
+        Span { x, offset, base, step_s: h }
+    }
+}

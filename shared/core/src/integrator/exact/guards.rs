@@ -1,0 +1,166 @@
+//! What must stay positive in each mode, as series, and which fails first.
+
+use super::driver::{Exact, Touch};
+use super::flow::Span;
+use super::series::{Series, TERMS, derivative, first_failure};
+use crate::integrator::modes::{Contact, Grip, Sign, signed};
+use crate::model::Release;
+
+/// A guard that stopped being positive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Event {
+    /// The particle reaches the wall of that side.
+    Wall(Sign),
+    /// The soft wall of that side lets go.
+    LetGo(Sign),
+    /// The particle is back inside the clearance after a soft wall let go early.
+    Inside(Sign),
+    /// y′ − x′ reaches zero.
+    SlideStops,
+    /// x′ − z′ reaches zero.
+    SlipStops,
+    /// A held particle starts to slide in that direction.
+    HoldBreaks(Sign),
+    /// A stuck structure starts to slip in that direction.
+    GripBreaks(Sign),
+}
+
+/// The first event within `most` of the span, and when.
+pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event>) {
+    let mut search = Search { at: most, event: None };
+    let d = exact.c.clearance;
+    let fresh = &exact.fresh;
+    match exact.mode.contact {
+        Contact::Absent => {}
+        Contact::Free(direction) => {
+            for side in [1, -1] {
+                match exact.touch {
+                    Touch::Pressing(_) => {}
+                    Touch::Leaving(leaving) if leaving == side => {
+                        search.consider(penetration(span, side, d), 0, Event::Inside(side));
+                    }
+                    Touch::Clear | Touch::Leaving(_) => {
+                        let gap = penetration(span, side, d).map(|p| -p);
+                        // Σ|coefficients| bounds how near it can come.
+                        let reach: f64 = gap[1..].iter().map(|c| c.abs()).sum();
+                        let order = if fresh.gap_side == side { fresh.gap } else { 0 };
+                        if order > 0 || reach >= gap[0] {
+                            search.consider(gap, order, Event::Wall(side));
+                        }
+                    }
+                }
+            }
+            if exact.c.friction_acceleration > 0.0 {
+                let slide = derivative(&span.offset).map(|s| signed(direction, s));
+                search.consider(slide, fresh.slide, Event::SlideStops);
+            }
+            if let (Touch::Pressing(side), Some(release)) = (exact.touch, exact.soft) {
+                let press = penetration(span, side, d);
+                match release {
+                    Release::ZeroPenetration => search.consider(press, fresh.press, Event::LetGo(side)),
+                    Release::ZeroForce => {
+                        let damping = exact.flows.link.damping;
+                        let order = if damping > 0.0 { fresh.press.saturating_sub(1) } else { fresh.press };
+                        let mut force = derivative(&press).map(|rate| damping / span.step_s * rate);
+                        for n in 0..TERMS {
+                            force[n] += exact.flows.link.stiffness * press[n];
+                        }
+                        search.consider(force, order, Event::LetGo(side));
+                    }
+                }
+            }
+        }
+        Contact::Held(side) => {
+            let per_square = 1.0 / (span.step_s * span.step_s);
+            let acceleration = derivative(&derivative(&span.x)).map(|a| a * per_square);
+            let (low, high) = exact.c.held_limits(side, exact.situation(0.0).joint_force);
+            if let Some(high) = high {
+                let mut guard = acceleration.map(|a| -a);
+                guard[0] += high;
+                search.consider(guard, 0, Event::HoldBreaks(-1));
+            }
+            if let Some(low) = low {
+                let mut guard = acceleration;
+                guard[0] -= low;
+                search.consider(guard, 0, Event::HoldBreaks(1));
+            }
+        }
+    }
+    match exact.mode.grip {
+        Grip::Slip(0) => {}
+        Grip::Slip(direction) => {
+            let mut slip = derivative(&span.x);
+            let base = derivative(&span.base);
+            for n in 0..TERMS {
+                slip[n] = signed(direction, slip[n] - base[n]);
+            }
+            search.consider(slip, fresh.slip, Event::SlipStops);
+        }
+        Grip::Stuck => {
+            let needed = holding_force(exact, span);
+            let mut above = needed.map(|n| -n);
+            above[0] += exact.c.damper_force;
+            search.consider(above, 0, Event::GripBreaks(-1));
+            let mut below = needed;
+            below[0] += exact.c.damper_force;
+            search.consider(below, 0, Event::GripBreaks(1));
+        }
+    }
+    (search.at, search.event)
+}
+
+/// `side·(y − x) − d`: how far the particle is past the wall.
+fn penetration(span: &Span, side: Sign, d: f64) -> Series {
+    let mut series = span.offset.map(|w| signed(side, w));
+    series[0] -= d;
+    series
+}
+
+/// The force that keeps the structure on the base, N.
+fn holding_force(exact: &Exact, span: &Span) -> Series {
+    let contact = exact.mode.contact;
+    let mass = exact.c.moving_mass(contact);
+    let per_square = 1.0 / (span.step_s * span.step_s);
+    let situation = exact.situation(0.0);
+    let mut needed = derivative(&derivative(&span.base)).map(|a| mass * per_square * a);
+    needed[0] += exact.c.stiffness * situation.stretch - exact.c.drag(contact);
+    let joined = exact.has_tmd || matches!(exact.touch, Touch::Pressing(_));
+    if joined && !matches!(contact, Contact::Held(_)) {
+        let link = &exact.flows.link;
+        let rate = derivative(&span.offset);
+        for n in 0..TERMS {
+            needed[n] -= link.stiffness * span.offset[n] + link.damping / span.step_s * rate[n];
+        }
+        needed[0] += link.stiffness * exact.leg.rest_offset;
+    }
+    let push = 1.0 - exact.flows.base_share;
+    if push > 0.0 {
+        let angle = exact.flows.turning * span.step_s;
+        let force = super::flow::wave_series(exact.wave.sine, exact.wave.cosine, angle);
+        for n in 0..TERMS {
+            needed[n] -= push * force[n];
+        }
+    }
+    needed
+}
+
+struct Search {
+    at: f64,
+    event: Option<Event>,
+}
+
+impl Search {
+    /// Looks for a failure of `guard` earlier than what was found; its first `order` coefficients are zero by
+    /// definition, and the next one says that it leaves its limit, whatever rounding made of it.
+    fn consider(&mut self, mut guard: Series, order: usize, event: Event) {
+        if order > 0 {
+            guard[..order].fill(0.0);
+            guard[order] = guard[order].max(0.0);
+        }
+        if let Some(at) = first_failure(&guard, self.at)
+            && (self.event.is_none() || at < self.at)
+        {
+            (self.at, self.event) = (at, Some(event));
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! What a run shows of itself: smooth arcs and the events between them. Nothing is computed that is not asked for.
+
+use core::cell::OnceCell;
+
+use super::excitation::Wave;
+use super::flow::{Flows, Leg, Span, State};
+use super::series;
+use crate::integrator::modes::{Mode, Sign};
+
+/// A piece of motion without an event inside.
+pub struct Arc<'a> {
+    pub(super) flows: &'a Flows,
+    pub(super) leg: &'a Leg,
+    pub(super) wave: Wave,
+    pub(super) span: OnceCell<Span>,
+    /// When it starts, s.
+    pub start_s: f64,
+    /// How long it is, s.
+    pub length_s: f64,
+    /// The mode all along it.
+    pub mode: Mode,
+    /// The state at its start.
+    pub start: State,
+    /// The state at its end.
+    pub end: State,
+}
+
+impl Arc<'_> {
+    /// The motion as power series, computed when first asked for.
+    #[inline]
+    pub fn span(&self) -> &Span {
+        self.span.get_or_init(|| self.flows.span(self.leg, &self.start, &self.wave))
+    }
+
+    /// The fraction of the series' interval that the arc covers.
+    #[must_use]
+    pub fn end_fraction(&self) -> f64 {
+        self.length_s / self.leg.step_s
+    }
+
+    /// The state `after_s` from its start, 0 to `length_s`.
+    #[must_use]
+    pub fn state(&self, after_s: f64) -> State {
+        self.span().state(after_s / self.leg.step_s)
+    }
+}
+
+impl Span {
+    /// The state at `fraction` of the interval.
+    #[inline]
+    #[must_use]
+    pub fn state(&self, fraction: f64) -> State {
+        let (x_m, v) = series::value_and_slope(&self.x, fraction);
+        let (offset_m, slide) = series::value_and_slope(&self.offset, fraction);
+        State { x_m, v_m_per_s: v / self.step_s, offset_m, slide_m_per_s: slide / self.step_s }
+    }
+}
+
+/// The particle meets a wall: an impact on a hard one, the first touch of a soft one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Impact {
+    /// When, s.
+    pub time_s: f64,
+    /// +1 where y − x = +d.
+    pub side: Sign,
+    /// |x′ − y′| just before, m/s.
+    pub approach_speed_m_per_s: f64,
+    /// The state just before.
+    pub before: State,
+    /// The state just after (the same at a soft wall).
+    pub after: State,
+}
+
+/// A soft wall lets go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactEnd {
+    /// When, s.
+    pub time_s: f64,
+    /// +1 where y − x = +d.
+    pub side: Sign,
+    /// |x′ − y′| just after, m/s.
+    pub separation_speed_m_per_s: f64,
+}
+
+/// Sees a run. Every method may be left out and then costs nothing.
+pub trait Observer {
+    /// Whether [`Observer::arc`] is wanted at all.
+    const ARCS: bool = true;
+
+    /// A smooth piece of the motion; pieces follow each other without gaps.
+    fn arc(&mut self, arc: &Arc<'_>) {
+        let _ = arc;
+    }
+
+    /// The particle met a wall.
+    fn impact(&mut self, impact: &Impact) {
+        let _ = impact;
+    }
+
+    /// A soft wall let go.
+    fn contact_end(&mut self, end: &ContactEnd) {
+        let _ = end;
+    }
+
+    /// The mode changed at `time_s`.
+    fn mode(&mut self, time_s: f64, mode: Mode) {
+        let _ = (time_s, mode);
+    }
+
+    /// Accumulating impacts ended in a particle resting on a wall; energy (J) that the impacts still to come took.
+    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
+        let _ = (time_s, side, energy_j);
+    }
+}
+
+impl Observer for () {
+    const ARCS: bool = false;
+}
+
+/// Two observers at once.
+impl<A: Observer, B: Observer> Observer for (A, B) {
+    const ARCS: bool = A::ARCS || B::ARCS;
+
+    fn arc(&mut self, arc: &Arc<'_>) {
+        self.0.arc(arc);
+        self.1.arc(arc);
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        self.0.impact(impact);
+        self.1.impact(impact);
+    }
+
+    fn contact_end(&mut self, end: &ContactEnd) {
+        self.0.contact_end(end);
+        self.1.contact_end(end);
+    }
+
+    fn mode(&mut self, time_s: f64, mode: Mode) {
+        self.0.mode(time_s, mode);
+        self.1.mode(time_s, mode);
+    }
+
+    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
+        self.0.rest(time_s, side, energy_j);
+        self.1.rest(time_s, side, energy_j);
+    }
+}
+
+impl<O: Observer> Observer for &mut O {
+    const ARCS: bool = O::ARCS;
+
+    fn arc(&mut self, arc: &Arc<'_>) {
+        (**self).arc(arc);
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        (**self).impact(impact);
+    }
+
+    fn contact_end(&mut self, end: &ContactEnd) {
+        (**self).contact_end(end);
+    }
+
+    fn mode(&mut self, time_s: f64, mode: Mode) {
+        (**self).mode(time_s, mode);
+    }
+
+    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
+        (**self).rest(time_s, side, energy_j);
+    }
+}

@@ -1,0 +1,238 @@
+//! Power series over one arc, and the certified first time at which one of them fails to stay positive.
+//!
+//! Time runs from 0 to 1 over an arc. The proof that no root is passed stands at [`first_failure`]. The shorter,
+//! scalar-generic polynomials of the sampled driver are in [`crate::integrator::polynomial`].
+
+/// Coefficients kept. An arc is at most [`super::flow::LARGEST_ARC_RAD`] = 0.8 rad of the fastest rate long, so the
+/// first term left out of a displacement is 0.8¹⁸/18! = 3·10⁻¹⁸ of the amplitude.
+pub const TERMS: usize = 18;
+
+/// Coefficients in ascending order: `p(τ) = p[0] + p[1] τ + …`.
+pub type Series = [f64; TERMS];
+
+/// `p(τ)`.
+#[inline]
+#[must_use]
+pub fn value(p: &Series, at: f64) -> f64 {
+    let square = at * at;
+    let (mut even, mut odd) = (p[TERMS - 2], p[TERMS - 1]);
+    for n in (1..TERMS - 2).rev().step_by(2) {
+        odd = odd * square + p[n];
+        even = even * square + p[n - 1];
+    }
+    even + odd * at
+}
+
+/// `p(τ)` and `p′(τ)`.
+#[inline]
+#[must_use]
+pub fn value_and_slope(p: &Series, at: f64) -> (f64, f64) {
+    let square = at * at;
+    let (mut even, mut odd) = (p[TERMS - 2], p[TERMS - 1]);
+    // p′ has its even powers from p's odd coefficients and the other way round.
+    let (mut even_slope, mut odd_slope) = (p[TERMS - 1] * (TERMS - 1) as f64, p[TERMS - 2] * (TERMS - 2) as f64);
+    for n in (1..TERMS - 2).rev().step_by(2) {
+        odd = odd * square + p[n];
+        even = even * square + p[n - 1];
+        even_slope = even_slope * square + p[n] * n as f64;
+        if n > 1 {
+            odd_slope = odd_slope * square + p[n - 1] * (n - 1) as f64;
+        }
+    }
+    (even + odd * at, even_slope + odd_slope * at)
+}
+
+/// The coefficients of `p′`.
+#[inline]
+#[must_use]
+pub fn derivative(p: &Series) -> Series {
+    let mut d = [0.0; TERMS];
+    for n in 1..TERMS {
+        d[n - 1] = p[n] * n as f64;
+    }
+    d
+}
+
+/// Half the largest `|p″|` over `[0, end]`, from above: Σ n(n−1)/2 |p[n]| endⁿ⁻².
+#[inline]
+#[must_use]
+pub fn curvature_bound(p: &Series, end: f64) -> f64 {
+    let mut sum = 0.0;
+    for n in (2..TERMS).rev() {
+        sum = sum * end + p[n].abs() * (n * (n - 1) / 2) as f64;
+    }
+    sum
+}
+
+/// The first time in `[0, end]`, `end` ≤ 1, at which a quantity that must stay positive reaches zero.
+///
+/// **No root is passed.** Let `B ≥ max |g″|/2` over `[0, end]`. From any `t` with `g(t) > 0`, Taylor's theorem gives
+/// `g(t+δ) ≥ g(t) + g′(t) δ − B δ²` for every `δ` up to the end. The right-hand side is positive up to its positive
+/// root `δ*`; hence `g` has no root before `t + δ*`, and the walk goes there. The first root is thus approached from
+/// below and never crossed, however close a second one lies; since the bound is tangent to `g`, the approach is
+/// as fast as Newton's. `B` comes from the coefficients' magnitudes, so it holds without sampling.
+///
+/// Leading coefficients of exactly zero mean that the quantity starts at its limit. They are divided out, for
+/// `g = τᵐ q` with `q(0) ≠ 0` has the positive roots of `q`; `q(0) < 0` fails at once.
+#[must_use]
+#[inline]
+pub fn first_failure(guard: &Series, end: f64) -> Option<f64> {
+    let mut g = *guard;
+    let mut divided_out = 0;
+    while g[0] == 0.0 {
+        g.rotate_left(1);
+        divided_out += 1;
+        if divided_out == TERMS {
+            return None;
+        }
+    }
+    if g[0] < 0.0 {
+        return Some(0.0);
+    }
+    walk(&g, 0.0, end)
+}
+
+/// The walk of [`first_failure`], from `from`, where `g` is positive.
+fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
+    let bound = curvature_bound(g, end);
+    let smallest_step = end * f64::EPSILON;
+    let mut t = from;
+    let (mut value, mut slope) = value_and_slope(g, from);
+    // Quadratic at a simple root, halving at a double one; 200 is beyond the bits there are to find.
+    for _ in 0..200 {
+        let root = libm::sqrt(slope * slope + 4.0 * bound * value.max(0.0));
+        let step = if slope < 0.0 {
+            2.0 * value / (root - slope)
+        } else if bound > 0.0 {
+            (slope + root) / (2.0 * bound)
+        } else {
+            return None;
+        };
+        if step > end - t {
+            return None;
+        }
+        t += step;
+        (value, slope) = value_and_slope(g, t);
+        if value <= 0.0 || step <= smallest_step.max(t * f64::EPSILON) {
+            // Rounding may have put the last step past the root: one Newton step polishes it.
+            if slope < 0.0 {
+                let polished = t - value / slope;
+                if (polished - t).abs() <= 1e-9 * end {
+                    t = polished.clamp(from, end);
+                }
+            }
+            return Some(t);
+        }
+    }
+    Some(t)
+}
+
+/// The largest value of `p` over `[from, to]`, if it is above `least`; else `least`.
+///
+/// Walks from one place where `p` rises through the largest value so far to the top it rises to, with the same
+/// certainty as [`first_failure`]: a peak higher than the result by more than a few roundings cannot be passed.
+#[must_use]
+pub fn largest(p: &Series, from: f64, to: f64, least: f64) -> f64 {
+    let mut most = least.max(value(p, from)).max(value(p, to));
+    let rising = derivative(p);
+    let mut t = from;
+    for _ in 0..TERMS {
+        let mut below = p.map(|c| -c);
+        let rounding = 4.0 * f64::EPSILON * most.abs();
+        below[0] += most + rounding;
+        let start = value_and_slope(&below, t);
+        if start.0 > 0.0 || start.1 >= 0.0 {
+            match walk(&below, t, to) {
+                Some(at) => t = at,
+                None => return most,
+            }
+        }
+        // From here it rises: to where its slope ends.
+        match if value(&rising, t) > 0.0 { walk(&rising, t, to) } else { Some(t) } {
+            Some(top) => t = top,
+            None => return most.max(value(p, to)),
+        }
+        most = most.max(value(p, t));
+    }
+    most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from_roots(roots: &[f64]) -> Series {
+        let mut p = [0.0; TERMS];
+        p[0] = 1.0;
+        for &root in roots {
+            let old = p;
+            for n in 0..TERMS {
+                p[n] = old[n] - if n > 0 { old[n - 1] / root } else { 0.0 };
+            }
+        }
+        p
+    }
+
+    #[test]
+    fn value_and_slope_agree_with_the_plain_sums() {
+        let mut p = [0.0; TERMS];
+        for (n, c) in p.iter_mut().enumerate() {
+            *c = 1.0 / (n as f64 + 1.3) * if n % 3 == 0 { -1.0 } else { 1.0 };
+        }
+        for at in [0.0, 1e-9, 0.3, 0.77, 1.0] {
+            let plain: f64 = p.iter().enumerate().map(|(n, c)| c * libm::pow(at, n as f64)).sum();
+            let slope: f64 =
+                p.iter().enumerate().skip(1).map(|(n, c)| c * n as f64 * libm::pow(at, n as f64 - 1.0)).sum();
+            let (v, s) = value_and_slope(&p, at);
+            assert!((v - plain).abs() < 1e-14 && (value(&p, at) - plain).abs() < 1e-14, "{at}");
+            assert!((s - slope).abs() < 1e-13, "{at}: {s} {slope}");
+        }
+    }
+
+    #[test]
+    fn the_nearer_of_two_close_roots_is_found() {
+        for gap in [1e-1, 1e-3, 1e-6] {
+            let found = first_failure(&from_roots(&[0.4, 0.4 + gap, -3.0]), 1.0).expect("a root");
+            assert!((found - 0.4).abs() < 1e-14 / gap, "{gap}: {found}");
+        }
+    }
+
+    #[test]
+    fn a_graze_that_stays_positive_is_no_failure() {
+        for lift in [1e-3, 1e-9, 1e-13] {
+            let mut p = from_roots(&[0.5, 0.5]);
+            p[0] += lift;
+            assert_eq!(first_failure(&p, 1.0), None, "{lift}");
+        }
+    }
+
+    #[test]
+    fn the_largest_value_is_that_of_the_highest_peak() {
+        let wave = |shift: f64| {
+            let mut p = [0.0; TERMS];
+            let mut term = 1.0;
+            for (n, c) in p.iter_mut().enumerate() {
+                *c = term * libm::cos(shift + n as f64 * core::f64::consts::FRAC_PI_2);
+                term *= 2.0 / (n + 1) as f64;
+            }
+            p
+        };
+        // cos(2τ + shift): the peak lies inside for shifts from −2 to 0.
+        for n in 1..20 {
+            let shift = -0.1 * f64::from(n);
+            assert!((largest(&wave(shift), 0.0, 1.0, -5.0) - 1.0).abs() < 1e-8, "{shift}");
+            assert_eq!(largest(&wave(shift), 0.0, 1.0, 1.5), 1.5);
+        }
+        assert!((largest(&wave(0.5), 0.2, 1.0, -5.0) - libm::cos(0.9)).abs() < 1e-8);
+    }
+
+    #[test]
+    fn leaving_a_limit_is_no_failure_but_coming_back_is() {
+        let mut p = [0.0; TERMS];
+        p[1] = 0.3;
+        p[2] = -1.0;
+        assert!((first_failure(&p, 1.0).expect("returns") - 0.3).abs() < 1e-15);
+        assert_eq!(first_failure(&p, 0.2), None);
+        assert_eq!(first_failure(&[0.0; TERMS], 1.0), None);
+    }
+}
