@@ -11,6 +11,7 @@ pub mod prediction;
 pub mod recording;
 pub mod run;
 pub mod session;
+pub mod simulation;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -6,6 +6,7 @@
 mod progress;
 mod report;
 mod run;
+mod simulate;
 
 use std::process::ExitCode;
 
@@ -35,6 +36,8 @@ Exit codes:
 enum Command {
     /// Run a campaign and record it in a run folder
     Run(run::Args),
+    /// Simulate a case exactly
+    Simulate(simulate::Args),
 }
 
 /// Why a subcommand did not succeed: the words, and the exit code that goes with them.
@@ -56,6 +59,7 @@ pub type Outcome = Result<(), Failure>;
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
     };
     let (code, message) = match outcome {
         Ok(()) => return ExitCode::SUCCESS,

@@ -1,0 +1,78 @@
+//! A JSON text as TOML, byte for byte at the same places, so that one reader serves both and answers point into
+//! the file as written.
+//!
+//! Inside inline tables the two languages differ in `:` against `=` only; the outermost braces become blanks and
+//! the commas between top-level members line ends.
+
+use crate::input::{Problem, Source};
+
+/// The same case as TOML; `None` when the text is not JSON, which is then noted.
+pub(super) fn to_toml(source: &Source) -> Option<String> {
+    let text = source.text();
+    if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
+        let line_start: usize = text.split_inclusive('\n').take(error.line().saturating_sub(1)).map(str::len).sum();
+        let at = (line_start + error.column().saturating_sub(1)).min(text.len());
+        let at = (0..=at).rev().find(|i| text.is_char_boundary(*i)).unwrap_or(0);
+        source.report(Problem {
+            title: "this is not JSON".into(),
+            span: at..text.len().min(at + 1),
+            allowed: error.to_string(),
+            help: None,
+        });
+        return None;
+    }
+    let (mut depth, mut in_string, mut escaped) = (0u32, false, false);
+    let convert = |c: char| {
+        if in_string {
+            in_string = escaped || c != '"';
+            escaped = !escaped && c == '\\';
+            return c;
+        }
+        match c {
+            '"' => in_string = true,
+            '{' | '[' => {
+                depth += 1;
+                if depth == 1 {
+                    return ' ';
+                }
+            }
+            '}' | ']' => {
+                depth -= 1;
+                if depth == 0 {
+                    return ' ';
+                }
+            }
+            ':' => return '=',
+            ',' if depth == 1 => return '\n',
+            '\r' | '\n' if depth == 1 => return ' ',
+            _ => {}
+        }
+        c
+    };
+    Some(text.chars().map(convert).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_becomes_toml_of_the_same_length() {
+        let json = "{\"a\": {\"b\": 1e-05, \"c\": [1, 2.5]},\n \"d\": \"x:{,}\\\"y\"}";
+        let source = Source::new("case.json", json);
+        let toml = to_toml(&source).expect("it is JSON");
+        assert_eq!(toml.len(), json.len());
+        let table: toml::Table = toml.parse().expect("it is TOML");
+        assert_eq!(table["a"]["b"].as_float(), Some(1e-5));
+        assert_eq!(table["a"]["c"][1].as_float(), Some(2.5));
+        assert_eq!(table["d"].as_str(), Some("x:{,}\"y"));
+    }
+
+    #[test]
+    fn broken_json_is_answered_where_it_breaks() {
+        let source = Source::new("case.json", "{\"a\": 1,\n \"b\" 2}");
+        assert!(to_toml(&source).is_none());
+        let answer = source.verdict().expect_err("broken").to_string();
+        assert!(answer.contains("case.json:2"), "{answer}");
+    }
+}
