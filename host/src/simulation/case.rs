@@ -1,7 +1,7 @@
 //! The case file: a set-up, what excites it, where it starts and how long it runs. TOML or JSON, the same keys.
 
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{
@@ -99,10 +99,7 @@ fn read(source: &Source, name: &str) -> Option<Case> {
     };
     let root = Section::root(source, &document);
     let name = root.text("name").map_or_else(|| name.to_string(), |t| t.value);
-    let table = |key: &'static str, what: &str| {
-        let found = root.required(key, what, |s, k| s.table(k, None));
-        found
-    };
+    let table = |key: &'static str, what: &str| root.required(key, what, |s, k| s.table(k, None));
     let structure =
         table("structure", "the table of the structure: mass, stiffness, damping").and_then(|s| structure(&s));
     let gravity_m_per_s2 = root.not_negative("gravity_m_per_s2").map_or(GRAVITY_M_PER_S2, |n| n.value);

@@ -100,12 +100,10 @@ impl Oscillator {
     /// Σ of the columns, weighted.
     #[inline]
     pub fn series(&self, unit: &[f64; 5]) -> Series {
-        let mut sum = [0.0; TERMS];
-        for n in 0..TERMS {
-            sum[n] = (self.columns[0][n] * unit[0] + self.columns[1][n] * unit[1])
-                + (self.columns[2][n] * unit[2] + (self.columns[3][n] * unit[3] + self.columns[4][n] * unit[4]));
-        }
-        sum
+        core::array::from_fn(|n| {
+            (self.columns[0][n] * unit[0] + self.columns[1][n] * unit[1])
+                + (self.columns[2][n] * unit[2] + (self.columns[3][n] * unit[3] + self.columns[4][n] * unit[4]))
+        })
     }
 }
 

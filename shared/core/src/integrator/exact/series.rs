@@ -53,7 +53,7 @@ pub fn derivative(p: &Series) -> Series {
     d
 }
 
-/// Half the largest `|p″|` over `[0, end]`, from above: Σ n(n−1)/2 |p[n]| endⁿ⁻².
+/// Half the largest `|p″|` over `[0, end]`, from above: `Σ n(n−1)/2 |p[n]| endⁿ⁻²`.
 #[inline]
 #[must_use]
 pub fn curvature_bound(p: &Series, end: f64) -> f64 {
