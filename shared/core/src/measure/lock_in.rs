@@ -28,13 +28,26 @@ impl LockIn {
     /// Amplitude (the signal's unit) and phase (rad, positive where the signal leads the reference) over the
     /// closed cycles, which held `samples` samples. Zero without any.
     #[must_use]
-    pub fn amplitude_and_phase(&self, samples: u32) -> (f64, f64) {
+    pub fn amplitude_and_phase(&self, samples: u32) -> (f32, f32) {
+        let (sine, cosine) = self.components(samples);
+        (libm::sqrtf(sine * sine + cosine * cosine), libm::atan2f(cosine, sine))
+    }
+
+    /// The squared amplitude alone: what a sum over harmonics needs, without a root or an angle for each.
+    #[must_use]
+    pub fn squared_amplitude(&self, samples: u32) -> f32 {
+        let (sine, cosine) = self.components(samples);
+        sine * sine + cosine * cosine
+    }
+
+    /// The parts in phase with the sine and the cosine. The sums are done: from here `f32` is precise enough, and the
+    /// controller has it in hardware.
+    fn components(&self, samples: u32) -> (f32, f32) {
         if samples == 0 {
             return (0.0, 0.0);
         }
-        let (sine, cosine) = self.total;
-        let amplitude = 2.0 * libm::sqrt(sine * sine + cosine * cosine) / f64::from(samples);
-        (amplitude, libm::atan2(cosine, sine))
+        let scale = 2.0 / samples as f32;
+        (self.total.0 as f32 * scale, self.total.1 as f32 * scale)
     }
 }
 
@@ -59,6 +72,6 @@ mod tests {
         let (amplitude, angle) = lock_in.amplitude_and_phase(samples);
         // A cycle boundary is known to one tick of 80 × 400: at most 2 · (0.0123 + 0.004)/0.0123/32000 = 8.3e-5.
         assert!((amplitude / 0.0123 - 1.0).abs() < 8.3e-5, "{amplitude}");
-        assert!((angle - core::f64::consts::FRAC_PI_4).abs() < 8.3e-5, "{angle}");
+        assert!((angle - core::f32::consts::FRAC_PI_4).abs() < 8.3e-5, "{angle}");
     }
 }

@@ -150,21 +150,20 @@ impl PointMeter {
         let (z_amplitude, z_phase) = self.z.amplitude_and_phase(self.samples);
         let mut harmonics = 0.0;
         for lock_in in &self.z_harmonics {
-            let (amplitude, _) = lock_in.amplitude_and_phase(self.samples);
-            harmonics += amplitude * amplitude;
+            harmonics += lock_in.squared_amplitude(self.samples);
         }
-        let distortion = if z_amplitude > 0.0 { libm::sqrt(harmonics) / z_amplitude } else { 0.0 };
+        let distortion = if z_amplitude > 0.0 { libm::sqrtf(harmonics) / z_amplitude } else { 0.0 };
         let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f64::MAX, f64::MAX));
         let (change, scatter) = (change as f32, scatter as f32);
         PointResult {
             index,
             frequency_hz,
-            z_amplitude_m: z_amplitude as f32,
-            z_distortion: distortion as f32,
-            drive_amplitude_m: self.drive.amplitude_and_phase(self.samples).0 as f32,
+            z_amplitude_m: z_amplitude,
+            z_distortion: distortion,
+            drive_amplitude_m: libm::sqrtf(self.drive.squared_amplitude(self.samples)),
             drive_saturated: false,
-            x_amplitude_m: x_amplitude as f32,
-            phase_rad: wrapped(x_phase - z_phase) as f32,
+            x_amplitude_m: x_amplitude,
+            phase_rad: wrapped(x_phase - z_phase),
             x_rms_m: libm::sqrt(self.squares / f64::from(self.samples.max(1))) as f32,
             x_mean_cycle_max_m: (self.sum_of_maxima / f64::from(self.cycles.max(1))) as f32,
             x_max_m: self.max,
@@ -180,8 +179,8 @@ impl PointMeter {
 }
 
 /// An angle brought into −π … π.
-fn wrapped(angle: f64) -> f64 {
-    use core::f64::consts::{PI, TAU};
+fn wrapped(angle: f32) -> f32 {
+    use core::f32::consts::{PI, TAU};
     if angle > PI {
         angle - TAU
     } else if angle < -PI {
