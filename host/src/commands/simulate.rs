@@ -30,6 +30,19 @@ pub fn run(args: &Args) -> Outcome {
     let answer = simulate(&case, &mut (), &stop).map_err(|e| Failure::Input(e.to_string()))?;
     if args.json {
         println!("{}", serde_json::to_string(&answer).map_err(|e| Failure::Failed(e.to_string()))?);
+        return Ok(());
+    }
+    let summary = &answer.summary;
+    println!("{}: {} s simulated", case.name, summary.simulated_s);
+    println!("  largest |x|      {:.6} mm", summary.max_abs_x_m * 1e3);
+    println!("  largest |x − z|  {:.6} mm", summary.max_abs_x_minus_z_m * 1e3);
+    println!("  RMS of x         {:.6} mm", summary.rms_x_m * 1e3);
+    println!("  impacts          {}", summary.impact_count);
+    if let Some(mean) = summary.steady_mean_cycle_max_abs_x_m {
+        println!("  steady mean of the cycles' largest |x|  {:.6} mm", mean * 1e3);
+    }
+    if let Some(force) = summary.peak_contact_force_n {
+        println!("  largest contact force  {force:.4} N");
     }
     Ok(())
 }
