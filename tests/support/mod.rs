@@ -1,4 +1,5 @@
-//! What several tests share: the built images and the emulator.
+//! What several tests share: the built images, the emulator and the command.
 
+pub mod command;
 pub mod emulator;
 pub mod images;
