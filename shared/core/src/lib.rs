@@ -17,3 +17,4 @@ pub mod plant;
 pub mod rig;
 pub mod scalar;
 pub mod sine;
+pub mod twin;

@@ -185,7 +185,7 @@ impl BaseLoop {
         self.lock_in.end_cycle();
         // The nominal length: with z in phase with the sine, the tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
-        self.amplitude = self.lock_in.amplitude_and_phase(1).0 / samples as f32;
+        self.amplitude = self.lock_in.amplitude_and_phase(1).0 / samples;
         self.lock_in = LockIn::default();
         self.half_travel = self.travel.take().map_or(0.0, |(low, high)| (high - low) * 0.5);
         let within = (self.amplitude - target_m).abs() <= self.tolerance * target_m;

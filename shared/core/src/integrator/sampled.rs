@@ -25,6 +25,8 @@
 //! fixed point. Where an impact falls on the other side of a sample, the velocity at that one sample differs by the
 //! impact's kick.
 
+mod correct;
+
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
 use super::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};

@@ -1,6 +1,9 @@
-//! What is read off the sensor signals: amplitude and phase at the drive frequency, peaks, RMS, cycle maxima,
+//! What is read off the sensor signals: amplitude and phase at the drive frequency, peaks, RMS, cycle maxima, impacts,
 //! and whether a point has become steady. Every quantity is a small state machine fed once a tick.
 
+pub mod amplitude;
+pub mod impacts;
 pub mod lock_in;
 pub mod point;
+pub mod snippet;
 pub mod trend;

@@ -7,7 +7,9 @@
 mod noise;
 pub mod sensors;
 pub mod shaker;
+pub mod spring;
 pub mod table;
+pub mod walls;
 
 pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};

@@ -1,0 +1,232 @@
+//! The constants of one friction-damper drive: checked once, then never changed while it works.
+
+use crate::model::{Invalid, not_negative, positive, require};
+use crate::rig::TICK_HZ;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Most steps in one tick: what a board's pulse timer is asked for.
+pub const MOST_STEPS_PER_TICK: u8 = 16;
+
+/// Targets reach up to this part of [`SpringConfig::largest_force_n`]: the rest is room for the force to move in before
+/// it counts as a fault.
+pub const WORKING_PART: f32 = 0.9;
+
+/// Stepper, screw, spring and force sensor. Positions count from the limit switch towards the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringConfig {
+    /// Travel of the block's seat per motor step, m.
+    pub step_m: f32,
+    /// Furthest position from the limit switch, m.
+    pub travel_m: f32,
+    /// Where the seat waits when the block is released, m from the limit switch.
+    pub back_off_m: f32,
+    /// Fastest rate, steps/s; at most [`MOST_STEPS_PER_TICK`] per tick.
+    pub rate_hz: f32,
+    /// Rate while looking for the switch and for the touch, steps/s: slow enough for the motor to stop at once.
+    pub search_rate_hz: f32,
+    /// Change of the rate, steps/s²; at least 16.
+    pub acceleration_hz_per_s: f32,
+    /// k_s of the spring, N/m, as far as known: the touch-off measures it.
+    pub stiffness_n_per_m: f32,
+    /// μ_e between block and structure.
+    pub friction_coefficient: f32,
+    /// k of the structure, N/m, for friction ratios.
+    pub structure_stiffness_n_per_m: f32,
+    /// Rise of the force that counts as a touch, N: well above the noise of a tick's mean.
+    pub touch_force_n: f32,
+    /// Further rise over which the touch-off measures the spring, N.
+    pub touch_span_n: f32,
+    /// Force errors up to this are left alone, N; at least the force of one step.
+    pub dead_band_n: f32,
+    /// Force that must not be reached, N.
+    pub largest_force_n: f32,
+    /// Largest distance of a settled force from the spring's line, N: more is a stall or a slipped block.
+    pub follow_tolerance_n: f32,
+    /// Readings beyond ± this are no force but a broken sensor, N.
+    pub sensor_range_n: f32,
+    /// Time after a move before the force is believed, s.
+    pub settle_s: f32,
+    /// Time over which a force is averaged, s.
+    pub average_s: f32,
+    /// No step towards the structure, nor any adjustment, within half a second of |x| above this, m; 0 steps always.
+    pub quiet_m: f32,
+}
+
+impl Default for SpringConfig {
+    /// Assumed, as the source document names neither spring nor screw: 200 steps per turn of a 1 mm screw and a spring of
+    /// 500 N/m, which give γF = 0.6 at Z = 3 mm (2.4 N with μe = 0.3) after 4.7 mm. Structure: 1.6 kg at 2.5 Hz.
+    fn default() -> Self {
+        Self {
+            step_m: 5e-6,
+            travel_m: 0.04,
+            back_off_m: 1e-3,
+            rate_hz: 1000.0,
+            search_rate_hz: 400.0,
+            acceleration_hz_per_s: 4000.0,
+            stiffness_n_per_m: 500.0,
+            friction_coefficient: 0.3,
+            structure_stiffness_n_per_m: 394.78,
+            touch_force_n: 0.1,
+            touch_span_n: 1.0,
+            dead_band_n: 0.02,
+            largest_force_n: 15.0,
+            follow_tolerance_n: 0.5,
+            sensor_range_n: 50.0,
+            settle_s: 0.05,
+            average_s: 0.1,
+            quiet_m: 0.0,
+        }
+    }
+}
+
+impl SpringConfig {
+    /// Checks every value, and those that must fit each other.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        for (name, value) in [
+            ("spring.step_m", self.step_m),
+            ("spring.travel_m", self.travel_m),
+            ("spring.back_off_m", self.back_off_m),
+            ("spring.rate_hz", self.rate_hz),
+            ("spring.search_rate_hz", self.search_rate_hz),
+            ("spring.acceleration_hz_per_s", self.acceleration_hz_per_s),
+            ("spring.stiffness_n_per_m", self.stiffness_n_per_m),
+            ("spring.friction_coefficient", self.friction_coefficient),
+            ("spring.structure_stiffness_n_per_m", self.structure_stiffness_n_per_m),
+            ("spring.touch_force_n", self.touch_force_n),
+            ("spring.touch_span_n", self.touch_span_n),
+            ("spring.dead_band_n", self.dead_band_n),
+            ("spring.largest_force_n", self.largest_force_n),
+            ("spring.follow_tolerance_n", self.follow_tolerance_n),
+            ("spring.sensor_range_n", self.sensor_range_n),
+            ("spring.settle_s", self.settle_s),
+            ("spring.average_s", self.average_s),
+        ] {
+            positive(name, f64::from(value))?;
+        }
+        not_negative("spring.quiet_m", f64::from(self.quiet_m))?;
+        let ask = |ok, name, value: f32, allowed| require(ok, name, f64::from(value), allowed);
+        ask(
+            self.travel_m / self.step_m <= 1e6,
+            "spring.step_m",
+            self.step_m,
+            "at least a millionth of spring.travel_m",
+        )?;
+        ask(self.back_off_m < self.travel_m, "spring.back_off_m", self.back_off_m, "below spring.travel_m")?;
+        ask(
+            self.rate_hz <= f32::from(MOST_STEPS_PER_TICK) * TICK_HZ,
+            "spring.rate_hz",
+            self.rate_hz,
+            "at most 16 steps per tick (16 000 per second)",
+        )?;
+        ask(
+            self.search_rate_hz <= self.rate_hz,
+            "spring.search_rate_hz",
+            self.search_rate_hz,
+            "at most spring.rate_hz",
+        )?;
+        ask(
+            (16.0..=1e7).contains(&self.acceleration_hz_per_s),
+            "spring.acceleration_hz_per_s",
+            self.acceleration_hz_per_s,
+            "from 16 to 10⁷ steps/s²",
+        )?;
+        ask(
+            self.dead_band_n >= self.step_m * self.stiffness_n_per_m,
+            "spring.dead_band_n",
+            self.dead_band_n,
+            "at least spring.step_m × spring.stiffness_n_per_m, the force of one step",
+        )?;
+        ask(
+            self.follow_tolerance_n > self.dead_band_n,
+            "spring.follow_tolerance_n",
+            self.follow_tolerance_n,
+            "above spring.dead_band_n",
+        )?;
+        ask(
+            self.largest_force_n < self.sensor_range_n,
+            "spring.largest_force_n",
+            self.largest_force_n,
+            "below spring.sensor_range_n",
+        )?;
+        // The touch is seen three ticks late, the ramp then takes v²/2a to stop, and the spring may be twice as stiff.
+        let stop_steps = self.search_rate_hz * (self.search_rate_hz / (2.0 * self.acceleration_hz_per_s) + 0.005);
+        let overshoot = 2.0 * stop_steps * self.step_m * self.stiffness_n_per_m;
+        ask(
+            self.touch_force_n + 2.0 * self.touch_span_n + overshoot < self.largest_force_n,
+            "spring.touch_span_n",
+            self.touch_span_n,
+            "small enough for a touch at spring.search_rate_hz to stay below spring.largest_force_n",
+        )?;
+        for (name, value) in [("spring.settle_s", self.settle_s), ("spring.average_s", self.average_s)] {
+            ask((1.0 / TICK_HZ..=10.0).contains(&value), name, value, "from one tick to 10 s")?;
+        }
+        Ok(())
+    }
+
+    /// The largest force that may be asked for, N.
+    #[must_use]
+    pub fn working_force_n(&self) -> f32 {
+        WORKING_PART * self.largest_force_n
+    }
+
+    /// The normal force of a friction ratio at base amplitude Z: F_N = γF k Z/μe, N.
+    #[must_use]
+    pub fn force_of_ratio_n(&self, ratio: f32, base_amplitude_m: f32) -> f32 {
+        ratio * self.structure_stiffness_n_per_m * base_amplitude_m / self.friction_coefficient
+    }
+
+    /// Whole steps nearest to a length, within ±10⁶.
+    pub(super) fn steps(&self, length_m: f32) -> i32 {
+        nearest(length_m / self.step_m)
+    }
+
+    /// Whole ticks nearest to a time, at least one.
+    pub(super) fn ticks(seconds: f32) -> u32 {
+        nearest(seconds * TICK_HZ).max(1) as u32
+    }
+}
+
+/// The nearest whole number, within ±10⁶; 0 for NaN.
+pub(super) fn nearest(value: f32) -> i32 {
+    let value = if value < 0.0 { value - 0.5 } else { value + 0.5 };
+    // A cast saturates and turns NaN into 0.
+    (value as i32).clamp(-1_000_000, 1_000_000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_valid_and_give_the_documented_force() {
+        let config = SpringConfig::default();
+        config.validate().unwrap();
+        assert!((config.force_of_ratio_n(0.6, 3e-3) - 2.37).abs() < 0.01);
+    }
+
+    #[test]
+    fn every_wrong_value_is_named() {
+        let good = SpringConfig::default();
+        for (bad, name) in [
+            (SpringConfig { step_m: 0.0, ..good }, "spring.step_m"),
+            (SpringConfig { step_m: f32::NAN, ..good }, "spring.step_m"),
+            (SpringConfig { step_m: 1e-9, ..good }, "spring.step_m"),
+            (SpringConfig { rate_hz: 16_001.0, ..good }, "spring.rate_hz"),
+            (SpringConfig { search_rate_hz: 1001.0, ..good }, "spring.search_rate_hz"),
+            (SpringConfig { acceleration_hz_per_s: 10.0, ..good }, "spring.acceleration_hz_per_s"),
+            (SpringConfig { back_off_m: 0.05, ..good }, "spring.back_off_m"),
+            (SpringConfig { dead_band_n: 1e-3, ..good }, "spring.dead_band_n"),
+            (SpringConfig { follow_tolerance_n: 0.01, ..good }, "spring.follow_tolerance_n"),
+            (SpringConfig { largest_force_n: 50.0, ..good }, "spring.largest_force_n"),
+            (SpringConfig { touch_span_n: 8.0, ..good }, "spring.touch_span_n"),
+            (SpringConfig { average_s: 11.0, ..good }, "spring.average_s"),
+            (SpringConfig { quiet_m: -1.0, ..good }, "spring.quiet_m"),
+        ] {
+            assert_eq!(bad.validate().unwrap_err().parameter, name);
+        }
+    }
+}

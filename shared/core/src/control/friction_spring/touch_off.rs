@@ -1,0 +1,129 @@
+//! The touch-off: approach until the force rises, then settled readings up the spring and a line through them.
+
+use super::config::nearest;
+use super::line::{POINTS, fit};
+use super::{Cause, FrictionSpring, Happening, Mean, SpringFault, Target, Task, Touch};
+
+/// Ticks in a row above the touch force that make a touch: a spike makes none.
+const TOUCH_TICKS: u8 = 3;
+
+/// Where a touch-off stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TouchOff {
+    phase: Phase,
+    /// (position above `from`, m; force, N)
+    points: [(f32, f32); POINTS],
+    taken: usize,
+    /// Position of the first point, steps.
+    from: i32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// Off the structure, in case it touches.
+    Retreat,
+    /// The reading without contact.
+    Bias(Mean),
+    /// Until the force has been up for so many ticks.
+    Approach(u8),
+    /// To a standstill.
+    Stop,
+    Climb(i32),
+    Settle(u32),
+    Read(Mean),
+}
+
+impl TouchOff {
+    pub(super) fn new() -> Self {
+        Self { phase: Phase::Retreat, points: [(0.0, 0.0); POINTS], taken: 0, from: 0 }
+    }
+}
+
+impl FrictionSpring {
+    /// One tick of a touch-off; `reading_n` is the force as read.
+    pub(super) fn touch_off(&mut self, mut now: TouchOff, reading_n: f32) -> (i8, Option<Happening>) {
+        let force_n = reading_n - self.bias_n;
+        let mut steps = 0;
+        match &mut now.phase {
+            Phase::Retreat => {
+                steps = self.ramp.tick(&self.paces.fast, Some(self.paces.back_off));
+                if self.ramp.is_at(self.paces.back_off) {
+                    now.phase = Phase::Bias(Mean::default());
+                }
+            }
+            Phase::Bias(mean) => {
+                if let Some(bias_n) = mean.push(reading_n, self.paces.average + self.paces.settle) {
+                    self.bias_n = bias_n;
+                    now.phase = Phase::Approach(0);
+                }
+            }
+            Phase::Approach(ticks) => {
+                *ticks = if force_n >= self.config.touch_force_n { *ticks + 1 } else { 0 };
+                if *ticks >= TOUCH_TICKS {
+                    now.phase = Phase::Stop;
+                } else if self.ramp.is_at(self.paces.travel) {
+                    let (value, limit) = (self.config.travel_m, self.config.travel_m);
+                    return (0, Some(self.trip(SpringFault { cause: Cause::NoTouch, value, limit })));
+                } else {
+                    steps = self.go(self.paces.travel, self.paces.search);
+                }
+            }
+            Phase::Stop => {
+                steps = self.ramp.tick(&self.paces.search, None);
+                if self.ramp.is_still() {
+                    self.ramp.halt();
+                    now.from = self.ramp.steps();
+                    now.phase = Phase::Settle(self.paces.settle);
+                }
+            }
+            Phase::Climb(position) => {
+                steps = self.go(*position, self.paces.search);
+                if self.ramp.is_at(*position) {
+                    now.phase = Phase::Settle(self.paces.settle);
+                }
+            }
+            Phase::Settle(left) if *left > 1 => *left -= 1,
+            Phase::Settle(_) => now.phase = Phase::Read(Mean::default()),
+            Phase::Read(mean) => {
+                if let Some(force_n) = mean.push(force_n, self.paces.average) {
+                    let above_m = self.position_m(self.ramp.steps() - now.from);
+                    now.points[now.taken] = (above_m, force_n);
+                    now.taken += 1;
+                    if now.taken == POINTS {
+                        return (0, Some(self.end_touch_off(&now)));
+                    }
+                    let span_m = self.config.touch_span_n / self.config.stiffness_n_per_m;
+                    let rise = span_m / self.config.step_m * now.taken as f32 / (POINTS - 1) as f32;
+                    let next = now.from + nearest(rise).max(now.taken as i32);
+                    if next > self.paces.travel {
+                        let (value, limit) = (self.position_m(next), self.config.travel_m);
+                        return (0, Some(self.trip(SpringFault { cause: Cause::LimitReached, value, limit })));
+                    }
+                    now.phase = Phase::Climb(next);
+                }
+            }
+        }
+        self.task = Task::TouchOff(now);
+        (steps, None)
+    }
+
+    fn end_touch_off(&mut self, done: &TouchOff) -> Happening {
+        let configured = self.config.stiffness_n_per_m;
+        let line = match fit(&done.points) {
+            Some(line) if line.slope >= 0.5 * configured && line.slope <= 2.0 * configured => line,
+            other => {
+                let value = other.map_or(0.0, |line| line.slope);
+                return self.trip(SpringFault { cause: Cause::SpringImplausible, value, limit: configured });
+            }
+        };
+        let touch = Touch {
+            zero_m: self.position_m(done.from) + line.zero,
+            zero_error_m: line.zero_error,
+            stiffness_n_per_m: line.slope,
+        };
+        self.touch = Some(touch);
+        // The zero reading is where it then waits.
+        self.begin(Target::Deflection { deflection_m: 0.0 }, self.config.steps(touch.zero_m));
+        Happening::Touched(touch)
+    }
+}

@@ -1,0 +1,244 @@
+//! What goes into the friction-damper spring's controller and what comes out of it.
+
+use crate::model::Invalid;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// One tick's readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// Spring force as read, compression positive, N: the mean of the tick's block.
+    pub force_n: f32,
+    /// The limit switch is closed.
+    pub at_switch: bool,
+    /// max |x| of the structure over the block, m.
+    pub x_peak_m: f32,
+    /// Measured base amplitude Z, m; `None` while there is none.
+    pub base_amplitude_m: Option<f32>,
+}
+
+/// One tick's motor demand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drive {
+    /// Steps to make in this tick, evenly; positive towards the structure.
+    pub steps: i8,
+    /// The motor holds torque.
+    pub enabled: bool,
+}
+
+/// What the spring is to be set to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Target {
+    /// Δs from the zero reading, m. The position is kept, whatever the force does.
+    Deflection {
+        /// Δs, m; 0 or greater.
+        deflection_m: f32,
+    },
+    /// F_N, kept by force feedback.
+    Force {
+        /// F_N, N; 0 or greater.
+        force_n: f32,
+    },
+    /// γF = μe·F_N/(kZ), kept by force feedback while the measured Z changes.
+    FrictionRatio {
+        /// γF; 0 or greater.
+        ratio: f32,
+    },
+}
+
+/// What may be asked of the controller.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum SpringCommand {
+    /// Find the limit switch.
+    Home,
+    /// Find the zero reading, then wait there.
+    TouchOff,
+    /// Press.
+    Set(Target),
+    /// Move the block away from the structure.
+    Release,
+    /// Stop where it is.
+    Halt,
+    /// Forget a latched fault.
+    ClearFault,
+}
+
+/// What the controller is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Stage {
+    /// The position is unknown; the motor is off.
+    Unhomed,
+    /// Looking for the limit switch.
+    Homing,
+    /// The position is known, the zero reading is not.
+    Homed,
+    /// Looking for the zero reading.
+    TouchingOff,
+    /// The zero reading is known; no target.
+    Ready,
+    /// On the way to a target or settling there.
+    Setting,
+    /// On target, and kept there.
+    Holding,
+    /// Moving the block away.
+    Releasing,
+    /// Stopped by a fault; the block may still be moving away.
+    Faulted,
+}
+
+impl Stage {
+    /// In words, for people.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Unhomed => "not homed",
+            Self::Homing => "homing",
+            Self::Homed => "homed, without a zero reading",
+            Self::TouchingOff => "touching off",
+            Self::Ready => "ready",
+            Self::Setting => "moving to its target",
+            Self::Holding => "holding its target",
+            Self::Releasing => "releasing",
+            Self::Faulted => "faulted",
+        }
+    }
+}
+
+/// Why a command was not carried out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refusal {
+    /// A parameter is out of range.
+    Invalid(Invalid),
+    /// It makes no sense at this stage.
+    WrongStage {
+        /// The stage.
+        stage: Stage,
+        /// What to do, in words.
+        advice: &'static str,
+    },
+}
+
+impl From<Invalid> for Refusal {
+    fn from(invalid: Invalid) -> Self {
+        Self::Invalid(invalid)
+    }
+}
+
+/// What went wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Cause {
+    /// The limit switch was not found within the travel (value, limit: m).
+    SwitchNotFound,
+    /// The limit switch stays closed though the seat should have left it (m).
+    SwitchStuck,
+    /// The limit switch closed, or the end of the travel came, where it should not (m).
+    LimitReached,
+    /// The whole travel was made without a touch (m).
+    NoTouch,
+    /// The measured stiffness is not between half and twice the configured one (N/m).
+    SpringImplausible,
+    /// The settled force is off the spring's line: lost steps, a stall, or a slipped block (N).
+    ForceDoesNotFollow,
+    /// The force reached its limit (N).
+    ForceAboveLargest,
+    /// The force reading is not a number or out of the sensor's range (N).
+    SensorLost,
+}
+
+/// What is done about a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SafePath {
+    /// The position is still trusted: the block moves away, then the motor is switched off.
+    Release,
+    /// The position is not trusted: the motor stops at once and is switched off. The screw holds itself.
+    SwitchOff,
+}
+
+impl Cause {
+    /// The way to the safe state.
+    #[must_use]
+    pub fn safe_path(self) -> SafePath {
+        match self {
+            Self::NoTouch | Self::SpringImplausible | Self::ForceAboveLargest | Self::SensorLost => SafePath::Release,
+            Self::SwitchNotFound | Self::SwitchStuck | Self::LimitReached | Self::ForceDoesNotFollow => {
+                SafePath::SwitchOff
+            }
+        }
+    }
+
+    /// In words, for people.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::SwitchNotFound => "the limit switch was not found: check the motor, its direction and the switch",
+            Self::SwitchStuck => "the limit switch stays closed: check the switch and its wiring",
+            Self::LimitReached => "the end of the travel was reached unexpectedly: home again",
+            Self::NoTouch => "the block met no structure within its travel: check the block and the force sensor",
+            Self::SpringImplausible => {
+                "the measured stiffness is far from the configured: check spring and sensor scale"
+            }
+            Self::ForceDoesNotFollow => "the force does not follow the position: lost steps or a stall; home again",
+            Self::ForceAboveLargest => "the force reached its limit",
+            Self::SensorLost => "the force sensor gives no valid reading: check its cable",
+        }
+    }
+}
+
+/// A latched fault of the spring.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringFault {
+    /// What.
+    pub cause: Cause,
+    /// The value that broke the limit, in the cause's unit.
+    pub value: f32,
+    /// The limit.
+    pub limit: f32,
+}
+
+/// The zero reading.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Touch {
+    /// Where the force begins, m from the limit switch.
+    pub zero_m: f32,
+    /// Standard error of `zero_m`, m.
+    pub zero_error_m: f32,
+    /// Measured k_s, N/m.
+    pub stiffness_n_per_m: f32,
+}
+
+/// What is worth telling.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Happening {
+    /// The limit switch was found and left.
+    Homed,
+    /// The zero reading is known.
+    Touched(Touch),
+    /// The target is met: the averaged force, N.
+    OnTarget {
+        /// F_N, N.
+        force_n: f32,
+    },
+    /// A fault was latched.
+    Fault(SpringFault),
+}
+
+/// A summary.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringStatus {
+    /// What it is doing.
+    pub stage: Stage,
+    /// Seat position from the limit switch, m.
+    pub position_m: f32,
+    /// Last averaged force above the reading without contact, N.
+    pub force_n: f32,
+    /// Force asked for at present, N; 0 without a target.
+    pub target_force_n: f32,
+    /// The target asks for more than may be given, and gets what may.
+    pub saturated: bool,
+    /// A step waits for the structure to become quiet, or a ratio for a measured Z.
+    pub waiting: bool,
+    /// The zero reading.
+    pub touch: Option<Touch>,
+    /// The latched fault.
+    pub fault: Option<SpringFault>,
+}

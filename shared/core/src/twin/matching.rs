@@ -1,0 +1,290 @@
+//! Pairs predicted with measured impacts, and notices when predicted ones do not come.
+
+use crate::model::{Invalid, not_negative, require};
+use crate::rig::TICK_HZ;
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Impacts that wait for their partner, each way.
+const MOST_WAITING: usize = 8;
+
+/// How impacts are paired.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct MatcherConfig {
+    /// Farthest apart that a predicted and a measured impact on the same wall may be, s.
+    pub window_s: f32,
+    /// How long after its time a predicted impact may still be reported by the measurement, s: longer than the longest
+    /// contact. From then on it is missing.
+    pub wait_s: f32,
+    /// Predicted impacts weaker than this may come or not, N·s: their pulse may stay below the threshold.
+    pub smallest_impulse_n_s: f32,
+    /// Missing impacts in a row that raise the alarm; a paired one takes it back.
+    pub alarm_after: u8,
+}
+
+impl Default for MatcherConfig {
+    /// A pulse of 2 ms with 0.02 N·s peaks at 16 N, six times the default threshold.
+    fn default() -> Self {
+        Self { window_s: 0.02, wait_s: 0.1, smallest_impulse_n_s: 0.02, alarm_after: 3 }
+    }
+}
+
+impl MatcherConfig {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let (window, wait) = (f64::from(self.window_s), f64::from(self.wait_s));
+        require((1e-3..=1.0).contains(&self.window_s), "twin.matching.window_s", window, "from 1 ms to 1 s")?;
+        require(
+            self.wait_s >= self.window_s && self.wait_s <= 10.0,
+            "twin.matching.wait_s",
+            wait,
+            "from twin.matching.window_s to 10 s",
+        )?;
+        not_negative("twin.matching.smallest_impulse_n_s", f64::from(self.smallest_impulse_n_s))?;
+        require(self.alarm_after > 0, "twin.matching.alarm_after", f64::from(self.alarm_after), "at least 1")
+    }
+}
+
+/// Counts since the last restart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MatcherCounts {
+    /// Predicted impacts strong enough to be measured.
+    pub predicted: u32,
+    /// Measured impacts.
+    pub detected: u32,
+    /// Pairs.
+    pub paired: u32,
+    /// Predicted, strong enough, and not measured.
+    pub missing: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    tick: u32,
+    /// Ticks from the start of `tick`.
+    at: f32,
+    side: i8,
+    impulse_n_s: f32,
+    /// Must come.
+    strong: bool,
+}
+
+impl Waiting {
+    /// Ticks from this to `other`.
+    fn until(&self, tick: u32, at: f32) -> f32 {
+        tick.wrapping_sub(self.tick).cast_signed() as f32 + at - self.at
+    }
+}
+
+/// The predictions that a measured impact was paired with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Paired {
+    /// How many: a chatter's bounces can share one pulse.
+    pub count: u8,
+    /// Their impulses' sum, N·s.
+    pub impulse_n_s: f32,
+}
+
+impl Paired {
+    fn take(&mut self, prediction: &Waiting) {
+        self.count += 1;
+        self.impulse_n_s += prediction.impulse_n_s;
+    }
+}
+
+/// The pairing in progress.
+#[derive(Clone, Debug)]
+pub struct Matcher {
+    window: f32,
+    wait: f32,
+    smallest_impulse_n_s: f32,
+    alarm_after: u8,
+    predicted: Vec<Waiting, MOST_WAITING>,
+    detected: Vec<Waiting, MOST_WAITING>,
+    missing_in_a_row: u8,
+    counts: MatcherCounts,
+}
+
+impl Matcher {
+    /// With validated constants.
+    #[must_use]
+    pub fn new(config: &MatcherConfig) -> Self {
+        Self {
+            window: config.window_s * TICK_HZ,
+            wait: config.wait_s * TICK_HZ,
+            smallest_impulse_n_s: config.smallest_impulse_n_s,
+            alarm_after: config.alarm_after,
+            predicted: Vec::new(),
+            detected: Vec::new(),
+            missing_in_a_row: 0,
+            counts: MatcherCounts::default(),
+        }
+    }
+
+    /// Counts from zero, nothing waits.
+    pub fn restart(&mut self) {
+        self.predicted.clear();
+        self.detected.clear();
+        self.missing_in_a_row = 0;
+        self.counts = MatcherCounts::default();
+    }
+
+    /// Counts since the restart.
+    #[must_use]
+    pub fn counts(&self) -> &MatcherCounts {
+        &self.counts
+    }
+
+    /// So many predicted impacts in a row did not come.
+    #[must_use]
+    pub fn alarm(&self) -> bool {
+        self.missing_in_a_row >= self.alarm_after
+    }
+
+    /// An impact was predicted, `at` ticks from the start of `tick`.
+    pub fn predict(&mut self, tick: u32, at: f32, side: i8, impulse_n_s: f32) {
+        let strong = impulse_n_s >= self.smallest_impulse_n_s;
+        self.counts.predicted = self.counts.predicted.wrapping_add(u32::from(strong));
+        let prediction = Waiting { tick, at, side, impulse_n_s, strong };
+        if take_nearest(&mut self.detected, &prediction, self.window).is_some() {
+            self.pair();
+        } else if !self.predicted.is_full() || strong && self.make_room() {
+            let _ = self.predicted.push(prediction);
+        }
+    }
+
+    /// An impact was measured, `at` ticks from the start of `tick`, with a pulse of `length` ticks: pairs it with the nearest
+    /// prediction, and with those that fell into the same pulse.
+    pub fn detect(&mut self, tick: u32, at: f32, side: i8, length: f32) -> Paired {
+        self.counts.detected = self.counts.detected.wrapping_add(1);
+        let detection = Waiting { tick, at, side, impulse_n_s: 0.0, strong: false };
+        let mut paired = Paired::default();
+        let Some(nearest) = take_nearest(&mut self.predicted, &detection, self.window) else {
+            if self.detected.is_full() {
+                self.detected.remove(0);
+            }
+            let _ = self.detected.push(detection);
+            return paired;
+        };
+        self.pair();
+        paired.take(&nearest);
+        self.predicted.retain(|waiting| {
+            let same = waiting.side == side && libm::fabsf(nearest.until(waiting.tick, waiting.at)) <= length;
+            if same {
+                paired.take(waiting);
+            }
+            !same
+        });
+        paired
+    }
+
+    fn pair(&mut self) {
+        self.counts.paired = self.counts.paired.wrapping_add(1);
+        self.missing_in_a_row = 0;
+    }
+
+    /// The oldest prediction gives way: it counts as missing if it was strong.
+    fn make_room(&mut self) -> bool {
+        let oldest = self.predicted.remove(0);
+        self.miss(&oldest);
+        true
+    }
+
+    fn miss(&mut self, prediction: &Waiting) {
+        if prediction.strong {
+            self.counts.missing = self.counts.missing.wrapping_add(1);
+            self.missing_in_a_row = self.missing_in_a_row.saturating_add(1);
+        }
+    }
+
+    /// Gives up what has waited for longer than it may, as seen at the start of `tick`.
+    pub fn expire(&mut self, tick: u32) {
+        let (window, wait) = (self.window, self.wait);
+        self.detected.retain(|waiting| waiting.until(tick, 0.0) <= window + 2.0);
+        while let Some(place) = self.predicted.iter().position(|waiting| waiting.until(tick, 0.0) > wait) {
+            let late = self.predicted.remove(place);
+            self.miss(&late);
+        }
+    }
+}
+
+/// Takes the nearest partner within the window out of `waiting`.
+fn take_nearest(waiting: &mut Vec<Waiting, MOST_WAITING>, partner: &Waiting, window: f32) -> Option<Waiting> {
+    let mut nearest = None;
+    let mut least = window;
+    for (place, candidate) in waiting.iter().enumerate() {
+        let apart = libm::fabsf(candidate.until(partner.tick, partner.at));
+        if candidate.side == partner.side && apart <= least {
+            (nearest, least) = (Some(place), apart);
+        }
+    }
+    nearest.map(|place| waiting.remove(place))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matcher() -> Matcher {
+        Matcher::new(&MatcherConfig::default())
+    }
+
+    #[test]
+    fn impacts_pair_in_either_order_within_the_window_and_on_the_same_side() {
+        let mut matcher = matcher();
+        matcher.predict(100, 0.5, 1, 0.1);
+        assert!(matcher.detect(105, 0.0, -1, 2.0).count == 0, "the other wall");
+        assert!(matcher.detect(110, 0.0, 1, 2.0).count == 1);
+        assert!(matcher.detect(111, 0.0, 1, 2.0).count == 0, "paired once only");
+        assert!(matcher.detect(200, 0.0, 1, 2.0).count == 0);
+        matcher.predict(205, -1.0, 1, 0.1);
+        assert_eq!((matcher.counts().paired, matcher.counts().detected), (2, 4));
+        matcher.predict(300, 0.0, 1, 0.1);
+        assert!(matcher.detect(321, 0.0, 1, 2.0).count == 0, "beyond 20 ms");
+    }
+
+    #[test]
+    fn strong_impacts_that_do_not_come_raise_the_alarm_and_one_that_comes_takes_it_back() {
+        let mut matcher = matcher();
+        for n in 0..3 {
+            matcher.predict(200 * n, 0.0, 1, 0.1);
+            matcher.predict(200 * n + 1, 0.0, 1, 0.001);
+            assert!(!matcher.alarm());
+            (200 * n..200 * n + 200).for_each(|tick| matcher.expire(tick));
+        }
+        assert!(matcher.alarm() && matcher.counts().missing == 3, "weak ones need not come");
+        matcher.predict(1000, 0.0, 1, 0.1);
+        matcher.detect(1001, 0.0, 1, 2.0);
+        assert!(!matcher.alarm());
+    }
+
+    #[test]
+    fn bounces_that_share_a_pulse_are_paired_with_it_together() {
+        let mut matcher = matcher();
+        for at in [0.0, 1.0, 1.5, 9.0] {
+            matcher.predict(100, at, 1, 0.1);
+        }
+        let paired = matcher.detect(104, -4.0, 1, 3.0);
+        assert!(paired.count == 3 && (paired.impulse_n_s - 0.3).abs() < 1e-6, "{paired:?}");
+        (100..300).for_each(|tick| matcher.expire(tick));
+        assert_eq!(matcher.counts().missing, 1);
+    }
+
+    #[test]
+    fn tick_counters_may_wrap() {
+        let mut matcher = matcher();
+        matcher.predict(u32::MAX, 0.5, 1, 0.1);
+        assert!(matcher.detect(3, 0.0, 1, 2.0).count == 1);
+    }
+
+    #[test]
+    fn a_burst_of_predictions_is_bounded_and_the_lost_ones_count_as_missing() {
+        let mut matcher = matcher();
+        (0..20).for_each(|tick| matcher.predict(tick, 0.0, 1, 0.1));
+        assert_eq!(matcher.counts().missing, 12);
+    }
+}

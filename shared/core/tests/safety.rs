@@ -1,0 +1,228 @@
+//! The interlocks: every danger leads to the safe state, and nothing restarts before it.
+
+use damprig_core::control::limits::Limits;
+use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
+use damprig_core::rig::{SUBSAMPLES, Sensors};
+
+struct Bench {
+    safety: Safety,
+    tick: u32,
+    x_m: f32,
+    z_m: f32,
+    signs: Signs,
+}
+
+impl Bench {
+    fn with(config: SafetyConfig) -> Self {
+        let signs = Signs { driving: true, host_heard: true, ..Signs::default() };
+        Self { safety: Safety::new(&config).unwrap(), tick: 0, x_m: 0.02, z_m: 2e-3, signs }
+    }
+
+    fn new() -> Self {
+        Self::with(SafetyConfig { host_silent_s: 2.0, brake_n: 6.0, ..SafetyConfig::default() })
+    }
+
+    /// Structure and base vibrate at 2.5 Hz with these amplitudes.
+    fn sensors(&mut self) -> Sensors {
+        let tick = f64::from(self.tick);
+        let sine = |n: usize| libm::sin(15.708e-3 * (tick + n as f64 / SUBSAMPLES as f64)) as f32;
+        self.tick += 1;
+        Sensors { x_m: std::array::from_fn(|n| self.x_m * sine(n)), z_m: std::array::from_fn(|n| self.z_m * sine(n)) }
+    }
+
+    fn tick(&mut self) -> (Allowed, Option<Danger>) {
+        let sensors = self.sensors();
+        let (allowed, trip) = self.safety.tick(&sensors, &self.signs);
+        (allowed, trip.map(|trip| trip.danger))
+    }
+
+    fn run(&mut self, ticks: u32) -> Allowed {
+        (1..ticks).for_each(|_| _ = self.tick());
+        self.tick().0
+    }
+
+    /// Runs until something is latched, which must be `danger`; then until safe, checking the way.
+    fn expect(&mut self, danger: Danger) {
+        let found = (0..20_000).find_map(|_| self.tick().1);
+        assert_eq!(found, Some(danger));
+        self.expect_safe_path(danger);
+    }
+
+    fn expect_safe_path(&mut self, danger: Danger) {
+        self.signs.driving = false;
+        let mut drive = 1.0;
+        let fade = if danger.cuts_at_once() { 0 } else { 201 };
+        for tick in 0..400 {
+            let (allowed, again) = self.tick();
+            assert!(again.is_none(), "latched once only");
+            assert!(allowed.drive <= drive, "the drive never rises again");
+            assert_eq!(allowed.brake_n, Some(6.0));
+            assert!(allowed.relay || allowed.drive == 0.0);
+            if tick >= fade {
+                assert!(!allowed.relay && allowed.drive == 0.0, "tick {tick}: {allowed:?}");
+            }
+            drive = allowed.drive;
+            assert!(self.safety.clear().is_err(), "not while it rings");
+            assert_eq!(self.safety.trip().unwrap().danger, danger, "the first cause stays");
+        }
+        assert_eq!(self.safety.stage(), SafeStage::Ringing);
+        // Everything is mended and at rest.
+        (self.x_m, self.z_m, self.signs) = (1e-5, 1e-5, Signs { host_heard: true, ..Signs::default() });
+        // The last zero crossing of 20 mm was below 1 mm for 3 ms before: those count.
+        self.run(490);
+        assert_eq!(self.safety.stage(), SafeStage::Ringing, "half a second of rest, not less");
+        self.run(20);
+        assert_eq!(self.safety.stage(), SafeStage::Safe);
+        assert_eq!(self.safety.trip().unwrap().danger, danger, "readable until it is cleared");
+        self.safety.clear().unwrap();
+        let (allowed, _) = self.tick();
+        assert_eq!(allowed, Allowed { drive: 1.0, relay: true, brake_n: None });
+    }
+}
+
+#[test]
+fn a_healthy_rig_runs_for_ever() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.run(60_000), Allowed { drive: 1.0, relay: true, brake_n: None });
+    assert_eq!(bench.safety.stage(), SafeStage::Clear);
+}
+
+#[test]
+fn the_emergency_stop_opens_the_relay_in_the_same_tick_and_holds_until_released() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.emergency_stop = true;
+    let (allowed, danger) = bench.tick();
+    assert_eq!(danger, Some(Danger::EmergencyStop));
+    assert!(!allowed.relay && allowed.drive == 0.0);
+    (bench.x_m, bench.z_m) = (0.0, 0.0);
+    bench.run(5000);
+    assert_eq!(bench.safety.stage(), SafeStage::Ringing, "still pressed");
+    assert!(bench.safety.clear().is_err());
+    bench.x_m = 0.02;
+    bench.expect_safe_path(Danger::EmergencyStop);
+}
+
+#[test]
+fn both_displacement_limits_end_the_drive() {
+    let limits = Limits { structure_m: 0.05, base_m: 0.005 };
+    let mut bench = Bench::with(SafetyConfig { limits, brake_n: 6.0, ..SafetyConfig::default() });
+    bench.run(1000);
+    bench.z_m = 0.0051;
+    bench.expect(Danger::BaseDisplacement);
+    let config = SafetyConfig { limits, half_cycles_ahead: 0.0, brake_n: 6.0, ..SafetyConfig::default() };
+    let mut bench = Bench::with(config);
+    bench.run(1000);
+    bench.x_m = 0.0501;
+    bench.expect(Danger::StructureDisplacement);
+}
+
+#[test]
+fn a_growing_vibration_is_ended_before_it_reaches_its_limit() {
+    let mut bench = Bench::new();
+    let mut danger = None;
+    let mut largest: f32 = 0.0;
+    for tick in 0..20_000u32 {
+        bench.x_m = 5e-6 * tick as f32;
+        largest = largest.max(bench.x_m);
+        danger = bench.tick().1;
+        if danger.is_some() {
+            break;
+        }
+    }
+    assert_eq!(danger, Some(Danger::StructureForeseen));
+    // Six half-cycles of 200 ms at 5 µm/ms are 6 mm before 80 mm; up to one more until the maximum is known.
+    assert!((0.073..0.076).contains(&largest), "{largest}");
+    bench.expect_safe_path(Danger::StructureForeseen);
+}
+
+#[test]
+fn sensors_that_cannot_be_believed_end_the_drive() {
+    for (broken, danger) in [
+        (f32::NAN, Danger::SensorInvalid),
+        (f32::NEG_INFINITY, Danger::SensorOutOfRange),
+        (0.09, Danger::SensorOutOfRange),
+        (0.0123, Danger::SensorFrozen),
+    ] {
+        for channel in 0..2 {
+            let mut bench = Bench::new();
+            bench.run(1000);
+            let mut found = None;
+            for _ in 0..600 {
+                let mut sensors = bench.sensors();
+                let block = if channel == 0 { &mut sensors.x_m } else { &mut sensors.z_m };
+                *block = [broken; SUBSAMPLES];
+                let (allowed, trip) = bench.safety.tick(&sensors, &bench.signs);
+                found = found.or(trip.map(|trip| trip.danger));
+                assert!(allowed.drive.is_finite());
+            }
+            assert_eq!(found, Some(danger), "{broken} on channel {channel}");
+            // Still broken, "at rest": that is not to be believed.
+            if danger != Danger::SensorFrozen {
+                for _ in 0..2000 {
+                    let sensors = Sensors { x_m: [broken; SUBSAMPLES], z_m: [0.0; SUBSAMPLES] };
+                    bench.safety.tick(&sensors, &bench.signs);
+                    assert!(bench.safety.clear().is_err());
+                }
+            }
+            bench.expect_safe_path(danger);
+        }
+    }
+}
+
+#[test]
+fn a_sensor_may_stand_still_while_nothing_is_driven() {
+    let mut bench = Bench::new();
+    bench.signs.driving = false;
+    (bench.x_m, bench.z_m) = (0.0, 0.0);
+    bench.run(10_000);
+    assert_eq!(bench.safety.stage(), SafeStage::Clear);
+}
+
+#[test]
+fn forces_saturation_and_silence_end_the_drive_after_their_time() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.wall_force_n = 501.0;
+    bench.expect(Danger::WallForce);
+
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.saturated = true;
+    bench.run(500);
+    assert!(bench.safety.trip().is_none(), "half a second is allowed");
+    bench.expect(Danger::DriveSaturated);
+
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.host_heard = false;
+    bench.run(1999);
+    assert!(bench.safety.trip().is_none(), "two seconds are allowed");
+    bench.expect(Danger::HostSilent);
+}
+
+#[test]
+fn a_second_danger_during_the_fade_can_only_cut_it_short() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.wall_force_n = 501.0;
+    assert!(bench.tick().0.relay, "fading");
+    bench.signs.emergency_stop = true;
+    let (allowed, danger) = bench.tick();
+    assert!(!allowed.relay && danger.is_none());
+    assert_eq!(bench.safety.trip().unwrap().danger, Danger::WallForce);
+}
+
+#[test]
+fn wrong_settings_are_named() {
+    let good = SafetyConfig::default();
+    for (bad, name) in [
+        (SafetyConfig { half_cycles_ahead: 21.0, ..good }, "safety.half_cycles_ahead"),
+        (SafetyConfig { restart_m: 0.08, ..good }, "safety.restart_m"),
+        (SafetyConfig { saturated_s: 0.0, ..good }, "safety.saturated_s"),
+        (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
+        (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "limits.base_m"),
+    ] {
+        assert_eq!(Safety::new(&bad).unwrap_err().parameter, name);
+    }
+}
