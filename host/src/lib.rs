@@ -4,12 +4,14 @@
 
 pub mod campaign;
 pub mod commands;
+pub mod export;
 pub mod figure;
 pub mod input;
 pub mod link;
 pub mod prediction;
 pub mod recording;
 pub mod run;
+pub mod runs;
 pub mod session;
 pub mod simulation;
 

@@ -6,6 +6,7 @@
 mod progress;
 mod report;
 mod run;
+mod runs;
 mod simulate;
 
 use std::process::ExitCode;
@@ -24,6 +25,7 @@ const AFTER_HELP: &str = "\
 Examples:
   damprig run host/campaigns/hybrid.toml                     on the virtual rig
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig runs                                           what has been run
   damprig help run
 
 Exit codes:
@@ -36,6 +38,8 @@ Exit codes:
 enum Command {
     /// Run a campaign and record it in a run folder
     Run(run::Args),
+    /// List, show, verify and export run folders
+    Runs(runs::Args),
     /// Simulate a case exactly
     Simulate(simulate::Args),
 }
@@ -59,6 +63,7 @@ pub type Outcome = Result<(), Failure>;
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Runs(args) => runs::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };
     let (code, message) = match outcome {

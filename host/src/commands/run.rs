@@ -12,8 +12,8 @@ use super::{Failure, Outcome, report};
 use crate::campaign::Campaign;
 use crate::link::Address;
 use crate::prediction::{self, Prediction};
-use crate::recording::RunFolder;
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
+use crate::recording::{RunFolder, checksum};
 use crate::run::{Run, RunError, Selection, device_record};
 use crate::session::Session;
 
@@ -149,8 +149,10 @@ fn carry_out(
         Ok(()) => Ending::Complete,
         Err(error) => Ending::Incomplete { reason: error.to_string() },
     };
-    let written = folder.write_manifest(&manifest);
     let drawn = report::figure(campaign, folder.rows()).and_then(|picture| picture.write(folder.path(), "figure"));
+    let sums = checksum::of_folder(folder.path());
+    manifest.files = sums.clone().unwrap_or_default();
+    let written = folder.write_manifest(&manifest).and(sums.map(|_| ()));
     println!("{}", report::results(campaign, folder.rows()));
     println!("{}", report::summary(&manifest));
     println!("Run folder: {}", folder.path().display());

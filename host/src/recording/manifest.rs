@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::Signal;
+use super::checksum::FileRecord;
 use super::row::COLUMNS;
 use crate::campaign::{Campaign, CampaignSetUp};
 
@@ -102,9 +103,14 @@ pub struct Clock {
     pub wall_s: f64,
 }
 
+/// Version of the run folder's format: raised when a reader of the earlier one would misread the new one.
+pub const FORMAT: u32 = 1;
+
 /// The manifest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Manifest {
+    /// Version of the folder's format, [`FORMAT`].
+    pub format: u32,
     /// Name of the campaign.
     pub campaign: String,
     /// How the run ended.
@@ -134,6 +140,8 @@ pub struct Manifest {
     pub clock: Clock,
     /// The set-ups in SI units.
     pub set_ups: Vec<SetUpRecord>,
+    /// The other files of the folder when the run ended; empty before.
+    pub files: Vec<FileRecord>,
     results_columns: Vec<ColumnRecord>,
 }
 
@@ -143,6 +151,7 @@ impl Manifest {
     pub fn begin(campaign: &Campaign, set_ups: Vec<SetUpRecord>, started: &jiff::Zoned) -> Self {
         let columns = COLUMNS.iter().map(|c| ColumnRecord { name: c.name, unit: c.unit, about: c.about });
         Self {
+            format: FORMAT,
             campaign: campaign.name.clone(),
             ending: Ending::Running,
             started: started.to_string(),
@@ -157,6 +166,7 @@ impl Manifest {
             counters: Counters::default(),
             clock: Clock::default(),
             set_ups,
+            files: Vec::new(),
             results_columns: columns.collect(),
         }
     }

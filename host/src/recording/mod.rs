@@ -11,6 +11,7 @@
 //! A run that ends badly, or is killed, leaves all of it up to the last point, readable. The tables are in
 //! [`parquet`], the rows in [`row`], the manifest in [`manifest`].
 
+pub mod checksum;
 pub mod folder;
 pub mod manifest;
 pub mod parquet;

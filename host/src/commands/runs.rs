@@ -1,0 +1,223 @@
+//! `damprig runs`: what has been run, one run in human form, whether it is sound, and in other formats.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args as ClapArgs, Subcommand};
+use comfy_table::Table as Shown;
+use comfy_table::presets::UTF8_FULL_CONDENSED;
+
+use super::{Failure, Outcome};
+use crate::export::csv::Csv;
+use crate::export::{Exporter, Part, Table};
+use crate::input::near;
+use crate::runs::columns::{Value, column, texts};
+use crate::runs::folder::{below, find, is_run};
+use crate::runs::verify::{Finding, verify};
+use crate::runs::{ReadError, RunFolder};
+
+/// Lists, shows, verifies and exports run folders. Nothing in them is ever changed.
+#[derive(Debug, ClapArgs)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Args {
+    /// Folder that holds runs
+    #[arg(value_name = "DIR", default_value = "runs")]
+    dir: PathBuf,
+    #[command(subcommand)]
+    action: Option<Action>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// A run in human form: device, signals, losses, results
+    Show {
+        /// Folder of the run, its name, or the short id at the end of it
+        run: PathBuf,
+    },
+    /// Check a run: checksums, gaps, row counts, completeness (exit code 1 when something is wrong)
+    Verify {
+        /// Folder of the run, its name, or the short id at the end of it
+        run: PathBuf,
+    },
+    /// Write a run in another format
+    Export(Export),
+}
+
+#[derive(Debug, ClapArgs)]
+struct Export {
+    /// Folder of the run, its name, or the short id at the end of it
+    run: PathBuf,
+    /// The format
+    #[arg(long, value_parser = ["csv"])]
+    format: String,
+    /// The table
+    #[arg(long, value_enum, default_value = "samples")]
+    what: Table,
+    /// Only this set-up
+    #[arg(long, value_name = "NAME")]
+    set_up: Option<String>,
+    /// The new file [default: <run>-<table>.csv here]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Samples from this time of their experiment on, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    from_s: f64,
+    /// Samples before this time of their experiment, s
+    #[arg(long, value_name = "SECONDS", default_value_t = f64::INFINITY)]
+    to_s: f64,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// No such run, something wrong with it, or a file that cannot be written.
+pub fn run(args: &Args) -> Outcome {
+    match &args.action {
+        None => list(&args.dir),
+        Some(Action::Show { run }) => show(&open(run)?),
+        Some(Action::Verify { run }) => check(run),
+        Some(Action::Export(export)) => self::export(export),
+    }
+}
+
+fn input(error: ReadError) -> Failure {
+    Failure::Input(error.0)
+}
+
+fn failed(error: ReadError) -> Failure {
+    Failure::Failed(error.0)
+}
+
+fn open(wanted: &Path) -> Result<RunFolder, Failure> {
+    RunFolder::open(&find(wanted).map_err(input)?).map_err(failed)
+}
+
+fn table(header: &[&str]) -> Shown {
+    let mut table = Shown::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(header.to_vec());
+    table
+}
+
+fn list(dir: &Path) -> Outcome {
+    if !dir.is_dir() {
+        return Err(Failure::Input(format!("there is no folder {}; give the one that holds the runs", dir.display())));
+    }
+    let folders = if is_run(dir) { vec![dir.to_path_buf()] } else { below(dir) };
+    let mut runs: Vec<(PathBuf, Result<RunFolder, ReadError>)> =
+        folders.into_iter().map(|path| (path.clone(), RunFolder::open(&path))).collect();
+    // RFC 9557 times of one zone sort as text; damaged ones come last.
+    runs.sort_by_key(|(_, run)| std::cmp::Reverse(run.as_ref().map(|r| r.manifest().started.clone()).ok()));
+    let mut table = table(&["run", "campaign", "started", "rig", "set-ups", "points", "state", "size (MB)"]);
+    for (path, run) in &runs {
+        let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+        match run {
+            Ok(run) => {
+                let m = run.manifest();
+                table.add_row([
+                    name,
+                    m.campaign.clone(),
+                    m.started.chars().take(19).collect(),
+                    m.device.as_ref().map_or("–".into(), |d| d.link.clone()),
+                    m.set_ups.len().to_string(),
+                    format!("{}/{}", m.points_taken, m.points_planned),
+                    m.ending(),
+                    format!("{:.2}", run.bytes() as f64 / 1e6),
+                ]);
+            }
+            Err(error) => {
+                table.add_row([
+                    name,
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    String::new(),
+                    error.0.clone(),
+                ]);
+            }
+        }
+    }
+    println!("{table}\n{} runs in {}", runs.len(), dir.display());
+    Ok(())
+}
+
+fn show(run: &RunFolder) -> Outcome {
+    let m = run.manifest();
+    println!("Run {} (campaign {}), started {}", run.id(), m.campaign, m.started);
+    println!("State: {}; {} of {} points; {}", m.ending(), m.points_taken, m.points_planned, m.damprig);
+    if let Some(d) = &m.device {
+        println!(
+            "Rig {}: {} (firmware {}), tick {} Hz, schema {}",
+            d.link, d.board, d.firmware, d.tick_hz, d.protocol_schema
+        );
+    }
+    println!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
+    let c = m.counters;
+    println!(
+        "Lost: {} records dropped by the device, {} missing; bad frames: host {}, device {}",
+        c.dropped_records, c.missing_records, c.bad_frames_host, c.bad_frames_device
+    );
+    let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
+    println!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
+    let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);
+    for batch in run.results().map_err(failed)? {
+        let names = (texts(&batch, "set_up").map_err(failed)?, texts(&batch, "experiment").map_err(failed)?);
+        let get = |name| column(&batch, name).map_err(failed);
+        let (f, xz, z) = (get("frequency_hz")?, get("x_over_z")?, get("z_amplitude_m")?);
+        let (phase, steady) = (get("phase_rad")?, get("steady")?);
+        let number =
+            |v: &Value, scale: f64, digits: usize| format!("{:.digits$}", v.number().unwrap_or(f64::NAN) * scale);
+        for i in 0..batch.num_rows() {
+            table.add_row([
+                names.0[i].clone(),
+                names.1[i].clone(),
+                f[i].to_string(),
+                number(&xz[i], 1.0, 3),
+                number(&z[i], 1e3, 4),
+                number(&phase[i], 1.0, 3),
+                if steady[i] == Value::Bool(true) { "yes" } else { "no" }.into(),
+            ]);
+        }
+    }
+    println!("{table}");
+    Ok(())
+}
+
+fn check(wanted: &Path) -> Outcome {
+    let found = verify(wanted).map_err(failed)?;
+    let mut wrong = 0;
+    for finding in &found {
+        match finding {
+            Finding::Good(text) => println!("good   {text}"),
+            Finding::Wrong(text) => {
+                wrong += 1;
+                println!("WRONG  {text}");
+            }
+        }
+    }
+    if wrong == 0 {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!("{wrong} things are wrong with {}; nothing was changed", wanted.display())))
+}
+
+fn export(args: &Export) -> Outcome {
+    let run = open(&args.run)?;
+    let names = run.set_up_names();
+    if let Some(wanted) = args.set_up.as_ref().filter(|s| !names.contains(*s)) {
+        let likely = near(wanted, names.iter().map(String::as_str));
+        let likely = if likely.is_empty() { String::new() } else { format!("; did you mean {}?", likely.join(", ")) };
+        let all: Vec<&str> = names.iter().map(String::as_str).collect();
+        return Err(Failure::Input(format!("--set-up {wanted:?}: the run has {}{likely}", all.join(", "))));
+    }
+    // A NaN is refused too.
+    if args.from_s.is_nan() || args.to_s.is_nan() || args.from_s >= args.to_s {
+        let message = format!("--from-s {} must be less than --to-s {}", args.from_s, args.to_s);
+        return Err(Failure::Input(message));
+    }
+    let word = if args.what == Table::Samples { "samples" } else { "results" };
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}-{word}.{}", run.id(), args.format)));
+    let part = Part { table: args.what, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
+    let rows = Csv.export(&run, &part, &out).map_err(failed)?;
+    println!("{rows} rows of {word} in {}", out.display());
+    Ok(())
+}

@@ -1,0 +1,196 @@
+//! A run folder that is only read: the one place that knows where its manifest, results and samples are.
+//!
+//! Samples come as record batches from `samples.parquet`, or from the files of `samples.parts/` while there
+//! is no such file. Whether the folder is sound is [`super::verify`]'s question.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use arrow_array::RecordBatch;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+use super::manifest::Manifest;
+use crate::input::near;
+use crate::recording::manifest::FORMAT;
+
+/// Why a run cannot be read. The text names the file and what to do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ReadError(pub String);
+
+/// A run folder.
+#[derive(Clone, Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    manifest: Manifest,
+}
+
+const OWN_FILES: [&str; 5] = ["manifest.json", "campaign.toml", "results.parquet", "samples.parquet", "samples.parts"];
+
+/// Whether a folder holds anything that a run writes.
+#[must_use]
+pub fn is_run(path: &Path) -> bool {
+    OWN_FILES.iter().any(|name| path.join(name).exists())
+}
+
+/// The run folders directly in `base`.
+#[must_use]
+pub fn below(base: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(base).into_iter().flatten().flatten().map(|e| e.path());
+    entries.filter(|p| p.is_dir() && is_run(p)).collect()
+}
+
+/// The folder that a person means: a path, or the name of a run (or the end of one) below `runs/`.
+///
+/// # Errors
+/// When there is no such folder, with those that look like it; or when it holds no run.
+pub fn find(wanted: &Path) -> Result<PathBuf, ReadError> {
+    if wanted.is_dir() {
+        return if is_run(wanted) { Ok(wanted.to_path_buf()) } else { Err(no_run(wanted)) };
+    }
+    if wanted.exists() {
+        let message = "it is a file; give the folder of a run, the one that holds manifest.json";
+        return Err(ReadError(format!("{}: {message}", wanted.display())));
+    }
+    let text = wanted.to_string_lossy();
+    let name = |p: &PathBuf| p.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let all: Vec<PathBuf> = below(Path::new("runs")).into_iter().chain(below(Path::new("."))).collect();
+    let ending: Vec<&PathBuf> =
+        all.iter().filter(|p| name(p) == text || name(p).ends_with(&format!("-{text}"))).collect();
+    match ending[..] {
+        [only] => return Ok(only.clone()),
+        [] => {}
+        _ => {
+            let list: Vec<String> = ending.iter().map(|p| p.display().to_string()).collect();
+            return Err(ReadError(format!("{text:?} is the end of several runs; give one of {}", list.join(", "))));
+        }
+    }
+    let names: Vec<String> = all.iter().map(name).collect();
+    let candidates = near(&text, names.iter().map(String::as_str));
+    let help = match candidates[..] {
+        [] => "`damprig runs` lists the runs below ./runs".to_string(),
+        _ => format!("did you mean {}?", candidates.join(", ")),
+    };
+    Err(ReadError(format!("there is no run {text:?}, neither as a folder nor below ./runs\n  {help}")))
+}
+
+fn no_run(path: &Path) -> ReadError {
+    let inside = below(path).into_iter().chain(below(&path.join("runs"))).take(3);
+    let inside: Vec<String> = inside.map(|p| p.display().to_string()).collect();
+    let help = if inside.is_empty() {
+        "a run folder holds manifest.json, campaign.toml and results.parquet".to_string()
+    } else {
+        format!("it holds runs; give one of them, as {}", inside.join(", "))
+    };
+    ReadError(format!("{}: this folder is no run\n  {help}", path.display()))
+}
+
+impl RunFolder {
+    /// Reads the manifest; the tables are read when asked for.
+    ///
+    /// # Errors
+    /// No run, a missing or damaged manifest, or a format of a later version.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        if !is_run(path) {
+            return Err(no_run(path));
+        }
+        let file = path.join("manifest.json");
+        let failed = |message: String| ReadError(format!("{}: {message}", file.display()));
+        let text = fs::read_to_string(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
+        let value: serde_json::Value = serde_json::from_str(&text)
+            .map_err(|e| failed(format!("the manifest is damaged, it is not JSON from this place on: {e}")))?;
+        // The number first: a later format may hold what this reader cannot take.
+        if let Some(format) = value.get("format").and_then(serde_json::Value::as_u64).filter(|f| *f > u64::from(FORMAT))
+        {
+            let by = value.get("damprig").and_then(serde_json::Value::as_str).unwrap_or("a later version");
+            let message =
+                format!("the run has format {format}, written by {by}; {} reads up to {FORMAT}", crate::VERSION_LINE);
+            return Err(failed(format!("{message}\n  read it with that version or a later one")));
+        }
+        let manifest = serde_json::from_value(value).map_err(|e| failed(format!("the manifest is damaged: {e}")))?;
+        Ok(Self { path: path.to_path_buf(), manifest })
+    }
+
+    /// Where it is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The last part of its path.
+    #[must_use]
+    pub fn id(&self) -> String {
+        let whole = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
+        whole.file_name().map_or_else(|| "run".into(), |n| n.to_string_lossy().into_owned())
+    }
+
+    /// The manifest.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The results, one row a point.
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn results(&self) -> Result<Vec<RecordBatch>, ReadError> {
+        read(&self.path.join("results.parquet"))?.collect()
+    }
+
+    /// Batches of samples in the order they were taken; none when none were recorded. A damaged file gives
+    /// an error in its place, and the files after it are read.
+    pub fn samples(&self) -> impl Iterator<Item = Result<RecordBatch, ReadError>> + use<> {
+        sample_files(&self.path).into_iter().flat_map(|file| -> Box<dyn Iterator<Item = _>> {
+            match read(&file) {
+                Ok(batches) => Box::new(batches),
+                Err(error) => Box::new(std::iter::once(Err(error))),
+            }
+        })
+    }
+
+    /// Names of the set-ups.
+    #[must_use]
+    pub fn set_up_names(&self) -> BTreeSet<String> {
+        self.manifest.set_ups.iter().map(|s| s.name.clone()).collect()
+    }
+
+    /// Size of all files, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        fn size(path: &Path) -> u64 {
+            let entries = fs::read_dir(path).into_iter().flatten().flatten();
+            entries.map(|e| if e.path().is_dir() { size(&e.path()) } else { e.metadata().map_or(0, |m| m.len()) }).sum()
+        }
+        size(&self.path)
+    }
+}
+
+/// The files that hold samples, in order.
+#[must_use]
+pub fn sample_files(folder: &Path) -> Vec<PathBuf> {
+    let whole = folder.join("samples.parquet");
+    if whole.exists() {
+        return vec![whole];
+    }
+    let parts = fs::read_dir(folder.join("samples.parts")).into_iter().flatten().flatten().map(|e| e.path());
+    let mut parts: Vec<PathBuf> = parts.filter(|p| p.extension().is_some_and(|e| e == "parquet")).collect();
+    parts.sort();
+    parts
+}
+
+/// Batches of one Parquet file.
+///
+/// # Errors
+/// When it is missing, or is no whole Parquet file. A batch that cannot be decoded is an error in its place.
+pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+    let shown = path.display().to_string();
+    let failed = |message: String| ReadError(format!("{shown}: {message}"));
+    let file = File::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
+    let bytes = file.metadata().map_or(0, |m| m.len());
+    let reader = ParquetRecordBatchReaderBuilder::try_new(file)
+        .and_then(ParquetRecordBatchReaderBuilder::build)
+        .map_err(|e| failed(format!("not a whole Parquet file ({bytes} bytes; cut off or damaged): {e}")))?;
+    Ok(reader.map(move |batch| batch.map_err(|e| ReadError(format!("{shown}: a damaged part: {e}")))))
+}

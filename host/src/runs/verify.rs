@@ -1,0 +1,189 @@
+//! What is wrong with a run folder, and what of it is still good. Every check goes on after the others failed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::columns::{numbers, texts};
+use super::folder::{self, ReadError, RunFolder};
+use crate::campaign::Campaign;
+use crate::input::Source;
+use crate::recording::checksum;
+
+/// One thing found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Finding {
+    /// In order.
+    Good(String),
+    /// Wrong.
+    Wrong(String),
+}
+
+/// Checks a folder. Nothing is written.
+///
+/// # Errors
+/// When the folder is no run at all.
+pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
+    let path = &folder::find(path)?;
+    let mut found = Vec::new();
+    let run = match RunFolder::open(path) {
+        Ok(run) => Some(run),
+        Err(error) => {
+            found.push(Finding::Wrong(error.to_string()));
+            None
+        }
+    };
+    if let Some(run) = &run {
+        ending(run, &mut found);
+        checksums(run, &mut found);
+    }
+    let campaign = campaign(path, &mut found);
+    results(path, run.as_ref(), campaign.as_ref(), &mut found);
+    samples(path, run.as_ref(), &mut found);
+    Ok(found)
+}
+
+fn ending(run: &RunFolder, found: &mut Vec<Finding>) {
+    let manifest = run.manifest();
+    let text = format!(
+        "manifest.json: {}, {} of {} points",
+        manifest.ending(),
+        manifest.points_taken,
+        manifest.points_planned
+    );
+    found.push(if manifest.status == "complete" { Finding::Good(text) } else { Finding::Wrong(text) });
+    let lost = manifest.counters;
+    if lost.dropped_records + lost.missing_records > 0 {
+        let text = format!(
+            "telemetry: {} records dropped by the device, {} missing on the way",
+            lost.dropped_records, lost.missing_records
+        );
+        found.push(Finding::Wrong(text));
+    }
+}
+
+fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
+    let files = &run.manifest().files;
+    if files.is_empty() {
+        found.push(Finding::Good("checksums: the manifest has none (a run that was killed, or an old one)".into()));
+        return;
+    }
+    let mut good = 0;
+    for file in files {
+        match checksum::of_file(run.path(), &file.name) {
+            Err(error) => found.push(Finding::Wrong(format!("{}: cannot read it: {error}", file.name))),
+            Ok(now) if now.bytes != file.bytes => found.push(Finding::Wrong(format!(
+                "{}: {} bytes, and {} when the run ended",
+                file.name, now.bytes, file.bytes
+            ))),
+            Ok(now) if now.sha256 != file.sha256 => {
+                found.push(Finding::Wrong(format!("{}: changed since the run ended (SHA-256 differs)", file.name)));
+            }
+            Ok(_) => good += 1,
+        }
+    }
+    found.push(Finding::Good(format!("checksums: {good} of {} files are as when the run ended", files.len())));
+}
+
+fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
+    let file = path.join("campaign.toml");
+    match Source::read(&file).and_then(Campaign::parse) {
+        Ok(campaign) => Some(campaign),
+        Err(error) => {
+            found.push(Finding::Wrong(format!("campaign.toml: {error}")));
+            None
+        }
+    }
+}
+
+type PerPair = BTreeMap<(String, String), Vec<f64>>;
+
+/// The numbers of a column for each set-up and experiment.
+fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> Result<(), ReadError> {
+    let (set_ups, experiments, values) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, name)?);
+    for ((set_up, experiment), value) in set_ups.into_iter().zip(experiments).zip(values) {
+        into.entry((set_up, experiment)).or_default().push(value);
+    }
+    Ok(())
+}
+
+fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
+    let mut taken = PerPair::new();
+    let read = folder::read(&path.join("results.parquet"))
+        .and_then(|mut batches| batches.try_for_each(|batch| gather(&batch?, "frequency_hz", &mut taken)));
+    if let Err(error) = read {
+        found.push(Finding::Wrong(error.to_string()));
+        return;
+    }
+    let rows: usize = taken.values().map(Vec::len).sum();
+    found.push(Finding::Good(format!("results.parquet: {rows} rows")));
+    if let Some(said) = run.map(|r| r.manifest()).filter(|m| m.status != "running" && m.points_taken != rows) {
+        found.push(Finding::Wrong(format!("results.parquet: {rows} rows, the manifest says {}", said.points_taken)));
+    }
+    for experiment in campaign.iter().flat_map(|c| &c.experiments) {
+        for set_up in experiment.set_ups.iter().filter_map(|i| campaign?.set_ups.get(*i)) {
+            let key = (set_up.name.clone(), experiment.name.clone());
+            let have = taken.get(&key).map_or(&[][..], Vec::as_slice);
+            let times = |list: &[f64], f: f64| list.iter().filter(|g| **g == f).count();
+            let is_missing = |f: &&f64| times(have, **f) < times(&experiment.frequencies_hz, **f);
+            let missing: Vec<String> =
+                experiment.frequencies_hz.iter().filter(is_missing).map(f64::to_string).collect();
+            if !missing.is_empty() {
+                let (set_up, experiment) = key;
+                let list = missing.join(", ");
+                found.push(Finding::Wrong(format!("results: {set_up:?}, {experiment:?} lacks {list} Hz")));
+            }
+        }
+    }
+}
+
+fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
+    let files = folder::sample_files(path);
+    let (mut rows, mut ticks) = (0_u64, PerPair::new());
+    for file in &files {
+        let mut own = 0;
+        let read = folder::read(file).and_then(|mut batches| {
+            batches.try_for_each(|batch| {
+                let batch = batch?;
+                own += batch.num_rows() as u64;
+                gather(&batch, "tick", &mut ticks)
+            })
+        });
+        rows += own;
+        if let Err(error) = read {
+            found.push(Finding::Wrong(format!("{error}\n  {own} rows of it can be read")));
+        }
+    }
+    found.push(Finding::Good(format!("samples: {rows} rows can be read from {} files", files.len())));
+    let Some(manifest) = run.map(RunFolder::manifest) else { return };
+    if manifest.status != "running" && manifest.sample_rows != rows {
+        found.push(Finding::Wrong(format!("samples: {rows} rows, the manifest says {}", manifest.sample_rows)));
+    }
+    let Some(every) = manifest.every_ticks() else { return };
+    for ((set_up, experiment), ticks) in &ticks {
+        if let Some(text) = gaps(ticks, every as f64) {
+            found.push(Finding::Wrong(format!("samples: {set_up:?}, {experiment:?}: {text}")));
+        }
+    }
+}
+
+/// Steps between rows that are not `every` ticks, in words; `None` when there are none.
+fn gaps(ticks: &[f64], every: f64) -> Option<String> {
+    let odd: Vec<&[f64]> = ticks.windows(2).filter(|w| w[1] - w[0] != every).collect();
+    let first = odd.first()?;
+    let lost: f64 = odd.iter().map(|w| ((w[1] - w[0]) / every - 1.0).max(0.0)).sum();
+    let text = format!("{} gaps, {lost:.0} rows lost, the first after tick {}", odd.len(), first[0]);
+    let backwards = odd.iter().filter(|w| w[1] <= w[0]).count();
+    Some(if backwards > 0 { format!("{text}; {backwards} times the tick does not rise") } else { text })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gaps;
+
+    #[test]
+    fn a_gap_is_told_with_its_place_and_its_length_in_rows() {
+        assert_eq!(gaps(&[0.0, 10.0, 20.0], 10.0), None);
+        assert_eq!(gaps(&[0.0, 10.0, 50.0], 10.0).unwrap(), "1 gaps, 3 rows lost, the first after tick 10");
+        assert!(gaps(&[0.0, 10.0, 10.0], 10.0).unwrap().ends_with("1 times the tick does not rise"));
+    }
+}

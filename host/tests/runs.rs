@@ -1,0 +1,85 @@
+//! `damprig runs`: sound and damaged run folders, and exports. Damaged means real files, cut or changed.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{damprig, folder_with, rows, short};
+use predicates::prelude::*;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+fn with_run() -> (TempDir, PathBuf) {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = folder.path().join("out");
+    (folder, run)
+}
+
+fn cut_in_half(path: &Path) -> Vec<u8> {
+    let bytes = std::fs::read(path).unwrap();
+    let half = bytes[..bytes.len() / 2].to_vec();
+    std::fs::write(path, &half).unwrap();
+    half
+}
+
+#[test]
+fn a_sound_run_is_listed_shown_and_found_sound() {
+    let (folder, _) = with_run();
+    damprig(&folder).args(["runs", "."]).assert().success().stdout(contains("6/6").and(contains("complete")));
+    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("x_m (m)"));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("WRONG").not());
+}
+
+#[test]
+fn every_damage_is_named_and_the_rest_is_called_good() {
+    let (folder, run) = with_run();
+    let half = cut_in_half(&run.join("samples.parquet"));
+    let verify = || damprig(&folder).args(["runs", "verify", "out"]).assert();
+    let answer = verify().code(1);
+    answer.stdout(contains("cut off or damaged").and(contains("results.parquet: 6 rows")));
+    assert_eq!(std::fs::read(run.join("samples.parquet")).unwrap(), half, "nothing is rewritten");
+    std::fs::remove_file(run.join("results.parquet")).unwrap();
+    verify().code(1).stdout(contains("results.parquet: cannot read it"));
+    let manifest = std::fs::read_to_string(run.join("manifest.json")).unwrap();
+    std::fs::write(run.join("manifest.json"), manifest.replace("\"format\": 1", "\"format\": 99")).unwrap();
+    verify().code(1).stdout(contains("the run has format 99"));
+    std::fs::write(run.join("manifest.json"), &manifest[..manifest.len() / 2]).unwrap();
+    verify().code(1).stdout(contains("the manifest is damaged"));
+}
+
+#[test]
+fn a_single_flipped_bit_is_found() {
+    let (folder, run) = with_run();
+    let path = run.join("figure.png");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    damprig(&folder).args(["runs", "verify", "out"]).assert().code(1).stdout(contains("figure.png: changed"));
+}
+
+#[test]
+fn what_is_no_run_is_refused() {
+    let folder = folder_with(&short());
+    std::fs::create_dir(folder.path().join("empty")).unwrap();
+    damprig(&folder).args(["runs", "verify", "empty"]).assert().code(1).stderr(contains("this folder is no run"));
+    damprig(&folder).args(["runs", "show", "nowhere"]).assert().code(2).stderr(contains("there is no run"));
+}
+
+#[test]
+fn csv_holds_every_chosen_row_with_units_and_an_earlier_file_is_kept() {
+    let (folder, run) = with_run();
+    let export = ["runs", "export", "out", "--format", "csv", "--out", "all.csv"];
+    damprig(&folder).args(export).assert().success();
+    let text = std::fs::read_to_string(folder.path().join("all.csv")).unwrap();
+    assert!(text.lines().next().unwrap().contains("x_m [m]"));
+    assert_eq!(text.lines().count() - 1, rows(run.join("samples.parquet")));
+    damprig(&folder).args(export).assert().code(1).stderr(contains("cannot write all.csv"));
+    let one = ["--set-up", "bare", "--from-s", "1", "--to-s", "2", "--out", "one.csv"];
+    damprig(&folder).args(["runs", "export", "out", "--format", "csv"]).args(one).assert().success();
+    let text = std::fs::read_to_string(folder.path().join("one.csv")).unwrap();
+    assert_eq!(text.lines().count() - 1, 100, "1 s at 100 Hz");
+    let wrong = ["runs", "export", "out", "--format", "csv", "--set-up", "hybird"];
+    damprig(&folder).args(wrong).assert().code(2).stderr(contains("did you mean hybrid"));
+}
