@@ -24,6 +24,7 @@ pub async fn run(mut bench: Bench) -> ! {
                 ROWS.clear();
             }
         }
+        control.serve_scheduled(&mut RealPlant, &mut Outgoing);
         let actuators = control.tick(&sensors, &mut Outgoing);
         bench.set_drive(if actuators.drive_enabled { actuators.drive_m } else { 0.0 });
     }
