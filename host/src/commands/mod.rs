@@ -61,7 +61,12 @@ pub type Outcome = Result<(), Failure>;
 /// Parses the command line and does what it says.
 #[must_use]
 pub fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let command = Cli::parse().command;
+    if !matches!(command, Command::Run(_)) {
+        // `damprig runs show … | head` ends quietly. A run must not: it has a rig to stop.
+        sigpipe::reset();
+    }
+    let outcome = match command {
         Command::Run(args) => run::run(&args),
         Command::Runs(args) => runs::run(&args),
         Command::Simulate(args) => simulate::run(&args),
