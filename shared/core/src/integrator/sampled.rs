@@ -26,10 +26,11 @@
 //! impact's kick.
 
 mod correct;
+mod guards;
 
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
-use super::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
+use super::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::model::{Initial, Invalid, SetUp, Wall, require};
 use crate::scalar::Scalar;
 
@@ -353,79 +354,6 @@ impl<S: Scalar> Sampled<S> {
             state.offset += polynomial::increment(&flight.offset, length);
             state.slide += polynomial::derivative_increment(&flight.offset, length);
         }
-    }
-
-    /// The first violated guard within `rest`, and the time until then.
-    fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
-        let mut first = (rest, None);
-        let mut consider = |guard: &Polynomial<S>, event: Event| {
-            if let Some(at) = first_failure(guard, first.0)
-                && (first.1.is_none() || at < first.0)
-            {
-                first = (at, Some(event));
-            }
-        };
-        match mode.contact {
-            Contact::Absent => {}
-            Contact::Free(direction) => {
-                let d = self.c.clearance;
-                let far = flight.offset[0].abs() + polynomial::reach(&flight.offset, rest);
-                if far >= d {
-                    for side in [1, -1] {
-                        let mut gap = flight.offset.map(|coefficient| -signed(side, coefficient));
-                        gap[0] += d;
-                        if self.slide_released && gap[0] == S::ZERO {
-                            gap[2] = gap[2].max(S::ZERO);
-                        }
-                        consider(&gap, Event::Wall(side));
-                    }
-                }
-                if self.c.friction_acceleration > S::ZERO {
-                    let mut slide = polynomial::derivative(&flight.offset).map(|s| signed(direction, s));
-                    if self.slide_released {
-                        slide[1] = slide[1].max(S::ZERO);
-                    }
-                    consider(&slide, Event::SlideStops);
-                }
-            }
-            Contact::Held(side) => {
-                let acceleration = polynomial::derivative(&polynomial::derivative(&flight.x));
-                let (low, high) = self.c.held_limits(side, S::ZERO);
-                if let Some(high) = high {
-                    let mut guard = acceleration.map(|a| -a);
-                    guard[0] += high;
-                    consider(&guard, Event::HoldBreaks(-1));
-                }
-                if let Some(low) = low {
-                    let mut guard = acceleration;
-                    guard[0] -= low;
-                    consider(&guard, Event::HoldBreaks(1));
-                }
-            }
-        }
-        match mode.grip {
-            Grip::Slip(0) => {}
-            Grip::Slip(direction) => {
-                let mut slip = polynomial::derivative(&flight.stretch).map(|s| signed(direction, s));
-                if self.slip_released {
-                    slip[0] = S::ZERO;
-                    slip[1] = slip[1].max(S::ZERO);
-                }
-                consider(&slip, Event::SlipStops);
-            }
-            Grip::Stuck => {
-                let mass = self.c.moving_mass(mode.contact);
-                let mut needed = [S::ZERO; COEFFICIENTS];
-                needed[0] = self.c.holding_force(mode.contact, flight.stretch[0], base.acceleration());
-                needed[1] = mass * S::from_u8(6) * base.0[3];
-                let mut above = needed.map(|n| -n);
-                above[0] += self.c.damper_force;
-                consider(&above, Event::GripBreaks);
-                needed[0] += self.c.damper_force;
-                consider(&needed, Event::GripBreaks);
-            }
-        }
-        first
     }
 
     fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
