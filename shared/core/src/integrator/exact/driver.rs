@@ -3,15 +3,16 @@
 use core::cell::OnceCell;
 
 use super::excitation::{Excitation, Wave};
-use super::flow::{Flows, Leg, Path, Span, State, dot};
+use super::flow::{Flows, Leg, Path, Span, State};
 use super::guards;
 use super::observe::{Arc, Observer};
+use super::quick::Hit;
 use super::time::Time;
 use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use crate::model::{Initial, Invalid, Release, SetUp, Wall};
 
 /// Arcs after which the rotating pair is taken afresh from the time, so that its rounding cannot add up.
-const ARCS_PER_ANCHOR: u32 = 64;
+pub(super) const ARCS_PER_ANCHOR: u32 = 64;
 
 /// Events at one instant after which a sliver of time is taken unguarded; see [`Exact::unresolved`].
 const MOST_EVENTS_AT_ONCE: u32 = 64;
@@ -61,7 +62,7 @@ pub struct Exact {
     pub(super) has_tmd: bool,
     pub(super) soft: Option<Release>,
     pub(super) flows: Flows,
-    excitation: Excitation,
+    pub(super) excitation: Excitation,
     pub(super) state: State,
     pub(super) wave: Wave,
     pub(super) time: Time,
@@ -71,8 +72,8 @@ pub struct Exact {
     pub(super) fresh: Fresh,
     next_break_s: f64,
     started: bool,
-    arcs_since_anchor: u32,
-    events_at_once: u32,
+    pub(super) arcs_since_anchor: u32,
+    pub(super) events_at_once: u32,
     unresolved: u32,
 }
 
@@ -347,51 +348,55 @@ impl Exact {
         };
     }
 
-    /// One arc, at most to `limit_s`, and the event at its end if there is one.
+    /// Arcs, at most to `limit_s`, and the event at their end if there is one.
     #[inline]
     fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
+        if let Some(Hit { side, .. }) = self.fly(limit_s, observer) {
+            self.events_at_once = 1;
+            self.hit(side, signed(side, self.state.slide_m_per_s), self.slip(), observer);
+        } else {
+            self.walk(limit_s, observer);
+        }
+    }
+
+    /// One arc by its series.
+    fn walk<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
         let h = self.leg.step_s;
         let rest_s = self.time.until(limit_s);
+        if rest_s <= 0.0 {
+            return;
+        }
         let full = rest_s > h;
         let (state, wave) = (self.state, self.wave);
-        if full && let Some(end) = self.quick() {
-            self.state = end;
-            let (cosine_less_one, sine) = self.flows.alone_turn;
-            self.wave = self.wave.turned_by(cosine_less_one, sine);
-            self.report(state, wave, h, None, observer);
-            self.time = self.time.plus(h);
-            self.fresh = Fresh::default();
+        let most = if full { 1.0 } else { rest_s / h };
+        let span = self.flows.span(&self.leg, &state, &wave);
+        let (mut at, mut event) = (most, None);
+        if self.events_at_once < MOST_EVENTS_AT_ONCE {
+            (at, event) = guards::first(self, &span, most);
         } else {
-            let most = if full { 1.0 } else { rest_s / h };
-            let span = self.flows.span(&self.leg, &state, &wave);
-            let (mut at, mut event) = (most, None);
-            if self.events_at_once < MOST_EVENTS_AT_ONCE {
-                (at, event) = guards::first(self, &span, most);
-            } else {
-                self.unresolved += 1;
-                at = at.min(SLIVER);
+            self.unresolved += 1;
+            at = at.min(SLIVER);
+        }
+        if at > 0.0 {
+            self.state = span.state(at);
+            if !self.leg.sliding && !self.has_tmd {
+                self.state.offset_m = state.offset_m;
+                self.state.slide_m_per_s = 0.0;
             }
-            if at > 0.0 {
-                self.state = span.state(at);
-                if !self.leg.sliding && !self.has_tmd {
-                    self.state.offset_m = state.offset_m;
-                    self.state.slide_m_per_s = 0.0;
-                }
-                if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.has_particle && self.soft.is_none() {
-                    let d = self.c.clearance;
-                    self.state.offset_m = self.state.offset_m.clamp(-d, d);
-                }
-                self.wave = self.wave.turned(self.flows.turning * h * at);
-                self.report(state, wave, h * at, Some(span), observer);
-                self.time =
-                    if event.is_none() && !full && at == most { Time::at(limit_s) } else { self.time.plus(h * at) };
-                self.fresh = Fresh::default();
-                self.events_at_once = 0;
+            if self.events_at_once >= MOST_EVENTS_AT_ONCE && self.has_particle && self.soft.is_none() {
+                let d = self.c.clearance;
+                self.state.offset_m = self.state.offset_m.clamp(-d, d);
             }
-            if let Some(event) = event {
-                self.events_at_once += 1;
-                self.handle(event, observer);
-            }
+            self.wave = self.wave.turned(self.flows.turning * h * at);
+            let ends = ((&state, &wave), (&self.state, &self.wave));
+            self.report(ends.0, ends.1, (self.time, h * at), Some(span), observer);
+            self.time = if event.is_none() && !full && at == most { Time::at(limit_s) } else { self.time.plus(h * at) };
+            self.fresh = Fresh::default();
+            self.events_at_once = 0;
+        }
+        if let Some(event) = event {
+            self.events_at_once += 1;
+            self.handle(event, observer);
         }
         self.arcs_since_anchor += 1;
         if self.arcs_since_anchor >= ARCS_PER_ANCHOR {
@@ -399,79 +404,29 @@ impl Exact {
         }
     }
 
+    /// Shows an arc that starts at `time`: state and wave at both its ends.
     #[inline]
-    fn report<O: Observer>(&self, start: State, wave: Wave, length_s: f64, span: Option<Span>, observer: &mut O) {
+    pub(super) fn report<O: Observer>(
+        &self,
+        (start, wave): (&State, &Wave),
+        (end, end_wave): (&State, &Wave),
+        (time, length_s): (Time, f64),
+        span: Option<Span>,
+        observer: &mut O,
+    ) {
         if O::ARCS {
             observer.arc(&Arc {
                 flows: &self.flows,
                 leg: &self.leg,
-                wave,
+                wave: *wave,
+                end_wave: *end_wave,
                 span: span.map_or_else(OnceCell::new, OnceCell::from),
-                start_s: self.time.seconds(),
+                start_s: time.seconds(),
                 length_s,
                 mode: self.mode,
-                start,
-                end: self.state,
+                start: *start,
+                end: *end,
             });
         }
-    }
-
-    /// The state after a full arc, if no event can fall into it by the test that the module documentation proves.
-    #[inline]
-    fn quick(&self) -> Option<State> {
-        let ready = self.leg.path == Path::Alone
-            && self.touch == Touch::Clear
-            && self.fresh.gap <= 1
-            && self.fresh.slide == 0
-            && self.fresh.slip == 0;
-        if !ready {
-            return None;
-        }
-        let (state, leg, table) = (&self.state, &self.leg, &self.flows.alone);
-        let h = leg.step_s;
-        let velocity = state.v_m_per_s * h;
-        let unit = [state.x_m, velocity, leg.structure_acceleration, self.wave.sine, self.wave.cosine];
-        let size = unit.map(f64::abs);
-        let (shift, kick) = (dot(&table.shift, &unit), dot(&table.kick, &unit));
-        let mut end = *state;
-        end.x_m += shift;
-        end.v_m_per_s = (velocity + kick) / h;
-        if leg.sliding {
-            let slide = state.slide_m_per_s * h;
-            let dragged = leg.particle_acceleration * h * h;
-            let slide_end = slide - kick + dragged;
-            end.offset_m += slide - (shift - velocity) + 0.5 * dragged;
-            end.slide_m_per_s = slide_end / h;
-            let margin = dot(&table.fourth, &size) * (1.0 / 288.0);
-            let d = self.c.clearance;
-            let (first, second) = (state.offset_m + slide * (1.0 / 3.0), end.offset_m - slide_end * (1.0 / 3.0));
-            let inner = d - margin;
-            let clear =
-                first.abs() < inner && second.abs() < inner && state.offset_m.abs() <= d && end.offset_m.abs() < d;
-            if !clear {
-                return None;
-            }
-            if let (Contact::Free(direction), true) = (self.mode.contact, self.c.friction_acceleration > 0.0) {
-                let least = signed(direction, slide).min(signed(direction, slide_end));
-                if least <= dot(&table.third, &size) * 0.125 {
-                    return None;
-                }
-            }
-        }
-        if let Grip::Slip(direction) = self.mode.grip
-            && direction != 0
-        {
-            let angle = self.flows.turning * h;
-            let (cosine_less_one, sine) = self.flows.alone_turn;
-            let turned = self.wave.turned_by(cosine_less_one, sine);
-            let share = self.flows.base_share * angle;
-            let least = signed(direction, velocity - share * self.wave.cosine)
-                .min(signed(direction, velocity + kick - share * turned.cosine));
-            let bound = dot(&table.third, &size) + share * angle * angle * (size[3] + size[4]);
-            if least <= bound * 0.125 {
-                return None;
-            }
-        }
-        Some(end)
     }
 }

@@ -91,7 +91,7 @@ impl Exact {
         }
     }
 
-    fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
+    pub(super) fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         let before = self.state;
         let (v, slide) = modes::impact(&self.c, self.c.restitution, before.v_m_per_s, before.slide_m_per_s);
         self.state.v_m_per_s = v;
@@ -131,16 +131,11 @@ impl Exact {
         let height = lift * lift / (2.0 * pressing);
         let returned = e * libm::sqrt(pressing / pressing_out);
         let lasts = 2.0 * lift / (pressing * (1.0 - returned));
-        let unit = [
-            self.state.x_m,
-            self.state.v_m_per_s * h,
-            self.leg.structure_acceleration,
-            self.wave.sine,
-            self.wave.cosine,
-        ]
-        .map(f64::abs);
+        let unit =
+            [self.state.x_m, self.state.v_m_per_s, self.leg.structure_acceleration, self.wave.sine, self.wave.cosine]
+                .map(f64::abs);
         let jerk = dot(&self.flows.alone.third, &unit);
-        let size = unit[0] + unit[1] + self.c.clearance;
+        let size = unit[0] + unit[1] * h + self.c.clearance;
         let together = mass + light;
         let hop = 2.0 / 3.0 * lift * lift * lift / (pressing * pressing);
         let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);

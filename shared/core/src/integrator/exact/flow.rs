@@ -56,19 +56,27 @@ impl Rates {
     }
 }
 
-/// Series of one oscillator for unit values of: displacement, velocity × step, acceleration, sine, cosine.
+/// One oscillator over a full arc, for unit values of: displacement, velocity, acceleration, sine, cosine.
 #[derive(Clone, Debug)]
 pub(super) struct Oscillator {
+    /// Length of a full arc, s, and what part of an arc a second is.
     pub step_s: f64,
-    columns: [Series; 5],
+    pub per_step: f64,
+    /// Angle of the wave over an arc, rad; its cosine less one and its sine.
+    pub angle: f64,
+    pub turn: (f64, f64),
+    pub columns: [Series; 5],
     /// Displacement at the end less the displacement at the start.
     pub shift: [f64; 5],
-    /// Velocity × step at the end less that at the start.
-    pub kick: [f64; 5],
-    /// Bound on the fourth derivative over the arc (in arcs).
-    pub fourth: [f64; 5],
-    /// Bound on the second derivative of the velocity × step.
+    /// Velocity at the end less that at the start.
+    pub gain: [f64; 5],
+    /// Second to fifth derivative at the start, by arcs.
+    pub rates: [[f64; 5]; 4],
+    /// Bounds along the arc on the third and fourth derivative, by arcs.
     pub third: [f64; 5],
+    pub fourth: [f64; 5],
+    /// How far the velocity can lie below its chord.
+    pub sag: [f64; 5],
 }
 
 impl Oscillator {
@@ -78,7 +86,7 @@ impl Oscillator {
         let mut columns = [[0.0; TERMS]; 5];
         for (which, column) in columns.iter_mut().enumerate() {
             let mut unit = [0.0; 5];
-            unit[which] = 1.0;
+            unit[which] = if which == 1 { h } else { 1.0 };
             *column = solve(&rates, turning, h, unit);
         }
         let sum = |column: &Series, weight: fn(f64) -> f64, first: usize| -> f64 {
@@ -87,12 +95,21 @@ impl Oscillator {
         let bound = |column: &Series, weight: fn(f64) -> f64| -> f64 {
             (0..TERMS).map(|n| column[n].abs() * weight(n as f64)).sum()
         };
+        let third = columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0)));
+        let angle = turning * h;
+        let half_sine = libm::sin(0.5 * angle);
+        let factorial = [2.0, 6.0, 24.0, 120.0];
         Self {
             step_s: h,
+            per_step: 1.0 / h,
+            angle,
+            turn: (-2.0 * half_sine * half_sine, libm::sin(angle)),
             shift: columns.each_ref().map(|c| sum(c, |_| 1.0, 1)),
-            kick: columns.each_ref().map(|c| sum(c, |n| n, 2)),
-            third: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0))),
+            gain: columns.each_ref().map(|c| sum(c, |n| n, 2) / h),
+            rates: core::array::from_fn(|n| columns.each_ref().map(|c| c[n + 2] * factorial[n])),
             fourth: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0) * (n - 3.0))),
+            sag: third.map(|bound| bound / (8.0 * h)),
+            third,
             columns,
         }
     }
@@ -270,8 +287,6 @@ pub struct Flows {
     pub(super) link: Link,
     pub(super) turning: f64,
     pub(super) base_share: f64,
-    /// Turn of the wave over a full arc of `alone`: cosine less one, sine.
-    pub(super) alone_turn: (f64, f64),
 }
 
 impl Flows {
@@ -309,16 +324,23 @@ impl Flows {
             };
             (Coupled::new(rates(mass), link, mass, turning), Oscillator::new(carried, turning))
         });
-        let angle = turning * alone.step_s;
-        let half_sine = libm::sin(0.5 * angle);
         Self {
             together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning)),
             coupled,
             link,
             turning,
             base_share,
-            alone_turn: (-2.0 * half_sine * half_sine, libm::sin(angle)),
             alone,
+        }
+    }
+
+    /// The oscillator that the structure is on `path`, if it is one.
+    #[inline]
+    pub(super) fn oscillator(&self, path: Path) -> Option<&Oscillator> {
+        match path {
+            Path::Alone => Some(&self.alone),
+            Path::Together => self.together.as_ref(),
+            Path::Coupled | Path::Carried | Path::CarriedCoupled => None,
         }
     }
 
@@ -339,7 +361,7 @@ impl Flows {
         let mut base = wave_series(self.base_share * wave.sine, self.base_share * wave.cosine, self.turning * h);
         base[0] += wave.offset;
         let velocity = state.v_m_per_s * h;
-        let unit = [state.x_m, velocity, leg.structure_acceleration, wave.sine, wave.cosine];
+        let unit = [state.x_m, state.v_m_per_s, leg.structure_acceleration, wave.sine, wave.cosine];
         let mut offset = [0.0; TERMS];
         offset[0] = state.offset_m;
         let mut x = base;
@@ -361,7 +383,7 @@ impl Flows {
             }
             (Path::CarriedCoupled, Some((_, carried)), _) => {
                 let from_rest = state.offset_m - leg.rest_offset;
-                let sliding = state.slide_m_per_s * h;
+                let sliding = state.slide_m_per_s;
                 offset = carried.series(&[from_rest, sliding, leg.particle_acceleration, wave.sine, wave.cosine]);
                 offset[0] = state.offset_m;
                 x[0] = state.x_m;

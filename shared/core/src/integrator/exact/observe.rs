@@ -12,6 +12,7 @@ pub struct Arc<'a> {
     pub(super) flows: &'a Flows,
     pub(super) leg: &'a Leg,
     pub(super) wave: Wave,
+    pub(super) end_wave: Wave,
     pub(super) span: OnceCell<Span>,
     /// When it starts, s.
     pub start_s: f64,

@@ -1,6 +1,8 @@
 //! The figures of a run: true extrema, mean square, cycle maxima, contacts. Memory does not grow with its length.
 
-use super::flow::Path;
+use super::excitation::Wave;
+use super::flow::{State, dot};
+use super::near::{Motion, inverse_cubic};
 use super::observe::{Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;
@@ -131,9 +133,7 @@ impl Response {
 
     /// Raises the running maximum by the part of `arc` between two fractions of its series.
     fn raise(&mut self, arc: &Arc<'_>, from: f64, to: f64) {
-        if arc.largest_abs_x_m() > self.cycle_max_m {
-            self.cycle_max_m = largest_abs(&arc.span().x, from, to, self.cycle_max_m);
-        }
+        self.cycle_max_m = arc.largest_abs_x_m(from, to, self.cycle_max_m);
     }
 }
 
@@ -217,29 +217,43 @@ impl Observer for Response {
 }
 
 impl Arc<'_> {
-    /// An upper bound of |x| along it, m: sharp to about a hundredth for a full arc, without its series.
+    /// The largest |x| between two fractions of the series' interval, m, if above `least_m`.
     #[must_use]
-    pub fn largest_abs_x_m(&self) -> f64 {
-        if self.leg.path != Path::Alone || self.span.get().is_some() {
-            // The series is at hand or has to be made anyway: its coefficients bound it.
-            let (span, end) = (self.span(), self.end_fraction());
-            let bend = series::curvature_bound(&span.x, end) * end * end;
-            return self.start.x_m.abs().max(self.end.x_m.abs()) + 0.25 * bend;
+    pub fn largest_abs_x_m(&self, from: f64, to: f64, least_m: f64) -> f64 {
+        self.turns_once(from, to, least_m).unwrap_or_else(|| largest_abs(&self.span().x, from, to, least_m))
+    }
+
+    /// The same for an arc along which the velocity certainly never turns back; none if that is not certain.
+    fn turns_once(&self, from: f64, to: f64, least_m: f64) -> Option<f64> {
+        let table = self.flows.oscillator(self.leg.path)?;
+        let constant = self.leg.structure_acceleration;
+        let unit = |state: &State, wave: &Wave| [state.x_m, state.v_m_per_s, constant, wave.sine, wave.cosine];
+        let (start, end) = (unit(&self.start, &self.wave), unit(&self.end, &self.end_wave));
+        let (bent, bent_end) = (dot(&table.rates[0], &start), dot(&table.rates[0], &end));
+        // How far the acceleration can lie beyond its chord.
+        let beyond = dot(&table.fourth, &start.map(f64::abs)) * 0.125;
+        let ends = self.start.x_m.abs().max(self.end.x_m.abs());
+        if ends + (bent.abs().max(bent_end.abs()) + beyond) * 0.125 <= least_m {
+            return Some(least_m);
         }
-        let (h, table) = (self.leg.step_s, &self.flows.alone);
-        let reach = self.length_s * (1.0 / 3.0);
-        let size = [
-            self.start.x_m.abs(),
-            (self.start.v_m_per_s * h).abs(),
-            self.leg.structure_acceleration.abs(),
-            self.wave.sine.abs(),
-            self.wave.cosine.abs(),
-        ];
-        // Hermite's remainder is at most M₄/384 of the arc.
-        let margin = super::flow::dot(&table.fourth, &size) * (1.0 / 384.0);
-        let first = (self.start.x_m + self.start.v_m_per_s * reach).abs();
-        let second = (self.end.x_m - self.end.v_m_per_s * reach).abs();
-        self.start.x_m.abs().max(first).max(second).max(self.end.x_m.abs()) + margin
+        if !(bent.min(bent_end) > beyond || bent.max(bent_end) < -beyond) {
+            return None;
+        }
+        let whole = from == 0.0 && to == self.end_fraction();
+        if whole && self.start.v_m_per_s * self.end.v_m_per_s >= 0.0 {
+            return Some(least_m.max(ends));
+        }
+        let motion = Motion::new(table, &start, &self.wave);
+        let h = table.step_s;
+        let (first, last) =
+            if whole { ((start[0], start[1] * h), (end[0], end[1] * h)) } else { (motion.at(from), motion.at(to)) };
+        let most = least_m.max(first.0.abs()).max(last.0.abs());
+        if first.1 * last.1 >= 0.0 {
+            return Some(most);
+        }
+        let length = to - from;
+        let at = from + length * inverse_cubic(first.1, first.1 - last.1, -bent * length, -bent_end * length);
+        motion.top(at).map(|(_, x)| most.max(x.abs()))
     }
 
     /// The force with which a soft wall pushes, N, over the series' interval; none without contact.

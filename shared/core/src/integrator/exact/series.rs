@@ -42,6 +42,46 @@ pub fn value_and_slope(p: &Series, at: f64) -> (f64, f64) {
     (even + odd * at, even_slope + odd_slope * at)
 }
 
+/// A motion less its start and its straight part, and its rate: `Σ pₙ τⁿ` and `Σ n pₙ τⁿ⁻¹` from n = 2 on.
+pub(super) struct Bend {
+    value: [f64; TERMS - 2],
+    rate: [f64; TERMS - 2],
+}
+
+impl Bend {
+    /// Σ of the columns, weighted by `unit`.
+    #[inline]
+    pub fn new(columns: &[Series; 5], unit: &[f64; 5]) -> Self {
+        let mut value = [0.0; TERMS - 2];
+        let mut rate = [0.0; TERMS - 2];
+        for n in 0..TERMS - 2 {
+            value[n] = (columns[0][n + 2] * unit[0] + columns[1][n + 2] * unit[1])
+                + (columns[2][n + 2] * unit[2] + (columns[3][n + 2] * unit[3] + columns[4][n + 2] * unit[4]));
+        }
+        for n in 0..TERMS - 2 {
+            rate[n] = value[n] * (n + 2) as f64;
+        }
+        Self { value, rate }
+    }
+
+    /// Value and rate at τ = `at`: four interleaved sums, so that no long chain of operations waits for itself.
+    #[inline]
+    pub fn at(&self, at: f64) -> (f64, f64) {
+        let square = at * at;
+        let fourth = square * square;
+        let sum = |c: &[f64; TERMS - 2]| {
+            let mut chains = [0.0; 4];
+            for block in (0..(TERMS - 2) / 4).rev() {
+                for (lane, chain) in chains.iter_mut().enumerate() {
+                    *chain = *chain * fourth + c[4 * block + lane];
+                }
+            }
+            (chains[0] + chains[1] * at) + (chains[2] + chains[3] * at) * square
+        };
+        (sum(&self.value) * square, sum(&self.rate) * at)
+    }
+}
+
 /// The coefficients of `p′`.
 #[inline]
 #[must_use]

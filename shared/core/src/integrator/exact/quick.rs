@@ -1,0 +1,231 @@
+//! Arcs whose outcome the values at their two ends prove, without their series: the module documentation of
+//! [`super`] has the argument. What they cannot prove is left to the walk.
+
+use super::driver::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
+use super::excitation::Wave;
+use super::flow::{Oscillator, State, dot};
+use super::near::{Motion, back_after, inverse_cubic};
+use super::observe::Observer;
+use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
+
+/// What an arc's ends prove.
+#[derive(PartialEq, Eq)]
+enum Verdict {
+    /// Nothing happens.
+    Clear,
+    /// Nothing happens before an impact on that side, and that happens.
+    Hit(Sign),
+    /// Nothing.
+    Unsure,
+}
+
+/// The particle at the hard wall of `side`, at fraction `at` of a full arc.
+pub(super) struct Hit {
+    pub at: f64,
+    pub side: Sign,
+    pub state: State,
+    pub wave: Wave,
+}
+
+/// An oscillator over a full arc from a state.
+struct Full<'a> {
+    table: &'a Oscillator,
+    /// Displacement, velocity, constant acceleration, sine, cosine; and their magnitudes.
+    unit: [f64; 5],
+    size: [f64; 5],
+    /// Displacement and velocity at the end less those at the start.
+    shift: f64,
+    gain: f64,
+}
+
+impl<'a> Full<'a> {
+    #[inline(always)]
+    fn new(table: &'a Oscillator, acceleration: f64, state: &State, wave: &Wave) -> Self {
+        let unit = [state.x_m, state.v_m_per_s, acceleration, wave.sine, wave.cosine];
+        let (shift, gain) = (dot(&table.shift, &unit), dot(&table.gain, &unit));
+        Self { table, unit, size: unit.map(f64::abs), shift, gain }
+    }
+
+    /// How far a velocity can lie below its chord, m/s.
+    #[inline(always)]
+    fn sag(&self) -> f64 {
+        dot(&self.table.sag, &self.size)
+    }
+
+    /// Acceleration × step² at both ends, and how far it can lie beyond its chord, m.
+    #[inline(always)]
+    fn accelerations(&self, end: &State, end_wave: &Wave) -> (f64, f64, f64) {
+        let at_end = [end.x_m, end.v_m_per_s, self.unit[2], end_wave.sine, end_wave.cosine];
+        let row = &self.table.rates[0];
+        (dot(row, &self.unit), dot(row, &at_end), dot(&self.table.fourth, &self.size) * 0.125)
+    }
+}
+
+impl Exact {
+    /// Full arcs, one after another, as long as their ends prove what happens: up to `limit_s`, to an impact, or to
+    /// the first arc that has to be walked.
+    #[inline]
+    pub(super) fn fly<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Option<Hit> {
+        let ready = self.touch == Touch::Clear && self.fresh.gap <= 1 && self.fresh.slide == 0 && self.fresh.slip == 0;
+        let table = self.flows.oscillator(self.leg.path).filter(|_| ready && !self.has_tmd)?;
+        let h = table.step_s;
+        let (mut state, mut wave, mut time, mut arcs) = (self.state, self.wave, self.time, self.arcs_since_anchor);
+        let mut hit = None;
+        while time.until(limit_s) > h {
+            let full = Full::new(table, self.leg.structure_acceleration, &state, &wave);
+            let end = self.after(&full, &state);
+            let end_wave = wave.turned_by(table.turn.0, table.turn.1);
+            match self.judge(&full, &state, &end, &wave, &end_wave) {
+                Verdict::Clear => {}
+                Verdict::Unsure => break,
+                Verdict::Hit(side) => {
+                    hit = self.find_hit(&full, &state, &wave, side);
+                    break;
+                }
+            }
+            self.report((&state, &wave), (&end, &end_wave), (time, h), None, observer);
+            (state, wave) = (end, end_wave);
+            time = time.plus(h);
+            arcs += 1;
+            if arcs >= ARCS_PER_ANCHOR {
+                (wave, arcs) = (self.excitation.wave(time), 0);
+            }
+        }
+        if let Some(found) = &hit {
+            let length_s = h * found.at;
+            self.report((&state, &wave), (&found.state, &found.wave), (time, length_s), None, observer);
+            (state, wave) = (found.state, found.wave);
+            time = time.plus(length_s);
+            arcs += 1;
+        }
+        if time != self.time {
+            (self.state, self.wave, self.time, self.arcs_since_anchor) = (state, wave, time, arcs);
+            self.fresh = Fresh::default();
+            self.events_at_once = 0;
+        }
+        hit
+    }
+
+    /// The state after a full arc.
+    #[inline(always)]
+    fn after(&self, full: &Full<'_>, state: &State) -> State {
+        let h = full.table.step_s;
+        let mut end = *state;
+        end.x_m += full.shift;
+        end.v_m_per_s += full.gain;
+        if self.leg.sliding {
+            let dragged = self.leg.particle_acceleration * h;
+            end.offset_m += (state.slide_m_per_s + 0.5 * dragged) * h - (full.shift - full.unit[1] * h);
+            end.slide_m_per_s += dragged - full.gain;
+        }
+        end
+    }
+
+    /// What a full arc from `state` to `end` holds.
+    #[inline(always)]
+    fn judge(&self, full: &Full<'_>, state: &State, end: &State, wave: &Wave, end_wave: &Wave) -> Verdict {
+        if let Grip::Slip(direction) = self.mode.grip
+            && direction != 0
+            && !self.slips_on(full, (state, wave), (end, end_wave), direction)
+        {
+            return Verdict::Unsure;
+        }
+        if !self.leg.sliding {
+            return if self.stays_held(full, end, end_wave) { Verdict::Clear } else { Verdict::Unsure };
+        }
+        let d = self.c.clearance;
+        let (slide, slide_end) = (state.slide_m_per_s, end.slide_m_per_s);
+        let side = sign(slide);
+        if signed(side, slide_end).min(slide.abs()) > full.sag() {
+            // The particle moves to that side all along the arc.
+            let (gap, gap_end) = (d - signed(side, state.offset_m), d - signed(side, end.offset_m));
+            return if gap_end > 0.0 {
+                Verdict::Clear
+            } else if gap > 0.0 && self.soft.is_none() {
+                Verdict::Hit(side)
+            } else {
+                Verdict::Unsure
+            };
+        }
+        if self.c.friction_acceleration > 0.0 {
+            return Verdict::Unsure;
+        }
+        if end.offset_m.abs() > d {
+            return self.bounces(full, state, end, end_wave);
+        }
+        let third = full.table.step_s * (1.0 / 3.0);
+        let inner = d - dot(&full.table.fourth, &full.size) * (1.0 / 288.0);
+        let (first, second) = (state.offset_m + slide * third, end.offset_m - slide_end * third);
+        let clear = first.abs() < inner && second.abs() < inner && state.offset_m.abs() <= d && end.offset_m.abs() < d;
+        if clear { Verdict::Clear } else { Verdict::Unsure }
+    }
+
+    /// Whether a particle that ends past a wall is pressed towards it all along the arc: then it crosses it once.
+    #[inline]
+    fn bounces(&self, full: &Full<'_>, state: &State, end: &State, end_wave: &Wave) -> Verdict {
+        let side = sign(end.offset_m);
+        let d = self.c.clearance;
+        let gap = d - signed(side, state.offset_m);
+        let (start, last, beyond) = full.accelerations(end, end_wave);
+        let pressed = signed(side, start).max(signed(side, last)) < -beyond;
+        // The gap lies below its first tangent, so the other wall is out of reach.
+        let highest = gap - signed(side, state.slide_m_per_s).min(0.0) * full.table.step_s;
+        if pressed && gap >= 0.0 && highest < 2.0 * d && self.soft.is_none() {
+            Verdict::Hit(side)
+        } else {
+            Verdict::Unsure
+        }
+    }
+
+    /// Whether the structure slips in `direction` on the damper all along the arc.
+    #[inline]
+    fn slips_on(&self, full: &Full<'_>, start: (&State, &Wave), end: (&State, &Wave), direction: Sign) -> bool {
+        let turning = self.flows.base_share * self.flows.turning;
+        let slip = |(state, wave): (&State, &Wave)| signed(direction, state.v_m_per_s - turning * wave.cosine);
+        let angle = full.table.angle;
+        let base_sag = turning * angle * angle * (full.size[3] + full.size[4]) * 0.125;
+        slip(start).min(slip(end)) > full.sag() + base_sag
+    }
+
+    /// Whether a particle that moves with the structure does so all along the arc.
+    #[inline]
+    fn stays_held(&self, full: &Full<'_>, end: &State, end_wave: &Wave) -> bool {
+        let Contact::Held(side) = self.mode.contact else {
+            return true;
+        };
+        if self.soft.is_some() {
+            return false;
+        }
+        let (start, last, beyond) = full.accelerations(end, end_wave);
+        let square = full.table.step_s * full.table.step_s;
+        let (low, high) = self.c.held_limits(side, 0.0);
+        high.is_none_or(|high| start.max(last) + beyond < high * square)
+            && low.is_none_or(|low| start.min(last) - beyond > low * square)
+    }
+
+    /// The one root of a gap that is more than nothing, or grows, at the start and is less at the end.
+    #[inline(never)]
+    fn find_hit(&self, full: &Full<'_>, state: &State, wave: &Wave, side: Sign) -> Option<Hit> {
+        let table = full.table;
+        let h = table.step_s;
+        let gap = self.c.clearance - signed(side, state.offset_m);
+        let closing = signed(side, state.slide_m_per_s) * h;
+        let pull = signed(side, 0.5 * self.leg.particle_acceleration * (h * h));
+        let travel = closing + pull - signed(side, full.shift - full.unit[1] * h);
+        let guess = if closing > 0.0 {
+            inverse_cubic(gap, travel, closing, closing + 2.0 * pull - signed(side, full.gain) * h)
+        } else {
+            back_after(gap, -closing, -signed(side, dot(&table.rates[0], &full.unit)), travel)
+        };
+        let motion = Motion::new(table, &full.unit, wave);
+        let (at, near) = motion.gap_closes(side, gap, closing, pull, guess)?;
+        let rate = near.rate * table.per_step;
+        let state = State {
+            x_m: near.x,
+            v_m_per_s: state.v_m_per_s + rate,
+            offset_m: signed(side, self.c.clearance),
+            slide_m_per_s: state.slide_m_per_s + (self.leg.particle_acceleration * h * at - rate),
+        };
+        Some(Hit { at, side, state, wave: near.wave })
+    }
+}
