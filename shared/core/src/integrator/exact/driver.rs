@@ -42,6 +42,21 @@ pub(super) struct Fresh {
     pub press: usize,
 }
 
+/// What a motion has cost so far, counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Arcs whose outcome their two ends proved.
+    pub arcs_proved: u64,
+    /// Arcs whose guards were walked along.
+    pub arcs_walked: u64,
+    /// Impacts located by Newton steps.
+    pub impacts_located: u64,
+    /// Evaluations of a series that those took.
+    pub newton_steps: u64,
+    /// Sine and cosine pairs taken.
+    pub sines: u64,
+}
+
 /// A set-up in motion under an excitation in closed form.
 ///
 /// ```
@@ -75,6 +90,7 @@ pub struct Exact {
     pub(super) arcs_since_anchor: u32,
     pub(super) events_at_once: u32,
     unresolved: u32,
+    pub(super) work: Work,
 }
 
 impl Exact {
@@ -120,6 +136,7 @@ impl Exact {
             arcs_since_anchor: 0,
             events_at_once: 0,
             unresolved: 0,
+            work: Work::default(),
         };
         exact.reset(0.0, initial);
         Ok(exact)
@@ -181,6 +198,12 @@ impl Exact {
         self.unresolved
     }
 
+    /// What the motion has cost since [`Exact::new`].
+    #[must_use]
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
     /// z and z′ now, m and m/s.
     #[must_use]
     pub fn base(&self) -> (f64, f64) {
@@ -236,6 +259,7 @@ impl Exact {
     fn anchor(&mut self) {
         self.wave = self.excitation.wave(self.time);
         self.arcs_since_anchor = 0;
+        self.work.sines += 1;
     }
 
     pub(super) fn base_velocity(&self) -> f64 {
@@ -306,8 +330,15 @@ impl Exact {
         if mode != self.mode {
             observer.mode(self.time.seconds(), mode);
         }
+        // A particle that only turns round, without friction, moves by the same equations.
+        let turned = matches!((self.mode.contact, mode.contact), (Contact::Free(_), Contact::Free(_)))
+            && self.mode.grip == mode.grip
+            && self.c.friction_acceleration == 0.0
+            && self.touch == Touch::Clear;
         self.mode = mode;
-        self.set_leg();
+        if !turned {
+            self.set_leg();
+        }
     }
 
     /// Derives the equations of motion from the mode.
@@ -369,6 +400,7 @@ impl Exact {
         let full = rest_s > h;
         let (state, wave) = (self.state, self.wave);
         let most = if full { 1.0 } else { rest_s / h };
+        self.work.arcs_walked += 1;
         let span = self.flows.span(&self.leg, &state, &wave);
         let (mut at, mut event) = (most, None);
         if self.events_at_once < MOST_EVENTS_AT_ONCE {

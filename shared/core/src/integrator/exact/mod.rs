@@ -54,7 +54,7 @@ pub mod response;
 pub mod series;
 pub mod time;
 
-pub use driver::{Exact, Touch};
+pub use driver::{Exact, Touch, Work};
 pub use excitation::Excitation;
 pub use flow::State;
 pub use observe::{Arc, ContactEnd, Impact, Observer};

@@ -68,11 +68,12 @@ impl<'a> Motion<'a> {
         Self { table, unit, wave, bend: Bend::new(&table.columns, unit) }
     }
 
-    /// The root of `gap − closing τ − pull τ² + side·(curved part)`, which falls all along the arc and through zero.
+    /// The root of `gap − closing τ − pull τ² + side·(curved part)`, which passes through zero once,
+    /// the motion there, and the steps taken.
     #[inline]
-    pub fn gap_closes(&self, side: Sign, gap: f64, closing: f64, pull: f64, guess: f64) -> Option<(f64, Near)> {
+    pub fn gap_closes(&self, side: Sign, gap: f64, closing: f64, pull: f64, guess: f64) -> Option<(f64, Near, u32)> {
         let (mut low, mut high, mut t) = (0.0, 1.0, guess);
-        for _ in 0..MOST_STEPS {
+        for steps in 1..=MOST_STEPS {
             let (curved, rate) = self.bend.at(t);
             let here = gap - (closing + pull * t) * t + signed(side, curved);
             let per_speed = 1.0 / (closing + 2.0 * pull * t - signed(side, rate));
@@ -87,7 +88,7 @@ impl<'a> Motion<'a> {
                     let third = signed(side, rates[1] * (1.0 / 6.0) + near * (rates[2] * (1.0 / 24.0)));
                     let left = step - near + near * near * (bent + near * third) * per_speed;
                     let more = near + left * (1.0 + 2.0 * q * near);
-                    return Some((t + more, self.after((t, more), (curved, rate), &rates, &wave)));
+                    return Some((t + more, self.after((t, more), (curved, rate), &rates, &wave), steps));
                 }
             }
             if here > 0.0 {

@@ -25,6 +25,8 @@ pub(super) struct Hit {
     pub side: Sign,
     pub state: State,
     pub wave: Wave,
+    /// Newton steps it took.
+    steps: u32,
 }
 
 /// An oscillator over a full arc from a state.
@@ -70,7 +72,7 @@ impl Exact {
         let table = self.flows.oscillator(self.leg.path).filter(|_| ready && !self.has_tmd)?;
         let h = table.step_s;
         let (mut state, mut wave, mut time, mut arcs) = (self.state, self.wave, self.time, self.arcs_since_anchor);
-        let mut hit = None;
+        let (mut meets, mut proved, mut sines) = (None, 0, 0);
         while time.until(limit_s) > h {
             let full = Full::new(table, self.leg.structure_acceleration, &state, &wave);
             let end = self.after(&full, &state);
@@ -79,7 +81,7 @@ impl Exact {
                 Verdict::Clear => {}
                 Verdict::Unsure => break,
                 Verdict::Hit(side) => {
-                    hit = self.find_hit(&full, &state, &wave, side);
+                    meets = Some(side);
                     break;
                 }
             }
@@ -87,17 +89,25 @@ impl Exact {
             (state, wave) = (end, end_wave);
             time = time.plus(h);
             arcs += 1;
+            proved += 1;
             if arcs >= ARCS_PER_ANCHOR {
                 (wave, arcs) = (self.excitation.wave(time), 0);
+                sines += 1;
             }
         }
+        let hit = meets.and_then(|side| self.find_hit(table, &state, &wave, side));
         if let Some(found) = &hit {
             let length_s = h * found.at;
             self.report((&state, &wave), (&found.state, &found.wave), (time, length_s), None, observer);
             (state, wave) = (found.state, found.wave);
             time = time.plus(length_s);
             arcs += 1;
+            proved += 1;
+            self.work.impacts_located += 1;
+            self.work.newton_steps += u64::from(found.steps);
         }
+        self.work.arcs_proved += proved;
+        self.work.sines += sines;
         if time != self.time {
             (self.state, self.wave, self.time, self.arcs_since_anchor) = (state, wave, time, arcs);
             self.fresh = Fresh::default();
@@ -161,7 +171,7 @@ impl Exact {
     }
 
     /// Whether a particle that ends past a wall is pressed towards it all along the arc: then it crosses it once.
-    #[inline]
+    #[inline(always)]
     fn bounces(&self, full: &Full<'_>, state: &State, end: &State, end_wave: &Wave) -> Verdict {
         let side = sign(end.offset_m);
         let d = self.c.clearance;
@@ -178,7 +188,7 @@ impl Exact {
     }
 
     /// Whether the structure slips in `direction` on the damper all along the arc.
-    #[inline]
+    #[inline(always)]
     fn slips_on(&self, full: &Full<'_>, start: (&State, &Wave), end: (&State, &Wave), direction: Sign) -> bool {
         let turning = self.flows.base_share * self.flows.turning;
         let slip = |(state, wave): (&State, &Wave)| signed(direction, state.v_m_per_s - turning * wave.cosine);
@@ -188,7 +198,7 @@ impl Exact {
     }
 
     /// Whether a particle that moves with the structure does so all along the arc.
-    #[inline]
+    #[inline(always)]
     fn stays_held(&self, full: &Full<'_>, end: &State, end_wave: &Wave) -> bool {
         let Contact::Held(side) = self.mode.contact else {
             return true;
@@ -205,8 +215,8 @@ impl Exact {
 
     /// The one root of a gap that is more than nothing, or grows, at the start and is less at the end.
     #[inline(never)]
-    fn find_hit(&self, full: &Full<'_>, state: &State, wave: &Wave, side: Sign) -> Option<Hit> {
-        let table = full.table;
+    fn find_hit(&self, table: &Oscillator, state: &State, wave: &Wave, side: Sign) -> Option<Hit> {
+        let full = Full::new(table, self.leg.structure_acceleration, state, wave);
         let h = table.step_s;
         let gap = self.c.clearance - signed(side, state.offset_m);
         let closing = signed(side, state.slide_m_per_s) * h;
@@ -218,7 +228,7 @@ impl Exact {
             back_after(gap, -closing, -signed(side, dot(&table.rates[0], &full.unit)), travel)
         };
         let motion = Motion::new(table, &full.unit, wave);
-        let (at, near) = motion.gap_closes(side, gap, closing, pull, guess)?;
+        let (at, near, steps) = motion.gap_closes(side, gap, closing, pull, guess)?;
         let rate = near.rate * table.per_step;
         let state = State {
             x_m: near.x,
@@ -226,6 +236,6 @@ impl Exact {
             offset_m: signed(side, self.c.clearance),
             slide_m_per_s: state.slide_m_per_s + (self.leg.particle_acceleration * h * at - rate),
         };
-        Some(Hit { at, side, state, wave: near.wave })
+        Some(Hit { at, side, state, wave: near.wave, steps })
     }
 }
