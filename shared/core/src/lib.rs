@@ -7,6 +7,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod analysis;
 pub mod control;
 #[cfg(feature = "fixed-point")]
 pub mod fixed_point;

@@ -330,15 +330,8 @@ impl Exact {
         if mode != self.mode {
             observer.mode(self.time.seconds(), mode);
         }
-        // A particle that only turns round, without friction, moves by the same equations.
-        let turned = matches!((self.mode.contact, mode.contact), (Contact::Free(_), Contact::Free(_)))
-            && self.mode.grip == mode.grip
-            && self.c.friction_acceleration == 0.0
-            && self.touch == Touch::Clear;
         self.mode = mode;
-        if !turned {
-            self.set_leg();
-        }
+        self.set_leg();
     }
 
     /// Derives the equations of motion from the mode.

@@ -105,7 +105,14 @@ impl Exact {
         let slip = slip + (v - before.v_m_per_s);
         // The common case needs no deciding: the particle flies back and nothing can stick.
         if slide != 0.0 && self.c.damper_force == 0.0 {
-            self.set_mode(Mode { contact: Contact::Free(sign(slide)), ..self.mode }, observer);
+            let mode = Mode { contact: Contact::Free(sign(slide)), ..self.mode };
+            if self.c.friction_acceleration == 0.0 && mode != self.mode {
+                // Without friction it moves by the same equations.
+                observer.mode(self.time.seconds(), mode);
+                self.mode = mode;
+            } else {
+                self.set_mode(mode, observer);
+            }
         } else {
             self.mode.contact = Contact::Free(0);
             self.resolve(slip, observer);

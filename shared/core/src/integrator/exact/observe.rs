@@ -3,7 +3,7 @@
 use core::cell::OnceCell;
 
 use super::excitation::Wave;
-use super::flow::{Flows, Leg, Span, State};
+use super::flow::{Flows, Leg, Path, Span, State};
 use super::series;
 use crate::integrator::modes::{Mode, Sign};
 
@@ -37,6 +37,21 @@ impl Arc<'_> {
     #[must_use]
     pub fn end_fraction(&self) -> f64 {
         self.length_s / self.leg.step_s
+    }
+
+    /// The force applied to the structure at `fraction` of the series' interval, N; 0 when the base moves instead.
+    #[must_use]
+    pub fn applied_force_n(&self, fraction: f64) -> f64 {
+        let share = 1.0 - self.flows.base_share;
+        if share > 0.0 { share * self.wave.turned(self.flows.turning * self.leg.step_s * fraction).sine } else { 0.0 }
+    }
+
+    /// The offset at which the spring between structure and second mass is at rest, m; none while nothing joins them.
+    #[must_use]
+    pub fn link_rest_m(&self) -> Option<f64> {
+        let joined = matches!(self.leg.path, Path::Coupled | Path::CarriedCoupled);
+        // A particle that friction holds against a pressed wall moves with the structure and keeps the wall pressed.
+        (joined || self.leg.rest_offset != 0.0).then_some(self.leg.rest_offset)
     }
 
     /// The state `after_s` from its start, 0 to `length_s`.

@@ -153,7 +153,7 @@ const NODES: [(f64, f64); 4] = [
 
 /// ∫₀^to f dτ by eight points. For a product of two displacements of an arc (at most 1.6 rad of its fastest term)
 /// the rule's error is below 10⁻¹⁷ of its size.
-pub(super) fn integral(to: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
+pub(crate) fn integral(to: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     let half = 0.5 * to;
     let mut sum = 0.0;
     for (node, weight) in NODES {

@@ -1,0 +1,131 @@
+//! The engine beside its peers, in one run: `cargo bench`.
+//!
+//! Every line is the median of interleaved rounds, so that a machine shared with others slows all lines alike; the
+//! ratio is what counts. Figures are cycles of the base per second, single thread. Units: Z = 1.
+//!
+//! Peers: an adaptive Runge–Kutta method with root finding from a crate ([`peers::diffsol`]), and the fixed-step
+//! Runge–Kutta method with a step of 10⁻⁴ s that the source document used ([`peers::fixed_step`]).
+
+mod cases;
+mod peers;
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use cases::Case;
+
+/// Rounds, and the least time a line is measured in each.
+const ROUNDS: usize = 9;
+const LEAST: Duration = Duration::from_millis(40);
+
+/// One line: what runs and how many cycles (or seconds of a record) one run is.
+struct Line {
+    name: String,
+    unit: &'static str,
+    amount: f64,
+    run: Box<dyn FnMut() -> f64>,
+    result: f64,
+    rates: Vec<f64>,
+}
+
+impl Line {
+    fn new(name: &str, unit: &'static str, amount: f64, run: impl FnMut() -> f64 + 'static) -> Self {
+        Self { name: name.to_owned(), unit, amount, run: Box::new(run), result: 0.0, rates: Vec::new() }
+    }
+
+    fn round(&mut self) {
+        let (start, mut runs) = (Instant::now(), 0);
+        while runs == 0 || start.elapsed() < LEAST {
+            self.result = black_box((self.run)());
+            runs += 1;
+        }
+        self.rates.push(f64::from(runs) * self.amount / start.elapsed().as_secs_f64());
+    }
+
+    fn median(&self) -> f64 {
+        let mut sorted = self.rates.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    }
+}
+
+fn main() {
+    // `cargo test --benches` only asks whether it runs.
+    let rounds = if std::env::args().any(|a| a == "--bench") { ROUNDS } else { 1 };
+    let mut groups = groups();
+    for _ in 0..rounds {
+        for line in groups.iter_mut().flat_map(|(_, lines)| lines) {
+            line.round();
+        }
+    }
+    for (title, lines) in &groups {
+        println!("\n{title}");
+        let slowest = lines.iter().map(Line::median).fold(f64::INFINITY, f64::min);
+        for line in lines {
+            let rate = line.median();
+            println!(
+                "  {:<34} {:>12.0} {:<9} {:>8.1} ×   result {:.12}",
+                line.name,
+                rate,
+                line.unit,
+                rate / slowest,
+                line.result
+            );
+        }
+    }
+    accuracy();
+    cost();
+}
+
+fn groups() -> Vec<(String, Vec<Line>)> {
+    let mut groups = Vec::new();
+    for case in Case::ALL {
+        let cycles = case.cycles();
+        let mut lines = vec![Line::new("damprig, exact", "cycles/s", cycles, move || case.exact())];
+        if case.peers_finish() {
+            lines.push(Line::new("diffsol tsit45 with roots, 1e-10", "cycles/s", cycles, move || {
+                case.sum(|set| peers::diffsol(set, 1e-10))
+            }));
+        }
+        lines.push(Line::new("Runge–Kutta, step 1e-4 s", "cycles/s", cycles, move || case.sum(peers::fixed_step)));
+        groups.push((case.title(), lines));
+    }
+    let (set_up, samples) = cases::record();
+    let seconds = samples.len() as f64 * cases::RECORD_STEP_S;
+    groups.push((
+        format!("Record, {seconds:.0} s at {:.0} Hz, hybrid, sampled driver", 1.0 / cases::RECORD_STEP_S),
+        vec![Line::new("damprig, sampled", "× real", seconds, move || cases::sampled(&set_up, &samples))],
+    ));
+    groups
+}
+
+/// Case A ends on an orbit that is known in closed form.
+fn accuracy() {
+    let (last, closed_form) = (Case::A.exact(), cases::orbit_approach_speed());
+    println!("\nAccuracy, case A: last impact speed against the closed form of the orbit it settles on");
+    for (name, value) in [
+        ("damprig, exact", last),
+        ("diffsol tsit45 with roots, 1e-10", Case::A.sum(|set| peers::diffsol(set, 1e-10))),
+        ("Runge–Kutta, step 1e-4 s", Case::A.sum(peers::fixed_step)),
+    ] {
+        println!("  {name:<34} {:.1e}", (value / closed_form - 1.0).abs());
+    }
+}
+
+/// Where the time goes.
+fn cost() {
+    println!("\nPer impact: arcs proved by their ends, arcs walked, Newton steps, sine–cosine pairs; impacts a cycle");
+    for case in Case::ALL {
+        let (work, impacts, cycles) = case.work();
+        let per = |n: u64| n as f64 / impacts as f64;
+        println!(
+            "  {:<34} {:>6.2} {:>6.3} {:>6.2} {:>6.3} {:>8.2}",
+            case.title(),
+            per(work.arcs_proved),
+            per(work.arcs_walked),
+            per(work.newton_steps),
+            per(work.sines),
+            impacts as f64 / cycles
+        );
+    }
+}

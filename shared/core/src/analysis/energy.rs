@@ -1,0 +1,171 @@
+//! Where the energy comes from and where it goes, mechanism by mechanism.
+//!
+//! The base (or the force) does work on the system; dashpot, impacts, internal friction, friction damper and the link
+//! of a soft wall or tuned mass take it. Nothing else may: [`Balance::residual_j`] is the check.
+
+use crate::integrator::exact::response::integral;
+use crate::integrator::exact::{Arc, Impact, Observer, State, series};
+use crate::integrator::modes::{Contact, Grip, Sign, sign};
+use crate::model::{SetUp, Wall};
+
+/// Energy by mechanism since the start of the observation, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Balance {
+    /// Work of the base, and of the force, on the system.
+    pub input_j: f64,
+    /// Taken by the structure's dashpot.
+    pub structure_damping_j: f64,
+    /// Taken by impacts on hard walls, also those of an accumulation that were summed.
+    pub impacts_j: f64,
+    /// Taken by friction between particle and structure.
+    pub internal_friction_j: f64,
+    /// Taken by the friction damper.
+    pub friction_damper_j: f64,
+    /// Taken by the dashpot of a soft wall or of the tuned mass.
+    pub link_damping_j: f64,
+    /// Kinetic and elastic energy now less that at the start.
+    pub stored_j: f64,
+}
+
+impl Balance {
+    /// All that was taken.
+    #[must_use]
+    pub fn dissipated_j(&self) -> f64 {
+        self.structure_damping_j
+            + self.impacts_j
+            + self.internal_friction_j
+            + self.friction_damper_j
+            + self.link_damping_j
+    }
+
+    /// What the balance leaves open: rounding, if the motion is right.
+    #[must_use]
+    pub fn residual_j(&self) -> f64 {
+        self.input_j - self.dissipated_j() - self.stored_j
+    }
+}
+
+/// Keeps the balance of a run.
+#[derive(Clone, Debug)]
+pub struct EnergyMeter {
+    set_up: SetUp,
+    second_mass_kg: f64,
+    link_stiffness: f64,
+    link_damping: f64,
+    friction_n: f64,
+    balance: Balance,
+    stored_at_start_j: Option<f64>,
+    lost_before_start_j: f64,
+    pressed_m: f64,
+}
+
+impl EnergyMeter {
+    /// Of a motion of `set_up`.
+    #[must_use]
+    pub fn new(set_up: &SetUp) -> Self {
+        let (mut second_mass_kg, mut link_stiffness, mut link_damping, mut friction_n) = (0.0, 0.0, 0.0, 0.0);
+        if let Some(particle) = set_up.particle {
+            second_mass_kg = particle.mass_kg;
+            friction_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
+            if let Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } = particle.wall {
+                (link_stiffness, link_damping) = (stiffness_n_per_m, damping_n_s_per_m);
+            }
+        } else if let Some(tmd) = set_up.tmd {
+            second_mass_kg = tmd.mass_kg;
+            (link_stiffness, link_damping) = (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m);
+        }
+        Self {
+            set_up: *set_up,
+            second_mass_kg,
+            link_stiffness,
+            link_damping,
+            friction_n,
+            balance: Balance::default(),
+            stored_at_start_j: None,
+            lost_before_start_j: 0.0,
+            pressed_m: 0.0,
+        }
+    }
+
+    /// The balance so far.
+    #[must_use]
+    pub fn balance(&self) -> Balance {
+        self.balance
+    }
+
+    fn stored_j(&self, state: &State, base_m: f64, pressed: f64) -> f64 {
+        let structure = &self.set_up.structure;
+        let (u, stretch) = (state.u_m_per_s(), state.x_m - base_m);
+        0.5 * (structure.mass_kg * state.v_m_per_s * state.v_m_per_s
+            + self.second_mass_kg * u * u
+            + structure.stiffness_n_per_m * stretch * stretch
+            + self.link_stiffness * pressed * pressed)
+    }
+}
+
+impl Observer for EnergyMeter {
+    fn arc(&mut self, arc: &Arc<'_>) {
+        let (span, end) = (arc.span(), arc.end_fraction());
+        let (h, per_step) = (span.step_s, 1.0 / span.step_s);
+        let rate = |p: &series::Series| series::derivative(p).map(|c| c * per_step);
+        let (x_rate, z_rate, slide) = (rate(&span.x), rate(&span.base), rate(&span.offset));
+        let (x_second, slide_rate) = (rate(&x_rate), rate(&slide));
+        let structure = &self.set_up.structure;
+        let (mass, second) = (structure.mass_kg, self.second_mass_kg);
+        let over = |f: &mut dyn FnMut(f64) -> f64| h * integral(end, f);
+
+        self.balance.structure_damping_j += over(&mut |at| {
+            let slip = series::value(&x_rate, at) - series::value(&z_rate, at);
+            structure.damping_n_s_per_m * slip * slip
+        });
+        // The base pushes with whatever the momentum of everything on it gains beyond what the force gives.
+        self.balance.input_j += over(&mut |at| {
+            let gained = (mass + second) * series::value(&x_second, at) + second * series::value(&slide_rate, at);
+            let force = arc.applied_force_n(at);
+            series::value(&z_rate, at) * (gained - force) + series::value(&x_rate, at) * force
+        });
+        if let (Grip::Slip(direction), Some(damper)) = (arc.mode.grip, self.set_up.friction_damper)
+            && direction != 0
+        {
+            let slipped = series::value(&span.x, end) - span.x[0] - (series::value(&span.base, end) - span.base[0]);
+            self.balance.friction_damper_j += damper.force_n * slipped.abs();
+        }
+        if let (Contact::Free(_), true) = (arc.mode.contact, self.friction_n > 0.0) {
+            self.balance.internal_friction_j += self.friction_n * (arc.end.offset_m - arc.start.offset_m).abs();
+        }
+        let link = arc.link_rest_m().filter(|_| self.link_stiffness + self.link_damping > 0.0);
+        if link.is_none() {
+            // What the spring of a wall keeps when it lets go early goes into its own dashpot.
+            self.balance.link_damping_j += 0.5 * self.link_stiffness * self.pressed_m * self.pressed_m;
+        }
+        if link.is_some() {
+            self.balance.link_damping_j += over(&mut |at| {
+                let slide = series::value(&slide, at);
+                self.link_damping * slide * slide
+            });
+        }
+        let pressed = |offset: f64| link.map_or(0.0, |rest| offset - rest);
+        let before = self.stored_j(&arc.start, span.base[0], pressed(arc.start.offset_m));
+        let after = self.stored_j(&arc.end, series::value(&span.base, end), pressed(arc.end.offset_m));
+        self.pressed_m = pressed(arc.end.offset_m);
+        let start = *self.stored_at_start_j.get_or_insert(before + self.lost_before_start_j);
+        self.balance.stored_j = after - start;
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        let kinetic = |state: &State| {
+            let (v, u) = (state.v_m_per_s, state.u_m_per_s());
+            0.5 * (self.set_up.structure.mass_kg * v * v + self.second_mass_kg * u * u)
+        };
+        let lost = kinetic(&impact.before) - kinetic(&impact.after);
+        self.balance.impacts_j += lost;
+        if self.stored_at_start_j.is_none() {
+            self.lost_before_start_j += lost;
+        }
+    }
+
+    fn rest(&mut self, _time_s: f64, _side: Sign, energy_j: f64) {
+        debug_assert!(sign(energy_j) >= 0);
+        self.balance.impacts_j += energy_j;
+    }
+}
