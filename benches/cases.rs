@@ -44,13 +44,13 @@ impl Setting {
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     }
 
-    fn motion(&self) -> Exact {
+    fn motion(&self, x_m: f64) -> Exact {
         let sine = Excitation::Sine {
             amplitude_m: 1.0,
             angular_frequency_rad_per_s: self.angular_frequency_rad_per_s(),
             phase_rad: 0.0,
         };
-        Exact::new(&self.set_up(), &sine, &Initial::default()).expect("a physical set-up")
+        Exact::new(&self.set_up(), &sine, &Initial { x_m, ..Initial::default() }).expect("a physical set-up")
     }
 }
 
@@ -119,18 +119,24 @@ impl Case {
     /// A and D: the last impact's approach speed, m/s (summed over D). B and C: the mean of the cycles' largest |x|
     /// over the second half, m.
     pub fn exact(self) -> f64 {
+        if matches!(self, Self::B | Self::C) {
+            return self.mean_cycle_maximum(0.0);
+        }
         self.sum(|setting| {
-            let mut motion = setting.motion();
-            if matches!(self, Self::A | Self::D) {
-                let mut last = Last::default();
-                motion.run(setting.end_s(), &mut last);
-                return last.speed_m_per_s;
-            }
+            let (mut motion, mut last) = (setting.motion(0.0), Last::default());
+            motion.run(setting.end_s(), &mut last);
+            last.speed_m_per_s
+        })
+    }
+
+    /// The mean of the cycles' largest |x| over the second half, m, from a start `x_m` away from rest.
+    pub fn mean_cycle_maximum(self, x_m: f64) -> f64 {
+        self.sum(|setting| {
+            let mut motion = setting.motion(x_m);
             let half = (setting.cycles / 2.0).floor();
             let cycle_s = setting.end_s() / setting.cycles;
             motion.run(half * cycle_s, &mut ());
-            let wanted =
-                Wanted { cycle_s: Some(cycle_s), steady_from_cycle: Some(half as u64), ..Wanted::default() };
+            let wanted = Wanted { cycle_s: Some(cycle_s), steady_from_cycle: Some(half as u64), ..Wanted::default() };
             let mut response = Response::new(wanted);
             motion.run(setting.end_s(), &mut response);
             response.finish(setting.end_s());
@@ -142,7 +148,7 @@ impl Case {
     pub fn work(self) -> (Work, u64, f64) {
         let (mut sum, mut impacts) = (Work::default(), 0);
         for setting in self.settings() {
-            let (mut motion, mut last) = (setting.motion(), Last::default());
+            let (mut motion, mut last) = (setting.motion(0.0), Last::default());
             motion.run(setting.end_s(), &mut last);
             let work = motion.work();
             sum.arcs_proved += work.arcs_proved;

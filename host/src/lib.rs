@@ -2,6 +2,7 @@
 //!
 //! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
 
+pub mod analysis;
 pub mod campaign;
 pub mod commands;
 pub mod export;

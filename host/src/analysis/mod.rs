@@ -1,0 +1,6 @@
+//! Periodic orbits of the exact engine and their stability. Closed forms, sections and energy are in
+//! [`damprig_core::analysis`]; this part needs linear algebra.
+
+mod periodic_orbit;
+
+pub use periodic_orbit::{NotFound, PeriodicOrbit};
