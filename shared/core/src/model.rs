@@ -1,11 +1,17 @@
 //! What is mounted on the shaker: the structure and its damper, in SI units, as plain data.
 //!
 //! [`SetUp`] is what files and the protocol carry; [`SetUp::validate`] is the one place that says which
-//! values are physical. How it moves is the [`crate::integrator`]'s business; what a base motion is, too.
+//! values are physical. Walls from material data are in [`soft_wall`](DampingLaw), tuning rules in [`Tuning`]. How it moves is the [`crate::integrator`]'s business; what a base motion is, too.
+
+mod soft_wall;
+mod tuning;
 
 use core::f64::consts::PI;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+
+pub use soft_wall::{DampingLaw, Material};
+pub use tuning::Tuning;
 
 /// Standard gravity as the rig's defaults use it, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
