@@ -46,6 +46,13 @@ pub enum Excitation {
         /// φ, rad.
         phase_rad: f64,
     },
+    /// z = 0 and a force P sin(πt/T) on the structure up to T, then none.
+    ForceHalfSine {
+        /// P, N.
+        amplitude_n: f64,
+        /// T, s; greater than 0.
+        duration_s: f64,
+    },
 }
 
 /// The excitation at an instant: `offset + sine`, with `sine′ = Ω·cosine` and `cosine′ = −Ω·sine`.
@@ -81,6 +88,10 @@ impl Excitation {
                 positive("force.angular_frequency_rad_per_s", angular_frequency_rad_per_s)?;
                 finite("force.phase_rad", phase_rad)
             }
+            Self::ForceHalfSine { amplitude_n, duration_s } => {
+                finite("force.amplitude_n", amplitude_n)?;
+                positive("force.duration_s", duration_s)
+            }
         }
     }
 
@@ -92,7 +103,7 @@ impl Excitation {
             Self::Sine { angular_frequency_rad_per_s, .. } | Self::ForceSine { angular_frequency_rad_per_s, .. } => {
                 angular_frequency_rad_per_s
             }
-            Self::HalfSine { duration_s, .. } => PI / duration_s,
+            Self::HalfSine { duration_s, .. } | Self::ForceHalfSine { duration_s, .. } => PI / duration_s,
             Self::Versine { duration_s, .. } => TAU / duration_s,
         }
     }
@@ -100,29 +111,40 @@ impl Excitation {
     /// Whether it moves the base (else it pushes the structure).
     #[must_use]
     pub fn moves_base(&self) -> bool {
-        !matches!(self, Self::ForceSine { .. })
+        !matches!(self, Self::ForceSine { .. } | Self::ForceHalfSine { .. })
     }
 
     /// The instant after `t_s` at which the closed form changes; infinite when there is none.
     #[must_use]
     pub fn next_break_s(&self, t_s: f64) -> f64 {
-        match *self {
-            Self::HalfSine { duration_s, .. } | Self::Versine { duration_s, .. } if t_s < duration_s => duration_s,
+        match self.ends_s() {
+            Some(end_s) if t_s < end_s => end_s,
             _ => f64::INFINITY,
+        }
+    }
+
+    /// When a pulse is over, s.
+    fn ends_s(&self) -> Option<f64> {
+        match *self {
+            Self::HalfSine { duration_s, .. }
+            | Self::Versine { duration_s, .. }
+            | Self::ForceHalfSine { duration_s, .. } => Some(duration_s),
+            Self::Fixed | Self::Sine { .. } | Self::ForceSine { .. } => None,
         }
     }
 
     /// The wave at `time`, from the sine and cosine of the phase reduced with twice the digits of an `f64`.
     #[must_use]
     pub fn wave(&self, time: Time) -> Wave {
+        if self.ends_s().is_some_and(|end_s| time.seconds() >= end_s) {
+            return Wave::default();
+        }
         let (offset, amplitude, phase) = match *self {
             Self::Fixed => return Wave::default(),
-            Self::HalfSine { duration_s, .. } | Self::Versine { duration_s, .. } if time.seconds() >= duration_s => {
-                return Wave::default();
-            }
             Self::Sine { amplitude_m, phase_rad, .. } => (0.0, amplitude_m, phase_rad),
             Self::ForceSine { amplitude_n, phase_rad, .. } => (0.0, amplitude_n, phase_rad),
             Self::HalfSine { amplitude_m, .. } => (0.0, amplitude_m, 0.0),
+            Self::ForceHalfSine { amplitude_n, .. } => (0.0, amplitude_n, 0.0),
             Self::Versine { amplitude_m, .. } => (0.5 * amplitude_m, 0.5 * amplitude_m, -FRAC_PI_2),
         };
         let angle = time.phase_rad(self.angular_frequency_rad_per_s()) + phase;
