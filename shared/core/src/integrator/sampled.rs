@@ -27,12 +27,15 @@
 
 mod correct;
 mod guards;
+mod joint;
 
 use super::base::Segment;
-use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
+use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use super::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::model::{Initial, Invalid, SetUp, Wall, require};
 use crate::scalar::Scalar;
+
+pub use joint::{Joined, Joint, Link, Rigid, Touch};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -103,6 +106,11 @@ pub struct Impact<S> {
 
 /// Sees the motion between the samples. Every method may be left out.
 pub trait Observer<S> {
+    /// The next flight is in `mode`.
+    fn mode(&mut self, mode: Mode) {
+        let _ = mode;
+    }
+
     /// `flight` is valid from `start` for `length`, both in steps.
     fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
         let _ = (start, length, flight);
@@ -111,6 +119,11 @@ pub trait Observer<S> {
     /// The particle hit a wall.
     fn impact(&mut self, impact: &Impact<S>) {
         let _ = impact;
+    }
+
+    /// The soft wall of `side` let go at `at` (steps from the start of the step), the particle leaving at `separation`.
+    fn contact_end(&mut self, at: S, side: Sign, separation: S) {
+        let _ = (at, side, separation);
     }
 }
 
@@ -149,11 +162,13 @@ enum Event {
     SlipStops,
     HoldBreaks(Sign),
     GripBreaks,
+    LetGo(Sign),
+    Inside(Sign),
 }
 
-/// A set-up in motion, driven by base samples.
+/// A set-up in motion, driven by base samples; `J` says whether soft walls or a tuned mass are part of it.
 #[derive(Clone, Debug)]
-pub struct Sampled<S> {
+pub struct Sampled<S, J = Rigid> {
     c: Coefficients<S>,
     has_particle: bool,
     alone: Weights<S>,
@@ -166,6 +181,7 @@ pub struct Sampled<S> {
     slip_released: bool,
     unresolved: u32,
     units: Units,
+    joint: J,
 }
 
 impl<S: Scalar> Sampled<S> {
@@ -190,21 +206,27 @@ impl<S: Scalar> Sampled<S> {
     /// then in `units` too.
     ///
     /// # Errors
-    /// Names a value that is not physical, or a part this driver has no equations for (a soft wall, a tuned mass).
+    /// Names a value that is not physical, or a soft wall or tuned mass, which [`Joined`] has the equations for.
     pub fn new(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
         set_up.validate_initial(initial)?;
         if let Some(tmd) = &set_up.tmd {
-            require(false, "tmd.mass_kg", tmd.mass_kg, "left out: the sampled driver has no tuned mass damper")?;
+            require(false, "tmd.mass_kg", tmd.mass_kg, "left out: a tuned mass is for `Joined`")?;
         }
         if let Some(Wall::Voigt { stiffness_n_per_m, .. }) = set_up.particle.map(|p| p.wall) {
             require(
                 false,
                 "particle.wall.stiffness_n_per_m",
                 stiffness_n_per_m,
-                "left out: the sampled driver has hard walls (restitution) only",
+                "left out: soft walls are for `Joined`",
             )?;
         }
+        Ok(Self::with_joint(set_up, units, initial, Rigid))
+    }
+}
+
+impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
+    fn with_joint(set_up: &SetUp, units: Units, initial: &Initial, joint: J) -> Self {
         let c = Coefficients::in_units(set_up, &units);
         let mut sampled = Self {
             c,
@@ -217,23 +239,31 @@ impl<S: Scalar> Sampled<S> {
             slip_released: false,
             unresolved: 0,
             units,
+            joint,
         };
         sampled.reset(initial);
-        Ok(sampled)
+        sampled
     }
 
     /// Starts again from `initial`.
     pub fn reset(&mut self, initial: &Initial) {
-        let offset = if self.has_particle { initial.y_m - initial.x_m } else { 0.0 };
-        let slide = if self.has_particle { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
+        let is_tuned = self.joint.link().is_some_and(Link::is_tuned);
+        let has_second = self.has_particle || is_tuned;
+        let offset = if has_second { initial.y_m - initial.x_m } else { 0.0 };
+        let slide = if has_second { initial.u_m_per_s - initial.v_m_per_s } else { 0.0 };
         let (length, velocity) = (self.units.length_m, self.units.velocity_m_per_s());
         let d = self.c.clearance;
+        let offset = S::from_f64(offset / length);
         self.state = State {
             x: S::from_f64(initial.x_m / length),
             v: S::from_f64(initial.v_m_per_s / velocity),
-            offset: S::from_f64(offset / length).min(d).max(-d),
+            offset: if is_tuned { offset } else { offset.min(d).max(-d) },
             slide: S::from_f64(slide / velocity),
         };
+        if let Some(link) = self.joint.link_mut() {
+            link.touch = Touch::Clear;
+            link.touched = false;
+        }
         self.mode = None;
         self.slide_released = false;
         self.slip_released = false;
@@ -278,18 +308,32 @@ impl<S: Scalar> Sampled<S> {
             let slip = self.state.v - base.velocity();
             self.mode = Some(self.resolve(&base, slip));
         }
-        for _ in 0..MOST_EVENTS_PER_STEP {
+        let mut events = 0;
+        while events < MOST_EVENTS_PER_STEP {
             let mode = self.current_mode();
             let flight = self.flight(mode, &base);
             let rest = S::ONE - start;
-            let (length, event) = self.next_event(mode, &flight, &base, rest);
+            let most = self.joint.link().map_or(rest, |link| link.longest(mode, rest));
+            let (length, event) = self.next_event(mode, &flight, &base, most);
+            observer.mode(mode);
             observer.flight(start, length, &flight);
             self.advance(mode, &flight, length);
             if length > S::ZERO {
                 self.slide_released = false;
                 self.slip_released = false;
+                if let Some(link) = self.joint.link_mut() {
+                    link.touched = false;
+                }
             }
-            let Some(event) = event else { return };
+            let Some(event) = event else {
+                if self.joint.link().is_some() && most < rest {
+                    start += most;
+                    base = base.from(most);
+                    continue;
+                }
+                return;
+            };
+            events += 1;
             start += length;
             base = base.from(length);
             self.handle(event, mode, &base, start, observer);
@@ -297,9 +341,12 @@ impl<S: Scalar> Sampled<S> {
         self.unresolved += 1;
         let mode = self.current_mode();
         let flight = self.flight(mode, &base);
+        observer.mode(mode);
         observer.flight(start, S::ONE - start, &flight);
         self.advance(mode, &flight, S::ONE - start);
-        self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
+        if self.joint.link().is_none() {
+            self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
+        }
     }
 
     fn current_mode(&self) -> Mode {
@@ -308,6 +355,9 @@ impl<S: Scalar> Sampled<S> {
 
     /// The motion from the present state in `mode`.
     fn flight(&self, mode: Mode, base: &Segment<S>) -> Flight<S> {
+        if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
+            return self.joined_flight(link, mode, base);
+        }
         let z = &base.0;
         let mut x = [S::ZERO; COEFFICIENTS];
         let mut stretch = [S::ZERO; COEFFICIENTS];
@@ -350,7 +400,7 @@ impl<S: Scalar> Sampled<S> {
         let state = &mut self.state;
         state.x += polynomial::increment(&flight.x, length);
         state.v = flight.x[1] + polynomial::derivative_increment(&flight.x, length);
-        if let Contact::Free(_) = mode.contact {
+        if matches!(mode.contact, Contact::Free(_)) || self.joint.link().is_some_and(Link::is_tuned) {
             state.offset += polynomial::increment(&flight.offset, length);
             state.slide += polynomial::derivative_increment(&flight.offset, length);
         }
@@ -358,7 +408,9 @@ impl<S: Scalar> Sampled<S> {
 
     fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
         let d = self.c.clearance;
-        let side = if self.state.offset >= d {
+        let side = if self.joint.link().is_some() {
+            0
+        } else if self.state.offset >= d {
             1
         } else if self.state.offset <= -d {
             -1
@@ -371,7 +423,7 @@ impl<S: Scalar> Sampled<S> {
             slide: self.state.slide,
             side,
             base_acceleration: base.acceleration(),
-            joint_force: S::ZERO,
+            joint_force: self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, self.state.slide)),
             applied_force: S::ZERO,
         };
         modes::resolve(&self.c, self.has_particle, &situation)
@@ -385,7 +437,9 @@ impl<S: Scalar> Sampled<S> {
         match event {
             Event::Wall(side) => {
                 self.state.offset = signed(side, self.c.clearance);
-                if signed(side, self.state.slide) > S::ZERO {
+                if self.joint.link().is_some() {
+                    self.touch(side, slip, base, at, observer);
+                } else if signed(side, self.state.slide) > S::ZERO {
                     self.hit(side, mode, base, at, observer);
                 } else {
                     self.mode = Some(self.resolve(base, slip));
@@ -406,9 +460,10 @@ impl<S: Scalar> Sampled<S> {
             Event::GripBreaks => {
                 self.slip_released = true;
                 self.state.v = base.velocity();
-                let needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
-                self.mode = Some(Mode { grip: Grip::Slip(-sign(needed)), ..mode });
+                self.mode = Some(Mode { grip: Grip::Slip(self.breaking_direction(mode, base)), ..mode });
             }
+            Event::LetGo(side) => self.let_go(side, slip, base, at, observer),
+            Event::Inside(side) => self.inside(side),
         }
     }
 

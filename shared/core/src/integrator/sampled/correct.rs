@@ -1,10 +1,10 @@
 //! Corrections from outside: what an observer that follows a real structure may change between steps.
 
-use super::Sampled;
+use super::{Joint, Sampled};
 use crate::integrator::modes::Grip;
 use crate::scalar::Scalar;
 
-impl<S: Scalar> Sampled<S> {
+impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Moves the structure by `dx` and changes its velocity by `dv`, in units; the particle goes with it. A structure that
     /// sticks to its base keeps the base's velocity.
     pub fn nudge(&mut self, dx: S, dv: S) {

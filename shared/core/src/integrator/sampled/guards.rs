@@ -1,12 +1,12 @@
 //! What ends a flight: every quantity that must not become negative in a mode, and the first that would.
 
-use super::{Event, Flight, Sampled};
+use super::{Event, Flight, Joint, Sampled, Touch};
 use crate::integrator::base::Segment;
 use crate::integrator::modes::{Contact, Grip, Mode, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
 use crate::scalar::Scalar;
 
-impl<S: Scalar> Sampled<S> {
+impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The first violated guard within `rest`, and the time until then.
     pub(super) fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
         let mut first = (rest, None);
@@ -22,8 +22,17 @@ impl<S: Scalar> Sampled<S> {
             Contact::Free(direction) => {
                 let d = self.c.clearance;
                 let far = flight.offset[0].abs() + polynomial::reach(&flight.offset, rest);
-                if far >= d {
+                let touch = self.joint.link().map_or(Touch::Clear, |link| link.touch);
+                if let Some((side, guard)) = self.joint.link().and_then(|link| link.contact(&flight.offset)) {
+                    consider(&guard, Event::LetGo(side));
+                } else if far >= d {
                     for side in [1, -1] {
+                        if touch == Touch::Leaving(side) {
+                            let mut past = flight.offset.map(|coefficient| signed(side, coefficient));
+                            past[0] -= d;
+                            consider(&past, Event::Inside(side));
+                            continue;
+                        }
                         let mut gap = flight.offset.map(|coefficient| -signed(side, coefficient));
                         gap[0] += d;
                         if self.slide_released && gap[0] == S::ZERO {
@@ -42,7 +51,8 @@ impl<S: Scalar> Sampled<S> {
             }
             Contact::Held(side) => {
                 let acceleration = polynomial::derivative(&polynomial::derivative(&flight.x));
-                let (low, high) = self.c.held_limits(side, S::ZERO);
+                let joint_force = self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, S::ZERO));
+                let (low, high) = self.c.held_limits(side, joint_force);
                 if let Some(high) = high {
                     let mut guard = acceleration.map(|a| -a);
                     guard[0] += high;
@@ -70,6 +80,12 @@ impl<S: Scalar> Sampled<S> {
                 let mut needed = [S::ZERO; COEFFICIENTS];
                 needed[0] = self.c.holding_force(mode.contact, flight.stretch[0], base.acceleration());
                 needed[1] = mass * S::from_u8(6) * base.0[3];
+                if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
+                    let joint = link.force_along(&flight.offset);
+                    for (n, f) in needed.iter_mut().zip(joint) {
+                        *n -= f;
+                    }
+                }
                 let mut above = needed.map(|n| -n);
                 above[0] += self.c.damper_force;
                 consider(&above, Event::GripBreaks);

@@ -1,0 +1,295 @@
+//! A spring and a dashpot between structure and second mass: the soft walls of a particle, or a tuned mass.
+//!
+//! [`Sampled`] takes them as a type parameter. Without ([`Rigid`], the board's choice) nothing of this is compiled in; with
+//! them ([`Joined`]) the flights that the joint takes part in are shorter than a step where it is stiff, so that
+//! their polynomials stay exact, and cost nothing while the particle is away from the walls.
+
+use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled, Units};
+use crate::integrator::base::Segment;
+use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
+use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
+use crate::model::{Initial, Invalid, Release, SetUp, Wall};
+use crate::scalar::Scalar;
+
+/// The largest (fastest rate × flight) in which a joint acts: what is left out of such a flight is below
+/// 0.05⁷/7! = 2·10⁻¹³ of its amplitude. A contact with a stiff wall is hundreds of them.
+const LARGEST_RATE_PER_FLIGHT: f64 = 0.5 * LARGEST_RATE_PER_STEP;
+
+/// Whether anything joins structure and second mass.
+pub trait Joint<S>: Clone + core::fmt::Debug {
+    /// The joint, if there is one.
+    fn link(&self) -> Option<&Link<S>>;
+
+    /// The joint, to be changed.
+    fn link_mut(&mut self) -> Option<&mut Link<S>>;
+}
+
+/// Nothing: hard walls, or no second mass.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rigid;
+
+impl<S> Joint<S> for Rigid {
+    #[inline]
+    fn link(&self) -> Option<&Link<S>> {
+        None
+    }
+
+    #[inline]
+    fn link_mut(&mut self) -> Option<&mut Link<S>> {
+        None
+    }
+}
+
+/// A set-up with soft walls or a tuned mass under the sampled driver.
+pub type Joined<S> = Sampled<S, Link<S>>;
+
+/// What a soft wall does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Touch {
+    /// Nothing: the particle is between the walls.
+    Clear,
+    /// The particle presses into the wall of that side.
+    Pressing(Sign),
+    /// The wall let go before the particle is back inside the clearance.
+    Leaving(Sign),
+}
+
+/// A spring and a dashpot in parallel, in the driver's units.
+#[derive(Clone, Debug)]
+pub struct Link<S> {
+    stiffness: S,
+    damping: S,
+    /// m/M.
+    second_mass: S,
+    clearance: S,
+    /// Longest flight in which it acts, steps.
+    longest: S,
+    /// None for a tuned mass.
+    release: Option<Release>,
+    pub(super) touch: Touch,
+    /// The particle has just touched: its penetration starts from zero and grows, whatever rounding says.
+    pub(super) touched: bool,
+}
+
+impl<S> Joint<S> for Link<S>
+where
+    S: Scalar,
+{
+    #[inline]
+    fn link(&self) -> Option<&Link<S>> {
+        Some(self)
+    }
+
+    #[inline]
+    fn link_mut(&mut self) -> Option<&mut Link<S>> {
+        Some(self)
+    }
+}
+
+impl<S: Scalar> Link<S> {
+    fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Option<Self> {
+        let soft = set_up.particle.and_then(|p| match p.wall {
+            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
+                Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m, Some(release)))
+            }
+            Wall::Restitution { .. } => None,
+        });
+        let tuned = set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m, None));
+        let (second_kg, k1, c1, release) = soft.or(tuned)?;
+        let structure = &set_up.structure;
+        let mass_kg = structure.mass_kg;
+        // In the coordinates (√M x, √m y) the matrices are symmetric; their row sums bound every rate.
+        let cross = libm::sqrt(mass_kg / second_kg);
+        let row = |own: f64, joint: f64| {
+            (own / mass_kg + joint / mass_kg * (1.0 + cross)).max(joint / second_kg * (1.0 + 1.0 / cross))
+        };
+        let half = 0.5 * row(structure.damping_n_s_per_m, c1);
+        let fastest = half + libm::sqrt(half * half + row(structure.stiffness_n_per_m, k1));
+        let longest = LARGEST_RATE_PER_FLIGHT / (fastest * units.step_s);
+        Some(Self {
+            stiffness: S::from_f64(k1 * (units.step_s * units.step_s) / mass_kg),
+            damping: S::from_f64(c1 * units.step_s / mass_kg),
+            second_mass: S::from_f64(second_kg / mass_kg),
+            clearance: c.clearance,
+            longest: S::from_f64(longest.min(1.0)),
+            release,
+            touch: Touch::Clear,
+            touched: false,
+        })
+    }
+
+    /// It joins a tuned mass, always.
+    pub(super) fn is_tuned(&self) -> bool {
+        self.release.is_none()
+    }
+
+    /// It has a part in the motion of `mode`. Not while the particle is held: then its force is between parts of one body.
+    pub(super) fn acts(&self, mode: Mode) -> bool {
+        match mode.contact {
+            Contact::Held(_) => false,
+            Contact::Absent | Contact::Free(_) => self.is_tuned() || matches!(self.touch, Touch::Pressing(_)),
+        }
+    }
+
+    /// The longest flight in `mode` within `rest`.
+    pub(super) fn longest(&self, mode: Mode, rest: S) -> S {
+        if self.acts(mode) { rest.min(self.longest) } else { rest }
+    }
+
+    /// Where it is at rest.
+    fn rest_offset(&self) -> S {
+        match self.touch {
+            Touch::Pressing(side) => signed(side, self.clearance),
+            Touch::Clear | Touch::Leaving(_) => S::ZERO,
+        }
+    }
+
+    /// Its force on the structure.
+    pub(super) fn force(&self, offset: S, slide: S) -> S {
+        if self.is_tuned() || matches!(self.touch, Touch::Pressing(_)) {
+            self.stiffness * (offset - self.rest_offset()) + self.damping * slide
+        } else {
+            S::ZERO
+        }
+    }
+
+    /// Its force on the structure along a flight.
+    pub(super) fn force_along(&self, offset: &Polynomial<S>) -> Polynomial<S> {
+        let mut force = polynomial::derivative(offset).map(|rate| self.damping * rate);
+        for (f, w) in force.iter_mut().zip(offset) {
+            *f += self.stiffness * *w;
+        }
+        force[0] -= self.stiffness * self.rest_offset();
+        force
+    }
+
+    /// The guard that ends the contact, with the side.
+    pub(super) fn contact(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
+        let Touch::Pressing(side) = self.touch else { return None };
+        let mut press = offset.map(|w| signed(side, w));
+        press[0] -= self.clearance;
+        if self.touched {
+            press[0] = S::ZERO;
+            press[1] = press[1].max(S::ZERO);
+            if press[1] == S::ZERO {
+                press[2] = press[2].max(S::ZERO);
+            }
+        }
+        if self.release == Some(Release::ZeroPenetration) {
+            return Some((side, press));
+        }
+        let mut force = polynomial::derivative(&press).map(|rate| self.damping * rate);
+        for (f, p) in force.iter_mut().zip(&press) {
+            *f += self.stiffness * *p;
+        }
+        Some((side, force))
+    }
+}
+
+impl<S: Scalar> Joined<S> {
+    /// A set-up with soft walls or a tuned mass, counted in `units`, starting from `initial`; see [`Sampled::new`].
+    ///
+    /// # Errors
+    /// Names a value that is not physical, or the wall when it is hard and there is no tuned mass.
+    pub fn joined(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
+        set_up.validate()?;
+        set_up.validate_initial(initial)?;
+        let Some(link) = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units) else {
+            let allowed = "joined to a soft wall or a tuned mass; there is none";
+            return Err(Invalid { parameter: "structure.mass_kg", value: set_up.structure.mass_kg, allowed });
+        };
+        Ok(Self::with_joint(set_up, units, initial, link))
+    }
+}
+
+impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
+    /// The motion from the present state in a mode in which the joint acts.
+    pub(super) fn joined_flight(&self, link: &Link<S>, mode: Mode, base: &Segment<S>) -> Flight<S> {
+        let z = &base.0;
+        let mut x = [S::ZERO; COEFFICIENTS];
+        let mut stretch = [S::ZERO; COEFFICIENTS];
+        let mut offset = [S::ZERO; COEFFICIENTS];
+        x[0] = self.state.x;
+        stretch[0] = self.state.x - z[0];
+        (offset[0], offset[1]) = (self.state.offset, self.state.slide);
+        let (stuck, force) = match mode.grip {
+            Grip::Stuck => (true, S::ZERO),
+            Grip::Slip(direction) => (false, self.c.drag(mode.contact) - signed(direction, self.c.damper_force)),
+        };
+        if stuck {
+            x[1..4].copy_from_slice(&z[1..4]);
+        } else {
+            x[1] = self.state.v;
+            stretch[1] = x[1] - z[1];
+        }
+        let dragged = match mode.contact {
+            Contact::Free(direction) => signed(direction, self.c.friction_acceleration),
+            Contact::Absent | Contact::Held(_) => S::ZERO,
+        };
+        let from_rest = offset[0] - link.rest_offset();
+        for n in 0..COEFFICIENTS - 2 {
+            let next = S::from_u8(n as u8 + 1);
+            let w = if n == 0 { from_rest } else { offset[n] };
+            let joint = link.stiffness * w + link.damping * next * offset[n + 1];
+            let constant = |value: S| if n == 0 { value } else { S::ZERO };
+            let scale = S::ONE / (next * S::from_u8(n as u8 + 2));
+            if !stuck {
+                let spring = self.c.damping * next * stretch[n + 1] + self.c.stiffness * stretch[n];
+                x[n + 2] = (joint - spring + constant(force)) / self.c.mass * scale;
+                stretch[n + 2] = x[n + 2] - if n < 2 { z[n + 2] } else { S::ZERO };
+            }
+            offset[n + 2] = -(joint / link.second_mass + constant(dragged)) * scale - x[n + 2];
+        }
+        Flight { x, offset, stretch }
+    }
+
+    /// The particle is at a soft wall.
+    pub(super) fn touch(&mut self, side: Sign, slip: S, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+        let approach = signed(side, self.state.slide);
+        let presses = approach >= S::ZERO;
+        if let Some(link) = self.joint.link_mut().filter(|_| presses) {
+            link.touch = Touch::Pressing(side);
+            link.touched = true;
+            observer.impact(&Impact { at, side, approach, kick: S::ZERO });
+        }
+        self.mode = Some(self.resolve(base, slip));
+    }
+
+    /// The soft wall of `side` lets go.
+    pub(super) fn let_go(&mut self, side: Sign, slip: S, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+        let past = signed(side, self.state.offset) - self.c.clearance;
+        if let Some(link) = self.joint.link_mut() {
+            if link.release == Some(Release::ZeroForce) && past > S::ZERO {
+                link.touch = Touch::Leaving(side);
+            } else {
+                link.touch = Touch::Clear;
+                self.state.offset = signed(side, self.c.clearance);
+            }
+        }
+        observer.contact_end(at, side, self.state.slide.abs());
+        self.mode = Some(self.resolve(base, slip));
+    }
+
+    /// The particle is back inside the clearance.
+    pub(super) fn inside(&mut self, side: Sign) {
+        if let Some(link) = self.joint.link_mut() {
+            link.touch = Touch::Clear;
+            self.state.offset = signed(side, self.c.clearance);
+        }
+    }
+
+    /// Whether the particle is in a wall that still pushes.
+    #[must_use]
+    pub fn is_pressing(&self) -> bool {
+        self.joint.link().is_some_and(|link| matches!(link.touch, Touch::Pressing(_)))
+    }
+
+    /// The way in which the structure starts to slip when the damper's limit is reached.
+    pub(super) fn breaking_direction(&self, mode: Mode, base: &Segment<S>) -> Sign {
+        let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
+        if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
+            needed -= link.force(self.state.offset, self.state.slide);
+        }
+        -sign(needed)
+    }
+}

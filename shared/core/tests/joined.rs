@@ -1,0 +1,164 @@
+//! Soft walls and tuned masses under the sampled driver, against the exact one.
+
+use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
+use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::sampled::{self, Joined, Units};
+use damprig_core::model::{
+    DampingLaw, FrictionDamper, Initial, Material, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall,
+};
+
+const STEP_S: f64 = 2.5e-4;
+const DRIVE: Excitation = Excitation::Sine { amplitude_m: 0.003, angular_frequency_rad_per_s: 14.0, phase_rad: 0.0 };
+
+/// Touches and releases, s.
+#[derive(Default)]
+struct Contacts {
+    step: f64,
+    touches_s: Vec<f64>,
+    releases_s: Vec<f64>,
+}
+
+impl Observer for Contacts {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, impact: &Impact) {
+        self.touches_s.push(impact.time_s);
+    }
+
+    fn contact_end(&mut self, end: &ContactEnd) {
+        self.releases_s.push(end.time_s);
+    }
+}
+
+impl sampled::Observer<f64> for Contacts {
+    fn impact(&mut self, impact: &sampled::Impact<f64>) {
+        self.touches_s.push((self.step + impact.at) * STEP_S);
+    }
+
+    fn contact_end(&mut self, at: f64, _: Sign, _: f64) {
+        self.releases_s.push((self.step + at) * STEP_S);
+    }
+}
+
+fn structure() -> Structure {
+    Structure::from_modal(1.6, 2.5, 0.0038)
+}
+
+fn soft(material: Material, release: Release, friction_coefficient: f64, force_n: f64) -> SetUp {
+    let wall = Wall::of_material(material, DampingLaw::Contact, &structure(), 0.16, release);
+    SetUp {
+        particle: Some(Particle { mass_kg: 0.16, clearance_m: 0.02, friction_coefficient, wall }),
+        friction_damper: (force_n > 0.0).then_some(FrictionDamper { force_n }),
+        ..SetUp::bare(structure())
+    }
+}
+
+fn tuned(force_n: f64) -> SetUp {
+    SetUp {
+        tmd: Some(Tmd::tuned(&structure(), 0.16, Tuning::Warburton)),
+        friction_damper: (force_n > 0.0).then_some(FrictionDamper { force_n }),
+        ..SetUp::bare(structure())
+    }
+}
+
+/// The largest difference of x and y over `steps`, in parts of the largest |x|; both drivers' contacts.
+fn compare(set_up: &SetUp, excitation: Excitation, initial: Initial, steps: u32) -> (f64, Contacts, Contacts) {
+    let mut exact = Exact::new(set_up, &excitation, &initial).unwrap();
+    let mut sampled = Joined::<f64>::joined(set_up, Units::metres(STEP_S), &initial).unwrap();
+    let (mut of_exact, mut of_sampled) = (Contacts::default(), Contacts::default());
+    let at = |step: u32| match excitation {
+        Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
+            let angle = angular_frequency_rad_per_s * STEP_S * f64::from(step);
+            (amplitude_m * libm::sin(angle), amplitude_m * angular_frequency_rad_per_s * STEP_S * libm::cos(angle))
+        }
+        _ => (0.0, 0.0),
+    };
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for step in 0..steps {
+        let (start, end) = (at(step), at(step + 1));
+        of_sampled.step = f64::from(step);
+        sampled.step(&Segment::hermite(start.0, end.0, start.1, end.1), &mut of_sampled);
+        exact.run(STEP_S * f64::from(step + 1), &mut of_exact);
+        let (a, b) = (exact.state(), sampled.state());
+        worst = worst.max((a.x_m - b.x).abs()).max((a.offset_m - b.offset).abs());
+        largest = largest.max(a.x_m.abs());
+    }
+    assert_eq!(sampled.unresolved(), 0);
+    (worst / largest, of_exact, of_sampled)
+}
+
+/// The drive is met between samples to (Ωh)⁴/384 = 4·10⁻¹³ of Z, the flights to 2·10⁻¹¹; each contact multiplies an error.
+const ALLOWED: f64 = 1e-7;
+
+#[test]
+fn both_release_rules_agree_with_the_exact_driver_for_every_material() {
+    let start = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
+    for material in Material::ALL {
+        for release in [Release::ZeroPenetration, Release::ZeroForce] {
+            for (excitation, initial) in [(Excitation::Fixed, start), (DRIVE, Initial::default())] {
+                let (error, exact, sampled) = compare(&soft(material, release, 0.0, 0.0), excitation, initial, 16_000);
+                println!("{material:?}, {release:?}: {error:.1e}, {} contacts", exact.touches_s.len());
+                assert!(exact.touches_s.len() >= 3, "{material:?} touches {} times", exact.touches_s.len());
+                assert_eq!(exact.touches_s.len(), sampled.touches_s.len(), "{material:?} {release:?}");
+                assert_eq!(exact.releases_s.len(), sampled.releases_s.len(), "{material:?} {release:?}");
+                let pairs = exact.releases_s.iter().zip(&sampled.releases_s);
+                for (a, b) in exact.touches_s.iter().zip(&sampled.touches_s).chain(pairs) {
+                    assert!((a - b).abs() < 1e-6, "{material:?} {release:?}: {a} {b}");
+                }
+                assert!(error < ALLOWED, "{material:?} {release:?}: {error:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn friction_inside_a_soft_wall_and_a_friction_damper_agree_with_the_exact_driver() {
+    let start = Initial { x_m: 0.035, y_m: 0.03, ..Initial::default() };
+    for (friction, force_n) in [(0.05, 0.0), (0.0, 0.3), (0.05, 0.3), (0.3, 0.8)] {
+        for (excitation, initial) in [(Excitation::Fixed, start), (DRIVE, start)] {
+            let set_up = soft(Material::PuFoam, Release::ZeroForce, friction, force_n);
+            let (error, exact, sampled) = compare(&set_up, excitation, initial, 16_000);
+            println!("μi = {friction}, F = {force_n} N: {error:.1e}, {} contacts", exact.touches_s.len());
+            let contacts = exact.touches_s.len() + usize::from(friction > 0.1);
+            assert!(contacts > 0, "the friction of 0.3 may keep the particle from the walls, no other");
+            assert_eq!(exact.touches_s.len(), sampled.touches_s.len(), "μi = {friction}, F = {force_n}");
+            assert!(error < ALLOWED, "μi = {friction}, F = {force_n}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_tuned_mass_agrees_with_the_exact_driver_also_on_a_structure_that_sticks() {
+    let start = Initial { x_m: 0.035, y_m: 0.01, u_m_per_s: 0.2, ..Initial::default() };
+    for force_n in [0.0, 0.5, 2.0] {
+        for (excitation, initial) in [(Excitation::Fixed, start), (DRIVE, start)] {
+            let (error, ..) = compare(&tuned(force_n), excitation, initial, 16_000);
+            println!("F = {force_n} N: {error:.1e}");
+            assert!(error < ALLOWED, "F = {force_n}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_set_up_without_a_joint_is_refused_by_name() {
+    let error = Joined::<f64>::joined(&SetUp::bare(structure()), Units::metres(STEP_S), &Initial::default());
+    assert_eq!(error.unwrap_err().parameter, "structure.mass_kg");
+}
+
+#[test]
+fn single_precision_follows_a_soft_contact() {
+    let set_up = soft(Material::PuFoam, Release::ZeroForce, 0.0, 0.0);
+    let start = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
+    let units = Units::metres(1e-3);
+    let mut double = Joined::<f64>::joined(&set_up, units, &start).unwrap();
+    let mut single = Joined::<f32>::joined(&set_up, units, &start).unwrap();
+    let mut worst = 0.0_f64;
+    for _ in 0..2_000 {
+        double.step(&Segment::at_rest(0.0), &mut ());
+        single.step(&Segment::at_rest(0.0), &mut ());
+        worst = worst.max((double.state().x - f64::from(single.state().x)).abs());
+    }
+    println!("single precision is off by {:.1e} of x0 over 2 s", worst / 0.035);
+    assert!(worst / 0.035 < 1e-3);
+}
