@@ -8,8 +8,11 @@ mod report;
 mod run;
 mod runs;
 mod simulate;
+mod simulate_report;
 
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Parser, Subcommand};
 
@@ -26,6 +29,7 @@ Examples:
   damprig run host/campaigns/hybrid.toml                     on the virtual rig
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
   damprig runs                                           what has been run
+  damprig simulate host/cases/spid.toml --plot spid.png
   damprig help run
 
 Exit codes:
@@ -79,6 +83,17 @@ pub fn main() -> ExitCode {
     };
     eprintln!("error: {message}");
     ExitCode::from(code)
+}
+
+/// The first Ctrl-C asks for an orderly end, the second ends the program at once.
+fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
+    let stop = Arc::clone(stop);
+    let handler = move || {
+        if stop.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(handler).map_err(|e| Failure::Failed(format!("cannot watch for Ctrl-C: {e}")))
 }
 
 #[cfg(test)]

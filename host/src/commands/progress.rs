@@ -1,7 +1,7 @@
-//! Progress of a run: a bar with an estimate on a terminal, a line per set-up elsewhere.
+//! Progress: a bar with an estimate on a terminal; elsewhere a line per set-up of a campaign, nothing for a simulation.
 
 use std::io::{BufRead, IsTerminal};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -29,20 +29,60 @@ struct Line {
 /// Bar steps in a second of rig time.
 const STEPS_PER_S: f64 = 10.0;
 
+/// A bar on a terminal, nothing elsewhere.
+fn bar(length: u64) -> ProgressBar {
+    let target =
+        if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(Some(length), target);
+    let style = ProgressStyle::with_template("{msg:24!} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} to go");
+    if let Ok(style) = style {
+        bar.set_style(style.progress_chars("━╸─"));
+    }
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+/// How far a simulation has come; nothing is shown of one that is done within a second.
+pub struct Bar {
+    name: String,
+    duration_s: f64,
+    start: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Bar {
+    /// For a simulation of `duration_s`.
+    #[must_use]
+    pub fn new(name: &str, duration_s: f64) -> Self {
+        Self { name: name.into(), duration_s, start: Instant::now(), bar: None }
+    }
+
+    /// It has come to `t_s`.
+    pub fn reach(&mut self, t_s: f64) {
+        if self.bar.is_none() && self.start.elapsed() > Duration::from_secs(1) {
+            let bar = bar(10_000).with_elapsed(self.start.elapsed());
+            bar.set_message(self.name.clone());
+            self.bar = Some(bar);
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_position((10_000.0 * t_s / self.duration_s) as u64);
+        }
+    }
+
+    /// It is over.
+    pub fn end(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 impl Progress {
     /// For a run of this campaign.
     #[must_use]
     pub fn new(campaign: &Campaign, mount_without_asking: bool) -> Self {
         let expected_s = campaign.expected_s();
-        let bar = ProgressBar::with_draw_target(
-            Some((expected_s * STEPS_PER_S) as u64),
-            if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() },
-        );
-        let style = ProgressStyle::with_template("{msg:24!} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} to go");
-        if let Ok(style) = style {
-            bar.set_style(style.progress_chars("━╸─"));
-        }
-        bar.enable_steady_tick(Duration::from_millis(200));
+        let bar = bar((expected_s * STEPS_PER_S) as u64);
         let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
         Self { bar, expected_s, mount_without_asking, set_ups: used.count(), mounted: 0, line: None }
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Outcome {
         return Ok(());
     }
     let stop = Arc::new(AtomicBool::new(false));
-    watch_for_ctrl_c(&stop)?;
+    super::watch_for_ctrl_c(&stop)?;
     let timeout = Duration::from_secs_f64(args.timeout);
     let mut session = Session::open(&args.rig, timeout).map_err(|e| Failure::Failed(e.to_string()))?;
     carry_out(args, &campaign, &predictions, &mut session, &stop)
@@ -94,17 +94,6 @@ pub fn run(args: &Args) -> Outcome {
 
 fn input(error: impl std::fmt::Display) -> Failure {
     Failure::Input(error.to_string())
-}
-
-/// The first Ctrl-C stops the rig in an orderly way, the second ends the program at once.
-fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
-    let stop = Arc::clone(stop);
-    let handler = move || {
-        if stop.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).map_err(|e| Failure::Failed(format!("cannot watch for Ctrl-C: {e}")))
 }
 
 fn carry_out(

@@ -7,7 +7,7 @@ use plotters::element::{PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform};
 
-use super::{Canvas, FigureError, GREY, INK, PALE, text};
+use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
 
 /// How values are spread over an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,10 +113,21 @@ impl Frame {
     /// The page's point for a pair of values.
     #[must_use]
     pub fn point(&self, x: f64, y: f64) -> (i32, i32) {
+        let (across, up) = self.place(x, y);
+        (across.round() as i32, up.round() as i32)
+    }
+
+    /// The same in the finer steps of a layer.
+    #[must_use]
+    pub fn fine_point(&self, x: f64, y: f64) -> (i32, i32) {
+        let ((across, up), fine) = (self.place(x, y), f64::from(FINE));
+        ((across * fine).round() as i32, (up * fine).round() as i32)
+    }
+
+    fn place(&self, x: f64, y: f64) -> (f64, f64) {
         let (left, top, right, bottom) = self.bounds;
         let across = f64::from(left) + self.x.place(x) * f64::from(right - left);
-        let up = f64::from(bottom) - self.y.place(y) * f64::from(bottom - top);
-        (across.round() as i32, up.round() as i32)
+        (across, f64::from(bottom) - self.y.place(y) * f64::from(bottom - top))
     }
 
     /// Draws grid, frame, ticks and labels.

@@ -5,6 +5,7 @@
 //! every machine and needs no font service.
 
 pub mod axis;
+pub mod motion;
 pub mod response;
 
 use std::path::Path;
@@ -34,6 +35,9 @@ impl FigureError {
 /// The font's own name, then what an SVG viewer without it should take.
 const FAMILY: &str = "DejaVu Sans, Verdana, Arial, sans-serif";
 static FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
+
+/// Steps of a layer ([`Picture::overlay`]) in a point.
+pub const FINE: i32 = 10;
 
 /// Pixels of the PNG for a point of the SVG.
 const PNG_SCALE: f32 = 2.0;
@@ -114,6 +118,28 @@ impl Picture {
         Ok(Self { svg })
     }
 
+    /// Draws a layer over it, in tenths of a point: curves want finer steps than the page's whole points.
+    ///
+    /// # Errors
+    /// What the drawing library says.
+    pub fn overlay(mut self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
+        let mut svg = String::new();
+        {
+            // The layer is cut out of a page of its own, which need only be large enough.
+            let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
+            draw(&canvas)?;
+            canvas.present().map_err(FigureError::of)?;
+        }
+        let inside =
+            |svg: &str| Some((svg.find("<svg")? + svg[svg.find("<svg")?..].find('>')? + 1, svg.rfind("</svg>")?));
+        let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
+            return Err(FigureError("a layer that is no SVG".into()));
+        };
+        let layer = format!("<g transform=\"scale({})\">{}</g>\n", 1.0 / f64::from(FINE), &svg[from..to]);
+        self.svg.insert_str(end, &layer);
+        Ok(self)
+    }
+
     /// The drawing as SVG.
     #[must_use]
     pub fn svg(&self) -> &str {
@@ -141,15 +167,21 @@ impl Picture {
     /// # Errors
     /// Names the file that cannot be written.
     pub fn write(&self, folder: &Path, stem: &str) -> Result<(), FigureError> {
-        let save = |ending: &str, bytes: &[u8]| {
-            let path = folder.join(format!("{stem}.{ending}"));
-            std::fs::write(&path, bytes).map_err(|e| {
-                // Half a picture is none.
-                let _ = std::fs::remove_file(&path);
-                FigureError(format!("{}: {e}", path.display()))
-            })
-        };
-        save("svg", self.svg.as_bytes())?;
-        save("png", &self.png()?)
+        self.save(&folder.join(format!("{stem}.svg")))?;
+        self.save(&folder.join(format!("{stem}.png")))
+    }
+
+    /// Writes one file: PNG if its extension says so, else SVG.
+    ///
+    /// # Errors
+    /// Names the file when it cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), FigureError> {
+        let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let bytes = if png { &self.png()? } else { self.svg.as_bytes() };
+        std::fs::write(path, bytes).map_err(|e| {
+            // Half a picture is none.
+            let _ = std::fs::remove_file(path);
+            FigureError(format!("{}: {e}", path.display()))
+        })
     }
 }

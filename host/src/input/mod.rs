@@ -53,7 +53,7 @@ impl Source {
                 if error.kind() == std::io::ErrorKind::NotFound {
                     answer.push_str(&neighbours(path));
                 } else if error.kind() == std::io::ErrorKind::InvalidData {
-                    answer.push_str("\n  a campaign is a TOML text in UTF-8");
+                    answer.push_str("\n  it must be a text in UTF-8");
                 }
                 Err(Refusal(answer))
             }
@@ -69,6 +69,12 @@ impl Source {
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {
         // A list of problems is sound whatever happened to the thread that added to it.
         self.problems.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What answers call the file: its path, when it was read from one.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// The text as read.
@@ -135,7 +141,7 @@ fn neighbours(path: &Path) -> String {
         Ok(entries) => entries
             .flatten()
             .map(|e| e.file_name().to_string_lossy().to_string())
-            .filter(|n| Path::new(n).extension().is_some_and(|e| e == "toml"))
+            .filter(|n| Path::new(n).extension().is_some_and(|e| e == "toml" || e == "json"))
             .collect(),
         Err(_) => return format!("\n  there is no folder {}", folder.display()),
     };

@@ -267,6 +267,12 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// Whether the value of `key` is a text.
+    #[must_use]
+    pub fn is_text(&self, key: &'static str) -> bool {
+        self.value(key).is_some_and(|v| v.get_ref().is_str())
+    }
+
     /// Whether the value of `key` is a table.
     #[must_use]
     pub fn is_table(&self, key: &'static str) -> bool {

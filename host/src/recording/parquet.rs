@@ -23,11 +23,13 @@ use parquet::file::properties::WriterProperties;
 use super::row::{COLUMNS, Cell, Column, ResultRow};
 use super::{Signal, StorageError};
 
-fn field(name: &str, kind: DataType, unit: &str) -> Field {
+/// A column that is never empty, with its unit.
+pub(crate) fn field(name: &str, kind: DataType, unit: &str) -> Field {
     Field::new(name, kind, false).with_metadata(HashMap::from([("unit".to_string(), unit.to_string())]))
 }
 
-fn properties() -> WriterProperties {
+/// How every table is written.
+pub(crate) fn properties() -> WriterProperties {
     WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
         .set_created_by(crate::VERSION_LINE.to_string())

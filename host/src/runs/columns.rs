@@ -68,6 +68,7 @@ pub fn values(array: &dyn Array) -> Option<Vec<Value>> {
     }
     numbers!(Float64Type, Value::F64, |v| v);
     numbers!(Float32Type, Value::F32, |v| v);
+    numbers!(Int32Type, Value::F64, f64::from);
     numbers!(UInt64Type, Value::U64, |v| v);
     numbers!(UInt32Type, Value::U64, u64::from);
     array.as_boolean_opt().map(|a| a.values().iter().map(Value::Bool).collect())

@@ -4,12 +4,14 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{
-    FrictionDamper, GRAVITY_M_PER_S2, Initial, Invalid, Particle, Release, SetUp, Structure, Tmd, Wall,
-};
+use damprig_core::integrator::sampled::Sampled;
+use damprig_core::model::{GRAVITY_M_PER_S2, Initial, Invalid, SetUp, Wall};
 use toml::de::DeTable;
 
-use super::from_json;
+use super::loading::{self, Loading};
+use super::record::Record;
+use super::record::read::resolve;
+use super::{from_json, reading};
 use crate::input::{Problem, Refusal, Section, Source};
 
 /// A case as read and checked.
@@ -19,8 +21,10 @@ pub struct Case {
     pub name: String,
     /// Structure and dampers.
     pub set_up: SetUp,
-    /// What moves it.
+    /// What moves it; nothing when there is a record.
     pub excitation: Excitation,
+    /// The recorded base motion that it is played on.
+    pub record: Option<Record>,
     /// Where it starts.
     pub initial: Initial,
     /// How long, and what is wanted.
@@ -68,6 +72,26 @@ impl Case {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
     }
 
+    /// Whether the particle meets soft walls.
+    #[must_use]
+    pub fn has_soft_wall(&self) -> bool {
+        self.set_up.particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }))
+    }
+
+    /// The length by which displacements are measured, and its sign for people: Z of a sine or a pulse, x0 of a free
+    /// vibration; none for a record, a force or a rest.
+    #[must_use]
+    pub fn reference_m(&self) -> Option<(f64, &'static str)> {
+        let reference = match self.excitation {
+            Excitation::Sine { amplitude_m, .. }
+            | Excitation::HalfSine { amplitude_m, .. }
+            | Excitation::Versine { amplitude_m, .. } => (amplitude_m.abs(), "Z"),
+            Excitation::Fixed if self.record.is_none() => (self.initial.x_m.abs(), "x0"),
+            _ => return None,
+        };
+        (reference.0 > 0.0).then_some(reference)
+    }
+
     /// The cycle by which the case is looked at: its own, the drive's, or the natural period, s.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
@@ -101,14 +125,13 @@ fn read(source: &Source, name: &str) -> Option<Case> {
     let name = root.text("name").map_or_else(|| name.to_string(), |t| t.value);
     let table = |key: &'static str, what: &str| root.required(key, what, |s, k| s.table(k, None));
     let structure =
-        table("structure", "the table of the structure: mass, stiffness, damping").and_then(|s| structure(&s));
+        table("structure", "the table of the structure: mass, stiffness, damping").and_then(|s| reading::structure(&s));
     let gravity_m_per_s2 = root.not_negative("gravity_m_per_s2").map_or(GRAVITY_M_PER_S2, |n| n.value);
-    let mass_kg = structure.map_or(1.0, |s| s.mass_kg);
     let particle_section = root.table("particle", None);
-    let particle = particle_section.as_ref().map(|s| particle(s, mass_kg));
-    let friction_damper = root.table("friction_damper", None).map(|s| friction_damper(&s));
+    let particle = particle_section.as_ref().map(|s| reading::particle(s, structure));
+    let friction_damper = root.table("friction_damper", None).map(|s| reading::friction_damper(&s));
     let tmd_section = root.table("tmd", None);
-    let tmd = tmd_section.as_ref().map(|s| tmd(s, structure));
+    let tmd = tmd_section.as_ref().map(|s| reading::tmd(s, structure));
     if let (Some(section), Some(_)) = (&tmd_section, &particle_section) {
         source.report(Problem {
             title: "`tmd` and `particle` are both given".into(),
@@ -117,14 +140,15 @@ fn read(source: &Source, name: &str) -> Option<Case> {
             help: Some("leave out `tmd` or `particle`".into()),
         });
     }
-    let force = root.table("force", None).map(|s| force(&s));
-    let base = root.table("base", None).map(|s| base(&s));
-    let excitation = match (base, force) {
-        (None, None) => Some(Excitation::Fixed),
+    let force = root.table("force", None).map(|s| loading::force(&s));
+    let beside = |file: &str| resolve(Path::new(source.name()), file);
+    let base = root.table("base", None).map(|s| loading::base(&s, &beside));
+    let loading = match (base, force) {
+        (None, None) => Some(Loading::Closed(Excitation::Fixed)),
         (Some(base), None) => base,
-        (None, Some(force)) => force,
+        (None, Some(force)) => force.map(Loading::Closed),
         (Some(base), Some(force)) => {
-            if base.is_some_and(|b| b != Excitation::Fixed) {
+            if base.is_some_and(|b| b != Loading::Closed(Excitation::Fixed)) {
                 source.report(Problem {
                     title: "`force` and a moving `base` are both given".into(),
                     span: root.table("force", None).map_or(0..0, |s| s.span()),
@@ -132,12 +156,23 @@ fn read(source: &Source, name: &str) -> Option<Case> {
                     help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
                 });
             }
-            force
+            force.map(Loading::Closed)
         }
     };
+    let record = match &loading {
+        Some(Loading::Recorded(record)) => Some(record),
+        _ => None,
+    };
     let initial_section = root.table("initial", None);
-    let initial = initial_section.as_ref().map_or(Some(Initial::default()), initial);
-    let run = table("run", "the table of the run: duration_s at least").and_then(|s| run(&s));
+    let initial = loading::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m));
+    let length_s = record.map(Record::duration_s);
+    let run = match root.table("run", None) {
+        Some(s) => loading::run(&s, length_s),
+        None => {
+            root.lack("run", "the table of the run: duration_s at least");
+            None
+        }
+    };
     root.finish();
     let set_up = SetUp {
         structure: structure?,
@@ -146,12 +181,17 @@ fn read(source: &Source, name: &str) -> Option<Case> {
         tmd: flatten(tmd)?,
         gravity_m_per_s2,
     };
-    let (excitation, initial, run) = (excitation?, initial?, run?);
-    let checks = [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)];
+    let (excitation, record) = match loading? {
+        Loading::Closed(excitation) => (excitation, None),
+        Loading::Recorded(record) => (Excitation::Fixed, Some(record)),
+    };
+    let run = run?;
+    let sampling = record.as_ref().map_or(Ok(1), |r| Sampled::<f64>::steps_per_sample(&set_up, r.step_s)).map(|_| ());
+    let checks = [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial), sampling];
     for invalid in checks.into_iter().filter_map(Result::err) {
         report_invalid(source, &root, initial_section.as_ref(), &invalid);
     }
-    Some(Case { name, set_up, excitation, initial, run })
+    Some(Case { name, set_up, excitation, record, initial, run })
 }
 
 /// An absent table is fine, one with a problem is not.
@@ -178,162 +218,4 @@ fn report_invalid(source: &Source, root: &Section, initial: Option<&Section>, in
         allowed: format!("must be {}", invalid.allowed),
         help: None,
     });
-}
-
-fn structure(s: &Section) -> Option<Structure> {
-    let mass = s.required("mass_kg", "M, kg", Section::positive);
-    let stiffness = s.either(["stiffness_n_per_m", "natural_frequency_hz"], Section::positive);
-    let damping = s.either(["damping_n_s_per_m", "damping_ratio"], Section::not_negative);
-    s.finish();
-    let mass_kg = mass?.value;
-    let stiffness_n_per_m = match stiffness? {
-        (0, stiffness) => stiffness.value,
-        (_, frequency) => mass_kg * (TAU * frequency.value).powi(2),
-    };
-    let damping_n_s_per_m = match damping? {
-        (0, damping) => damping.value,
-        (_, ratio) => 2.0 * ratio.value * (stiffness_n_per_m * mass_kg).sqrt(),
-    };
-    Some(Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m })
-}
-
-fn particle(s: &Section, structure_mass_kg: f64) -> Option<Particle> {
-    let mass = s.either(["mass_kg", "mass_ratio"], Section::positive);
-    let clearance = s.required("clearance_m", "d, half the free travel, m", Section::positive);
-    let friction = s.not_negative("friction_coefficient").map_or(0.0, |n| n.value);
-    let wall =
-        s.required("wall", "what the particle meets, e.g. {kind = \"restitution\", coefficient = 0.5}", |s, k| {
-            s.table(k, None).map(|w| wall(&w))
-        });
-    s.finish();
-    let mass_kg = match mass? {
-        (0, mass) => mass.value,
-        (_, ratio) => ratio.value * structure_mass_kg,
-    };
-    Some(Particle { mass_kg, clearance_m: clearance?.value, friction_coefficient: friction, wall: wall?? })
-}
-
-fn wall(s: &Section) -> Option<Wall> {
-    let kind = s.required("kind", "\"restitution\" or \"voigt\"", |s, k| s.choice(k, &["restitution", "voigt"]));
-    let wall = match kind? {
-        0 => {
-            let from_0_to_1 = |s: &Section, k| s.number_if(k, |e| (0.0..=1.0).contains(&e), "from 0 to 1");
-            let coefficient = s.required("coefficient", "e, from 0 to 1", from_0_to_1);
-            coefficient.map(|e| Wall::Restitution { coefficient: e.value })
-        }
-        _ => {
-            let stiffness = s.required("stiffness_n_per_m", "k1, N/m", Section::positive);
-            let damping = s.required("damping_n_s_per_m", "c1, N·s/m", Section::not_negative);
-            let release = s.required("release", "\"zero_penetration\" or \"zero_force\"", |s, k| {
-                s.choice(k, &["zero_penetration", "zero_force"])
-            });
-            match (stiffness, damping, release) {
-                (Some(stiffness), Some(damping), Some(release)) => Some(Wall::Voigt {
-                    stiffness_n_per_m: stiffness.value,
-                    damping_n_s_per_m: damping.value,
-                    release: if release == 0 { Release::ZeroPenetration } else { Release::ZeroForce },
-                }),
-                _ => None,
-            }
-        }
-    };
-    s.finish();
-    wall
-}
-
-fn friction_damper(s: &Section) -> Option<FrictionDamper> {
-    let force = s.required("force_n", "F, N", Section::not_negative);
-    s.finish();
-    Some(FrictionDamper { force_n: force?.value })
-}
-
-fn tmd(s: &Section, _structure: Option<Structure>) -> Option<Tmd> {
-    let mass = s.required("mass_kg", "m, kg", Section::positive);
-    let stiffness = s.required("stiffness_n_per_m", "k1, N/m", Section::positive);
-    let damping = s.required("damping_n_s_per_m", "c1, N·s/m", Section::not_negative);
-    s.finish();
-    Some(Tmd { mass_kg: mass?.value, stiffness_n_per_m: stiffness?.value, damping_n_s_per_m: damping?.value })
-}
-
-fn base(s: &Section) -> Option<Excitation> {
-    let kinds = ["fixed", "sine", "half_sine", "versine"];
-    let what = "\"fixed\", \"sine\", \"half_sine\" or \"versine\"";
-    let kind = s.required("kind", what, |s, k| s.choice(k, &kinds))?;
-    let base = match kind {
-        0 => Some(Excitation::Fixed),
-        1 => {
-            let amplitude = s.required("amplitude_m", "Z, m", Section::not_negative);
-            let omega = angular_frequency(s);
-            let phase_rad = s.number("phase_rad").map_or(0.0, |n| n.value);
-            match (amplitude, omega) {
-                (Some(amplitude), Some(angular_frequency_rad_per_s)) => {
-                    Some(Excitation::Sine { amplitude_m: amplitude.value, angular_frequency_rad_per_s, phase_rad })
-                }
-                _ => None,
-            }
-        }
-        pulse => {
-            let amplitude = s.required("amplitude_m", "Z, m", Section::number);
-            let duration = s.required("duration_s", "T, s", Section::positive);
-            match (amplitude.map(|n| n.value), duration.map(|n| n.value)) {
-                (Some(amplitude_m), Some(duration_s)) if pulse == 2 => {
-                    Some(Excitation::HalfSine { amplitude_m, duration_s })
-                }
-                (Some(amplitude_m), Some(duration_s)) => Some(Excitation::Versine { amplitude_m, duration_s }),
-                _ => None,
-            }
-        }
-    };
-    s.finish();
-    base
-}
-
-fn force(s: &Section) -> Option<Excitation> {
-    s.required("kind", "\"sine\"", |s, k| s.choice(k, &["sine"]))?;
-    let amplitude = s.required("amplitude_n", "P, N", Section::not_negative);
-    let omega = angular_frequency(s);
-    let phase_rad = s.number("phase_rad").map_or(0.0, |n| n.value);
-    s.finish();
-    Some(Excitation::ForceSine { amplitude_n: amplitude?.value, angular_frequency_rad_per_s: omega?, phase_rad })
-}
-
-fn angular_frequency(s: &Section) -> Option<f64> {
-    match s.either(["angular_frequency_rad_per_s", "frequency_hz"], Section::positive)? {
-        (0, omega) => Some(omega.value),
-        (_, frequency) => Some(TAU * frequency.value),
-    }
-}
-
-fn initial(s: &Section) -> Option<Initial> {
-    let or = |key: &'static str, absent: f64| s.number(key).map_or(absent, |n| n.value);
-    let (x_m, v_m_per_s) = (or("x_m", 0.0), or("v_m_per_s", 0.0));
-    // A second mass that is not spoken of starts with the structure, in the middle of its cavity.
-    let initial = Initial { x_m, v_m_per_s, y_m: or("y_m", x_m), u_m_per_s: or("u_m_per_s", v_m_per_s) };
-    s.finish();
-    Some(initial)
-}
-
-fn run(s: &Section) -> Option<RunSpec> {
-    let duration = s.required("duration_s", "length of the run, s", Section::positive);
-    let times = s.numbers("sample_times_s").unwrap_or_default();
-    let cycle = s.positive("cycle_s");
-    let whole =
-        |s: &Section, k| s.number_if(k, |v| v >= 0.0 && v.fract() == 0.0 && v < 9e15, "a whole number, 0 or greater");
-    let steady = whole(s, "steady_from_cycle");
-    s.finish();
-    let duration_s = duration?.value;
-    for (i, time) in times.iter().enumerate() {
-        let early = i > 0 && time.value < times[i - 1].value;
-        if early || !(0.0..=duration_s * (1.0 + 1e-12)).contains(&time.value) {
-            let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
-            s.refuse("sample_times_s", &time.span, allowed, None);
-            return None;
-        }
-    }
-    Some(RunSpec {
-        duration_s,
-        sample_times_s: times.iter().map(|n| n.value).collect(),
-        cycle_s: cycle.map(|n| n.value),
-        steady_from_cycle: steady.map(|n| n.value as u64),
-    })
 }

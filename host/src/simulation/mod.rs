@@ -1,11 +1,37 @@
-//! `damprig simulate`: a case from a file, its exact motion, and what is shown of it.
+//! `damprig simulate`: a case from a file, its motion, and what is kept of it.
 //!
-//! The motion is [`damprig_core::integrator::exact`]; here are the file ([`case`]), and the run with its figures
-//! ([`run`]).
+//! The motion is core's: [`damprig_core::integrator::exact`] when the excitation is known in closed form,
+//! [`damprig_core::integrator::sampled`] on a record. Here are the file ([`case`]), the run and its
+//! figures ([`run`]), and what may watch it ([`motion`]): a history in a file ([`history`]), an outline for a picture
+//! ([`outline`]).
+//!
+//! ```
+//! use damprig::input::Source;
+//! use damprig::simulation::{Case, Request, simulate};
+//!
+//! let text = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }
+//!             initial = { x_m = 0.035 }
+//!             run = { duration_s = 0.4, sample_times_s = [0.2, 0.4] }";
+//! let case = Case::parse(&Source::new("case.toml", text), "case")?;
+//! let request = Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true };
+//! let answer = simulate(&case, &mut (), request)?;
+//! assert!((answer.x_m[0] + 0.035).abs() < 1e-15);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod case;
+pub mod cost;
+pub mod figures;
 mod from_json;
+pub mod history;
+mod loading;
+pub mod motion;
+pub mod outline;
+mod playback;
+mod reading;
+pub mod record;
 pub mod run;
 
 pub use case::Case;
-pub use run::{Answer, Samples, simulate};
+pub use motion::{ImpactRecord, Samples, Viewer};
+pub use run::{Answer, Request, simulate};

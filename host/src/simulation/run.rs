@@ -1,20 +1,18 @@
-//! A case put into motion: samples, impacts and figures, stopped in good order by Ctrl-C.
+//! A case put into motion: samples, impacts and figures, stopped in good order when asked to.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
+use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Arc, Exact, Impact, Observer};
 use damprig_core::model::Invalid;
 use serde::Serialize;
 
 use super::Case;
+use super::figures::{Ending, Trend};
+use super::motion::{ImpactRecord, Samples, Shown, Viewer};
+use super::playback;
 
 /// Impacts kept in an answer; the count goes on.
-const MOST_IMPACTS: usize = 1_000_000;
-
-/// Parts of a run between two looks at the stop flag.
-const PARTS: u64 = 2_000;
+pub const MOST_IMPACTS: usize = 1_000_000;
 
 /// The answer to a case, as `--json` prints it.
 #[derive(Clone, Debug, Serialize)]
@@ -27,27 +25,22 @@ pub struct Answer {
     pub y_m: Vec<f64>,
     /// y′, m/s.
     pub u_m_per_s: Vec<f64>,
-    /// Impacts, at most a million.
+    /// The first million impacts.
     pub impacts: Vec<ImpactRecord>,
     /// The figures.
     pub summary: Summary,
-}
-
-/// One impact, or the first touch of a soft wall.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ImpactRecord {
-    /// When, s.
-    pub t_s: f64,
-    /// +1 where y − x = +d.
-    pub side: i8,
-    /// |x′ − y′| just before, m/s.
-    pub approach_speed_m_per_s: f64,
+    /// Where it was stopped before its end, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_at_s: Option<f64>,
+    /// The last twenty cycles, if it came to its end and has so many.
+    #[serde(skip)]
+    pub ending: Option<Ending>,
 }
 
 /// The figures of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
-    /// How far the run came, s: its duration unless it was interrupted.
+    /// How far the run came, s: its duration unless it was stopped.
     pub simulated_s: f64,
     /// √(1/T ∫x² dt), m.
     pub rms_x_m: f64,
@@ -74,97 +67,133 @@ pub struct Summary {
     pub first_contact_restitution: Option<f64>,
 }
 
-/// The states at given instants, taken from the arcs: asking for them changes nothing in the motion.
-#[derive(Clone, Debug, Default)]
-pub struct Samples {
-    times_s: Vec<f64>,
-    /// The states so far, in the order of the times.
-    pub states: Vec<State>,
+/// Impacts as they came: at most [`MOST_IMPACTS`], none unless they are kept.
+#[derive(Debug, Default)]
+struct Impacts {
+    kept: Option<Vec<ImpactRecord>>,
 }
 
-impl Samples {
-    /// Wants the states at `times_s`, in rising order.
-    #[must_use]
-    pub fn at(times_s: Vec<f64>) -> Self {
-        Self { states: Vec::with_capacity(times_s.len()), times_s }
+impl Viewer for Impacts {
+    fn wants_pieces(&self) -> bool {
+        false
     }
 
-    fn fill(&mut self, state: State) {
-        self.states.resize(self.times_s.len(), state);
-    }
-}
-
-impl Observer for Samples {
-    fn arc(&mut self, arc: &Arc<'_>) {
-        while let Some(time_s) = self.times_s.get(self.states.len()) {
-            let after_s = time_s - arc.start_s;
-            if after_s > arc.length_s {
-                break;
-            }
-            self.states.push(arc.state(after_s.max(0.0)));
+    fn impact(&mut self, impact: &ImpactRecord) {
+        if let Some(kept) = self.kept.as_mut().filter(|kept| kept.len() < MOST_IMPACTS) {
+            kept.push(*impact);
         }
     }
 }
 
-#[derive(Default)]
-struct Impacts(Vec<ImpactRecord>);
+/// What a run is asked for besides its figures.
+pub struct Request<'a> {
+    /// Keep the impacts and the states at the case's sample times: memory grows with them.
+    pub keep: bool,
+    /// Longest stretch between two calls of `go_on`, s.
+    pub longest_part_s: f64,
+    /// Called with the instant reached after each part; `false` ends the run there.
+    pub go_on: &'a mut dyn FnMut(f64) -> bool,
+}
 
-impl Observer for Impacts {
-    const ARCS: bool = false;
+/// What every run gathers.
+pub(super) struct Gathered<'v, V> {
+    pub samples: Samples,
+    impacts: Impacts,
+    pub trend: Option<Trend>,
+    pub also: &'v mut V,
+}
 
-    fn impact(&mut self, impact: &Impact) {
-        if self.0.len() < MOST_IMPACTS {
-            self.0.push(ImpactRecord {
-                t_s: impact.time_s,
-                side: impact.side,
-                approach_speed_m_per_s: impact.approach_speed_m_per_s,
-            });
+impl<'v, V: Viewer> Gathered<'v, V> {
+    fn new(case: &Case, keep: bool, also: &'v mut V) -> Self {
+        Self {
+            samples: Samples::at(if keep { case.run.sample_times_s.clone() } else { Vec::new() }),
+            impacts: Impacts { kept: keep.then(Vec::new) },
+            trend: Trend::new(case.cycle_s(), case.run.duration_s),
+            also,
         }
+    }
+
+    /// All of it as one viewer.
+    pub fn viewer(&mut self) -> impl Viewer {
+        ((&mut self.samples, &mut self.impacts), (&mut self.trend, &mut *self.also))
     }
 }
 
-/// Runs a case; `also` sees the motion too. A raised `stop` ends it early with what was done so far.
+/// Runs a case; `also` sees the motion too.
 ///
 /// # Errors
 /// Names a value that is not physical.
-pub fn simulate<O: Observer>(case: &Case, also: &mut O, stop: &AtomicBool) -> Result<Answer, Invalid> {
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+pub fn simulate<V: Viewer>(case: &Case, also: &mut V, request: Request) -> Result<Answer, Invalid> {
+    let mut gathered = Gathered::new(case, request.keep, also);
     let wanted = Wanted { cycle_s: case.run.cycle_s, steady_from_cycle: case.run.steady_from_cycle, whole_run: true };
-    let mut seen = (Response::new(wanted), (Samples::at(case.run.sample_times_s.clone()), (Impacts::default(), also)));
-    let duration_s = case.run.duration_s;
-    for part in 1..=PARTS {
-        let until_s = if part == PARTS { duration_s } else { duration_s * part as f64 / PARTS as f64 };
-        motion.run(until_s, &mut seen);
-        if stop.load(Ordering::Relaxed) {
-            break;
-        }
+    let (summary, end) = match &case.record {
+        Some(record) => playback::run(case, record, wanted, &mut gathered, request)?,
+        None => closed_form(case, wanted, &mut gathered, request)?,
+    };
+    let is_whole = summary.simulated_s >= case.run.duration_s;
+    if is_whole {
+        gathered.samples.fill(end);
     }
-    let (mut response, (mut samples, (impacts, _))) = seen;
-    response.finish(motion.time_s());
-    if motion.time_s() >= duration_s {
-        // A sample asked for a rounding after the end is the end.
-        samples.fill(*motion.state());
-    }
-    let steady = response.steady_m();
-    let contact = if response.peak_contact_force_n().is_some() { response.first_contact() } else { None };
-    let column = |value: fn(&State) -> f64| samples.states.iter().map(value).collect();
+    let states = &gathered.samples.states;
+    let column = |value: fn(&State) -> f64| states.iter().map(value).collect();
     Ok(Answer {
         x_m: column(|s| s.x_m),
         v_m_per_s: column(|s| s.v_m_per_s),
         y_m: column(State::y_m),
         u_m_per_s: column(State::u_m_per_s),
-        impacts: impacts.0,
-        summary: Summary {
-            simulated_s: motion.time_s(),
-            rms_x_m: response.rms_x_m(),
-            max_abs_x_m: response.max_abs_x_m(),
-            max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-            impact_count: response.impact_count(),
-            steady_max_abs_x_m: steady.map(|s| s.0),
-            steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
-            peak_contact_force_n: response.peak_contact_force_n(),
-            first_contact_duration_s: contact.map(|c| c.0),
-            first_contact_restitution: contact.map(|c| c.1),
-        },
+        impacts: gathered.impacts.kept.take().unwrap_or_default(),
+        stopped_at_s: (!is_whole).then_some(summary.simulated_s),
+        ending: gathered.trend.as_ref().filter(|_| is_whole).and_then(Trend::ending),
+        summary,
     })
+}
+
+/// By the exact driver.
+fn closed_form<V: Viewer>(
+    case: &Case,
+    wanted: Wanted,
+    gathered: &mut Gathered<'_, V>,
+    request: Request,
+) -> Result<(Summary, State), Invalid> {
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+    let mut response = Response::new(wanted);
+    parts(case.run.duration_s, request, gathered, |until_s, gathered| {
+        motion.run(until_s, &mut (&mut response, Shown(gathered.viewer())));
+        motion.time_s()
+    });
+    response.finish(motion.time_s());
+    let steady = response.steady_m();
+    let contact = if response.peak_contact_force_n().is_some() { response.first_contact() } else { None };
+    let summary = Summary {
+        simulated_s: motion.time_s(),
+        rms_x_m: response.rms_x_m(),
+        max_abs_x_m: response.max_abs_x_m(),
+        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+        impact_count: response.impact_count(),
+        steady_max_abs_x_m: steady.map(|s| s.0),
+        steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+        peak_contact_force_n: response.peak_contact_force_n(),
+        first_contact_duration_s: contact.map(|c| c.0),
+        first_contact_restitution: contact.map(|c| c.1),
+    };
+    Ok((summary, *motion.state()))
+}
+
+/// Advances part by part to the end, or until somebody has had enough.
+pub(super) fn parts<V: Viewer>(
+    duration_s: f64,
+    request: Request,
+    gathered: &mut Gathered<'_, V>,
+    mut advance: impl FnMut(f64, &mut Gathered<'_, V>) -> f64,
+) {
+    let count = (duration_s / request.longest_part_s).ceil().max(1.0);
+    let mut part = 0.0;
+    while part < count {
+        part += 1.0;
+        let until_s = if part >= count { duration_s } else { duration_s * (part / count) };
+        let reached_s = advance(until_s, gathered);
+        if gathered.also.is_done() || (part < count && !(request.go_on)(reached_s)) {
+            return;
+        }
+    }
 }

@@ -1,0 +1,299 @@
+//! Figures of a motion from its pieces alone: true extrema, mean square, cycle maxima. Memory does not grow.
+//!
+//! The exact driver's own [`damprig_core::integrator::exact::response::Response`] is faster, for it may skip arcs by
+//! their bounds; this serves the sampled driver, and the last cycles of any run ([`Trend`]).
+
+use damprig_core::integrator::exact::response::Wanted;
+
+use super::motion::{ImpactRecord, Instant, Piece, Viewer};
+
+/// Gauss–Legendre on [0, 1], eight points: exact for the square of a flight of degree 7.
+const NODES: [(f64, f64); 4] = [
+    (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+    (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+    (0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
+    (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
+];
+
+/// A quantity of an instant and its rate.
+type Quantity = fn(&Instant) -> (f64, f64);
+
+fn x(at: &Instant) -> (f64, f64) {
+    (at.state.x_m, at.state.v_m_per_s)
+}
+
+fn x_minus_z(at: &Instant) -> (f64, f64) {
+    (at.state.x_m - at.z_m, at.state.v_m_per_s - at.base_velocity_m_per_s)
+}
+
+/// The largest magnitude of a quantity between two instants of a piece, if above `least`. An extremum inside is where
+/// the rate changes its sign; `parts` is into how many stretches of at most one extremum the piece is divided.
+fn largest_abs(piece: &impl Piece, (from_s, to_s): (f64, f64), parts: u32, of: Quantity, least: f64) -> f64 {
+    let mut largest = least;
+    let mut last = (from_s, of(&piece.at(from_s)));
+    for part in 1..=parts {
+        let end_s = from_s + (to_s - from_s) * f64::from(part) / f64::from(parts);
+        let end = (end_s, of(&piece.at(end_s)));
+        largest = largest.max(last.1.0.abs()).max(end.1.0.abs());
+        if last.1.1 * end.1.1 < 0.0 {
+            largest = largest.max(turning_point(piece, (last.0, last.1.1), (end.0, end.1.1), of));
+        }
+        last = end;
+    }
+    largest
+}
+
+/// |value| where the rate passes zero between two instants: secant steps kept inside a bracket (Illinois).
+fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), of: Quantity) -> f64 {
+    let mut largest = 0.0_f64;
+    for _ in 0..40 {
+        let at_s = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
+        let (value, rate) = of(&piece.at(at_s));
+        largest = largest.max(value.abs());
+        // What a further step could add is below rounding.
+        if rate == 0.0 || (rate * (high.0 - low.0)).abs() <= 1e-16 * value.abs() {
+            break;
+        }
+        if rate * high.1 < 0.0 {
+            low = high;
+        } else {
+            low.1 *= 0.5;
+        }
+        high = (at_s, rate);
+    }
+    largest
+}
+
+/// Gathers the figures of a run from its pieces.
+#[derive(Clone, Debug)]
+pub(super) struct Figures {
+    wanted: Wanted,
+    square_m2_s: f64,
+    length_s: f64,
+    /// Largest |x|, m.
+    pub max_abs_x_m: f64,
+    /// Largest |x − z|, m.
+    pub max_abs_x_minus_z_m: f64,
+    /// Impacts or first touches.
+    pub impacts: u64,
+    cycle: u64,
+    cycle_max_m: f64,
+    steady: (f64, f64, u64),
+}
+
+impl Figures {
+    pub fn new(wanted: Wanted) -> Self {
+        Self {
+            wanted,
+            square_m2_s: 0.0,
+            length_s: 0.0,
+            max_abs_x_m: 0.0,
+            max_abs_x_minus_z_m: 0.0,
+            impacts: 0,
+            cycle: 0,
+            cycle_max_m: 0.0,
+            steady: (0.0, 0.0, 0),
+        }
+    }
+
+    /// √(1/T ∫x² dt), m.
+    pub fn rms_x_m(&self) -> f64 {
+        if self.length_s > 0.0 { (self.square_m2_s / self.length_s).sqrt() } else { 0.0 }
+    }
+
+    /// Largest |x| and mean of the cycles' largest |x| over the complete steady cycles, m.
+    pub fn steady_m(&self) -> Option<(f64, f64)> {
+        let (max, sum, count) = self.steady;
+        (count > 0).then(|| (max, sum / count as f64))
+    }
+
+    /// Ends a cycle that ended with the run.
+    pub fn finish(&mut self, end_s: f64) {
+        if let Some(cycle_s) = self.wanted.cycle_s
+            && end_s >= (self.cycle + 1) as f64 * cycle_s * (1.0 - 1e-12)
+        {
+            self.close_cycle();
+        }
+    }
+
+    fn close_cycle(&mut self) {
+        if self.wanted.steady_from_cycle.is_some_and(|first| self.cycle >= first) {
+            let (max, sum, count) = self.steady;
+            self.steady = (max.max(self.cycle_max_m), sum + self.cycle_max_m, count + 1);
+        }
+        self.cycle += 1;
+        self.cycle_max_m = 0.0;
+    }
+
+    fn raise(&mut self, piece: &impl Piece, from_s: f64, to_s: f64) {
+        self.cycle_max_m = largest_abs(piece, (from_s, to_s), 1, x, self.cycle_max_m);
+        self.max_abs_x_m = self.max_abs_x_m.max(self.cycle_max_m);
+    }
+}
+
+impl Viewer for Figures {
+    fn piece(&mut self, piece: &impl Piece) {
+        let (start_s, length_s) = (piece.start_s(), piece.length_s());
+        let mut from_s = 0.0;
+        if let Some(cycle_s) = self.wanted.cycle_s {
+            loop {
+                let boundary_s = (self.cycle + 1) as f64 * cycle_s;
+                if boundary_s >= start_s + length_s {
+                    break;
+                }
+                let to_s = (boundary_s - start_s).clamp(from_s, length_s);
+                self.raise(piece, from_s, to_s);
+                self.close_cycle();
+                from_s = to_s;
+            }
+        }
+        self.raise(piece, from_s, length_s);
+        self.max_abs_x_minus_z_m = largest_abs(piece, (0.0, length_s), 1, x_minus_z, self.max_abs_x_minus_z_m);
+        let half_s = 0.5 * length_s;
+        for (node, weight) in NODES {
+            for at_s in [half_s * (1.0 - node), half_s * (1.0 + node)] {
+                let x_m = piece.at(at_s).state.x_m;
+                self.square_m2_s += half_s * weight * x_m * x_m;
+            }
+        }
+        self.length_s += length_s;
+    }
+
+    fn impact(&mut self, _: &ImpactRecord) {
+        self.impacts += 1;
+    }
+}
+
+/// Cycles that are compared to tell whether a motion is steady.
+const COMPARED: usize = 10;
+
+/// The last cycles of a run: are they steady, and how many impacts have they?
+#[derive(Clone, Debug)]
+pub struct Trend {
+    cycle_s: f64,
+    from_s: f64,
+    maxima_m: [f64; 2 * COMPARED],
+    impacts: u64,
+}
+
+/// What [`Trend`] found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ending {
+    /// Mean of the last ten cycles' largest |x|, m.
+    pub mean_cycle_max_m: f64,
+    /// Largest relative departure from that mean among the last twenty.
+    pub spread: f64,
+    /// Impacts per cycle in the last ten.
+    pub impacts_per_cycle: f64,
+}
+
+impl Trend {
+    /// For a run of `duration_s`; none when it is shorter than twenty cycles.
+    #[must_use]
+    pub fn new(cycle_s: f64, duration_s: f64) -> Option<Self> {
+        let from_s = duration_s - 2.0 * COMPARED as f64 * cycle_s;
+        (from_s >= -1e-9 * duration_s).then_some(Self { cycle_s, from_s, maxima_m: [0.0; 2 * COMPARED], impacts: 0 })
+    }
+
+    /// What was found; none before the end.
+    #[must_use]
+    pub fn ending(&self) -> Option<Ending> {
+        let last = &self.maxima_m[COMPARED..];
+        let mean = last.iter().sum::<f64>() / COMPARED as f64;
+        if *self.maxima_m.last()? == 0.0 {
+            return None;
+        }
+        let spread = self.maxima_m.iter().fold(0.0_f64, |most, m| most.max((m / mean - 1.0).abs()));
+        Some(Ending { mean_cycle_max_m: mean, spread, impacts_per_cycle: self.impacts as f64 / COMPARED as f64 })
+    }
+}
+
+impl Viewer for Trend {
+    fn piece(&mut self, piece: &impl Piece) {
+        let (start_s, length_s) = (piece.start_s(), piece.length_s());
+        let mut at_s = (self.from_s - start_s).max(0.0);
+        while at_s < length_s {
+            let cycle = (((start_s + at_s - self.from_s) / self.cycle_s + 1e-9) as usize).min(2 * COMPARED - 1);
+            let boundary_s = self.from_s + (cycle + 1) as f64 * self.cycle_s - start_s;
+            let is_last = cycle == 2 * COMPARED - 1 || boundary_s <= at_s;
+            let to_s = if is_last { length_s } else { boundary_s.min(length_s) };
+            self.maxima_m[cycle] = largest_abs(piece, (at_s, to_s), 4, x, self.maxima_m[cycle]);
+            at_s = to_s;
+        }
+    }
+
+    fn impact(&mut self, impact: &ImpactRecord) {
+        if impact.t_s >= self.from_s + COMPARED as f64 * self.cycle_s {
+            self.impacts += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::motion::Phase;
+    use super::*;
+    use damprig_core::integrator::exact::flow::State;
+    use damprig_core::integrator::modes::{Contact, Grip, Mode};
+
+    /// x = 2 cos(3t + 0.4), z = 0.5 cos(3t).
+    struct Cosine {
+        start_s: f64,
+        length_s: f64,
+    }
+
+    impl Piece for Cosine {
+        fn start_s(&self) -> f64 {
+            self.start_s
+        }
+
+        fn length_s(&self) -> f64 {
+            self.length_s
+        }
+
+        fn at(&self, after_s: f64) -> Instant {
+            let t_s = self.start_s + after_s;
+            let (sine, cosine) = (3.0 * t_s + 0.4).sin_cos();
+            let state = State { x_m: 2.0 * cosine, v_m_per_s: -6.0 * sine, ..State::default() };
+            let (sine, cosine) = (3.0 * t_s).sin_cos();
+            Instant { t_s, state, z_m: 0.5 * cosine, base_velocity_m_per_s: -1.5 * sine }
+        }
+
+        fn phase(&self) -> Phase {
+            Phase { mode: Mode { grip: Grip::Slip(0), contact: Contact::Absent }, pressing: false }
+        }
+    }
+
+    fn show(viewer: &mut impl Viewer, pieces: u32) {
+        let length_s = 20.0 * std::f64::consts::TAU / 3.0 / f64::from(pieces);
+        for n in 0..pieces {
+            viewer.piece(&Cosine { start_s: f64::from(n) * length_s, length_s });
+        }
+    }
+
+    #[test]
+    fn extrema_and_mean_square_of_a_cosine_are_its_own() {
+        let cycle_s = Some(std::f64::consts::TAU / 3.0);
+        let mut figures = Figures::new(Wanted { cycle_s, steady_from_cycle: Some(5), whole_run: true });
+        show(&mut figures, 1_237);
+        figures.finish(20.0 * std::f64::consts::TAU / 3.0);
+        assert!((figures.max_abs_x_m - 2.0).abs() < 1e-14);
+        assert!((figures.rms_x_m() - 2.0_f64.sqrt()).abs() < 1e-13);
+        // |2 e^{0.4i} − 0.5|
+        let relative = (4.0 + 0.25 - 2.0 * 0.4_f64.cos()).sqrt();
+        assert!((figures.max_abs_x_minus_z_m - relative).abs() < 1e-14);
+        let (max, mean) = figures.steady_m().expect("fifteen cycles");
+        assert!((max - 2.0).abs() < 1e-14 && (mean - 2.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_steady_end_is_called_steady_and_needs_twenty_cycles() {
+        let cycle_s = std::f64::consts::TAU / 3.0;
+        assert!(Trend::new(cycle_s, 19.0 * cycle_s).is_none());
+        let mut trend = Trend::new(cycle_s, 20.0 * cycle_s).expect("twenty");
+        assert!(trend.ending().is_none(), "nothing was seen yet");
+        show(&mut trend, 237);
+        let ending = trend.ending().expect("all was seen");
+        assert!((ending.mean_cycle_max_m - 2.0).abs() < 1e-12 && ending.spread < 1e-12, "{ending:?}");
+    }
+}
