@@ -1,0 +1,240 @@
+//! `damprig simulate` for its user: the shipped cases, histories, pictures, interruption.
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Stdio};
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use common::{damprig, read_parquet};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A case of forty cycles with impacts; `run` is its last table.
+fn spid(run: &str) -> String {
+    format!(
+        "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n\
+         base = {{ kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }}\n\
+         particle = {{ mass_ratio = 0.1, clearance_m = 0.03, wall = {{ kind = \"restitution\", coefficient = 0.5 }} }}\n\
+         run = {run}\n"
+    )
+}
+
+fn folder(case: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    folder
+}
+
+/// The answer to the case of the folder.
+fn answer(folder: &TempDir, more: &[&str]) -> Value {
+    let output = damprig(folder).args(["simulate", "case.toml", "--json"]).args(more).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+fn numbers(list: &Value) -> Vec<f64> {
+    list.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect()
+}
+
+fn shipped() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases");
+    let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut cases: Vec<PathBuf> = files.filter(|p| p.extension().is_some_and(|e| e == "toml")).collect();
+    cases.sort();
+    cases
+}
+
+/// The columns of a CSV file by name.
+fn csv_columns(path: &Path) -> Vec<(String, Vec<String>)> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let mut columns: Vec<(String, Vec<String>)> =
+        reader.headers().unwrap().iter().map(|name| (name.to_string(), Vec::new())).collect();
+    for record in reader.records() {
+        for (column, field) in columns.iter_mut().zip(record.expect("a whole row").iter()) {
+            column.1.push(field.to_string());
+        }
+    }
+    columns
+}
+
+#[test]
+fn every_shipped_case_runs_and_is_summarised_drawn_and_recorded() {
+    let cases = shipped();
+    assert!(cases.len() >= 6, "{cases:?}");
+    for case in cases {
+        let folder = TempDir::new().unwrap();
+        let output = damprig(&folder)
+            .arg("simulate")
+            .arg(&case)
+            .args(["--out", "motion.parquet", "--plot", "motion.svg"])
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{}: {}", case.display(), String::from_utf8_lossy(&output.stderr));
+        for word in ["largest |x|", "RMS of x", "fn = 2.5 Hz", "motion.parquet", "motion.svg"] {
+            assert!(told.contains(word), "no {word:?} for {}:\n{told}", case.display());
+        }
+        let svg = std::fs::read_to_string(folder.path().join("motion.svg")).unwrap();
+        assert!(svg.contains("structure") && svg.contains("Time (s)"));
+        assert!(common::rows(folder.path().join("motion.parquet")) > 1000);
+    }
+}
+
+#[test]
+fn a_history_holds_the_answers_own_values_and_every_impact() {
+    let folder = folder(&spid("{ duration_s = 16, sample_times_s = [0, 3.7, 9.99, 16] }"));
+    let answer = answer(&folder, &["--out", "motion.csv", "--rate", "100"]);
+    let columns = csv_columns(&folder.path().join("motion.csv"));
+    let names: Vec<&str> = columns.iter().map(|c| c.0.as_str()).collect();
+    assert_eq!(names, ["t_s", "x_m", "v_m_per_s", "y_m", "u_m_per_s", "z_m", "structure", "particle"]);
+    assert_eq!(columns[0].1.len(), 1601, "both ends of 16 s at 100 Hz");
+    for (key, column) in [("x_m", 1), ("v_m_per_s", 2), ("y_m", 3), ("u_m_per_s", 4)] {
+        for (value, row) in numbers(&answer[key]).into_iter().zip([0, 370, 999, 1600]) {
+            let found: f64 = columns[column].1[row].parse().unwrap();
+            assert!((found - value).abs() <= 1e-12 * value.abs().max(1e-3), "{key} in row {row}: {found} {value}");
+        }
+    }
+    let impacts = csv_columns(&folder.path().join("motion.impacts.csv"));
+    let times = answer["impacts"].as_array().unwrap();
+    assert!(times.len() > 20);
+    assert_eq!(impacts[0].1.len(), times.len());
+    for (impact, (t, side)) in times.iter().zip(impacts[0].1.iter().zip(&impacts[1].1)) {
+        // The JSON reader's last digit is its own.
+        let (told, written): (f64, f64) = (impact["t_s"].as_f64().unwrap(), t.parse().unwrap());
+        assert!((told / written - 1.0).abs() < 1e-15, "{told} {written}");
+        assert_eq!(impact["side"].as_i64(), side.parse().ok());
+    }
+    assert!(!folder.path().join("motion.csv.tmp").exists());
+}
+
+#[test]
+fn a_parquet_history_is_the_csv_one_with_units() {
+    let folder = folder(&spid("{ duration_s = 200 }"));
+    for file in ["motion.csv", "motion.parquet"] {
+        answer(&folder, &["--out", file, "--rate", "500"]);
+    }
+    let columns = csv_columns(&folder.path().join("motion.csv"));
+    let batches = read_parquet(folder.path().join("motion.parquet"));
+    let schema = batches[0].schema();
+    for (name, unit) in [("t_s", "s"), ("x_m", "m"), ("v_m_per_s", "m/s"), ("z_m", "m")] {
+        assert_eq!(schema.field_with_name(name).unwrap().metadata().get("unit").map(String::as_str), Some(unit));
+    }
+    let x: Vec<f64> =
+        batches.iter().flat_map(|b| b.column(1).as_primitive::<Float64Type>().values().to_vec()).collect();
+    assert_eq!(x.len(), 100_001, "several chunks");
+    assert!(x.iter().zip(&columns[1].1).all(|(x, text)| text.parse() == Ok(*x)));
+    assert!(common::rows(folder.path().join("motion.impacts.parquet")) > 900);
+}
+
+#[test]
+fn asking_for_a_history_changes_nothing_in_the_motion() {
+    let folder = folder(&spid("{ duration_s = 40, sample_times_s = [40] }"));
+    let plain = answer(&folder, &[]);
+    let with = answer(&folder, &["--out", "motion.parquet", "--plot", "motion.png"]);
+    assert_eq!(plain, with);
+}
+
+#[test]
+fn an_extension_that_is_no_format_is_refused_with_those_that_are() {
+    let folder = folder(&spid("{ duration_s = 1 }"));
+    for (flag, file, words) in
+        [("--out", "motion.mat", [".mat", ".parquet", ".csv"]), ("--plot", "motion.pdf", [".pdf", ".svg", ".png"])]
+    {
+        let output = damprig(&folder).args(["simulate", "case.toml", flag, file]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(words.iter().chain([&flag]).all(|word| told.contains(word)), "{told}");
+        assert!(!folder.path().join(file).exists());
+    }
+}
+
+#[test]
+fn a_history_that_cannot_be_written_is_named_before_the_run_starts() {
+    let folder = folder(&spid("{ duration_s = 1e9 }"));
+    let output = damprig(&folder).args(["simulate", "case.toml", "--out", "nowhere/motion.csv"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("nowhere/motion.csv"));
+}
+
+#[test]
+fn a_drawn_window_that_is_empty_is_refused() {
+    let folder = folder(&spid("{ duration_s = 4 }"));
+    let args = ["simulate", "case.toml", "--plot", "p.svg", "--plot-from", "5"];
+    let output = damprig(&folder).args(args).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--plot-from 5"), "{output:?}");
+}
+
+#[test]
+fn a_picture_is_the_one_its_extension_says() {
+    let folder = folder(&spid("{ duration_s = 4 }"));
+    for (file, magic) in [("p.png", &b"\x89PNG"[..]), ("p.svg", &b"<svg"[..])] {
+        damprig(&folder).args(["simulate", "case.toml", "--plot", file]).assert().success();
+        assert!(std::fs::read(folder.path().join(file)).unwrap().starts_with(magic), "{file}");
+    }
+}
+
+#[test]
+fn a_stiff_wall_is_warned_about_with_its_cost() {
+    let case = spid("{ duration_s = 0.5 }").replace(
+        "{ kind = \"restitution\", coefficient = 0.5 }",
+        "{ kind = \"voigt\", stiffness_n_per_m = 1e10, damping_n_s_per_m = 0, release = \"zero_force\" }",
+    );
+    let folder = folder(&case);
+    let output = damprig(&folder).args(["simulate", "case.toml"]).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("warning: the wall is stiff") && told.contains("arcs"), "{told}");
+}
+
+/// Starts a run without end, interrupts it once it has said what it will cost, and gives its standard output.
+fn interrupted(folder: &TempDir, out: &str) -> Value {
+    let mut process = Process::new(assert_cmd::cargo::cargo_bin("damprig"))
+        .current_dir(folder.path())
+        .args(["simulate", "case.toml", "--json", "--rate", "5", "--out", out])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = BufReader::new(process.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("Ctrl-C keeps what is done") {
+        line.clear();
+        assert!(told.read_line(&mut line).unwrap() > 0, "it ended before it warned");
+    }
+    let pid = process.id().to_string();
+    assert!(Process::new("kill").args(["-INT", &pid]).status().unwrap().success());
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let mut rest = String::new();
+    while told.read_line(&mut rest).unwrap() > 0 {}
+    assert!(rest.contains("interrupted at"), "{rest}");
+    serde_json::from_slice(&output.stdout).expect("the answer up to there")
+}
+
+#[test]
+fn an_interrupted_run_keeps_its_history_its_impacts_and_its_figures() {
+    let folder = folder(&spid("{ duration_s = 1e9 }"));
+    let answer = interrupted(&folder, "motion.csv");
+    let stopped_at_s = answer["stopped_at_s"].as_f64().expect("where it was stopped");
+    assert_eq!(answer["summary"]["simulated_s"].as_f64(), Some(stopped_at_s));
+    assert!(answer["summary"]["impact_count"].as_u64() > Some(10));
+    let times = csv_columns(&folder.path().join("motion.csv")).remove(0).1;
+    let last: f64 = times.last().unwrap().parse().unwrap();
+    assert!(last <= stopped_at_s && last > stopped_at_s - 0.21, "{last} of {stopped_at_s}");
+    let impacts = csv_columns(&folder.path().join("motion.impacts.csv")).remove(0).1;
+    assert_eq!(Some(impacts.len() as u64), answer["summary"]["impact_count"].as_u64());
+    assert!(!folder.path().join("motion.csv.tmp").exists());
+}
+
+#[test]
+fn an_interrupted_parquet_history_is_readable() {
+    let folder = folder(&spid("{ duration_s = 1e9 }"));
+    let answer = interrupted(&folder, "motion.parquet");
+    let rows = common::rows(folder.path().join("motion.parquet"));
+    let expected = answer["stopped_at_s"].as_f64().unwrap() * 5.0;
+    assert!((rows as f64 - expected).abs() <= 1.0, "{rows} rows in {expected}");
+}
