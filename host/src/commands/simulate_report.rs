@@ -184,11 +184,21 @@ pub fn summary(case: &Case, answer: &Answer) -> String {
     lines.push(("", String::new()));
     lines.push(("largest |x|", mm(s.max_abs_x_m) + &over(s.max_abs_x_m, "X")));
     lines.push(("largest |x − z|", mm(s.max_abs_x_minus_z_m)));
+    if let Some(rms_m) = s.rms_x_minus_z_m {
+        lines.push(("RMS of x − z", mm(rms_m)));
+    }
     lines.push(("RMS of x", mm(s.rms_x_m) + &over(s.rms_x_m, "RMS")));
     if case.set_up.particle.is_some() {
         let kind = if case.has_soft_wall() { "contacts" } else { "impacts" };
         let rate = ending.map_or(String::new(), |e| format!(", {} a cycle at the end", digits(e.impacts_per_cycle, 3)));
         lines.push((kind, format!("{}{rate}", s.impact_count)));
+    }
+    if s.unresolved > 0 {
+        let text = format!(
+            "{} times events were too many to be told apart, and a moment was taken without them",
+            s.unresolved
+        );
+        lines.push(("unresolved", text));
     }
     if let Some(force) = s.peak_contact_force_n {
         lines.push(("contact force", format!("at most {} N", digits(force, 5))));

@@ -69,6 +69,7 @@ fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), 
 pub(super) struct Figures {
     wanted: Wanted,
     square_m2_s: f64,
+    relative_square_m2_s: f64,
     length_s: f64,
     /// Largest |x|, m.
     pub max_abs_x_m: f64,
@@ -86,6 +87,7 @@ impl Figures {
         Self {
             wanted,
             square_m2_s: 0.0,
+            relative_square_m2_s: 0.0,
             length_s: 0.0,
             max_abs_x_m: 0.0,
             max_abs_x_minus_z_m: 0.0,
@@ -99,6 +101,11 @@ impl Figures {
     /// √(1/T ∫x² dt), m.
     pub fn rms_x_m(&self) -> f64 {
         if self.length_s > 0.0 { (self.square_m2_s / self.length_s).sqrt() } else { 0.0 }
+    }
+
+    /// √(1/T ∫(x − z)² dt), m.
+    pub fn rms_x_minus_z_m(&self) -> f64 {
+        if self.length_s > 0.0 { (self.relative_square_m2_s / self.length_s).sqrt() } else { 0.0 }
     }
 
     /// Largest |x| and mean of the cycles' largest |x| over the complete steady cycles, m.
@@ -152,8 +159,10 @@ impl Viewer for Figures {
         let half_s = 0.5 * length_s;
         for (node, weight) in NODES {
             for at_s in [half_s * (1.0 - node), half_s * (1.0 + node)] {
-                let x_m = piece.at(at_s).state.x_m;
+                let at = piece.at(at_s);
+                let (x_m, relative_m) = (at.state.x_m, at.state.x_m - at.z_m);
                 self.square_m2_s += half_s * weight * x_m * x_m;
+                self.relative_square_m2_s += half_s * weight * relative_m * relative_m;
             }
         }
         self.length_s += length_s;
@@ -282,6 +291,7 @@ mod tests {
         // |2 e^{0.4i} − 0.5|
         let relative = (4.0 + 0.25 - 2.0 * 0.4_f64.cos()).sqrt();
         assert!((figures.max_abs_x_minus_z_m - relative).abs() < 1e-14);
+        assert!((figures.rms_x_minus_z_m() - relative / 2.0_f64.sqrt()).abs() < 1e-13);
         let (max, mean) = figures.steady_m().expect("fifteen cycles");
         assert!((max - 2.0).abs() < 1e-14 && (mean - 2.0).abs() < 1e-14);
     }

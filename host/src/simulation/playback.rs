@@ -68,11 +68,13 @@ fn play<V: Viewer, J: Joint<f64>>(
     let summary = Summary {
         simulated_s: at.reached_s,
         rms_x_m: figures.rms_x_m(),
+        rms_x_minus_z_m: Some(figures.rms_x_minus_z_m()),
         max_abs_x_m: figures.max_abs_x_m,
         max_abs_x_minus_z_m: figures.max_abs_x_minus_z_m,
         impact_count: figures.impacts,
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+        unresolved: motion.unresolved(),
         peak_contact_force_n: at.wall.and_then(|wall| wall.peak_n),
         first_contact_duration_s: contact.map(|c| c.0),
         first_contact_restitution: contact.map(|c| c.1),

@@ -44,6 +44,9 @@ pub struct Summary {
     pub simulated_s: f64,
     /// √(1/T ∫x² dt), m.
     pub rms_x_m: f64,
+    /// √(1/T ∫(x − z)² dt) on a record, whose base may drift, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rms_x_minus_z_m: Option<f64>,
     /// Largest |x|, m.
     pub max_abs_x_m: f64,
     /// Largest |x − z|, m.
@@ -56,6 +59,9 @@ pub struct Summary {
     /// Mean over the steady cycles of their largest |x|, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steady_mean_cycle_max_abs_x_m: Option<f64>,
+    /// How often events were so many at one instant, or in one step of a record, that the search for them was given up.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unresolved: u32,
     /// Largest force of a soft wall, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_contact_force_n: Option<f64>,
@@ -65,6 +71,11 @@ pub struct Summary {
     /// Separation speed over approach speed of that contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_contact_restitution: Option<f64>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
+fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 /// Impacts as they came: at most [`MOST_IMPACTS`], none unless they are kept.
@@ -167,11 +178,13 @@ fn closed_form<V: Viewer>(
     let summary = Summary {
         simulated_s: motion.time_s(),
         rms_x_m: response.rms_x_m(),
+        rms_x_minus_z_m: None,
         max_abs_x_m: response.max_abs_x_m(),
         max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
         impact_count: response.impact_count(),
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+        unresolved: motion.unresolved(),
         peak_contact_force_n: response.peak_contact_force_n(),
         first_contact_duration_s: contact.map(|c| c.0),
         first_contact_restitution: contact.map(|c| c.1),
