@@ -2,5 +2,7 @@
 //! [`damprig_core::analysis`]; this part needs linear algebra.
 
 mod periodic_orbit;
+mod steady;
 
 pub use periodic_orbit::{NotFound, PeriodicOrbit};
+pub use steady::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};

@@ -3,6 +3,7 @@
 //! To add one: a file with its clap `Args` and a function that returns [`Outcome`], and a line each in
 //! `Command` and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
 
+mod analysis_report;
 mod progress;
 mod report;
 mod run;

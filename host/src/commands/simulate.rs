@@ -5,15 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
+use serde::Serialize;
 
 use super::progress::Bar;
 use super::simulate_report as report;
 use super::{Failure, Outcome};
+use crate::analysis::Analysis;
 use crate::figure::motion::COLUMNS;
 use crate::simulation::history::{History, TablePath};
 use crate::simulation::outline::Outline;
 use crate::simulation::record::Quantity;
-use crate::simulation::{Case, Request, cost, simulate};
+use crate::simulation::{Answer, Case, Request, cost, simulate};
 
 /// Simulates a case exactly: every impact, stick and slip at its instant.
 #[derive(Debug, ClapArgs)]
@@ -26,6 +28,10 @@ pub struct Args {
     /// Print the whole answer as one JSON object
     #[arg(long)]
     json: bool,
+
+    /// Also say where the energy went, what the motion settles on and whether that is stable
+    #[arg(long)]
+    analyse: bool,
 
     /// Write the time history to FILE.parquet or FILE.csv, and the impacts to FILE.impacts.… beside it
     #[arg(long, value_name = "FILE")]
@@ -54,6 +60,7 @@ Examples:
   damprig simulate host/cases/spid.toml --plot spid.png
   damprig simulate host/cases/soft-wall.toml --out soft.parquet --rate 1000
   damprig simulate host/cases/record.toml --json
+  damprig simulate host/cases/spid.toml --analyse
 
 The first Ctrl-C ends the run where it is: files and figures up to there are complete. A second ends the program at once.
 
@@ -62,6 +69,15 @@ Exit codes:
   1    a file could not be written
   2    the command line or the case is wrong; nothing was written
   130  interrupted (Ctrl-C); what was done is kept";
+
+/// The answer, and the analysis under its own key where it was asked for.
+#[derive(Serialize)]
+struct WithAnalysis<'a> {
+    #[serde(flatten)]
+    answer: &'a Answer,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    analysis: Option<Analysis>,
+}
 
 /// Rows of a history in a period, unless a rate is given.
 const ROWS_A_PERIOD: f64 = 200.0;
@@ -134,14 +150,22 @@ pub fn run(args: &Args) -> Outcome {
     let written = history.map_or(Ok(()), History::finish);
     let drawn =
         args.plot.as_ref().map_or(Ok(()), |path| report::figure(&case, whole.as_ref(), last.as_ref())?.save(path));
+    let analysis = if args.analyse && answer.stopped_at_s.is_none() { Analysis::of(&case) } else { None };
+    if args.analyse && case.record.is_some() {
+        eprintln!("warning: --analyse needs an excitation in closed form; this case plays a record");
+    }
     if args.json {
         if answer.summary.impact_count > answer.impacts.len() as u64 {
             let (kept, all) = (answer.impacts.len(), answer.summary.impact_count);
             eprintln!("warning: the answer has the first {kept} of {all} impacts; --out writes them all");
         }
-        println!("{}", serde_json::to_string(&answer).map_err(|e| failed(&e))?);
+        let both = WithAnalysis { answer: &answer, analysis };
+        println!("{}", serde_json::to_string(&both).map_err(|e| failed(&e))?);
     } else {
         println!("{}", report::summary(&case, &answer));
+        if let Some(analysis) = &analysis {
+            println!("\n{}", super::analysis_report::text(analysis));
+        }
     }
     written.map_err(|e| failed(&e))?;
     drawn.map_err(|e| failed(&e))?;

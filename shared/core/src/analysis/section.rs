@@ -53,6 +53,12 @@ impl Section {
         &self.motion
     }
 
+    /// Gives the motion back, at the section.
+    #[must_use]
+    pub fn into_motion(self) -> Exact {
+        self.motion
+    }
+
     // Counted, not added up: the phase does not drift.
     fn instant_s(&self) -> f64 {
         self.start_s + self.taken as f64 * self.period_s

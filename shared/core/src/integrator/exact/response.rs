@@ -109,6 +109,11 @@ impl Response {
         self.first_contact
     }
 
+    /// Says that the run it is about to see starts with that cycle.
+    pub fn skip_to(&mut self, cycle: u64) {
+        self.cycle = cycle;
+    }
+
     /// Ends the cycle that a run of exactly a whole number of cycles has just completed.
     pub fn finish(&mut self, end_s: f64) {
         if let Some(cycle_s) = self.wanted.cycle_s

@@ -1,0 +1,225 @@
+//! What a simulated case settles on: energy, section and period, lock-in, the orbit and its stability.
+
+use std::f64::consts::TAU;
+
+use damprig_core::analysis::energy::{Balance, EnergyMeter};
+use damprig_core::analysis::lock_in::LockIn;
+use damprig_core::analysis::section::{Section, period};
+use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
+use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::{Exact, Excitation, State};
+use serde::Serialize;
+
+use super::periodic_orbit::PeriodicOrbit;
+use crate::simulation::Case;
+
+/// Drive periods at the end that are looked at.
+const LOOKED_AT: u64 = 64;
+
+/// The states of a section that count as the same, relative to the motion.
+const SAME: f64 = 1e-6;
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Analysis {
+    /// Where the energy of the whole run came from and went.
+    pub energy: Energy,
+    /// What a steady drive makes of it; none without a sine.
+    pub driven: Option<Driven>,
+}
+
+/// Energy by mechanism over the whole run, J.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Energy {
+    /// Work of the base or the force.
+    pub input_j: f64,
+    /// Kinetic and elastic energy at the end less that at the start.
+    pub stored_j: f64,
+    /// Taken by the structure's dashpot.
+    pub structure_damping_j: f64,
+    /// Taken by impacts on hard walls.
+    pub impacts_j: f64,
+    /// Taken by friction between particle and structure.
+    pub internal_friction_j: f64,
+    /// Taken by the friction damper.
+    pub friction_damper_j: f64,
+    /// Taken by the dashpot of a soft wall or tuned mass.
+    pub link_damping_j: f64,
+    /// What the balance leaves open: rounding.
+    pub residual_j: f64,
+}
+
+impl From<Balance> for Energy {
+    fn from(b: Balance) -> Self {
+        Self {
+            input_j: b.input_j,
+            stored_j: b.stored_j,
+            structure_damping_j: b.structure_damping_j,
+            impacts_j: b.impacts_j,
+            internal_friction_j: b.internal_friction_j,
+            friction_damper_j: b.friction_damper_j,
+            link_damping_j: b.link_damping_j,
+            residual_j: b.residual_j(),
+        }
+    }
+}
+
+/// The end of a run under a sine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Driven {
+    /// Drive periods looked at, the last of the run.
+    pub periods: u64,
+    /// Amplitude of x at the drive frequency, m.
+    pub amplitude_m: f64,
+    /// Its phase against the drive, rad, −π to π.
+    pub phase_rad: f64,
+    /// Mean of these periods' largest |x|, m.
+    pub mean_cycle_max_abs_x_m: f64,
+    /// Drive periods after which the section repeats to 10⁻⁶; none if it does not.
+    pub repeats_after: Option<usize>,
+    /// The last states at the drive phase of the run's start, oldest first.
+    pub section: Vec<SectionState>,
+    /// The orbit of two equispaced impacts a cycle in closed form, where it exists.
+    pub two_impact_orbit: Option<TwoImpactOrbit>,
+    /// The periodic orbit that the end is on, by Newton's method.
+    pub orbit: Option<Orbit>,
+    /// Why there is none.
+    pub no_orbit: Option<String>,
+}
+
+/// A state of the section.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SectionState {
+    /// x, m.
+    pub x_m: f64,
+    /// x′, m/s.
+    pub v_m_per_s: f64,
+    /// y, m.
+    pub y_m: f64,
+    /// y′, m/s.
+    pub u_m_per_s: f64,
+}
+
+impl From<&State> for SectionState {
+    fn from(s: &State) -> Self {
+        Self { x_m: s.x_m, v_m_per_s: s.v_m_per_s, y_m: s.y_m(), u_m_per_s: s.u_m_per_s() }
+    }
+}
+
+/// The closed form (Masri and Caughey).
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct TwoImpactOrbit {
+    /// Speed of the particle, m/s.
+    pub particle_speed_m_per_s: f64,
+    /// |x′ − y′| just before an impact, m/s.
+    pub approach_speed_m_per_s: f64,
+    /// Displacement at the impact on the + wall, m.
+    pub impact_displacement_m: f64,
+}
+
+/// An orbit found by Newton's method.
+#[derive(Clone, Debug, Serialize)]
+pub struct Orbit {
+    /// Drive periods after which it repeats.
+    pub periods: u32,
+    /// Floquet multipliers, real and imaginary part, largest first.
+    pub multipliers: Vec<[f64; 2]>,
+    /// Whether all lie inside the unit circle.
+    pub stable: bool,
+}
+
+impl Analysis {
+    /// Of a case in closed form; none for one that plays a record.
+    #[must_use]
+    pub fn of(case: &Case) -> Option<Self> {
+        if case.record.is_some() {
+            return None;
+        }
+        let motion = Exact::new(&case.set_up, &case.excitation, &case.initial).ok()?;
+        let mut meter = EnergyMeter::new(&case.set_up);
+        let driven = match case.excitation {
+            Excitation::Sine { angular_frequency_rad_per_s, .. }
+            | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => {
+                Driven::of(case, motion, angular_frequency_rad_per_s, &mut meter)
+            }
+            _ => {
+                let mut motion = motion;
+                motion.run(case.run.duration_s, &mut meter);
+                None
+            }
+        };
+        Some(Self { energy: meter.balance().into(), driven })
+    }
+}
+
+impl Driven {
+    fn of(case: &Case, motion: Exact, turning: f64, meter: &mut EnergyMeter) -> Option<Self> {
+        let period_s = TAU / turning;
+        let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor() as u64;
+        let mut motion = motion;
+        if whole == 0 {
+            motion.run(case.run.duration_s, meter);
+            return None;
+        }
+        let periods = LOOKED_AT.min(whole.div_ceil(2));
+        let start_s = (whole - periods) as f64 * period_s;
+        motion.run(start_s, meter);
+        let mut lock_in = LockIn::new(turning);
+        let mut response = Response::new(Wanted {
+            cycle_s: Some(period_s),
+            steady_from_cycle: Some(whole - periods),
+            ..Wanted::default()
+        });
+        response.skip_to(whole - periods);
+        let mut section = Section::new(motion, period_s);
+        let states: Vec<State> =
+            (0..periods).map(|_| section.next(&mut (&mut *meter, (&mut lock_in, &mut response)))).collect();
+        response.finish(whole as f64 * period_s);
+        let mut motion = section.into_motion();
+        motion.run(case.run.duration_s, meter);
+        let repeats_after = period(&states, SAME);
+        let (phase_of_drive, base_amplitude_m) = match case.excitation {
+            Excitation::Sine { phase_rad, amplitude_m, .. } => (phase_rad, Some(amplitude_m)),
+            Excitation::ForceSine { phase_rad, .. } => (phase_rad, None),
+            _ => (0.0, None),
+        };
+        let phase = lock_in.phase_rad() - phase_of_drive;
+        let found = base_amplitude_m.map(|amplitude_m| {
+            // The orbit is looked for at drive phase 0, so the last state is carried there.
+            let mut there = Exact::clone(&motion);
+            let late_s = (whole as f64 * period_s) + (TAU - phase_of_drive.rem_euclid(TAU)) / turning;
+            there.run(late_s.max(there.time_s()), &mut ());
+            let periods = u32::try_from(repeats_after.unwrap_or(1)).unwrap_or(1);
+            PeriodicOrbit::near(&case.set_up, amplitude_m, turning, there.state(), periods)
+        });
+        let (orbit, no_orbit) = match found {
+            Some(Ok(orbit)) => (
+                Some(Orbit {
+                    periods: orbit.periods,
+                    stable: orbit.is_stable(),
+                    multipliers: orbit.multipliers.iter().map(|m| [m.re, m.im]).collect(),
+                }),
+                None,
+            ),
+            Some(Err(why)) => (None, Some(why.to_string())),
+            None => (None, None),
+        };
+        Some(Self {
+            periods,
+            amplitude_m: lock_in.amplitude_m(),
+            phase_rad: phase - TAU * (phase / TAU).round(),
+            mean_cycle_max_abs_x_m: response.steady_m().map_or(0.0, |(_, mean)| mean),
+            repeats_after,
+            section: states.iter().map(SectionState::from).collect(),
+            two_impact_orbit: base_amplitude_m.and_then(|z| SymmetricOrbit::new(&case.set_up, z, turning)).map(|o| {
+                TwoImpactOrbit {
+                    particle_speed_m_per_s: o.particle_speed_m_per_s,
+                    approach_speed_m_per_s: o.approach_speed_m_per_s,
+                    impact_displacement_m: o.impact_displacement_m,
+                }
+            }),
+            orbit,
+            no_orbit,
+        })
+    }
+}
