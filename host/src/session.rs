@@ -62,6 +62,16 @@ pub enum SessionError {
         /// Ours.
         program: &'static str,
     },
+    /// Another device answers than before.
+    #[error("another device answers at {link} now: it was {board}, it is {what}; the run was stopped")]
+    Another {
+        /// Which link.
+        link: String,
+        /// The board before.
+        board: String,
+        /// The device now.
+        what: String,
+    },
     /// The device said no.
     #[error("the device refused to {what}: {why}")]
     Refused {

@@ -64,6 +64,16 @@ impl Campaign {
         self.experiments.iter().map(|e| e.set_ups.len() * e.frequencies_hz.len()).sum()
     }
 
+    /// Set-ups and experiments by name, in the order in which they are run.
+    #[must_use]
+    pub fn in_order(&self) -> Vec<(String, String)> {
+        let pairs = self.set_ups.iter().enumerate().flat_map(|(index, set_up)| {
+            let own = self.experiments.iter().filter(move |e| e.set_ups.contains(&index));
+            own.map(|e| (set_up.name.clone(), e.name.clone()))
+        });
+        pairs.collect()
+    }
+
     /// Rig time that the whole campaign takes when every rest is immediate, as on a virtual rig, and no closed loop waits
     /// for its base, s.
     #[must_use]

@@ -14,7 +14,7 @@ pub struct Progress {
     bar: ProgressBar,
     expected_s: f64,
     mount_without_asking: bool,
-    set_ups: usize,
+    set_ups: Vec<String>,
     mounted: usize,
     line: Option<Line>,
 }
@@ -84,7 +84,8 @@ impl Progress {
         let expected_s = campaign.expected_s();
         let bar = bar((expected_s * STEPS_PER_S) as u64);
         let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
-        Self { bar, expected_s, mount_without_asking, set_ups: used.count(), mounted: 0, line: None }
+        let set_ups = used.map(|i| campaign.set_ups[i].name.clone()).collect();
+        Self { bar, expected_s, mount_without_asking, set_ups, mounted: 0, line: None }
     }
 
     /// The run is over.
@@ -97,7 +98,7 @@ impl Progress {
         let Some(line) = self.line.take() else { return };
         if self.bar.is_hidden() {
             let peak = line.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
-            println!("[{}/{}] {}: {} points{peak}", self.mounted, self.set_ups, line.label, line.points);
+            println!("[{}/{}] {}: {} points{peak}", self.mounted, self.set_ups.len(), line.label, line.points);
         }
     }
 }
@@ -105,7 +106,7 @@ impl Progress {
 impl Watcher for Progress {
     fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
         self.say_line();
-        self.mounted += 1;
+        self.mounted = self.set_ups.iter().position(|name| *name == set_up.name).map_or(0, |n| n + 1);
         self.bar.set_message(set_up.name.clone());
         self.line = Some(Line { label: set_up.name.clone(), points: 0, peak: None });
         if simulated || self.mount_without_asking {
@@ -141,5 +142,10 @@ impl Watcher for Progress {
                 line.peak = Some((row.x_over_z(), row.frequency_hz));
             }
         }
+    }
+
+    fn link(&mut self, state: &str) {
+        // Above the bar, or where errors go: it stands there in the morning.
+        self.bar.suspend(|| eprintln!("link: {state}"));
     }
 }

@@ -12,9 +12,15 @@ use super::{Failure, Outcome, report};
 use crate::campaign::Campaign;
 use crate::link::Address;
 use crate::prediction::{self, Prediction};
+use crate::recording::journal::{Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
-use crate::recording::{RunFolder, checksum};
-use crate::run::{Run, RunError, Selection, device_record};
+use crate::recording::taken::Taken;
+use crate::recording::writer::{Plan, Writer};
+use crate::recording::{Recorder, RunFolder, checksum};
+use crate::run::resume::Earlier;
+use crate::run::{Reconnect, Run, RunError, Selection, Tally, device_record};
+use crate::runs::RunFolder as ReadFolder;
+use crate::runs::folder::find;
 use crate::session::Session;
 
 /// Runs every set-up of the campaign through its experiments and records what the rig reports.
@@ -25,16 +31,22 @@ use crate::session::Session;
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
     /// Campaign file (TOML); host/campaigns/hybrid.toml shows what can be said
-    #[arg(value_name = "CAMPAIGN.toml")]
-    campaign: PathBuf,
+    #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
+    campaign: Option<PathBuf>,
 
     /// The rig: virtual, virtual:f32 (the board's precision), tcp:HOST:PORT or serial:PATH
-    #[arg(long, value_name = "RIG", default_value = "virtual")]
-    rig: Address,
+    /// [default: virtual; with --resume the rig that the run was begun on]
+    #[arg(long, value_name = "RIG")]
+    rig: Option<Address>,
 
     /// Folder for this run, new or empty [default: runs/<date>-<campaign>-<short id>]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "resume")]
     out: Option<PathBuf>,
+
+    /// Go on with the run in this folder: points that are taken are kept, the interrupted one is repeated from its
+    /// beginning. A sweep that carries its motion over begins anew
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
+    resume: Option<PathBuf>,
 
     /// Check the campaign and predict the displacements, then stop
     #[arg(long)]
@@ -47,6 +59,10 @@ pub struct Args {
     /// Seconds of silence after which the device counts as gone
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
     timeout: f64,
+
+    /// Seconds for which a link that is lost in mid-run is sought again; 0 to give up at once
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_none)]
+    reconnect_s: f64,
 }
 
 const AFTER_HELP: &str = "\
@@ -55,12 +71,14 @@ Examples:
   damprig run my.toml --dry-run
   damprig run my.toml --rig serial:/dev/ttyACM0 --out results/foam-1
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig run --resume results/foam-1
 
-The run folder holds campaign.toml, manifest.json, results.parquet, samples.parquet, figure.svg and figure.png.
+The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg and
+figure.png; samples.parts/ in the place of samples.parquet until the run is complete.
 
 Exit codes:
   0    every point was taken
-  1    the run is incomplete: the rig, the link or the disk failed; what was taken is in the run folder
+  1    the run is incomplete: the rig, the link or the disk failed; what was taken is in the run folder, and --resume goes on
   2    the command line or the campaign is wrong; nothing has moved
   130  interrupted (Ctrl-C); the rig was stopped, what was taken is in the run folder";
 
@@ -71,14 +89,29 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+fn seconds_or_none(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=864_000.0).contains(&value) => Ok(value),
+        _ => Err("must be a number of seconds from 0 to 864000".into()),
+    }
+}
+
 /// Runs the subcommand.
 ///
 /// # Errors
 /// Bad input, a failed or an interrupted run.
 pub fn run(args: &Args) -> Outcome {
-    let campaign = Campaign::read(&args.campaign).map_err(input)?;
+    match (&args.resume, &args.campaign) {
+        (Some(folder), _) => resume(args, folder),
+        (None, Some(campaign)) => begin(args, campaign),
+        (None, None) => Err(Failure::Input("give a campaign, or --resume with the folder of a run".into())),
+    }
+}
+
+fn begin(args: &Args, file: &Path) -> Outcome {
+    let campaign = Campaign::read(file).map_err(input)?;
     let predictions = prediction::predict(&campaign).map_err(input)?;
-    println!("Campaign {} ({})", campaign.name, args.campaign.display());
+    println!("Campaign {} ({})", campaign.name, file.display());
     println!("{}", report::plan(&campaign, &predictions));
     prediction::check(&campaign, &predictions).map_err(input)?;
     if args.dry_run {
@@ -87,75 +120,182 @@ pub fn run(args: &Args) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let timeout = Duration::from_secs_f64(args.timeout);
-    let mut session = Session::open(&args.rig, timeout).map_err(|e| Failure::Failed(e.to_string()))?;
-    carry_out(args, &campaign, &predictions, &mut session, &stop)
+    let rig = args.rig.clone().unwrap_or(Address::Virtual { single: false });
+    let mut session = open(&rig, args)?;
+    let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
+    let now = jiff::Zoned::now();
+    let folder = match &args.out {
+        Some(path) => RunFolder::create_at(path),
+        None => RunFolder::create_dated(Path::new("."), &campaign.name, &now),
+    }
+    .map_err(failed)?;
+    folder.write_campaign(campaign.source.text()).map_err(failed)?;
+    let begin = beginning(&campaign, &session, &selection, &now);
+    let job = Job { args, rig, campaign: &campaign, predictions: &predictions, folder, taken: Taken::default() };
+    job.carry_out(&mut session, selection, begin, &stop)
+}
+
+fn resume(args: &Args, wanted: &Path) -> Outcome {
+    let path = find(wanted).map_err(input)?;
+    let earlier = Earlier::read(&path).map_err(input)?;
+    println!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
+    for warning in &earlier.warnings {
+        println!("WRONG  {warning}");
+    }
+    let is_over = ReadFolder::open(&path).is_ok_and(|run| run.manifest().status == "complete");
+    if is_over && earlier.is_complete() {
+        println!("The run is complete: all {} points are taken. Nothing was done.", earlier.campaign.points());
+        return Ok(());
+    }
+    earlier.intentions().iter().for_each(|line| println!("- {line}"));
+    let campaign = &earlier.campaign;
+    let predictions = prediction::predict(campaign).map_err(input)?;
+    prediction::check(campaign, &predictions).map_err(input)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    let rig = match (&args.rig, earlier.taken.begun.first()) {
+        (Some(rig), _) => rig.clone(),
+        (None, Some(begin)) => begin.device.link.parse().map_err(|e| Failure::Input(format!("--rig: {e}")))?,
+        (None, None) => Address::Virtual { single: false },
+    };
+    let mut session = open(&rig, args)?;
+    let selection = Selection::of(campaign, &session).map_err(|e| failure(&e, ""))?;
+    let begin = beginning(campaign, &session, &selection, &jiff::Zoned::now());
+    let different = earlier.differences(&begin);
+    if !different.is_empty() {
+        let list = different.join("\n  ");
+        let message = "use the rig that it was begun on (--rig), or run the campaign anew; nothing was moved";
+        return Err(Failure::Input(format!("{} was begun in another way:\n  {list}\n  {message}", path.display())));
+    }
+    let folder = RunFolder::existing(&path);
+    let job = Job { args, rig, campaign, predictions: &predictions, folder, taken: earlier.taken.clone() };
+    job.carry_out(&mut session, selection, begin, &stop)
+}
+
+fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
+    Session::open(rig, Duration::from_secs_f64(args.timeout)).map_err(failed)
 }
 
 fn input(error: impl std::fmt::Display) -> Failure {
     Failure::Input(error.to_string())
 }
 
-fn carry_out(
-    args: &Args,
-    campaign: &Campaign,
-    predictions: &[Prediction],
-    session: &mut Session,
-    stop: &AtomicBool,
-) -> Outcome {
-    let started = jiff::Zoned::now();
-    let failed = |e: &dyn std::fmt::Display| Failure::Failed(e.to_string());
-    let selection = Selection::of(campaign, session).map_err(|e| failure(&e, ""))?;
-    let mut folder = match &args.out {
-        Some(path) => RunFolder::create_at(path),
-        None => RunFolder::create_dated(Path::new("."), &campaign.name, &started),
-    }
-    .map_err(|e| failed(&e))?;
-    let records = predictions.iter().map(|p| SetUpRecord::new(&campaign.set_ups[p.set_up], p.swing.max_x_m)).collect();
-    let mut manifest = Manifest::begin(campaign, records, &started);
-    let device = device_record(session);
-    println!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
-    manifest.device = Some(device);
+fn failed(error: impl std::fmt::Display) -> Failure {
+    Failure::Failed(error.to_string())
+}
 
-    let wall = Instant::now();
-    let mut progress = Progress::new(campaign, args.yes);
-    manifest.signals = selection.signals.clone();
-    let run = Run::new(campaign, session, &mut folder, &mut progress, stop, selection);
-    let begun = run.begin(campaign.source.text(), &manifest);
-    let (tally, result) = match begun {
-        Ok(run) => run.carry_out(),
-        Err(error) => (Default::default(), Err(error)),
-    };
-    progress.end();
-    let clock = Clock { rig_s: tally.rig_s, wall_s: wall.elapsed().as_secs_f64() };
-    manifest.clock = clock;
-    manifest.counters = tally.counters;
-    manifest.points_taken = folder.rows().len();
-    manifest.sample_rows = folder.sample_rows();
-    let closed = folder.close();
-    let result = result.and(closed.map_err(RunError::from));
-    manifest.ending = match &result {
-        Ok(()) => Ending::Complete,
-        Err(error) => Ending::Incomplete { reason: error.to_string() },
-    };
-    let drawn = report::figure(campaign, folder.rows()).and_then(|picture| picture.write(folder.path(), "figure"));
-    let sums = checksum::of_folder(folder.path());
-    manifest.files = sums.clone().unwrap_or_default();
-    let written = folder.write_manifest(&manifest).and(sums.map(|_| ()));
-    println!("{}", report::results(campaign, folder.rows()));
-    println!("{}", report::summary(&manifest));
-    println!("Run folder: {}", folder.path().display());
-    if let Err(error) = &result {
-        let kept = format!(
-            "\n  {} of {} points are kept in {}",
-            manifest.points_taken,
-            manifest.points_planned,
-            folder.path().display()
-        );
-        return Err(failure(error, &kept));
+/// How the run begins, or goes on, now.
+fn beginning(campaign: &Campaign, session: &Session, selection: &Selection, now: &jiff::Zoned) -> Begin {
+    Begin {
+        at: now.to_string(),
+        damprig: crate::VERSION_LINE.to_string(),
+        device: device_record(session),
+        signals: selection.signals.clone(),
+        every_ticks: campaign.telemetry.every_ticks(),
+        campaign: campaign.source.text().to_string(),
     }
-    written.map_err(|e| failed(&e))?;
-    drawn.map_err(|e| failed(&e))
+}
+
+/// A run with everything checked.
+struct Job<'a> {
+    args: &'a Args,
+    rig: Address,
+    campaign: &'a Campaign,
+    predictions: &'a [Prediction],
+    folder: RunFolder,
+    /// What an earlier run of the program has taken.
+    taken: Taken,
+}
+
+impl Job<'_> {
+    fn carry_out(&self, session: &mut Session, selection: Selection, begin: Begin, stop: &AtomicBool) -> Outcome {
+        let device = &begin.device;
+        println!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
+        let mut manifest = self.manifest(&begin);
+        let plan = Plan {
+            signals: begin.signals.clone(),
+            every_ticks: begin.every_ticks,
+            tick_hz: device.tick_hz,
+            order: self.campaign.in_order(),
+        };
+        let is_patient = session.is_granted();
+        let journal = Journal::open(self.folder.path()).map_err(failed)?;
+        let mut writer = Writer::new(self.folder.path(), journal, plan, self.taken.clone()).map_err(failed)?;
+        writer.note(&Entry::Begin(Box::new(begin))).map_err(failed)?;
+        manifest.note(writer.taken(), writer.rows());
+        self.folder.write_manifest(&manifest).map_err(failed)?;
+        let taken = writer.taken().clone();
+
+        let wall = Instant::now();
+        let mut progress = Progress::new(self.campaign, self.args.yes);
+        let mut recorder = Recorder::start(writer, is_patient);
+        let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
+        let (tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        progress.end();
+        let (writer, stored) = recorder.finish();
+        let Some(writer) = writer else { return Err(failed("the recorder's thread has died; the run is incomplete")) };
+        self.end(writer, manifest, tally, result.and(stored.map_err(RunError::from)), wall.elapsed())
+    }
+
+    fn reconnect(&self) -> Option<Reconnect<'_>> {
+        let within = Duration::from_secs_f64(self.args.reconnect_s);
+        let timeout = Duration::from_secs_f64(self.args.timeout);
+        let open = Box::new(move || Session::open(&self.rig, timeout));
+        (!within.is_zero()).then_some(Reconnect { within, open })
+    }
+
+    fn manifest(&self, begin: &Begin) -> Manifest {
+        let record = |p: &Prediction| SetUpRecord::new(&self.campaign.set_ups[p.set_up], p.swing.max_x_m);
+        let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
+        let mut manifest = Manifest::begin(self.campaign, self.predictions.iter().map(record).collect(), started);
+        manifest.device = Some(begin.device.clone());
+        manifest.signals = begin.signals.clone();
+        manifest
+    }
+
+    /// Closes the files, says what came of it, and draws the figure.
+    fn end(
+        &self,
+        mut writer: Writer,
+        mut manifest: Manifest,
+        tally: Tally,
+        result: Result<(), RunError>,
+        wall: Duration,
+    ) -> Outcome {
+        let closed = writer.close();
+        let result = result.and(closed.map_err(RunError::from));
+        let result = result.and_then(|()| Ok(writer.join()?));
+        let reason = result.as_ref().err().map(ToString::to_string);
+        let ended = Ended {
+            at: jiff::Zoned::now().to_string(),
+            reason: reason.clone(),
+            counters: tally.counters,
+            wall_s: wall.as_secs_f64(),
+        };
+        let noted = writer.note(&Entry::Ended(ended));
+        let rows = writer.results();
+        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: writer.taken().wall_s() };
+        manifest.counters = writer.taken().counters();
+        manifest.note(writer.taken(), writer.rows());
+        manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
+        let path = self.folder.path();
+        let drawn = report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"));
+        let sums = checksum::of_folder(path);
+        manifest.files = sums.clone().unwrap_or_default();
+        let written = noted.and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
+        println!("{}", report::results(self.campaign, &rows));
+        println!("{}", report::summary(&manifest));
+        println!("Run folder: {}", path.display());
+        if let Err(error) = &result {
+            let (taken, planned) = (manifest.points_taken, manifest.points_planned);
+            let shown = path.display();
+            let kept =
+                format!("\n  {taken} of {planned} points are kept in {shown}; `damprig run --resume {shown}` goes on");
+            return Err(failure(error, &kept));
+        }
+        written.map_err(failed)?;
+        drawn.map_err(failed)
+    }
 }
 
 /// A run's error with what is kept, under its exit code.

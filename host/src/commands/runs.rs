@@ -153,9 +153,12 @@ fn show(run: &RunFolder) -> Outcome {
     println!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
     let c = m.counters;
     println!(
-        "Lost: {} records dropped by the device, {} missing; bad frames: host {}, device {}",
-        c.dropped_records, c.missing_records, c.bad_frames_host, c.bad_frames_device
+        "Lost: {} rows of samples ({} dropped by the device, {} by the host, {} messages missing on the way); bad frames: host {}, device {}",
+        c.lost_rows, c.dropped_records, c.dropped_rows_host, c.missing_records, c.bad_frames_host, c.bad_frames_device
     );
+    if m.resumed > 0 || c.interruptions > 0 {
+        println!("Taken up again {} times; the link or the device was lost {} times", m.resumed, c.interruptions);
+    }
     let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
     println!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
     let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);

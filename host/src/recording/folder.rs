@@ -1,18 +1,15 @@
-//! Makes the run folder, and keeps its files whole while the run goes on.
+//! Makes the run folder, or opens one to go on in it, and writes its two texts.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::StorageError;
 use super::manifest::Manifest;
-use super::parquet::{Point, SampleFile, write_results};
-use super::{ResultRow, Signal, StorageError};
 
-/// A run being recorded.
-#[derive(Debug)]
+/// A run folder that is written.
+#[derive(Clone, Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    rows: Vec<ResultRow>,
-    samples: Option<SampleFile>,
 }
 
 impl RunFolder {
@@ -25,7 +22,7 @@ impl RunFolder {
         let id: String = (0..4).map(|_| char::from(LETTERS[fastrand::usize(..LETTERS.len())])).collect();
         let path = base.join("runs").join(format!("{}-{campaign}-{id}", now.strftime("%Y%m%d-%H%M%S")));
         fs::create_dir_all(&path).map_err(|e| StorageError::new("create the run folder", &path, e))?;
-        Ok(Self { path, rows: Vec::new(), samples: None })
+        Ok(Self { path })
     }
 
     /// Just the folder asked for; it may exist when it is empty.
@@ -36,7 +33,7 @@ impl RunFolder {
         match fs::read_dir(path) {
             Ok(mut entries) => {
                 if entries.next().is_some() {
-                    let message = "it is not empty; give --out a new folder, so that no earlier run is lost";
+                    let message = "it is not empty; give --out a new folder, so that no earlier run is lost, or go on with the run in it with --resume";
                     return Err(StorageError::new("use the folder", path, message));
                 }
             }
@@ -45,7 +42,13 @@ impl RunFolder {
             }
             Err(error) => return Err(StorageError::new("use the folder", path, error)),
         }
-        Ok(Self { path: path.to_path_buf(), rows: Vec::new(), samples: None })
+        Ok(Self { path: path.to_path_buf() })
+    }
+
+    /// A folder that holds a run.
+    #[must_use]
+    pub fn existing(path: &Path) -> Self {
+        Self { path: path.to_path_buf() }
     }
 
     /// Where it is.
@@ -54,25 +57,12 @@ impl RunFolder {
         &self.path
     }
 
-    /// The results so far.
-    #[must_use]
-    pub fn rows(&self) -> &[ResultRow] {
-        &self.rows
-    }
-
-    /// Samples recorded so far, rows.
-    #[must_use]
-    pub fn sample_rows(&self) -> u64 {
-        self.samples.as_ref().map_or(0, SampleFile::rows)
-    }
-
     /// Copies the campaign as run.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn write_campaign(&self, text: &str) -> Result<(), StorageError> {
-        let path = self.path.join("campaign.toml");
-        fs::write(&path, text).map_err(|e| StorageError::new("write", &path, e))
+        self.write("campaign.toml", text)
     }
 
     /// Writes the manifest whole, in place of an earlier one.
@@ -80,54 +70,19 @@ impl RunFolder {
     /// # Errors
     /// When it cannot be written; an earlier one stays.
     pub fn write_manifest(&self, manifest: &Manifest) -> Result<(), StorageError> {
-        let path = self.path.join("manifest.json");
-        let beside = self.path.join("manifest.json.tmp");
-        let text = serde_json::to_string_pretty(manifest).map_err(|e| StorageError::new("write", &path, e))?;
-        fs::write(&beside, text + "\n").map_err(|e| StorageError::new("write", &path, e))?;
-        fs::rename(&beside, &path).map_err(|e| StorageError::new("write", &path, e))
+        let text = serde_json::to_string_pretty(manifest)
+            .map_err(|e| StorageError::new("write", &self.path.join("manifest.json"), e))?;
+        self.write("manifest.json", &(text + "\n"))
     }
 
-    /// Begins recording these signals.
-    ///
-    /// # Errors
-    /// When the samples cannot be begun.
-    pub fn record(&mut self, signals: &[Signal]) -> Result<(), StorageError> {
-        self.samples = Some(SampleFile::create(&self.path, signals)?);
-        Ok(())
-    }
-
-    /// Adds one tick's signal values.
-    ///
-    /// # Errors
-    /// When a full part cannot be written.
-    pub fn push_sample(
-        &mut self,
-        point: Point,
-        tick: u64,
-        t_s: f64,
-        values: impl Iterator<Item = f32>,
-    ) -> Result<(), StorageError> {
-        match &mut self.samples {
-            Some(samples) => samples.push(point, tick, t_s, values),
-            None => Ok(()),
-        }
-    }
-
-    /// Adds a result: it and the samples up to it are on the disk when this returns.
-    ///
-    /// # Errors
-    /// When they cannot be written.
-    pub fn push_result(&mut self, row: ResultRow) -> Result<(), StorageError> {
-        self.rows.push(row);
-        write_results(&self.path.join("results.parquet"), &self.rows)?;
-        self.samples.as_mut().map_or(Ok(()), SampleFile::flush)
-    }
-
-    /// Joins the samples into one file. The run is over, well or not.
-    ///
-    /// # Errors
-    /// When they cannot be joined; they stay in parts then, and can be read as they are.
-    pub fn close(&mut self) -> Result<(), StorageError> {
-        self.samples.take().map_or(Ok(()), |mut samples| samples.close())
+    /// Writes a text beside its file and gives it its name: the file is there as a whole or not at all.
+    fn write(&self, name: &str, text: &str) -> Result<(), StorageError> {
+        let path = self.path.join(name);
+        let beside = self.path.join(format!("{name}.tmp"));
+        let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, &path));
+        written.map_err(|e| {
+            let _ = fs::remove_file(&beside);
+            StorageError::new("write", &path, e)
+        })
     }
 }

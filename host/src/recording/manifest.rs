@@ -1,10 +1,14 @@
 //! `manifest.json`: everything about a run that is not a table.
 
-use serde::Serialize;
+use std::ops::AddAssign;
+
+use serde::{Deserialize, Serialize};
 
 use super::Signal;
 use super::checksum::FileRecord;
+use super::clock::ClockFit;
 use super::row::COLUMNS;
+use super::taken::Taken;
 use crate::campaign::{Campaign, CampaignSetUp};
 
 /// How a run ended.
@@ -23,7 +27,7 @@ pub enum Ending {
 }
 
 /// What the device said about itself.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Device {
     /// The link it was reached by, as given to `--rig`.
     pub link: String,
@@ -37,21 +41,58 @@ pub struct Device {
     pub protocol_schema: String,
     /// Whether the plant is simulated.
     pub simulated: bool,
+    /// What moves: `real`, `simulated in f32` or `simulated in f64`.
+    pub plant: String,
+    /// Whose clock counts the ticks: the board's (`real time`), or the host's (`granted`).
+    pub clock: String,
     /// Ticks in a second.
     pub tick_hz: f64,
 }
 
 /// What got lost on the way; zeros unless something is wrong.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Counters {
-    /// Telemetry records that the device had no room for.
+    /// Rows of samples that the device had no room for.
     pub dropped_records: u64,
-    /// Telemetry records missing by their sequence numbers.
+    /// Telemetry messages missing by their sequence numbers.
     pub missing_records: u64,
+    /// Rows of samples that this program dropped because the disk was too slow.
+    pub dropped_rows_host: u64,
+    /// Rows of samples missing by their ticks, whoever lost them; each gap is in the column `gap_before_ticks`.
+    pub lost_rows: u64,
     /// Frames that the host refused: checksum, length, or content.
     pub bad_frames_host: u64,
     /// Frames that the device refused.
     pub bad_frames_device: u64,
+    /// Times that the link was lost, or the device began anew, in mid-run.
+    pub interruptions: u64,
+}
+
+impl AddAssign for Counters {
+    fn add_assign(&mut self, more: Self) {
+        self.dropped_records += more.dropped_records;
+        self.missing_records += more.missing_records;
+        self.dropped_rows_host += more.dropped_rows_host;
+        self.lost_rows += more.lost_rows;
+        self.bad_frames_host += more.bad_frames_host;
+        self.bad_frames_device += more.bad_frames_device;
+        self.interruptions += more.interruptions;
+    }
+}
+
+/// A start of the device, and device time against host time in it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SegmentRecord {
+    set_up: String,
+    experiment: String,
+    segment: u32,
+    first_point_index: usize,
+    started: String,
+    /// Whether the device came to its end; otherwise the run was interrupted in it.
+    finished: bool,
+    /// None under a granted clock: device time then passes only as the host lets it, whatever the time here.
+    clock: Option<ClockFit>,
 }
 
 /// A set-up in SI units.
@@ -138,6 +179,10 @@ pub struct Manifest {
     pub counters: Counters,
     /// Durations.
     pub clock: Clock,
+    /// Times that the run was taken up again.
+    pub resumed: usize,
+    /// Each start of the device.
+    pub segments: Vec<SegmentRecord>,
     /// The set-ups in SI units.
     pub set_ups: Vec<SetUpRecord>,
     /// The other files of the folder when the run ended; empty before.
@@ -148,7 +193,7 @@ pub struct Manifest {
 impl Manifest {
     /// At the start of a run.
     #[must_use]
-    pub fn begin(campaign: &Campaign, set_ups: Vec<SetUpRecord>, started: &jiff::Zoned) -> Self {
+    pub fn begin(campaign: &Campaign, set_ups: Vec<SetUpRecord>, started: &str) -> Self {
         let columns = COLUMNS.iter().map(|c| ColumnRecord { name: c.name, unit: c.unit, about: c.about });
         Self {
             format: FORMAT,
@@ -165,9 +210,33 @@ impl Manifest {
             signals: Vec::new(),
             counters: Counters::default(),
             clock: Clock::default(),
+            resumed: 0,
+            segments: Vec::new(),
             set_ups,
             files: Vec::new(),
             results_columns: columns.collect(),
         }
+    }
+    /// Takes over what the journal adds up to.
+    pub fn note(&mut self, taken: &Taken, rows: u64) {
+        self.points_taken = taken.rows().len();
+        self.sample_rows = rows;
+        self.resumed = taken.begun.len().saturating_sub(1);
+        let segment = |s: &super::journal::Segment| {
+            let finished = taken
+                .finished
+                .iter()
+                .find(|f| f.set_up == s.set_up && f.experiment == s.experiment && f.segment == s.segment);
+            SegmentRecord {
+                set_up: s.set_up.clone(),
+                experiment: s.experiment.clone(),
+                segment: s.segment,
+                first_point_index: s.first_index,
+                started: s.at.clone(),
+                finished: finished.is_some(),
+                clock: finished.and_then(|f| f.clock),
+            }
+        };
+        self.segments = taken.segments.iter().map(segment).collect();
     }
 }

@@ -1,32 +1,45 @@
-//! The run folder: what was run, what came of it, and whether it is whole.
+//! The run folder: what was run, what came of it, and whether it is whole. `host/RUN_FOLDER.md` describes its files.
 //!
 //! ```text
 //! runs/20261121-041624-hybrid-k3x9/
 //!   campaign.toml     the campaign as run
 //!   manifest.json     versions, device, units, counters, complete or why not
-//!   results.parquet   one row per set-up and frequency; rewritten whole after each point
-//!   samples.parquet   telemetry; while the run lasts: one file per point in samples.parts/
+//!   journal.jsonl     what happened, a line each: what a run is taken up again from
+//!   results.parquet   one row per set-up and frequency; made of the journal
+//!   samples.parquet   telemetry; until the run is complete: a file per point in samples.parts/, the last
+//!                     one as samples-NNNNNN.open.arrows
 //!   figure.svg|png
 //! ```
-//! A run that ends badly, or is killed, leaves all of it up to the last point, readable. The tables are in
-//! [`parquet`], the rows in [`row`], the manifest in [`manifest`].
+//! A run that ends badly, or is killed, leaves all of it up to the last quarter of a second, readable. The
+//! [`recorder`] keeps the disk away from the link, the [`writer`] is its thread's work: the [`journal`], the open
+//! [`part`], the [`samples`]. What a journal adds up to is [`taken`]'s, whole tables are [`parquet`]'s.
 
 pub mod checksum;
+pub mod clock;
 pub mod folder;
+pub mod journal;
 pub mod manifest;
+mod number;
 pub mod parquet;
+pub mod part;
+pub mod recorder;
 pub mod row;
+pub mod samples;
+pub mod taken;
+pub mod writer;
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use folder::RunFolder;
-pub use parquet::Point;
 pub use row::ResultRow;
 
+/// The recorder of a run folder.
+pub type Recorder = recorder::Recorder<writer::Writer>;
+
 /// A recorded quantity.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Signal {
     /// Name of its column.
     pub name: String,

@@ -1,39 +1,56 @@
-//! Parquet files of results and samples, units in the columns' metadata.
+//! Whole Parquet files, units in the columns' metadata, and the results as one.
 //!
 //! Snappy compression, which every reader has. Files appear under their name only when they are whole: they
-//! are written beside it and renamed.
+//! are written beside it and renamed. The samples' columns are [`super::samples`]'s.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use arrow_array::builder::StringDictionaryBuilder;
-use arrow_array::types::Int32Type;
 use arrow_array::{
     ArrayRef, BooleanArray, Float32Array, Float64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
 };
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use parquet::basic::Compression;
+use parquet::basic::{Compression, Encoding};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 
+use super::StorageError;
 use super::row::{COLUMNS, Cell, Column, ResultRow};
-use super::{Signal, StorageError};
 
 /// A column that is never empty, with its unit.
 pub(crate) fn field(name: &str, kind: DataType, unit: &str) -> Field {
     Field::new(name, kind, false).with_metadata(HashMap::from([("unit".to_string(), unit.to_string())]))
 }
 
-/// How every table is written.
-pub(crate) fn properties() -> WriterProperties {
-    WriterProperties::builder()
+/// How much a written file has to survive before the call returns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kept {
+    /// The end of the program.
+    ByTheSystem,
+    /// The end of the machine too.
+    OnTheDisk,
+}
+
+/// How every table is written. Measured values hardly ever repeat: a dictionary of them is only longer. Ticks rise
+/// evenly: their differences are short.
+pub(crate) fn properties(schema: &Schema) -> WriterProperties {
+    let mut properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
-        .set_created_by(crate::VERSION_LINE.to_string())
-        .build()
+        .set_created_by(crate::VERSION_LINE.to_string());
+    for field in schema.fields() {
+        let encoding = match field.data_type() {
+            DataType::Float32 => Encoding::PLAIN,
+            DataType::UInt64 => Encoding::DELTA_BINARY_PACKED,
+            _ => continue,
+        };
+        let column = field.name().as_str();
+        properties = properties.set_column_dictionary_enabled(column.into(), false);
+        properties = properties.set_column_encoding(column.into(), encoding);
+    }
+    properties.build()
 }
 
 /// A parquet failure as the storage failure it is; the disk's own words when there are any.
@@ -46,21 +63,25 @@ fn failure(path: &Path, error: ParquetError) -> StorageError {
 }
 
 /// Writes a file beside `path`, then gives it its name.
-fn write_whole(
+pub(super) fn write_whole(
     path: &Path,
     schema: &SchemaRef,
     batches: impl Iterator<Item = Result<RecordBatch, String>>,
+    kept: Kept,
 ) -> Result<(), StorageError> {
     let beside = PathBuf::from(format!("{}.tmp", path.display()));
     let written = (|| {
         let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
         let mut writer =
-            ArrowWriter::try_new(file, schema.clone(), Some(properties())).map_err(|e| failure(path, e))?;
+            ArrowWriter::try_new(file, schema.clone(), Some(properties(schema))).map_err(|e| failure(path, e))?;
         for batch in batches {
             let batch = batch.map_err(|e| StorageError::new("write", path, e))?;
             writer.write(&batch).map_err(|e| failure(path, e))?;
         }
-        writer.close().map_err(|e| failure(path, e))?;
+        let file = writer.into_inner().map_err(|e| failure(path, e))?;
+        if kept == Kept::OnTheDisk {
+            file.sync_data().map_err(|e| StorageError::new("write", path, e))?;
+        }
         fs::rename(&beside, path).map_err(|e| StorageError::new("name", path, e))
     })();
     if written.is_err() {
@@ -75,11 +96,18 @@ fn write_whole(
 /// # Errors
 /// When the file cannot be written; an earlier one stays as it is.
 pub fn write_results(path: &Path, rows: &[ResultRow]) -> Result<(), StorageError> {
+    let batch = results(rows).map_err(|e| StorageError::new("write", path, e))?;
+    write_whole(path, &batch.schema(), std::iter::once(Ok(batch)), Kept::ByTheSystem)
+}
+
+/// Result rows as a table.
+///
+/// # Errors
+/// When the columns do not fit each other: then [`COLUMNS`] is wrong.
+pub fn results(rows: &[ResultRow]) -> Result<RecordBatch, String> {
     let arrays: Vec<(Field, ArrayRef)> = COLUMNS.iter().map(|c| results_column(c, rows)).collect();
     let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = arrays.into_iter().unzip();
-    let schema = Arc::new(Schema::new(fields));
-    let batch = RecordBatch::try_new(schema.clone(), arrays).map_err(|e| e.to_string());
-    write_whole(path, &schema, std::iter::once(batch))
+    RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays).map_err(|e| e.to_string())
 }
 
 fn results_column(column: &Column, rows: &[ResultRow]) -> (Field, ArrayRef) {
@@ -107,166 +135,4 @@ fn results_column(column: &Column, rows: &[ResultRow]) -> (Field, ArrayRef) {
         ("description".to_string(), column.about.to_string()),
     ]));
     (field, array)
-}
-
-/// Samples being gathered for the next part.
-#[derive(Debug, Default)]
-struct Rows {
-    set_up: Vec<u32>,
-    experiment: Vec<u32>,
-    frequency_hz: Vec<f64>,
-    tick: Vec<u64>,
-    t_s: Vec<f64>,
-    signals: Vec<Vec<f32>>,
-}
-
-/// The telemetry of a run: parts while it runs, one file when it ends.
-///
-/// A Parquet file without its end cannot be read. So each point of a run is a whole file of its own in
-/// `samples.parts/` (a folder that Parquet readers take as one data set), and [`SampleFile::close`] joins
-/// them into `samples.parquet`. A run killed at any instant has lost the point it was at, and no more.
-#[derive(Debug)]
-pub struct SampleFile {
-    path: PathBuf,
-    parts: PathBuf,
-    schema: SchemaRef,
-    names: Vec<String>,
-    rows: Rows,
-    part: usize,
-    written: u64,
-}
-
-/// Which point samples belong to.
-#[derive(Clone, Copy, Debug)]
-pub struct Point<'a> {
-    /// Name of the set-up.
-    pub set_up: &'a str,
-    /// Name of the experiment.
-    pub experiment: &'a str,
-    /// Drive frequency, Hz.
-    pub frequency_hz: f64,
-}
-
-/// A part is written when it holds this many rows, if its point has not ended before.
-const ROWS_PER_PART: usize = 100_000;
-
-impl SampleFile {
-    /// Begins `samples.parquet` in `folder` for these signals.
-    ///
-    /// # Errors
-    /// When the folder of parts cannot be made.
-    pub fn create(folder: &Path, signals: &[Signal]) -> Result<Self, StorageError> {
-        let parts = folder.join("samples.parts");
-        fs::create_dir_all(&parts).map_err(|e| StorageError::new("create", &parts, e))?;
-        let name = || DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
-        let mut fields = vec![
-            field("set_up", name(), ""),
-            field("experiment", name(), ""),
-            field("point_frequency_hz", DataType::Float64, "Hz"),
-            field("tick", DataType::UInt64, "tick"),
-            field("t_s", DataType::Float64, "s"),
-        ];
-        fields.extend(signals.iter().map(|s| field(&s.name, DataType::Float32, &s.unit)));
-        let rows = Rows { signals: vec![Vec::new(); signals.len()], ..Rows::default() };
-        let schema = Arc::new(Schema::new(fields));
-        Ok(Self { path: folder.join("samples.parquet"), parts, schema, names: Vec::new(), rows, part: 0, written: 0 })
-    }
-
-    /// Samples taken so far, rows.
-    #[must_use]
-    pub fn rows(&self) -> u64 {
-        self.written + self.rows.tick.len() as u64
-    }
-
-    /// Adds the signals' values at a tick; `values` are in the order of the signals given at the start.
-    ///
-    /// # Errors
-    /// When a part was full and could not be written.
-    pub fn push(
-        &mut self,
-        point: Point,
-        tick: u64,
-        t_s: f64,
-        values: impl Iterator<Item = f32>,
-    ) -> Result<(), StorageError> {
-        let set_up = self.name(point.set_up);
-        let experiment = self.name(point.experiment);
-        self.rows.set_up.push(set_up);
-        self.rows.experiment.push(experiment);
-        self.rows.frequency_hz.push(point.frequency_hz);
-        self.rows.tick.push(tick);
-        self.rows.t_s.push(t_s);
-        let mut values = values.into_iter();
-        for column in &mut self.rows.signals {
-            column.push(values.next().unwrap_or(f32::NAN));
-        }
-        if self.rows.tick.len() >= ROWS_PER_PART { self.flush() } else { Ok(()) }
-    }
-
-    fn name(&mut self, name: &str) -> u32 {
-        if let Some(index) = self.names.iter().rposition(|n| n == name) {
-            return index as u32;
-        }
-        self.names.push(name.to_string());
-        self.names.len() as u32 - 1
-    }
-
-    /// Writes what has been gathered as a part.
-    ///
-    /// # Errors
-    /// When it cannot be written.
-    pub fn flush(&mut self) -> Result<(), StorageError> {
-        if self.rows.tick.is_empty() {
-            return Ok(());
-        }
-        let empty = Rows { signals: vec![Vec::new(); self.rows.signals.len()], ..Rows::default() };
-        let rows = std::mem::replace(&mut self.rows, empty);
-        let count = rows.tick.len() as u64;
-        let names = |indices: &[u32]| {
-            let mut builder = StringDictionaryBuilder::<Int32Type>::new();
-            for index in indices {
-                builder.append_value(&self.names[*index as usize]);
-            }
-            Arc::new(builder.finish()) as ArrayRef
-        };
-        let mut arrays: Vec<ArrayRef> = vec![
-            names(&rows.set_up),
-            names(&rows.experiment),
-            Arc::new(Float64Array::from(rows.frequency_hz)),
-            Arc::new(UInt64Array::from(rows.tick)),
-            Arc::new(Float64Array::from(rows.t_s)),
-        ];
-        arrays.extend(rows.signals.into_iter().map(|s| Arc::new(Float32Array::from(s)) as ArrayRef));
-        let batch = RecordBatch::try_new(self.schema.clone(), arrays).map_err(|e| e.to_string());
-        self.part += 1;
-        let path = self.parts.join(format!("{:06}.parquet", self.part));
-        write_whole(&path, &self.schema, std::iter::once(batch))?;
-        self.written += count;
-        Ok(())
-    }
-
-    /// Joins the parts into `samples.parquet` and takes them away.
-    ///
-    /// # Errors
-    /// When that cannot be written; the parts stay, and can be read as they are.
-    pub fn close(&mut self) -> Result<(), StorageError> {
-        let flushed = self.flush();
-        let parts: Vec<PathBuf> =
-            (1..=self.part).map(|i| self.parts.join(format!("{i:06}.parquet"))).filter(|p| p.exists()).collect();
-        let batches = parts.iter().flat_map(|path| match read(path) {
-            Ok(batches) => batches,
-            Err(error) => vec![Err(error)],
-        });
-        write_whole(&self.path, &self.schema, batches)?;
-        fs::remove_dir_all(&self.parts).map_err(|e| StorageError::new("remove", &self.parts, e))?;
-        flushed
-    }
-}
-
-/// All batches of a Parquet file.
-fn read(path: &Path) -> Result<Vec<Result<RecordBatch, String>>, String> {
-    let failed = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-    let file = File::open(path).map_err(|e| failed(&e))?;
-    let reader = ParquetRecordBatchReaderBuilder::try_new(file).and_then(ParquetRecordBatchReaderBuilder::build);
-    Ok(reader.map_err(|e| failed(&e))?.map(|batch| batch.map_err(|e| e.to_string())).collect())
 }

@@ -3,40 +3,57 @@
 //! [`COLUMNS`] is the one list of what a results file holds: the Parquet schema, the manifest's units and
 //! the figures all follow from it.
 
+use serde::{Deserialize, Serialize};
+
+use super::number;
+
 /// What the rig measured at one point.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ResultRow {
     /// Name of the set-up.
     pub set_up: String,
     /// Name of the experiment.
     pub experiment: String,
     /// Drive frequency, Hz.
+    #[serde(with = "number")]
     pub frequency_hz: f64,
     /// Lock-in amplitude of the base, m.
+    #[serde(with = "number")]
     pub z_amplitude_m: f32,
     /// Distortion of the base: 2nd to 5th harmonic over the first.
+    #[serde(with = "number")]
     pub z_distortion: f32,
     /// Lock-in amplitude of the drive, m.
+    #[serde(with = "number")]
     pub drive_amplitude_m: f32,
     /// Whether a closed loop's drive was at its limit.
     pub drive_saturated: bool,
     /// Clearance, m; NaN without a particle.
+    #[serde(with = "number")]
     pub clearance_m: f64,
     /// Lock-in amplitude of the structure, m.
+    #[serde(with = "number")]
     pub x_amplitude_m: f32,
     /// Phase of x relative to z, rad.
+    #[serde(with = "number")]
     pub phase_rad: f32,
     /// RMS of x over the dwell, m.
+    #[serde(with = "number")]
     pub x_rms_m: f32,
     /// Mean over the cycles of the dwell of max|x|, m.
+    #[serde(with = "number")]
     pub x_mean_cycle_max_m: f32,
     /// Largest |x| of the dwell, m.
+    #[serde(with = "number")]
     pub x_max_m: f32,
     /// max|x| of the last whole cycle, m.
+    #[serde(with = "number")]
     pub x_last_cycle_max_m: f32,
     /// Trend of the cycle maximum, relative change in a cycle.
+    #[serde(with = "number")]
     pub change_per_cycle: f32,
     /// Scatter of the cycle maxima around that trend, relative.
+    #[serde(with = "number")]
     pub scatter: f32,
     /// Whole cycles in the dwell.
     pub cycles: u32,
@@ -47,7 +64,13 @@ pub struct ResultRow {
     /// First tick after the dwell.
     pub end_tick: u64,
     /// d/Z with Z as set; NaN without a particle.
+    #[serde(with = "number")]
     pub d_over_z: f64,
+    /// Place in the experiment's frequency list, from 0.
+    pub point_index: u32,
+    /// How many times the experiment had been taken up again on this set-up when the point was measured; ticks count
+    /// from 0 in each segment.
+    pub segment: u32,
 }
 
 impl ResultRow {
@@ -74,6 +97,8 @@ impl ResultRow {
         start_tick: 0,
         end_tick: 0,
         d_over_z: 0.0,
+        point_index: 0,
+        segment: 0,
     };
 
     /// X/Z as the literature's tables have it: mean cycle maximum over the measured base amplitude.
@@ -151,4 +176,8 @@ pub const COLUMNS: &[Column] = &[
     column("steady", "", "whether the point counts as steady", |r| Cell::Bool(r.steady)),
     column("start_tick", "tick", "first tick of the dwell", |r| Cell::U64(r.start_tick)),
     column("end_tick", "tick", "first tick after the dwell", |r| Cell::U64(r.end_tick)),
+    column("point_index", "1", "place in the experiment's frequency list, from 0", |r| Cell::U32(r.point_index)),
+    column("segment", "1", "times that the experiment had been taken up again; ticks count from 0 in each", |r| {
+        Cell::U32(r.segment)
+    }),
 ];

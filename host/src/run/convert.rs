@@ -1,5 +1,7 @@
 //! Between the campaign's words, the device's, and the files': experiments, signals, results, faults.
 
+use std::ops::Range;
+
 use damprig_core::control::limits::Fault;
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::measure::point::PointResult;
@@ -9,7 +11,8 @@ use damprig_core::rig::TICK_HZ;
 use super::RunError;
 use crate::campaign::{Campaign, CampaignSetUp, RigSettings, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
-use crate::recording::{Point, ResultRow, Signal};
+use crate::recording::samples::Label;
+use crate::recording::{ResultRow, Signal};
 use crate::session::Session;
 
 /// The signals that a campaign records on a device.
@@ -61,8 +64,15 @@ pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
     }
 }
 
-pub(super) fn point<'p>(set_up: &'p CampaignSetUp, experiment: &'p SteppedSine, index: usize) -> Point<'p> {
-    Point { set_up: &set_up.name, experiment: &experiment.name, frequency_hz: experiment.frequencies_hz[index] }
+/// What the samples of a point are called.
+pub(super) fn label(set_up: &CampaignSetUp, experiment: &SteppedSine, segment: u32, index: usize) -> Label {
+    Label {
+        set_up: set_up.name.clone(),
+        experiment: experiment.name.clone(),
+        segment,
+        point_index: index as u32,
+        frequency_hz: experiment.frequencies_hz[index],
+    }
 }
 
 /// The plant that a simulated rig is to be.
@@ -81,8 +91,8 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp) -> PlantConfig {
     }
 }
 
-/// The experiment as the controller takes it.
-pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sine::SteppedSine {
+/// These points of the experiment as the controller takes them.
+pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine, points: Range<usize>) -> core_sine::SteppedSine {
     core_sine::SteppedSine {
         start: match experiment.start {
             Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
@@ -94,17 +104,17 @@ pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine) -> core_sin
         settle_s: experiment.settle_s as f32,
         dwell_s: experiment.dwell_s as f32,
         steady: experiment.steady,
-        first_index: 0,
+        first_index: points.start as u16,
         // Cannot overflow: the campaign's reader has counted them.
-        frequencies_hz: experiment.frequencies_hz.iter().map(|f| *f as f32).collect(),
+        frequencies_hz: experiment.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
     }
 }
 
-pub(super) fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) -> ResultRow {
+pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -> ResultRow {
     ResultRow {
-        set_up: point.set_up.to_string(),
-        experiment: point.experiment.to_string(),
-        frequency_hz: point.frequency_hz,
+        set_up: label.set_up.clone(),
+        experiment: label.experiment.clone(),
+        frequency_hz: label.frequency_hz,
         z_amplitude_m: result.z_amplitude_m,
         z_distortion: result.z_distortion,
         drive_amplitude_m: result.drive_amplitude_m,
@@ -123,5 +133,7 @@ pub(super) fn row(set_up: &CampaignSetUp, point: Point, result: &PointResult) ->
         start_tick: u64::from(result.start_tick),
         end_tick: u64::from(result.end_tick),
         d_over_z: set_up.clearance_ratio().unwrap_or(f64::NAN),
+        point_index: label.point_index,
+        segment: label.segment,
     }
 }

@@ -1,29 +1,33 @@
-//! Carries a campaign out on a device and records what it reports.
+//! Carries a campaign out on a device and hands what it reports to the recorder.
 //!
-//! Set-up by set-up and experiment by experiment: configure, start, take results and telemetry until the
-//! experiment is finished. Whatever ends a run early, the rig is told to stop and what was taken is kept.
-//! Bytes and time-outs are [`crate::session`]'s, files are [`crate::recording`]'s, words for people the
-//! command's (through [`Watcher`]).
+//! Set-up by set-up and experiment by experiment, whatever points are not taken yet: so going on after a lost link, and
+//! taking up a run that was killed, are what a run does anyway. Whatever ends a run early, the rig is told to stop and
+//! what was taken is kept. One start of the device is `segment`'s, bytes and time-outs are [`crate::session`]'s, files
+//! are [`crate::recording`]'s, words for people the command's (through [`Watcher`]).
 
 mod convert;
+mod in_order;
+mod reconnect;
+pub mod resume;
+mod segment;
 mod track;
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
-use damprig_core::control::limits::Limits;
-use damprig_core::measure::point::PointResult;
-use damprig_core::rig::{State, TICK_HZ};
-use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
+use damprig_core::rig::TICK_HZ;
+use damprig_protocol::{Ask, PlantKind};
 
-use crate::campaign::{Campaign, CampaignSetUp, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::Refusal;
-use crate::recording::manifest::{Counters, Device, Manifest};
-use crate::recording::{ResultRow, RunFolder, StorageError};
-use crate::session::{Report, Session, SessionError, hex};
+use crate::recording::journal::Entry;
+use crate::recording::manifest::{Counters, Device};
+use crate::recording::taken::Taken;
+use crate::recording::{Recorder, ResultRow, StorageError};
+use crate::session::{Session, SessionError, hex};
 pub use convert::Selection;
-use convert::{fault_error, plan, point, row};
-use track::Track;
+pub use reconnect::Reconnect;
+use segment::{End, Segment, Task};
 
 /// Why a run ended before its end.
 #[derive(Debug, thiserror::Error)]
@@ -51,15 +55,19 @@ pub enum RunError {
         /// The limit.
         limit: f32,
     },
-    /// A result never arrived and the device has it no more.
-    #[error("set-up {set_up:?}: {missing} of {points} results were lost on the way")]
-    Lost {
+    /// The same point was begun again and again and never came to its end.
+    #[error(
+        "set-up {set_up:?}: {tries} starts in a row brought no new point (the last one: {last}); {missing} are missing"
+    )]
+    NoProgress {
         /// The set-up.
         set_up: String,
-        /// How many.
+        /// How many starts.
+        tries: u32,
+        /// How the last one ended.
+        last: String,
+        /// How many points the experiment lacks.
         missing: usize,
-        /// Of how many.
-        points: usize,
     },
     /// Ctrl-C.
     #[error("interrupted")]
@@ -82,6 +90,9 @@ pub trait Watcher {
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);
+
+    /// The link was lost, is sought, or is there again.
+    fn link(&mut self, state: &str);
 }
 
 /// What a run leaves besides its folder.
@@ -103,53 +114,63 @@ pub fn device_record(session: &Session) -> Device {
         protocol_version: session.identity.protocol,
         protocol_schema: hex(&session.identity.schema),
         simulated: session.description.plant != PlantKind::Real,
+        plant: match session.description.plant {
+            PlantKind::Real => "real",
+            PlantKind::SimulatedF32 => "simulated in f32",
+            PlantKind::SimulatedF64 => "simulated in f64",
+        }
+        .to_string(),
+        clock: if session.is_granted() { "granted" } else { "real time" }.to_string(),
         tick_hz: f64::from(session.description.tick_hz),
     }
 }
 
-/// Wall time without an event after which the device is asked whether it is still running.
-const ASK_AFTER: Duration = Duration::from_secs(2);
+/// Starts in a row without a new point after which a run is given up.
+const FRUITLESS_STARTS: u32 = 5;
 
 /// A campaign on a device.
 pub struct Run<'a> {
     campaign: &'a Campaign,
     session: &'a mut Session,
-    folder: &'a mut RunFolder,
+    recorder: &'a mut Recorder,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     selection: Selection,
+    reconnect: Option<Reconnect<'a>>,
     every_ticks: u16,
     tally: Tally,
+    taken: Taken,
+    began: Instant,
 }
 
 impl<'a> Run<'a> {
-    /// Puts the parts together; `selection` is what [`Selection::of`] gave for this session.
+    /// Puts the parts together; `selection` is what [`Selection::of`] gave for this session, `taken` what the journal
+    /// holds already.
     pub fn new(
         campaign: &'a Campaign,
         session: &'a mut Session,
-        folder: &'a mut RunFolder,
+        recorder: &'a mut Recorder,
         watcher: &'a mut dyn Watcher,
         stop: &'a AtomicBool,
         selection: Selection,
+        taken: Taken,
     ) -> Self {
         let every_ticks = campaign.telemetry.every_ticks();
-        Self { campaign, session, folder, watcher, stop, selection, every_ticks, tally: Tally::default() }
+        let tally = Tally { rig_s: taken.ticks() as f64 / f64::from(TICK_HZ), ..Tally::default() };
+        let (reconnect, began) = (None, Instant::now());
+        Self { campaign, session, recorder, watcher, stop, selection, reconnect, every_ticks, tally, taken, began }
     }
 
-    /// Writes what is known before the start into the run folder.
-    ///
-    /// # Errors
-    /// When the folder cannot be written.
-    pub fn begin(self, campaign_text: &str, manifest: &Manifest) -> Result<Self, RunError> {
-        self.folder.write_campaign(campaign_text)?;
-        self.folder.write_manifest(manifest)?;
-        self.folder.record(&self.selection.signals)?;
-        Ok(self)
+    /// A link that is lost is opened again.
+    #[must_use]
+    pub fn with_reconnect(mut self, reconnect: Option<Reconnect<'a>>) -> Self {
+        self.reconnect = reconnect;
+        self
     }
 
     /// Runs all experiments. Whatever happens, the tally says what has passed, and the rig has been told to stop.
     pub fn carry_out(mut self) -> (Tally, Result<(), RunError>) {
-        let result = self.all();
+        let result = self.all().and_then(|()| Ok(self.recorder.check()?));
         if result.is_err() {
             self.end_drive(&result);
         }
@@ -159,28 +180,82 @@ impl<'a> Run<'a> {
         {
             self.tally.counters.bad_frames_device = u64::from(device.bad_frames);
         }
-        self.tally.counters.bad_frames_host = self.session.bad_frames();
+        self.tally.counters.bad_frames_host += self.session.bad_frames();
+        self.tally.counters.dropped_rows_host = self.recorder.dropped_rows();
         (self.tally, result)
     }
 
     fn all(&mut self) -> Result<(), RunError> {
-        self.session.bring_to_idle()?;
-        self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
-        for set_up in self.in_order() {
-            let it = &self.campaign.set_ups[set_up];
-            let simulated = self.session.description.plant != PlantKind::Real;
-            self.watcher.mount(it, simulated)?;
-            for experiment in self.campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up)) {
-                self.one(it, experiment)?;
+        self.make_ready()?;
+        let campaign = self.campaign;
+        let simulated = self.session.description.plant != PlantKind::Real;
+        for (index, set_up) in campaign.set_ups.iter().enumerate() {
+            let own = || campaign.experiments.iter().filter(move |e| e.set_ups.contains(&index));
+            // Each set-up is mounted once, and not at all when nothing is left to do on it.
+            if own().any(|e| self.next(set_up, e).is_some()) {
+                self.watcher.mount(set_up, simulated)?;
+                for experiment in own() {
+                    self.experiment(set_up, experiment)?;
+                }
             }
         }
         Ok(())
     }
 
-    /// The set-ups that any experiment uses: each is mounted once.
-    fn in_order(&self) -> Vec<usize> {
-        let used = |i: &usize| self.campaign.experiments.iter().any(|e| e.set_ups.contains(i));
-        (0..self.campaign.set_ups.len()).filter(used).collect()
+    fn make_ready(&mut self) -> Result<(), SessionError> {
+        self.session.bring_to_idle()?;
+        self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })
+    }
+
+    /// The next start that an experiment on a set-up needs, if any.
+    fn next<'c>(&self, set_up: &'c CampaignSetUp, experiment: &'c SteppedSine) -> Option<Task<'c>> {
+        let points = experiment.frequencies_hz.len();
+        let missing = self.taken.missing(&set_up.name, &experiment.name, points).into_iter().next()?;
+        let number = self.taken.next_segment(&set_up.name, &experiment.name);
+        // The motion that a sweep had when it was interrupted is gone: it begins anew.
+        let anew = experiment.start == Start::CarryOver && number > 0;
+        let points = if anew { 0..points } else { missing };
+        Some(Task { set_up, experiment, points, number, anew })
+    }
+
+    fn experiment(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
+        let mut fruitless = 0;
+        while let Some(task) = self.next(set_up, experiment) {
+            let before = self.taken.rows().len();
+            let last = match Segment::carry_out(self, &task) {
+                Ok(End::Finished) => "results were lost on the way and the device keeps them no more".to_string(),
+                Ok(End::Forgotten) => {
+                    self.interrupted("the device began anew in mid-run: it was reset");
+                    self.make_ready()?;
+                    "the device was reset".to_string()
+                }
+                Err(RunError::Session(error)) if reconnect::helps(&error) => {
+                    let words = error.to_string();
+                    self.find_the_link_again(error)?;
+                    words
+                }
+                Err(error) => return Err(error),
+            };
+            fruitless = if self.taken.rows().len() > before { 0 } else { fruitless + 1 };
+            if fruitless >= FRUITLESS_STARTS {
+                let left = self.taken.missing(&set_up.name, &experiment.name, experiment.frequencies_hz.len());
+                let missing = left.iter().map(ExactSizeIterator::len).sum();
+                return Err(RunError::NoProgress { set_up: set_up.name.clone(), tries: fruitless, last, missing });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a line to the journal, and counts it here too.
+    fn note(&mut self, entry: Entry) {
+        self.taken.add(&entry);
+        self.recorder.note(entry);
+    }
+
+    fn interrupted(&mut self, what: &str) {
+        self.tally.counters.interruptions += 1;
+        self.watcher.link(what);
+        self.note(Entry::Link { what: what.to_string(), at: jiff::Zoned::now().to_string() });
     }
 
     /// The rig must not go on driving for a host that has given up.
@@ -195,158 +270,5 @@ impl<'a> Run<'a> {
                 }
             }
         }
-    }
-
-    fn one(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
-        self.configure(set_up, experiment)?;
-        // A granted clock stands at tick 0 after the start; a real one would be some ticks on.
-        if self.session.is_granted() {
-            self.session.start()?;
-            self.telemetry()?;
-        } else {
-            self.telemetry()?;
-            self.session.start()?;
-        }
-        let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted())
-            .with_ramp(experiment.ramp_s);
-        let before_s = self.tally.rig_s;
-        let mut heard = Instant::now();
-        while !track.is_complete() {
-            if self.stop.load(Ordering::Relaxed) {
-                return Err(RunError::Interrupted);
-            }
-            match self.session.next_report()? {
-                Some(report) => {
-                    if let Report::Event { .. } = report {
-                        heard = Instant::now();
-                    }
-                    self.handle(set_up, experiment, &mut track, report)?;
-                }
-                None => track.quiet(),
-            }
-            if heard.elapsed() > ASK_AFTER || track.is_overdue() {
-                heard = Instant::now();
-                self.look_for_the_end(set_up, experiment, &mut track)?;
-            }
-            self.tally.rig_s = before_s + f64::from(track.latest_tick()) / f64::from(TICK_HZ);
-            self.watcher.progress(self.tally.rig_s);
-        }
-        self.tally.counters.missing_records += track.missing_messages();
-        let points = experiment.frequencies_hz.len();
-        self.fetch_missing(set_up, experiment, &mut track, points as u16)?;
-        if self.every_ticks > 0 {
-            self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
-        }
-        match track.lost() {
-            0 => Ok(()),
-            missing => Err(RunError::Lost { set_up: set_up.name.clone(), missing, points }),
-        }
-    }
-
-    fn handle(
-        &mut self,
-        set_up: &CampaignSetUp,
-        experiment: &SteppedSine,
-        track: &mut Track,
-        report: Report,
-    ) -> Result<(), RunError> {
-        match report {
-            Report::Telemetry(rows) => self.record(set_up, experiment, track, &rows),
-            Report::Event { tick, event: Happening::Point(result) } => {
-                // The device keeps only the last few results: one that was lost is asked for at once.
-                self.fetch_missing(set_up, experiment, track, result.index)?;
-                if track.point_done(result.index, tick) { self.take(set_up, experiment, &result) } else { Ok(()) }
-            }
-            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
-                track.finished(tick);
-                self.tally.counters.dropped_records += u64::from(rows_dropped);
-                Ok(())
-            }
-            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(set_up, fault)),
-        }
-    }
-
-    /// The word that the experiment is over may have been lost: a device that has become idle is finished.
-    fn look_for_the_end(
-        &mut self,
-        set_up: &CampaignSetUp,
-        experiment: &SteppedSine,
-        track: &mut Track,
-    ) -> Result<(), RunError> {
-        let (status, _) = self.session.status()?;
-        while let Some(report) = self.session.report_at_hand() {
-            self.handle(set_up, experiment, track, report)?;
-        }
-        if let Some(fault) = status.fault {
-            return Err(fault_error(set_up, fault));
-        }
-        if status.state == State::Idle && !track.has_finished() {
-            track.finished(track.latest_tick());
-        }
-        Ok(())
-    }
-
-    fn record(
-        &mut self,
-        set_up: &CampaignSetUp,
-        experiment: &SteppedSine,
-        track: &mut Track,
-        rows: &Telemetry,
-    ) -> Result<(), RunError> {
-        for (tick, values) in track.rows(rows, self.session.description.signals.len()) {
-            let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
-            let values = self.selection.positions.iter().map(|&i| values[i]);
-            let t_s = f64::from(tick) / f64::from(TICK_HZ);
-            self.folder.push_sample(point(set_up, experiment, index), u64::from(tick), t_s, values)?;
-        }
-        Ok(())
-    }
-
-    fn configure(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
-        let rig = &self.campaign.rig;
-        if self.session.description.plant != PlantKind::Real {
-            let plant = convert::plant(rig, set_up);
-            self.session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
-        }
-        let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };
-        self.session.tell("take the limits", Ask::SetLimits(limits))?;
-        self.session.tell("take the experiment", Ask::Configure(plan(set_up, experiment)))?;
-        Ok(())
-    }
-
-    fn telemetry(&mut self) -> Result<(), RunError> {
-        Ok(self.session.tell("send telemetry", Ask::SetTelemetry { every_ticks: self.every_ticks })?)
-    }
-
-    fn take(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine, result: &PointResult) -> Result<(), RunError> {
-        let index = usize::from(result.index);
-        if index >= experiment.frequencies_hz.len() {
-            return Ok(());
-        }
-        let row = row(set_up, point(set_up, experiment, index), result);
-        self.watcher.point(&row);
-        self.folder.push_result(row)?;
-        Ok(())
-    }
-
-    /// Asks for the results before `until` whose report did not arrive.
-    fn fetch_missing(
-        &mut self,
-        set_up: &CampaignSetUp,
-        experiment: &SteppedSine,
-        track: &mut Track,
-        until: u16,
-    ) -> Result<(), RunError> {
-        for index in track.missing_points(until) {
-            match self.session.ask("repeat a result", Ask::Result { index }) {
-                Ok(Answer::Result(result)) => {
-                    track.point_done(index, result.end_tick.saturating_sub(1));
-                    self.take(set_up, experiment, &result)?;
-                }
-                Ok(_) | Err(SessionError::Refused { .. }) => track.point_lost(index),
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Ok(())
     }
 }

@@ -3,23 +3,32 @@
 //! Events overtake telemetry on the line (they go first), so a row's point is told by its tick, and an
 //! experiment is over only when the rows up to its last tick are there too.
 
+use std::ops::Range;
+
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::rig::TICK_HZ;
 use damprig_protocol::Telemetry;
+
+use super::in_order::InOrder;
 
 /// Waits for rows that are still under way when the experiment has finished. A row that was lost on the line
 /// does not come, however long one waits.
 const MOST_QUIET_TURNS: u32 = 10;
 
+/// Quiet turns after which a message that others have overtaken is given up.
+const QUIET_TURNS_FOR_LATE: u32 = 3;
+
 /// Ticks from the last point to the word that the experiment is over, besides the experiment's own ramp; without one
 /// the drive fades out in a fifth of that.
 const OVERDUE_TICKS: u32 = (5.0 * FADE_S * TICK_HZ) as u32;
 
-/// The state of one experiment's arrivals.
+/// The state of the arrivals of one start of the device.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     every_ticks: u16,
-    /// Last tick of each point taken, by index.
+    /// Its points, by their places in the experiment's frequency list.
+    points: Range<usize>,
+    /// Last tick of each point taken, in their order.
     done: Vec<Option<u32>>,
     lost: Vec<u16>,
     end_tick: Option<u32>,
@@ -28,25 +37,24 @@ pub(super) struct Track {
     /// Rows are of this experiment: a real board sends telemetry before the start too.
     fresh: bool,
     stale_tick: Option<u32>,
-    next_seq: Option<u32>,
-    missing_messages: u64,
+    in_order: InOrder,
     quiet_turns: u32,
     overdue_ticks: u32,
 }
 
 impl Track {
-    pub(super) fn new(points: usize, every_ticks: u16, is_granted: bool) -> Self {
+    pub(super) fn new(points: Range<usize>, every_ticks: u16, is_granted: bool) -> Self {
         Self {
             every_ticks,
-            done: vec![None; points],
+            done: vec![None; points.len()],
+            points,
             lost: Vec::new(),
             end_tick: None,
             latest_tick: 0,
             latest_row: None,
             fresh: is_granted,
             stale_tick: None,
-            next_seq: None,
-            missing_messages: 0,
+            in_order: InOrder::default(),
             quiet_turns: 0,
             overdue_ticks: OVERDUE_TICKS,
         }
@@ -58,9 +66,8 @@ impl Track {
         self
     }
 
-    /// The rows of a message that belong to this experiment, each with its tick.
-    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry, signals: usize) -> Vec<(u32, &'m [f32])> {
-        let count = message.values.len() / signals.max(1);
+    /// A message has arrived; those whose turn it is now, and that are of this start of the device.
+    pub(super) fn arrived(&mut self, message: Telemetry) -> Vec<Telemetry> {
         if !self.fresh {
             // Message numbers and ticks restart with the experiment.
             self.fresh = message.seq == 0 || self.stale_tick.is_some_and(|stale| message.first_tick < stale);
@@ -69,33 +76,45 @@ impl Track {
                 return Vec::new();
             }
         }
-        self.missing_messages += u64::from(message.seq.saturating_sub(self.next_seq.unwrap_or(0)));
-        self.next_seq = Some(message.seq.wrapping_add(1));
         self.quiet_turns = 0;
-        let tick = |i: usize| message.first_tick + i as u32 * u32::from(message.every_ticks);
-        let all = (0..count).map(|i| (tick(i), &message.values[i * signals..(i + 1) * signals]));
-        let own: Vec<_> = all.filter(|(tick, _)| self.end_tick.is_none_or(|end| *tick <= end)).collect();
-        if count > 0 {
-            self.latest_row = Some(tick(count - 1));
-        }
+        self.in_order.take(message)
+    }
+
+    /// The messages that wait for one that will not come any more.
+    pub(super) fn overtakers(&mut self) -> Vec<Telemetry> {
+        if self.is_quiet() { self.in_order.give_up() } else { Vec::new() }
+    }
+
+    /// The rows of a message whose turn it is, each with its tick, up to the end.
+    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry, signals: usize) -> Vec<(u32, &'m [f32])> {
+        let rows = message.values.chunks_exact(signals.max(1)).enumerate();
+        let tick = |i: usize| message.first_tick.saturating_add(i as u32 * u32::from(message.every_ticks));
+        let own: Vec<_> = rows
+            .map(|(i, values)| (tick(i), values))
+            .inspect(|(tick, _)| self.latest_row = Some(*tick))
+            .filter(|(tick, _)| self.end_tick.is_none_or(|end| *tick <= end))
+            .collect();
         if let Some((tick, _)) = own.last() {
             self.latest_tick = self.latest_tick.max(*tick);
         }
         own
     }
 
-    /// Place in the frequency list of the point that a tick belongs to.
+    /// Place in the frequency list of the point that a tick belongs to; the last one's after its end.
     pub(super) fn point_of(&self, tick: u32) -> usize {
-        self.done.iter().rposition(|end| end.is_some_and(|end| end < tick)).map_or(0, |last| last + 1)
+        let over = self.done.iter().rposition(|end| end.is_some_and(|end| end < tick)).map_or(0, |last| last + 1);
+        (self.points.start + over).min(self.points.end - 1)
     }
 
     /// A result is there; whether it is a new one.
     pub(super) fn point_done(&mut self, index: u16, tick: u32) -> bool {
         self.latest_tick = self.latest_tick.max(tick);
-        match self.done.get_mut(usize::from(index)) {
-            Some(slot) => slot.replace(tick).is_none(),
-            None => false,
-        }
+        let slot = self.slot(index).and_then(|slot| self.done.get_mut(slot));
+        slot.is_some_and(|slot| slot.replace(tick).is_none())
+    }
+
+    fn slot(&self, index: u16) -> Option<usize> {
+        usize::from(index).checked_sub(self.points.start).filter(|slot| *slot < self.done.len())
     }
 
     /// A result will not come any more.
@@ -103,20 +122,20 @@ impl Track {
         self.lost.push(index);
     }
 
-    /// Results that will not come any more.
-    pub(super) fn lost(&self) -> usize {
-        self.lost.len()
-    }
-
     /// Whether the experiment's end has been heard of.
     pub(super) fn has_finished(&self) -> bool {
         self.end_tick.is_some()
     }
 
-    pub(super) fn finished(&mut self, tick: u32) {
+    /// The device has finished; whether that is news.
+    pub(super) fn finished(&mut self, tick: u32) -> bool {
+        if self.end_tick.is_some() {
+            return false;
+        }
         self.end_tick = Some(tick);
         self.latest_tick = self.latest_tick.max(tick);
         self.quiet_turns = 0;
+        true
     }
 
     /// All points are there, and much more time has passed than the drive needs to fade out: the experiment is
@@ -131,6 +150,11 @@ impl Track {
         self.quiet_turns += 1;
     }
 
+    /// Nothing has come for so long that a late message is given up.
+    pub(super) fn is_quiet(&self) -> bool {
+        self.quiet_turns >= QUIET_TURNS_FOR_LATE
+    }
+
     /// The experiment has finished and its rows are there, or will not come any more.
     pub(super) fn is_complete(&self) -> bool {
         let Some(end) = self.end_tick else { return false };
@@ -141,6 +165,11 @@ impl Track {
         self.latest_row.is_some_and(|row| row >= end - end % every)
     }
 
+    /// Place in the frequency list after the last point.
+    pub(super) fn end_index(&self) -> usize {
+        self.points.end
+    }
+
     /// The latest tick heard of.
     pub(super) fn latest_tick(&self) -> u32 {
         self.latest_tick
@@ -148,13 +177,13 @@ impl Track {
 
     /// Telemetry messages missing by their numbers.
     pub(super) fn missing_messages(&self) -> u64 {
-        self.missing_messages
+        self.in_order.missing()
     }
 
     /// Points before `until` whose result has not arrived and may still be asked for.
     pub(super) fn missing_points(&self, until: u16) -> Vec<u16> {
-        let missing = |i: &u16| self.done.get(usize::from(*i)) == Some(&None) && !self.lost.contains(i);
-        (0..until).filter(missing).collect()
+        let is_open = |i: &u16| self.slot(*i).is_some_and(|slot| self.done[slot].is_none()) && !self.lost.contains(i);
+        (0..until).filter(is_open).collect()
     }
 }
 
@@ -168,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_row_that_an_event_overtook_still_belongs_to_its_point() {
-        let mut track = Track::new(2, 10, true);
+        let mut track = Track::new(0..2, 10, true);
         track.point_done(0, 105);
         let late = message(0, 90, 3);
         let points: Vec<_> = track.rows(&late, 2).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
@@ -177,7 +206,7 @@ mod tests {
 
     #[test]
     fn an_experiment_ends_when_its_last_row_is_there() {
-        let mut track = Track::new(1, 10, true);
+        let mut track = Track::new(0..1, 10, true);
         track.point_done(0, 100);
         track.finished(125);
         assert!(!track.is_complete());
@@ -187,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_last_row_that_was_lost_is_not_waited_for_for_ever() {
-        let mut track = Track::new(1, 10, true);
+        let mut track = Track::new(0..1, 10, true);
         track.finished(125);
         (0..=MOST_QUIET_TURNS).for_each(|_| track.quiet());
         assert!(track.is_complete());
@@ -196,30 +225,45 @@ mod tests {
 
     #[test]
     fn a_result_that_comes_twice_counts_once_and_a_lost_one_is_not_asked_for_again() {
-        let mut track = Track::new(3, 10, true);
+        let mut track = Track::new(0..3, 10, true);
         assert!(track.point_done(1, 50));
         assert!(!track.point_done(1, 50));
         track.point_lost(0);
-        assert_eq!((track.missing_points(3), track.lost()), (vec![2], 1));
+        assert_eq!(track.missing_points(3), [2]);
     }
 
     #[test]
-    fn a_gap_in_the_numbers_is_counted() {
-        let mut track = Track::new(1, 10, true);
-        track.rows(&message(0, 0, 2), 2);
-        track.rows(&message(3, 60, 2), 2);
+    fn a_start_in_the_middle_of_the_list_knows_its_own_points_alone() {
+        let mut track = Track::new(4..6, 10, true);
+        assert_eq!((track.point_of(0), track.missing_points(6)), (4, vec![4, 5]));
+        assert!(!track.point_done(3, 50), "that was another start");
+        assert!(track.point_done(4, 100));
+        assert_eq!((track.point_of(110), track.missing_points(6)), (5, vec![5]));
+        assert!(track.point_done(5, 200));
+        assert_eq!(track.point_of(210), 5);
+    }
+
+    #[test]
+    fn a_gap_in_the_numbers_is_counted_when_nothing_comes_any_more() {
+        let mut track = Track::new(0..1, 10, true);
+        assert_eq!(track.arrived(message(0, 0, 2)).len(), 1);
+        assert!(track.arrived(message(3, 60, 2)).is_empty());
+        (0..QUIET_TURNS_FOR_LATE).for_each(|_| track.quiet());
+        assert_eq!(track.overtakers().len(), 1);
         assert_eq!(track.missing_messages(), 2);
     }
 
     #[test]
     fn rows_from_before_the_start_of_a_real_rig_are_passed_over() {
-        let mut track = Track::new(1, 10, false);
-        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
-        assert_eq!(track.rows(&message(0, 0, 2), 2).len(), 2);
+        let mut track = Track::new(0..1, 10, false);
+        assert!(track.arrived(message(7, 50_000, 2)).is_empty());
+        assert_eq!(track.arrived(message(0, 0, 2)).len(), 1);
         // Even when the very first message is lost.
-        let mut track = Track::new(1, 10, false);
-        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
-        assert_eq!(track.rows(&message(1, 20, 2), 2).len(), 2);
+        let mut track = Track::new(0..1, 10, false);
+        assert!(track.arrived(message(7, 50_000, 2)).is_empty());
+        assert!(track.arrived(message(1, 20, 2)).is_empty());
+        (0..QUIET_TURNS_FOR_LATE).for_each(|_| track.quiet());
+        assert_eq!(track.overtakers().len(), 1);
         assert_eq!(track.missing_messages(), 1);
     }
 }

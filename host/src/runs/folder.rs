@@ -1,7 +1,8 @@
 //! A run folder that is only read: the one place that knows where its manifest, results and samples are.
 //!
-//! Samples come as record batches from `samples.parquet`, or from the files of `samples.parts/` while there
-//! is no such file. Whether the folder is sound is [`super::verify`]'s question.
+//! Samples come as record batches from `samples.parquet`, or while there is no such file from those of
+//! `samples.parts/` and from the part that was open when the program ended. The numbers of a run that has not ended come
+//! from its journal. Whether the folder is sound is [`super::verify`]'s question.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -12,7 +13,11 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::manifest::Manifest;
 use crate::input::near;
+use crate::recording::journal::{self, JOURNAL};
 use crate::recording::manifest::FORMAT;
+use crate::recording::parquet::results;
+use crate::recording::taken::Taken;
+use crate::recording::{part, samples};
 
 /// Why a run cannot be read. The text names the file and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -26,7 +31,8 @@ pub struct RunFolder {
     manifest: Manifest,
 }
 
-const OWN_FILES: [&str; 5] = ["manifest.json", "campaign.toml", "results.parquet", "samples.parquet", "samples.parts"];
+const OWN_FILES: [&str; 6] =
+    ["manifest.json", "campaign.toml", JOURNAL, "results.parquet", "samples.parquet", "samples.parts"];
 
 /// Whether a folder holds anything that a run writes.
 #[must_use]
@@ -108,7 +114,14 @@ impl RunFolder {
                 format!("the run has format {format}, written by {by}; {} reads up to {FORMAT}", crate::VERSION_LINE);
             return Err(failed(format!("{message}\n  read it with that version or a later one")));
         }
-        let manifest = serde_json::from_value(value).map_err(|e| failed(format!("the manifest is damaged: {e}")))?;
+        let mut manifest: Manifest =
+            serde_json::from_value(value).map_err(|e| failed(format!("the manifest is damaged: {e}")))?;
+        if manifest.status == "running"
+            && let Ok(lines) = journal::read(path)
+        {
+            // It has not been written since the beginning.
+            manifest.points_taken = Taken::of(&lines.entries).rows().len();
+        }
         Ok(Self { path: path.to_path_buf(), manifest })
     }
 
@@ -131,11 +144,16 @@ impl RunFolder {
         &self.manifest
     }
 
-    /// The results, one row a point.
+    /// The results, one row a point; of a run that has not ended, from its journal.
     ///
     /// # Errors
     /// When the file is missing or damaged.
     pub fn results(&self) -> Result<Vec<RecordBatch>, ReadError> {
+        if self.manifest.status == "running"
+            && let Ok(lines) = journal::read(&self.path)
+        {
+            return Ok(vec![results(Taken::of(&lines.entries).rows()).map_err(ReadError)?]);
+        }
         read(&self.path.join("results.parquet"))?.collect()
     }
 
@@ -143,8 +161,8 @@ impl RunFolder {
     /// an error in its place, and the files after it are read.
     pub fn samples(&self) -> impl Iterator<Item = Result<RecordBatch, ReadError>> + use<> {
         sample_files(&self.path).into_iter().flat_map(|file| -> Box<dyn Iterator<Item = _>> {
-            match read(&file) {
-                Ok(batches) => Box::new(batches),
+            match read_samples(&file) {
+                Ok(batches) => batches,
                 Err(error) => Box::new(std::iter::once(Err(error))),
             }
         })
@@ -170,14 +188,37 @@ impl RunFolder {
 /// The files that hold samples, in order.
 #[must_use]
 pub fn sample_files(folder: &Path) -> Vec<PathBuf> {
-    let whole = folder.join("samples.parquet");
+    let whole = folder.join(samples::JOINED);
     if whole.exists() {
         return vec![whole];
     }
-    let parts = fs::read_dir(folder.join("samples.parts")).into_iter().flatten().flatten().map(|e| e.path());
-    let mut parts: Vec<PathBuf> = parts.filter(|p| p.extension().is_some_and(|e| e == "parquet")).collect();
-    parts.sort();
-    parts
+    let closed = samples::parts(folder);
+    // A stream that goes on beside its closed part holds nothing more than that.
+    let mut open = part::open_parts(folder);
+    open.retain(|(number, _)| !closed.iter().any(|(other, _)| other == number));
+    let mut all: Vec<(u32, PathBuf)> = closed.into_iter().chain(open).collect();
+    all.sort();
+    all.into_iter().map(|(_, path)| path).collect()
+}
+
+/// Whether a file of samples was still open when the program ended.
+#[must_use]
+pub fn is_open_part(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "arrows")
+}
+
+type Batches = Box<dyn Iterator<Item = Result<RecordBatch, ReadError>>>;
+
+/// Batches of one of [`sample_files`]: of an open part, up to the last whole one.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
+    if is_open_part(path) {
+        let salvaged = part::salvage(path).map_err(|e| ReadError(e.to_string()))?;
+        return Ok(Box::new(salvaged.batches.into_iter().map(Ok)));
+    }
+    Ok(Box::new(read(path)?))
 }
 
 /// Batches of one Parquet file.

@@ -37,12 +37,18 @@ pub struct Device {
 pub struct Counters {
     /// Records that the device had no room for.
     pub dropped_records: u64,
-    /// Records missing by their sequence numbers.
+    /// Telemetry messages missing by their sequence numbers.
     pub missing_records: u64,
+    /// Rows that the host dropped because its disk was too slow.
+    pub dropped_rows_host: u64,
+    /// Rows missing by their ticks.
+    pub lost_rows: u64,
     /// Frames that the host refused.
     pub bad_frames_host: u64,
     /// Frames that the device refused.
     pub bad_frames_device: u64,
+    /// Times that the link was lost or the device began anew.
+    pub interruptions: u64,
 }
 
 /// Durations, s.
@@ -99,6 +105,9 @@ pub struct Manifest {
     /// What got lost.
     #[serde(default)]
     pub counters: Counters,
+    /// Times that the run was taken up again.
+    #[serde(default)]
+    pub resumed: usize,
     /// Durations.
     #[serde(default)]
     pub clock: Clock,

@@ -7,7 +7,8 @@ use super::columns::{numbers, texts};
 use super::folder::{self, ReadError, RunFolder};
 use crate::campaign::Campaign;
 use crate::input::Source;
-use crate::recording::checksum;
+use crate::recording::taken::Taken;
+use crate::recording::{checksum, journal};
 
 /// One thing found.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +37,7 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
         ending(run, &mut found);
         checksums(run, &mut found);
     }
+    journal(path, run.as_ref(), &mut found);
     let campaign = campaign(path, &mut found);
     results(path, run.as_ref(), campaign.as_ref(), &mut found);
     samples(path, run.as_ref(), &mut found);
@@ -52,10 +54,10 @@ fn ending(run: &RunFolder, found: &mut Vec<Finding>) {
     );
     found.push(if manifest.status == "complete" { Finding::Good(text) } else { Finding::Wrong(text) });
     let lost = manifest.counters;
-    if lost.dropped_records + lost.missing_records > 0 {
+    if lost.dropped_records + lost.missing_records + lost.dropped_rows_host + lost.lost_rows > 0 {
         let text = format!(
-            "telemetry: {} records dropped by the device, {} missing on the way",
-            lost.dropped_records, lost.missing_records
+            "telemetry: {} rows dropped by the device, {} messages missing on the way, {} rows dropped by the host; {} rows missing in all",
+            lost.dropped_records, lost.missing_records, lost.dropped_rows_host, lost.lost_rows
         );
         found.push(Finding::Wrong(text));
     }
@@ -84,6 +86,37 @@ fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
     found.push(Finding::Good(format!("checksums: {good} of {} files are as when the run ended", files.len())));
 }
 
+/// The journal itself, and the closed parts that it knows.
+fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
+    let lines = match journal::read(path) {
+        Ok(lines) => lines,
+        // An older run has none.
+        Err(_) if !journal::is_in(path) => return,
+        Err(error) => return found.push(Finding::Wrong(error.to_string())),
+    };
+    let (name, taken) = (journal::JOURNAL, Taken::of(&lines.entries));
+    found.push(Finding::Good(format!("{name}: {} lines, {} points", lines.entries.len(), taken.rows().len())));
+    if !lines.damaged.is_empty() {
+        let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
+        found.push(Finding::Wrong(format!("{name}: line {} is damaged", list.join(", "))));
+    }
+    if taken.joined.is_some() || run.is_some_and(|r| !r.manifest().files.is_empty()) {
+        return;
+    }
+    let mut good = 0;
+    for sealed in &taken.sealed {
+        match checksum::of_file(path, &sealed.file.name) {
+            Ok(now) if now == sealed.file => good += 1,
+            Ok(_) => found.push(Finding::Wrong(format!("{}: changed since it was closed", sealed.file.name))),
+            Err(error) => found.push(Finding::Wrong(format!("{}: cannot read it: {error}", sealed.file.name))),
+        }
+    }
+    found.push(Finding::Good(format!(
+        "samples.parts: {good} of {} closed parts are as the journal says",
+        taken.sealed.len()
+    )));
+}
+
 fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
     let file = path.join("campaign.toml");
     match Source::read(&file).and_then(Campaign::parse) {
@@ -108,8 +141,11 @@ fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> R
 
 fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
     let mut taken = PerPair::new();
-    let read = folder::read(&path.join("results.parquet"))
-        .and_then(|mut batches| batches.try_for_each(|batch| gather(&batch?, "frequency_hz", &mut taken)));
+    let batches = match run {
+        Some(run) => run.results(),
+        None => folder::read(&path.join("results.parquet")).and_then(Iterator::collect),
+    };
+    let read = batches.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "frequency_hz", &mut taken)));
     if let Err(error) = read {
         found.push(Finding::Wrong(error.to_string()));
         return;
@@ -138,19 +174,24 @@ fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, fo
 
 fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
     let files = folder::sample_files(path);
-    let (mut rows, mut ticks) = (0_u64, PerPair::new());
+    let (mut rows, mut ticks) = (0_u64, PerSegment::new());
     for file in &files {
         let mut own = 0;
-        let read = folder::read(file).and_then(|mut batches| {
+        let read = folder::read_samples(file).and_then(|mut batches| {
             batches.try_for_each(|batch| {
                 let batch = batch?;
                 own += batch.num_rows() as u64;
-                gather(&batch, "tick", &mut ticks)
+                gather_ticks(&batch, &mut ticks)
             })
         });
         rows += own;
         if let Err(error) = read {
             found.push(Finding::Wrong(format!("{error}\n  {own} rows of it can be read")));
+        }
+        if folder::is_open_part(file) {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            found
+                .push(Finding::Wrong(format!("{name}: was open when the program ended; {own} rows of it can be read")));
         }
     }
     found.push(Finding::Good(format!("samples: {rows} rows can be read from {} files", files.len())));
@@ -159,11 +200,26 @@ fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         found.push(Finding::Wrong(format!("samples: {rows} rows, the manifest says {}", manifest.sample_rows)));
     }
     let Some(every) = manifest.every_ticks() else { return };
-    for ((set_up, experiment), ticks) in &ticks {
+    for ((set_up, experiment, segment), ticks) in &ticks {
         if let Some(text) = gaps(ticks, every as f64) {
-            found.push(Finding::Wrong(format!("samples: {set_up:?}, {experiment:?}: {text}")));
+            let place = format!("{set_up:?}, {experiment:?}, segment {segment}");
+            found.push(Finding::Wrong(format!("samples: {place}: {text}")));
         }
     }
+}
+
+/// Ticks count from 0 in each segment of an experiment on a set-up.
+type PerSegment = BTreeMap<(String, String, String), Vec<f64>>;
+
+fn gather_ticks(batch: &arrow_array::RecordBatch, into: &mut PerSegment) -> Result<(), ReadError> {
+    let (set_ups, experiments, ticks) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, "tick")?);
+    // Older runs have no segments: they were never taken up again.
+    let has_segments = batch.schema().field_with_name("segment").is_ok();
+    let segments = if has_segments { texts(batch, "segment")? } else { vec!["0".into(); ticks.len()] };
+    for (((set_up, experiment), segment), tick) in set_ups.into_iter().zip(experiments).zip(segments).zip(ticks) {
+        into.entry((set_up, experiment, segment)).or_default().push(tick);
+    }
+    Ok(())
 }
 
 /// Steps between rows that are not `every` ticks, in words; `None` when there are none.

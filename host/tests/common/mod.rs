@@ -50,6 +50,18 @@ pub fn rows(path: PathBuf) -> usize {
     read_parquet(path).iter().map(RecordBatch::num_rows).sum()
 }
 
+/// Rows of samples in a run folder, complete or not.
+pub fn sample_rows(run: &Path) -> usize {
+    let run = damprig::runs::RunFolder::open(run).expect("a run");
+    run.samples().map(|batch| batch.expect("readable samples").num_rows()).sum()
+}
+
+/// Rows of results in a run folder, complete or not.
+pub fn result_rows(run: &Path) -> usize {
+    let run = damprig::runs::RunFolder::open(run).expect("a run");
+    run.results().expect("readable results").iter().map(RecordBatch::num_rows).sum()
+}
+
 /// The manifest.
 pub fn manifest(run: &Path) -> serde_json::Value {
     let text = std::fs::read_to_string(run.join("manifest.json")).expect("a manifest");
@@ -66,6 +78,8 @@ pub enum Fate {
     Close,
     /// Send nothing any more, but stay connected.
     Mute,
+    /// The board loses its supply for a moment; the connection stays.
+    Reset,
 }
 
 /// A simulated board behind a TCP port of this machine; `fate` is asked for every message.
@@ -82,9 +96,23 @@ impl Served {
         let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
         let thread = std::thread::spawn(move || {
             let (stream, _) = listener.accept().expect("a connection");
-            serve(stream, fate)
+            serve(stream, &mut board(), &mut { fate })
         });
         Self { rig, thread }
+    }
+
+    /// Serves one connection after the other, as long as the test lasts; the board stays what it is in between. Gives
+    /// its place for `--rig`.
+    pub fn again_and_again(mut fate: impl FnMut(&FromDevice) -> Fate + Send + 'static) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
+        std::thread::spawn(move || {
+            let mut board = board();
+            for stream in listener.incoming() {
+                serve(stream.expect("a connection"), &mut board, &mut fate);
+            }
+        });
+        rig
     }
 
     /// What the host sent, once it has gone.
@@ -93,8 +121,15 @@ impl Served {
     }
 }
 
-fn serve(mut stream: TcpStream, mut fate: impl FnMut(&FromDevice) -> Fate) -> Vec<ToDevice> {
-    let mut board = Box::new(Simulated::<f32>::new(Name { firmware: "0.0.0", board: "test" }));
+fn board() -> Box<Simulated<f32>> {
+    Box::new(Simulated::new(Name { firmware: "0.0.0", board: "test" }))
+}
+
+fn serve(
+    mut stream: TcpStream,
+    board: &mut Box<Simulated<f32>>,
+    fate: &mut impl FnMut(&FromDevice) -> Fate,
+) -> Vec<ToDevice> {
     let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
     let mut received = Vec::new();
     let mut muted = false;
@@ -123,6 +158,10 @@ fn serve(mut stream: TcpStream, mut fate: impl FnMut(&FromDevice) -> Fate) -> Ve
                     return received;
                 }
                 Fate::Mute => muted = true,
+                Fate::Reset => {
+                    *board = self::board();
+                    break;
+                }
             }
             if !muted {
                 out.extend_from_slice(&frame[..length]);

@@ -1,0 +1,268 @@
+//! `journal.jsonl`: what happened in a run, one JSON object a line, only ever appended to.
+//!
+//! It is what a run is taken up again from, and what `results.parquet` is made of. A line is there as a whole or, when
+//! the program was killed in the middle of it, as the torn end of the file, which counts as nothing. What the lines
+//! add up to is [`super::taken`]'s.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::checksum::FileRecord;
+use super::clock::ClockFit;
+use super::manifest::{Counters, Device};
+use super::{ResultRow, Signal, StorageError};
+
+/// The journal's name in a run folder.
+pub const JOURNAL: &str = "journal.jsonl";
+
+/// A line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "entry", rename_all = "snake_case")]
+pub enum Entry {
+    /// The program begins, or begins again.
+    Begin(Box<Begin>),
+    /// The device has started (a part of) an experiment.
+    Segment(Segment),
+    /// A point is measured.
+    Result(Box<ResultRow>),
+    /// A part of the samples is closed.
+    Sealed(Sealed),
+    /// The device has finished what it was started with.
+    Finished(Finished),
+    /// The link to the device went or came back.
+    Link {
+        /// What happened.
+        what: String,
+        /// Host time with its zone.
+        at: String,
+    },
+    /// All parts are in `samples.parquet`.
+    Joined {
+        /// Its rows.
+        rows: u64,
+    },
+    /// The program has ended in an orderly way.
+    Ended(Ended),
+}
+
+/// The program begins: what must be the same when a run is taken up again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Begin {
+    /// Host time with its zone.
+    pub at: String,
+    /// Name and version of the program.
+    pub damprig: String,
+    /// The device.
+    pub device: Device,
+    /// Columns of the samples.
+    pub signals: Vec<Signal>,
+    /// Ticks from row to row of the samples; 0 for none.
+    pub every_ticks: u16,
+    /// The campaign's text.
+    pub campaign: String,
+}
+
+/// The device was started.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Segment {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// How many times this experiment was started on this set-up before.
+    pub segment: u32,
+    /// Place of the first point in the experiment's frequency list.
+    pub first_index: usize,
+    /// Points.
+    pub points: usize,
+    /// Results of earlier segments count no more: their motion could not be carried over.
+    pub anew: bool,
+    /// Host time with its zone.
+    pub at: String,
+}
+
+/// A part that is closed: it is on the disk and changes no more.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sealed {
+    /// Its number.
+    pub part: u32,
+    /// Its file.
+    pub file: FileRecord,
+    /// Rows in it.
+    pub rows: u64,
+    /// Rows missing before or between them, by their ticks.
+    pub lost_rows: u64,
+}
+
+/// The device has finished.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finished {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Which segment.
+    pub segment: u32,
+    /// Its last tick.
+    pub end_tick: u32,
+    /// Rows missing after the last that arrived, by their ticks.
+    pub lost_rows: u64,
+    /// Device time against host time; none under a granted clock.
+    pub clock: Option<ClockFit>,
+}
+
+/// The program has ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ended {
+    /// Host time with its zone.
+    pub at: String,
+    /// Why before the last point; none when every point is taken.
+    pub reason: Option<String>,
+    /// What was lost since the program began.
+    pub counters: Counters,
+    /// Wall time since the program began, s.
+    pub wall_s: f64,
+}
+
+/// A journal that is being written; no other program writes it meanwhile.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+}
+
+impl Journal {
+    /// Opens or makes the journal of a run folder, to append to it.
+    ///
+    /// # Errors
+    /// When it cannot be written, or another program is writing it.
+    pub fn open(folder: &Path) -> Result<Self, StorageError> {
+        let path = folder.join(JOURNAL);
+        let failed = |e: std::io::Error| StorageError::new("open", &path, e);
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                let message = "another damprig is recording into this folder; wait until it has ended";
+                return Err(StorageError::new("append to", &path, message));
+            }
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        if file.seek(SeekFrom::End(-1)).is_ok() {
+            let mut last = [0];
+            file.read_exact(&mut last).map_err(failed)?;
+            if last != *b"\n" {
+                // The torn line stays what it is: a line that is no entry.
+                file.write_all(b"\n").map_err(failed)?;
+            }
+        }
+        Ok(Self { path, file })
+    }
+
+    /// Appends a line. It survives the program from here on, and the machine from [`Journal::sync`] on.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn append(&mut self, entry: &Entry) -> Result<(), StorageError> {
+        let mut line = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
+        line.push('\n');
+        self.file.write_all(line.as_bytes()).map_err(|e| StorageError::new("write", &self.path, e))
+    }
+
+    /// Brings the lines to the disk itself.
+    ///
+    /// # Errors
+    /// When the disk fails, or the journal is no more in its folder.
+    pub fn sync(&mut self) -> Result<(), StorageError> {
+        self.file.sync_data().map_err(|e| StorageError::new("write", &self.path, e))
+    }
+
+    /// Whether the folder still holds the journal: a file that was removed can be written for ever without a word.
+    ///
+    /// # Errors
+    /// When it is gone.
+    pub fn is_in_place(&self) -> Result<(), StorageError> {
+        match std::fs::metadata(&self.path) {
+            Ok(_) => Ok(()),
+            Err(e) => {
+                Err(StorageError::new("find", &self.path, format!("{e}; was the run folder removed or renamed?")))
+            }
+        }
+    }
+}
+
+/// What a journal holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lines {
+    /// The entries in order.
+    pub entries: Vec<Entry>,
+    /// Numbers (from 1) of the lines that are no entries.
+    pub damaged: Vec<usize>,
+}
+
+/// Reads the journal of a run folder.
+///
+/// # Errors
+/// When it cannot be read; a folder without one gives the error of a missing file.
+pub fn read(folder: &Path) -> Result<Lines, StorageError> {
+    let path = folder.join(JOURNAL);
+    let bytes = std::fs::read(&path).map_err(|e| StorageError::new("read", &path, e))?;
+    let mut lines = Lines::default();
+    let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+    for (n, line) in bytes[..whole].split(|b| *b == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+        match serde_json::from_slice(line) {
+            Ok(entry) => lines.entries.push(entry),
+            Err(_) => lines.damaged.push(n + 1),
+        }
+    }
+    Ok(lines)
+}
+
+/// Whether a folder has a journal.
+#[must_use]
+pub fn is_in(folder: &Path) -> bool {
+    folder.join(JOURNAL).is_file()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn joined(rows: u64) -> Entry {
+        Entry::Joined { rows }
+    }
+
+    #[test]
+    fn a_torn_line_costs_itself_alone_wherever_it_is_cut() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut journal = Journal::open(folder.path()).unwrap();
+        (1..=2).for_each(|n| journal.append(&joined(n)).unwrap());
+        drop(journal);
+        let path = folder.path().join(JOURNAL);
+        let bytes = std::fs::read(&path).unwrap();
+        let second = bytes.len() / 2;
+        for cut in second..bytes.len() {
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            assert_eq!(read(folder.path()).unwrap(), Lines { entries: vec![joined(1)], damaged: vec![] }, "{cut}");
+            Journal::open(folder.path()).unwrap().append(&joined(3)).unwrap();
+            let lines = read(folder.path()).unwrap();
+            // Cut before its end of line alone, the entry is whole after all.
+            let kept =
+                if cut == bytes.len() - 1 { vec![joined(1), joined(2), joined(3)] } else { vec![joined(1), joined(3)] };
+            assert_eq!(lines.entries, kept, "{cut}");
+        }
+    }
+
+    #[test]
+    fn two_programs_do_not_write_one_journal() {
+        let folder = tempfile::tempdir().unwrap();
+        let first = Journal::open(folder.path()).unwrap();
+        let error = Journal::open(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("another damprig is recording into this folder"), "{error}");
+        drop(first);
+        Journal::open(folder.path()).unwrap();
+    }
+}

@@ -1,0 +1,185 @@
+//! What the lines of a journal add up to: the points that are taken, and what is still to do.
+//!
+//! The run itself keeps this sum while it writes the lines, so that going on after a break of the link and taking up a
+//! run that was killed are the same thing.
+
+use std::ops::Range;
+
+use super::ResultRow;
+use super::journal::{Begin, Ended, Entry, Finished, Sealed, Segment};
+use super::manifest::Counters;
+
+/// What has been taken.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// Each time that the program began.
+    pub begun: Vec<Begin>,
+    /// Each start of the device.
+    pub segments: Vec<Segment>,
+    /// Segments that came to their end.
+    pub finished: Vec<Finished>,
+    /// The parts of the samples.
+    pub sealed: Vec<Sealed>,
+    /// Rows in `samples.parquet`, once the parts are joined in it.
+    pub joined: Option<u64>,
+    /// Each orderly end of the program.
+    pub ended: Vec<Ended>,
+    /// Links that were lost or came back, in words.
+    pub link: Vec<String>,
+    rows: Vec<ResultRow>,
+    superseded: Vec<ResultRow>,
+}
+
+impl Taken {
+    /// Of a journal.
+    #[must_use]
+    pub fn of(entries: &[Entry]) -> Self {
+        let mut taken = Self::default();
+        entries.iter().for_each(|entry| taken.add(entry));
+        taken
+    }
+
+    /// One more line.
+    pub fn add(&mut self, entry: &Entry) {
+        match entry {
+            Entry::Begin(begin) => self.begun.push((**begin).clone()),
+            Entry::Segment(segment) => {
+                if segment.anew {
+                    let is_earlier = |r: &ResultRow| r.set_up == segment.set_up && r.experiment == segment.experiment;
+                    self.superseded.extend(self.rows.extract_if(.., |r| is_earlier(r)));
+                }
+                self.segments.push(segment.clone());
+            }
+            Entry::Result(row) => {
+                let is_same = |r: &ResultRow| {
+                    r.point_index == row.point_index && r.set_up == row.set_up && r.experiment == row.experiment
+                };
+                // A point is taken once; a second line of it would be a repetition.
+                if !self.rows.iter().any(is_same) {
+                    self.rows.push((**row).clone());
+                }
+            }
+            Entry::Sealed(sealed) => {
+                self.sealed.retain(|s| s.part != sealed.part);
+                self.sealed.push(sealed.clone());
+            }
+            Entry::Finished(finished) => self.finished.push(finished.clone()),
+            Entry::Link { what, at } => self.link.push(format!("{at}: {what}")),
+            Entry::Joined { rows } => self.joined = Some(*rows),
+            Entry::Ended(ended) => self.ended.push(ended.clone()),
+        }
+    }
+
+    /// The results that count, in the order in which they were taken.
+    #[must_use]
+    pub fn rows(&self) -> &[ResultRow] {
+        &self.rows
+    }
+
+    /// Results of sweeps that had to be begun anew.
+    #[must_use]
+    pub fn superseded(&self) -> &[ResultRow] {
+        &self.superseded
+    }
+
+    /// The results in the order of the campaign, however often it was interrupted; `order` gives its set-ups and
+    /// experiments as names.
+    #[must_use]
+    pub fn rows_in_order(&self, order: &[(String, String)]) -> Vec<ResultRow> {
+        let place = |r: &ResultRow| {
+            let pair = order.iter().position(|(s, e)| *s == r.set_up && *e == r.experiment).unwrap_or(order.len());
+            (pair, r.point_index)
+        };
+        let mut rows = self.rows.clone();
+        rows.sort_by_key(place);
+        rows
+    }
+
+    /// The number that the next segment of an experiment gets.
+    #[must_use]
+    pub fn next_segment(&self, set_up: &str, experiment: &str) -> u32 {
+        self.segments.iter().filter(|s| s.set_up == set_up && s.experiment == experiment).count() as u32
+    }
+
+    /// The runs of neighbouring points of an experiment of so many points that are still to be taken.
+    #[must_use]
+    pub fn missing(&self, set_up: &str, experiment: &str, points: usize) -> Vec<Range<usize>> {
+        let own = self.rows.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
+        let mut have = vec![false; points];
+        own.for_each(|r| have.get_mut(r.point_index as usize).into_iter().for_each(|h| *h = true));
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        for index in (0..points).filter(|i| !have[*i]) {
+            match ranges.last_mut() {
+                Some(range) if range.end == index => range.end += 1,
+                _ => ranges.push(index..index + 1),
+            }
+        }
+        ranges
+    }
+
+    /// What earlier runs of the program have counted as lost, and the rows that the parts lack.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        let mut sum = Counters::default();
+        self.ended.iter().for_each(|e| sum += e.counters);
+        sum.lost_rows = self.sealed.iter().map(|s| s.lost_rows).chain(self.finished.iter().map(|f| f.lost_rows)).sum();
+        sum
+    }
+
+    /// Wall time of the runs of the program that ended in an orderly way, s.
+    #[must_use]
+    pub fn wall_s(&self) -> f64 {
+        self.ended.iter().map(|e| e.wall_s).sum()
+    }
+
+    /// Device time up to the last point of each segment, ticks.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        let end = |s: &Segment| {
+            let finished = self
+                .finished
+                .iter()
+                .filter(|f| f.set_up == s.set_up && f.experiment == s.experiment && f.segment == s.segment);
+            let rows = self
+                .rows
+                .iter()
+                .chain(&self.superseded)
+                .filter(|r| r.set_up == s.set_up && r.experiment == s.experiment && r.segment == s.segment);
+            finished.map(|f| u64::from(f.end_tick)).chain(rows.map(|r| r.end_tick)).max().unwrap_or(0)
+        };
+        self.segments.iter().map(end).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn result(point_index: u32, segment: u32) -> Entry {
+        let row = ResultRow { set_up: "a".into(), experiment: "e".into(), point_index, segment, ..ResultRow::SAMPLE };
+        Entry::Result(Box::new(row))
+    }
+
+    fn start(segment: u32, anew: bool) -> Entry {
+        let (set_up, experiment, at) = ("a".into(), "e".into(), String::new());
+        Entry::Segment(Segment { set_up, experiment, segment, first_index: 0, points: 5, anew, at })
+    }
+
+    #[test]
+    fn what_is_missing_comes_in_runs_of_neighbours() {
+        let taken = Taken::of(&[start(0, false), result(0, 0), result(3, 0)]);
+        assert_eq!(taken.missing("a", "e", 6), [1..3, 4..6]);
+        assert_eq!(taken.missing("b", "e", 2).first(), Some(&(0..2)));
+        assert!(taken.missing("a", "e", 1).is_empty());
+    }
+
+    #[test]
+    fn a_point_counts_once_and_a_sweep_begun_anew_counts_from_its_new_start() {
+        let mut taken = Taken::of(&[start(0, false), result(0, 0), result(1, 0), result(1, 0)]);
+        assert_eq!((taken.rows().len(), taken.next_segment("a", "e")), (2, 1));
+        taken.add(&start(1, true));
+        taken.add(&result(0, 1));
+        assert_eq!((taken.rows().len(), taken.superseded().len()), (1, 2));
+        assert_eq!(taken.rows()[0].segment, 1);
+    }
+}

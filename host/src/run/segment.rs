@@ -1,0 +1,275 @@
+//! One start of the device: some neighbouring points of an experiment on a set-up, from the configuration to the last
+//! row of telemetry.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use damprig_core::control::limits::Limits;
+use damprig_core::measure::point::PointResult;
+use damprig_core::rig::{State, TICK_HZ};
+use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
+
+use super::convert::{self, fault_error};
+use super::track::Track;
+use super::{Run, RunError};
+use crate::campaign::{CampaignSetUp, SteppedSine};
+use crate::recording::clock::{ClockPairs, Pair};
+use crate::recording::journal::{Entry, Finished, Segment as Started};
+use crate::recording::recorder::Rows;
+use crate::recording::samples::Label;
+use crate::session::{Report, SessionError};
+
+/// Wall time without an event after which the device is asked whether it is still running.
+const ASK_AFTER: Duration = Duration::from_secs(2);
+
+/// What is to be done.
+pub(super) struct Task<'c> {
+    pub(super) set_up: &'c CampaignSetUp,
+    pub(super) experiment: &'c SteppedSine,
+    /// Places in the frequency list.
+    pub(super) points: Range<usize>,
+    /// How many times the experiment was started on the set-up before.
+    pub(super) number: u32,
+    /// Earlier results of the experiment count no more.
+    pub(super) anew: bool,
+}
+
+/// How it ended, when nothing failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// The device finished.
+    Finished,
+    /// The device has forgotten what it was doing: it was reset.
+    Forgotten,
+}
+
+/// One start of the device.
+pub(super) struct Segment<'r, 'a, 'c> {
+    run: &'r mut Run<'a>,
+    task: &'r Task<'c>,
+    track: Track,
+    label: Arc<Label>,
+    clock: ClockPairs,
+}
+
+impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
+    /// Configures the device, starts it and sees it through.
+    ///
+    /// # Errors
+    /// The device, the link, the disk, an interlock, or Ctrl-C. What was taken is with the recorder.
+    pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
+        let is_granted = run.session.is_granted();
+        let track = Track::new(task.points.clone(), run.every_ticks, is_granted).with_ramp(task.experiment.ramp_s);
+        let label = Arc::new(convert::label(task.set_up, task.experiment, task.number, task.points.start));
+        let before_s = run.tally.rig_s;
+        let mut segment = Self { run, task, track, label, clock: ClockPairs::default() };
+        let end = segment.start().and_then(|()| segment.follow(before_s));
+        segment.run.tally.counters.missing_records += segment.track.missing_messages();
+        end
+    }
+
+    fn start(&mut self) -> Result<(), RunError> {
+        self.configure()?;
+        // A granted clock stands at tick 0 after the start; a real one would be some ticks on.
+        if self.run.session.is_granted() {
+            self.run.session.start()?;
+            self.telemetry()?;
+        } else {
+            self.telemetry()?;
+            self.run.session.start()?;
+        }
+        let task = self.task;
+        self.run.note(Entry::Segment(Started {
+            set_up: task.set_up.name.clone(),
+            experiment: task.experiment.name.clone(),
+            segment: task.number,
+            first_index: task.points.start,
+            points: task.points.len(),
+            anew: task.anew,
+            at: jiff::Zoned::now().to_string(),
+        }));
+        Ok(())
+    }
+
+    fn configure(&mut self) -> Result<(), RunError> {
+        let Task { set_up, experiment, .. } = self.task;
+        let rig = &self.run.campaign.rig;
+        let session = &mut *self.run.session;
+        if session.description.plant != PlantKind::Real {
+            let plant = convert::plant(rig, set_up);
+            session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
+        }
+        let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };
+        session.tell("take the limits", Ask::SetLimits(limits))?;
+        let plan = convert::plan(set_up, experiment, self.task.points.clone());
+        session.tell("take the experiment", Ask::Configure(plan))?;
+        Ok(())
+    }
+
+    fn telemetry(&mut self) -> Result<(), RunError> {
+        let every_ticks = self.run.every_ticks;
+        Ok(self.run.session.tell("send telemetry", Ask::SetTelemetry { every_ticks })?)
+    }
+
+    fn follow(&mut self, before_s: f64) -> Result<End, RunError> {
+        let mut heard = Instant::now();
+        while !self.track.is_complete() {
+            if self.run.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            self.run.recorder.check()?;
+            match self.run.session.next_report()? {
+                Some(report) => {
+                    if let Report::Event { .. } = report {
+                        heard = Instant::now();
+                    }
+                    self.handle(report)?;
+                }
+                None => {
+                    self.track.quiet();
+                    self.record_overtakers();
+                }
+            }
+            if heard.elapsed() > ASK_AFTER || self.track.is_overdue() {
+                heard = Instant::now();
+                if self.look_for_the_end()? == Some(End::Forgotten) {
+                    self.record_all();
+                    return Ok(End::Forgotten);
+                }
+            }
+            self.run.tally.rig_s = before_s + f64::from(self.track.latest_tick()) / f64::from(TICK_HZ);
+            self.run.watcher.progress(self.run.tally.rig_s);
+        }
+        self.record_all();
+        self.fetch_missing(self.track.end_index() as u16)?;
+        if self.run.every_ticks > 0 {
+            self.run.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+        }
+        self.run.note(Entry::Finished(Finished {
+            set_up: self.task.set_up.name.clone(),
+            experiment: self.task.experiment.name.clone(),
+            segment: self.task.number,
+            end_tick: self.track.latest_tick(),
+            lost_rows: 0,
+            clock: self.clock.fit(),
+        }));
+        Ok(End::Finished)
+    }
+
+    fn handle(&mut self, report: Report) -> Result<(), RunError> {
+        match report {
+            Report::Telemetry(message) => {
+                let rows = message.values.len() / self.run.session.description.signals.len().max(1);
+                let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
+                self.heard_of(message.first_tick.saturating_add(span));
+                for message in self.track.arrived(*message) {
+                    self.record(&message);
+                }
+                Ok(())
+            }
+            Report::Event { tick, event: Happening::Point(result) } => {
+                self.heard_of(tick);
+                // The device keeps only the last few results: one that was lost is asked for at once.
+                self.fetch_missing(result.index)?;
+                if self.track.point_done(result.index, tick) {
+                    self.take(&result);
+                }
+                Ok(())
+            }
+            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
+                if self.track.finished(tick) {
+                    self.run.tally.counters.dropped_records += u64::from(rows_dropped);
+                }
+                Ok(())
+            }
+            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+        }
+    }
+
+    /// Device time and host time belong together, for a board with a clock of its own.
+    fn heard_of(&mut self, tick: u32) {
+        if !self.run.session.is_granted() {
+            let device_s = f64::from(tick) / f64::from(TICK_HZ);
+            self.clock.heard(Pair { device_s, host_s: self.run.began.elapsed().as_secs_f64() });
+        }
+    }
+
+    /// The word that the experiment is over may have been lost: a device that has become idle has finished, or was
+    /// reset.
+    fn look_for_the_end(&mut self) -> Result<Option<End>, RunError> {
+        let (status, _) = self.run.session.status()?;
+        while let Some(report) = self.run.session.report_at_hand() {
+            self.handle(report)?;
+        }
+        if let Some(fault) = status.fault {
+            return Err(fault_error(self.task.set_up, fault));
+        }
+        if status.state != State::Idle || self.track.has_finished() {
+            return Ok(None);
+        }
+        if usize::from(status.points) < self.task.points.len() {
+            return Ok(Some(End::Forgotten));
+        }
+        self.track.finished(self.track.latest_tick());
+        Ok(Some(End::Finished))
+    }
+
+    /// What waits for messages that will not come any more.
+    fn record_all(&mut self) {
+        while !self.track.is_quiet() {
+            self.track.quiet();
+        }
+        self.record_overtakers();
+    }
+
+    fn record_overtakers(&mut self) {
+        for message in self.track.overtakers() {
+            self.record(&message);
+        }
+    }
+
+    fn record(&mut self, message: &Telemetry) {
+        let signals = self.run.session.description.signals.len();
+        let mut block: Option<Rows> = None;
+        for (tick, values) in self.track.rows(message, signals) {
+            let index = self.track.point_of(tick);
+            if self.label.point_index as usize != index {
+                block.take().into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+                self.label = Arc::new(convert::label(self.task.set_up, self.task.experiment, self.task.number, index));
+            }
+            let empty = || Rows { label: Arc::clone(&self.label), ticks: Vec::new(), values: Vec::new() };
+            let rows = block.get_or_insert_with(empty);
+            rows.ticks.push(tick);
+            rows.values.extend(self.run.selection.positions.iter().map(|&i| values[i]));
+        }
+        block.into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+    }
+
+    fn take(&mut self, result: &PointResult) {
+        let index = usize::from(result.index);
+        if !self.task.points.contains(&index) {
+            return;
+        }
+        let label = convert::label(self.task.set_up, self.task.experiment, self.task.number, index);
+        let row = convert::row(self.task.set_up, &label, result);
+        self.run.watcher.point(&row);
+        self.run.note(Entry::Result(Box::new(row)));
+    }
+
+    /// Asks for the results before `until` whose report did not arrive.
+    fn fetch_missing(&mut self, until: u16) -> Result<(), RunError> {
+        for index in self.track.missing_points(until) {
+            match self.run.session.ask("repeat a result", Ask::Result { index }) {
+                Ok(Answer::Result(result)) => {
+                    self.track.point_done(index, result.end_tick.saturating_sub(1));
+                    self.take(&result);
+                }
+                Ok(_) | Err(SessionError::Refused { .. }) => self.track.point_lost(index),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+}

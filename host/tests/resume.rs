@@ -1,0 +1,255 @@
+//! A run that was killed, cut off or stopped goes on where it was: nothing is measured twice, nothing is lost, and the
+//! results are those of a run that nobody disturbed.
+
+mod common;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use arrow_array::RecordBatch;
+use common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, sample_rows, short};
+use damprig::recording::journal;
+use damprig::recording::taken::Taken;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+/// What tells when a point was measured, not what was measured.
+const OF_THE_CLOCK: [&str; 3] = ["start_tick", "end_tick", "segment"];
+
+/// The measured columns of the results as text: equal text is equal bits, but for the sign of a NaN.
+fn measured(run: &Path) -> String {
+    let without = |batch: RecordBatch| {
+        let schema = batch.schema();
+        let kept: Vec<usize> =
+            (0..schema.fields().len()).filter(|i| !OF_THE_CLOCK.contains(&schema.field(*i).name().as_str())).collect();
+        let batch = batch.project(&kept).unwrap();
+        let columns = batch.columns().iter().map(|c| damprig::runs::columns::values(c.as_ref()).unwrap());
+        columns.map(|column| format!("{column:?}")).collect::<Vec<_>>().join("\n")
+    };
+    read_parquet(run.join("results.parquet")).into_iter().map(without).collect()
+}
+
+fn taken(run: &Path) -> Taken {
+    Taken::of(&journal::read(run).unwrap().entries)
+}
+
+/// The short campaign with more points, more samples and a sweep that is carried over.
+fn longer() -> String {
+    let carried = "\n[[experiment]]\nname = \"carried\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.45, 2.55]\nstart = \"carry_over\"\nset_ups = [\"bare\"]\nsettle_s = 2.0\ndwell_s = 4.0\n";
+    let more = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.05 }";
+    short().replace("frequencies_hz = [2.4, 2.5, 2.6]", more).replace("rate_hz = 100", "rate_hz = 1000") + carried
+}
+
+/// How many kills: 8, or what `DAMPRIG_KILLS` says.
+fn kills() -> u64 {
+    std::env::var("DAMPRIG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(8)
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
+    let folder = folder_with(&longer());
+    let begun = Instant::now();
+    damprig(&folder).args(["run", "test.toml", "--out", "whole"]).assert().success();
+    let whole_run = begun.elapsed();
+    let whole = measured(&folder.path().join("whole"));
+    let planned = manifest(&folder.path().join("whole"))["points_planned"].as_u64().unwrap() as usize;
+    let mut random = fastrand::Rng::with_seed(20_261_121);
+    let (mut left, mut killed_with_points, mut unborn) = (kills(), 0, 0);
+    let mut runs = 0;
+    while left > 0 {
+        runs += 1;
+        let run = folder.path().join(format!("killed-{runs}"));
+        let name = run.file_name().unwrap().to_str().unwrap().to_string();
+        // Killed again and again until it has come through.
+        loop {
+            // Nothing to go on with: the kill came before the folder had a campaign.
+            let is_new = !run.join("campaign.toml").exists();
+            if is_new && run.exists() {
+                unborn += 1;
+                std::fs::remove_dir_all(&run).unwrap();
+            }
+            let arguments: &[&str] =
+                if is_new { &["run", "test.toml", "--out", &name] } else { &["run", "--resume", &name] };
+            let before = if is_new {
+                Taken::default()
+            } else {
+                journal::read(&run).map_or(Taken::default(), |l| Taken::of(&l.entries))
+            };
+            let mut child = Command::new(assert_cmd::cargo::cargo_bin("damprig"))
+                .args(arguments)
+                .current_dir(folder.path())
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+            if left > 0 {
+                // Any instant will do, so nothing is awaited here.
+                std::thread::sleep(Duration::from_secs_f64(random.f64() * whole_run.as_secs_f64()));
+                child.kill().unwrap();
+                left -= 1;
+            }
+            let output = child.wait_with_output().unwrap();
+            // Sealed parts and results of before are still there, unchanged.
+            if run.join(journal::JOURNAL).exists() {
+                let now = taken(&run);
+                // As text: a NaN is no other than itself.
+                let rows: Vec<String> = now.rows().iter().chain(now.superseded()).map(|r| format!("{r:?}")).collect();
+                for row in before.rows().iter().map(|r| format!("{r:?}")) {
+                    assert!(rows.contains(&row), "a result was lost: {row}");
+                }
+                for sealed in &before.sealed {
+                    assert!(now.sealed.contains(sealed), "a sealed part was lost: {sealed:?}");
+                }
+                if now.joined.is_none() {
+                    for sealed in &now.sealed {
+                        let file = damprig::recording::checksum::of_file(&run, &sealed.file.name).unwrap();
+                        assert_eq!(file, sealed.file, "a sealed part was changed");
+                    }
+                }
+                killed_with_points += usize::from(!output.status.success() && !now.rows().is_empty());
+            }
+            if output.status.success() {
+                break;
+            }
+            assert!(output.status.code().is_none(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        }
+        assert_eq!(measured(&run), whole, "{name}");
+        let taken = taken(&run);
+        assert_eq!(taken.rows().len(), planned);
+        let sealed: u64 = taken.sealed.iter().map(|s| s.rows).sum();
+        assert_eq!(sealed, sample_rows(&run) as u64, "{name}: every sealed sample is in the joined file");
+        assert_eq!(taken.counters().lost_rows, 0, "{name}");
+        damprig(&folder).args(["runs", "verify", &name]).assert().success();
+        std::fs::remove_dir_all(&run).unwrap();
+    }
+    println!(
+        "{} kills in {runs} runs, {killed_with_points} with points taken, {unborn} before the run had a folder",
+        kills()
+    );
+    assert!(killed_with_points > 0, "no kill hit a run under way: {whole_run:?}");
+}
+
+#[test]
+fn a_complete_run_says_so_and_is_left_alone() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let before = std::fs::read(folder.path().join("out/manifest.json")).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    answer.stdout(contains("The run is complete: all 6 points are taken. Nothing was done."));
+    assert_eq!(std::fs::read(folder.path().join("out/manifest.json")).unwrap(), before);
+}
+
+/// A run of the short campaign that was cut off when its fourth point came by.
+fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
+    let folder = folder_with(campaign);
+    let mut points = 0;
+    let rig = Served::again_and_again(move |message| {
+        points += usize::from(is_point(message));
+        if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
+    });
+    let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"];
+    damprig(&folder).args(arguments).assert().code(1).stderr(contains("`damprig run --resume out` goes on"));
+    (folder, rig)
+}
+
+#[test]
+fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    assert_eq!(result_rows(&run), 3);
+    let begun = sample_rows(&run);
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let words = "set-up \"hybrid\", \"sweep\" goes on at 2.4 Hz, from rest";
+    answer.stdout(contains("3 of 6 points are kept as they are").and(contains(words)).and(contains("6 of 6 points")));
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    assert_eq!(measured(&run), measured(&folder.path().join("whole")));
+    assert!(sample_rows(&run) > begun, "what was begun of the interrupted point is kept too");
+    let manifest = manifest(&run);
+    assert_eq!((manifest["resumed"].as_u64(), manifest["status"].as_str()), (Some(1), Some("complete")));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("Taken up again 1 times"));
+}
+
+#[test]
+fn a_sweep_that_carries_its_motion_over_begins_anew() {
+    let campaign = short().replace("start = \"from_rest\"", "start = \"carry_over\"");
+    let (folder, _) = cut_off(&campaign);
+    // Cut off with one more point taken than a set-up has: one counts no more when the second sweep begins anew.
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    answer.stdout(contains("begins anew: the motion at 2.4 Hz cannot be carried over"));
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
+}
+
+#[test]
+fn a_changed_campaign_is_refused_with_every_difference() {
+    let (folder, _) = cut_off(&short());
+    let path = folder.path().join("out/campaign.toml");
+    let changed = short().replace("noise_seed = 7", "noise_seed = 8").replace("dwell_s = 4.0", "dwell_s = 5.0");
+    std::fs::write(&path, changed).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
+    let seed = contains("rig.noise_seed: 7 when it was begun, 8 now");
+    answer.stderr(seed.and(contains("experiment[1].dwell_s: 4.0 when it was begun, 5.0 now")));
+    std::fs::write(&path, format!("# a remark\n{}", short())).unwrap();
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+}
+
+#[test]
+fn another_device_is_refused_with_every_difference() {
+    let (folder, _) = cut_off(&short());
+    let answer = damprig(&folder).args(["run", "--resume", "out", "--rig", "virtual"]).assert().code(2);
+    let board = contains("board: test when it was begun, virtual now");
+    answer.stderr(board.and(contains("plant: simulated in f32 when it was begun, simulated in f64 now")));
+    assert_eq!(result_rows(&folder.path().join("out")), 3, "nothing was changed");
+}
+
+#[test]
+fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    // A part of the samples is cut in half: the results do not need it.
+    let part = run.join(&taken(&run).sealed[0].file.name);
+    let bytes = std::fs::read(&part).unwrap();
+    std::fs::write(&part, &bytes[..bytes.len() / 2]).unwrap();
+    damprig(&folder).args(["runs", "verify", "out"]).assert().code(1).stdout(contains("cut off or damaged"));
+    let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
+    resumed.stdout(contains("WRONG  samples.parts/000001.parquet: changed since it was closed"));
+    assert_eq!(result_rows(&run), 6);
+    assert_eq!(std::fs::read(&part).unwrap().len(), bytes.len() / 2, "nothing is rewritten");
+    // Without a journal nobody knows what is taken.
+    std::fs::remove_file(run.join(journal::JOURNAL)).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
+    answer.stderr(contains("out has no journal.jsonl").and(contains("`damprig runs verify out`")));
+    damprig(&folder).args(["run", "--resume", "nowhere"]).assert().code(2).stderr(contains("there is no run"));
+}
+
+#[test]
+fn a_link_that_comes_back_loses_no_point() {
+    let folder = folder_with(&short());
+    let mut points = 0;
+    let rig = Served::again_and_again(move |message| {
+        points += usize::from(is_point(message));
+        if is_point(message) && matches!(points, 2 | 5) { Fate::Close } else { Fate::Pass }
+    });
+    let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().success();
+    answer.stderr(contains("the link is there again"));
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
+    assert_eq!(manifest(&folder.path().join("out"))["counters"]["interruptions"], 2);
+}
+
+#[test]
+fn a_board_that_is_reset_in_mid_run_goes_on_at_the_interrupted_point() {
+    let folder = folder_with(&short());
+    let mut points = 0;
+    let rig = Served::again_and_again(move |message| {
+        points += usize::from(is_point(message));
+        if is_point(message) && points == 2 { Fate::Reset } else { Fate::Pass }
+    });
+    let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--timeout", "1.5"];
+    damprig(&folder).args(arguments).assert().success().stderr(contains("it was reset"));
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
+}
