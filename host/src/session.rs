@@ -109,8 +109,9 @@ const GRANT_TICKS: u32 = 4000;
 /// How long a single wait for bytes lasts before Ctrl-C is looked at again.
 const TURN: Duration = Duration::from_millis(50);
 
-/// How often a request is sent before the device counts as silent.
-const TRIES: u32 = 3;
+/// A device that has not answered for so long is asked again, until it counts as silent. The device carries a repeated
+/// request out once.
+const ASK_AGAIN: Duration = Duration::from_millis(250);
 
 /// A conversation.
 pub struct Session {
@@ -123,6 +124,7 @@ pub struct Session {
     replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
     seq: u16,
     bad_frames: u64,
+    stale_messages: u64,
     granted_until: Option<u32>,
     clock_tick: u32,
     heard: Instant,
@@ -167,6 +169,7 @@ impl Session {
             replies: VecDeque::new(),
             seq: 0,
             bad_frames: 0,
+            stale_messages: 0,
             granted_until: None,
             clock_tick: 0,
             heard: now,
@@ -225,6 +228,10 @@ impl Session {
         self.description.clock == Clock::Granted
     }
 
+    fn ask_again(&self) -> Duration {
+        ASK_AGAIN.min(self.timeout / 3)
+    }
+
     fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
         self.link.send(bytes).map_err(|error| SessionError::Broken { link: self.name.clone(), error })
     }
@@ -247,17 +254,40 @@ impl Session {
                 Some(Err(_)) => self.bad_frames += 1,
                 Some(Ok(message)) => {
                     self.heard = Instant::now();
+                    if self.is_stale(&message) {
+                        self.stale_messages += 1;
+                        continue;
+                    }
                     match message {
                         FromDevice::Reply { seq, answer } => self.replies.push_back((seq, answer)),
                         FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
                         FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
-                        FromDevice::Clock { tick } => self.clock_tick = tick,
+                        FromDevice::Clock { tick } => self.clock_tick = self.clock_tick.max(tick),
                     }
                 }
             }
         }
         self.bytes = bytes;
         received.map_err(|error| SessionError::Broken { link: self.name.clone(), error })
+    }
+
+    /// Whether a message speaks of a tick that a granted clock has not reached: it is of the experiment before and was
+    /// very late. (A real line keeps the order.)
+    fn is_stale(&self, message: &FromDevice) -> bool {
+        let tick = match message {
+            FromDevice::Reply { .. } => return false,
+            FromDevice::Event { tick, .. } => *tick,
+            FromDevice::Telemetry(rows) => rows.first_tick,
+            // It names the tick that has not run.
+            FromDevice::Clock { tick } => tick.saturating_sub(1),
+        };
+        self.is_granted() && self.granted_until.is_none_or(|until| tick >= until)
+    }
+
+    /// Messages of an earlier experiment that came after the start of the present one, and were passed over.
+    #[must_use]
+    pub fn stale_messages(&self) -> u64 {
+        self.stale_messages
     }
 
     /// Asks and waits for the reply; `what` says in words what is asked.
@@ -268,9 +298,10 @@ impl Session {
         self.seq = self.seq.wrapping_add(1);
         let seq = self.seq;
         let message = ToDevice::Request(Request { seq, at_tick: None, ask });
-        for _ in 0..TRIES {
+        let silent_at = Instant::now() + self.timeout;
+        while Instant::now() < silent_at {
             self.send(&message)?;
-            let deadline = Instant::now() + self.timeout / TRIES;
+            let deadline = Instant::now() + self.ask_again();
             loop {
                 self.listen(TURN)?;
                 while let Some((number, answer)) = self.replies.pop_front() {
@@ -303,7 +334,12 @@ impl Session {
     /// As [`Session::ask`].
     pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
         match self.ask("say how it is", Ask::Status)? {
-            Answer::Status { status, counters } => Ok((status, counters)),
+            Answer::Status { status, counters } => {
+                // A late grant may have carried the device further than the present one.
+                self.clock_tick = self.clock_tick.max(status.tick);
+                self.granted_until = self.granted_until.map(|until| until.max(status.tick));
+                Ok((status, counters))
+            }
             _ => Err(SessionError::Confused { what: "say how it is" }),
         }
     }
@@ -353,7 +389,7 @@ impl Session {
         if self.heard.elapsed() > self.timeout {
             return Err(self.silent());
         }
-        if self.heard.elapsed() > self.timeout / TRIES && self.nudged.elapsed() > self.timeout / TRIES {
+        if self.heard.elapsed() > self.ask_again() && self.nudged.elapsed() > self.ask_again() {
             self.nudged = Instant::now();
             return match (self.is_granted(), self.granted_until) {
                 // The grant, or the word that it is used up, may have been lost.

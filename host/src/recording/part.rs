@@ -125,11 +125,21 @@ fn seal(
     tick_hz: f64,
     batches: &[RecordBatch],
 ) -> Result<(), StorageError> {
-    let parts = folder.join(samples::PARTS);
-    fs::create_dir_all(&parts).map_err(|e| StorageError::new("create", &parts, e))?;
+    make_folder_of_parts(folder)?;
     let schema = samples::schema(signals);
     let whole = batches.iter().map(|batch| complete(&schema, label, tick_hz, batch));
     write_whole(&folder.join(samples::part_name(number)), &schema, whole, Kept::ByTheSystem)
+}
+
+/// In the run folder that there is: one that was removed is not made again.
+fn make_folder_of_parts(folder: &Path) -> Result<(), StorageError> {
+    let parts = folder.join(samples::PARTS);
+    match fs::create_dir(&parts) {
+        Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
+            Err(StorageError::new("create", &parts, error))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A batch of the stream with all columns that the samples have.
@@ -206,8 +216,7 @@ fn read_label(metadata: &Metadata) -> Option<(Label, f64)> {
 /// When it cannot be written.
 pub(super) fn seal_salvaged(folder: &Path, number: u32, salvaged: &Salvaged) -> Result<(), StorageError> {
     let Some(first) = salvaged.batches.first() else { return Ok(()) };
-    let parts = folder.join(samples::PARTS);
-    fs::create_dir_all(&parts).map_err(|e| StorageError::new("create", &parts, e))?;
+    make_folder_of_parts(folder)?;
     let batches = salvaged.batches.iter().cloned().map(Ok);
     write_whole(&folder.join(samples::part_name(number)), &first.schema(), batches, Kept::OnTheDisk)
 }

@@ -6,6 +6,10 @@ use damprig_protocol::{
     Answer, Ask, Clock, Counters, Description, FromDevice, Happening, Identity, PlantKind, Refused, Request, SCHEMA,
     Signal, VERSION, clipped,
 };
+use heapless::Deque;
+
+/// Numbers of served requests that are kept, to know a repetition: a late copy may come after some that followed it.
+const SERVED_KEPT: usize = 8;
 
 /// What the rig drives, as far as requests can touch it.
 pub trait Bench {
@@ -91,7 +95,7 @@ pub struct Control {
     rig: Rig,
     every_ticks: u16,
     scheduled: Option<Request>,
-    last_served: Option<u16>,
+    served: Deque<u16, SERVED_KEPT>,
     last_refused: Option<Refused>,
     event_seq: u16,
     counters: Counters,
@@ -107,7 +111,7 @@ impl Control {
             rig: Rig::new(),
             every_ticks: 0,
             scheduled: None,
-            last_served: None,
+            served: Deque::new(),
             last_refused: None,
             event_seq: 0,
             counters: Counters::default(),
@@ -157,18 +161,29 @@ impl Control {
         }
     }
 
-    /// Answers. A number that was just served is answered again but not carried out again.
+    /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
+    /// have been lost, nor one before it, of which a copy was late on the way.
     fn carry_out(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
-        let repeated = self.last_served == Some(request.seq);
+        if request.ask == Ask::Identify {
+            // A conversation begins, and counts its requests anew.
+            self.served.clear();
+        }
+        let repeated = self.served.iter().any(|seq| *seq == request.seq);
+        let is_last = self.served.back() == Some(&request.seq);
         let answer = match (&request.ask, repeated) {
             // Questions have no effect: a repetition is answered afresh.
             (Ask::Identify | Ask::Describe | Ask::Status | Ask::Result { .. }, _) | (_, false) => {
                 self.answer(request.ask, bench).map_err(Refused::from)
             }
-            (_, true) => self.last_refused.clone().map_or(Ok(Answer::Done), Err),
+            (_, true) if is_last => self.last_refused.clone().map_or(Ok(Answer::Done), Err),
+            (_, true) => Err(Refusal::NotHere("this request was answered before").into()),
         };
         if !repeated {
-            self.last_served = Some(request.seq);
+            if self.served.is_full() {
+                self.served.pop_front();
+            }
+            // Cannot fail: room was made above.
+            let _ = self.served.push_back(request.seq);
             self.last_refused = answer.as_ref().err().cloned();
         }
         self.say(FromDevice::Reply { seq: request.seq, answer }, lanes);

@@ -163,6 +163,32 @@ fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
 }
 
 #[test]
+fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Stop), Ok(Answer::Done));
+    let stop = host.seq;
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::SetTelemetry { every_ticks: 10 }), Ok(Answer::Done));
+    host.grant(100);
+    let last = std::mem::replace(&mut host.seq, stop);
+    assert!(matches!(host.repeat(Ask::Stop), Err(Refused::NotHere { .. })));
+    host.seq = last;
+    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    assert!(matches!(status.state, State::Running(_)), "a copy of an old stop has stopped it");
+}
+
+#[test]
+fn a_new_conversation_may_use_the_numbers_of_the_one_before() {
+    let mut host = ready();
+    host.seq = 0;
+    assert!(matches!(host.ask(Ask::Identify), Ok(Answer::Identity(_))));
+    // The same number as a request of the conversation before, which set something else.
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    assert!(matches!(status.state, State::Running(_)), "taken for a repetition");
+}
+
+#[test]
 fn a_command_with_a_tick_waits_for_it() {
     let mut host = ready();
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));

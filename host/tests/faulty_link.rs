@@ -1,0 +1,207 @@
+//! A campaign over links that drop, delay, duplicate and reorder what they carry: it completes with the results of a
+//! run that nobody disturbed, and what was lost of the samples is counted.
+
+mod common;
+
+use std::collections::VecDeque;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use common::short;
+use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::input::Source;
+use damprig::link::{Link, VirtualRig};
+use damprig::recording::ResultRow;
+use damprig::recording::journal::Journal;
+use damprig::recording::recorder::Recorder;
+use damprig::recording::taken::Taken;
+use damprig::recording::writer::{Plan, Writer};
+use damprig::run::{Run, RunError, Selection, Tally, Watcher};
+use damprig::session::Session;
+use tempfile::TempDir;
+
+/// The short campaign with ten times the samples: many messages to be hit.
+fn campaign() -> Campaign {
+    Campaign::parse(Source::new("short.toml", short().replace("rate_hz = 100", "rate_hz = 1000"))).unwrap()
+}
+
+/// How many in a thousand are hit.
+const PER_MILLE: u32 = 10;
+
+/// What a fault happens to.
+#[derive(Clone, Copy, Debug)]
+enum Unit {
+    /// Whole frames, from one zero to the next.
+    Frame,
+    /// Single bytes.
+    Byte,
+}
+
+/// One direction of a line.
+struct Faults {
+    unit: Unit,
+    random: fastrand::Rng,
+    /// The beginning of a frame that has not come to its end.
+    begun: Vec<u8>,
+    /// What is late, and how many others go before it.
+    late: VecDeque<(usize, Vec<u8>)>,
+    hit: Arc<AtomicU64>,
+}
+
+impl Faults {
+    fn new(unit: Unit, seed: u64, hit: &Arc<AtomicU64>) -> Self {
+        let (random, hit) = (fastrand::Rng::with_seed(seed), Arc::clone(hit));
+        Self { unit, random, begun: vec![], late: VecDeque::new(), hit }
+    }
+
+    /// What comes out when `bytes` go in.
+    fn carry(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut out = Vec::new();
+        for &byte in bytes {
+            self.begun.push(byte);
+            if byte == 0 || matches!(self.unit, Unit::Byte) {
+                let piece = std::mem::take(&mut self.begun);
+                self.one(piece, &mut out);
+            }
+        }
+        out
+    }
+
+    fn one(&mut self, piece: Vec<u8>, out: &mut Vec<u8>) {
+        for (others, _) in &mut self.late {
+            *others = others.saturating_sub(1);
+        }
+        if self.random.u32(0..1000) < PER_MILLE {
+            self.hit.fetch_add(1, Ordering::Relaxed);
+            match self.random.u32(0..4) {
+                0 => {}
+                1 => out.extend([piece.clone(), piece].concat()),
+                // Swapped with the next, or behind some.
+                2 => self.late.push_back((1, piece)),
+                _ => self.late.push_back((self.random.usize(2..7), piece)),
+            }
+        } else {
+            out.extend(piece);
+        }
+        self.release(out, |others| others == 0);
+    }
+
+    fn release(&mut self, out: &mut Vec<u8>, is_due: impl Fn(usize) -> bool) {
+        let (due, late) = std::mem::take(&mut self.late).into_iter().partition(|(others, _)| is_due(*others));
+        self.late = late;
+        let due: VecDeque<(usize, Vec<u8>)> = due;
+        out.extend(due.into_iter().flat_map(|(_, piece)| piece));
+    }
+}
+
+struct Faulty {
+    rig: VirtualRig<f64>,
+    out: Faults,
+    back: Faults,
+}
+
+impl Link for Faulty {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let bytes = self.out.carry(bytes);
+        self.rig.send(&bytes)
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> io::Result<()> {
+        let mut bytes = Vec::new();
+        self.rig.receive(&mut bytes, wait)?;
+        into.extend(self.back.carry(&bytes));
+        if bytes.is_empty() {
+            // Nothing overtakes what is late any more.
+            self.back.release(into, |_| true);
+            let mut late = Vec::new();
+            self.out.release(&mut late, |_| true);
+            self.rig.send(&late)?;
+        }
+        Ok(())
+    }
+}
+
+struct Nobody;
+
+impl Watcher for Nobody {
+    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
+        Ok(())
+    }
+    fn progress(&mut self, _: f64) {}
+    fn point(&mut self, _: &ResultRow) {}
+    fn link(&mut self, _: &str) {}
+}
+
+/// Runs the campaign over a link into a folder.
+fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
+    let campaign = campaign();
+    let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
+    let selection = Selection::of(&campaign, &session).unwrap();
+    let plan = Plan {
+        signals: selection.signals.clone(),
+        every_ticks: campaign.telemetry.every_ticks(),
+        tick_hz: 1000.0,
+        order: campaign.in_order(),
+    };
+    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, Taken::default()).unwrap();
+    let (mut recorder, mut nobody) = (Recorder::start(writer, true), Nobody);
+    let stop = AtomicBool::new(false);
+    let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, Taken::default());
+    let (tally, result) = run.carry_out();
+    result.unwrap();
+    let (writer, stored) = recorder.finish();
+    stored.unwrap();
+    let mut writer = writer.unwrap();
+    writer.close().unwrap();
+    (writer, tally)
+}
+
+/// Every figure, as text: of a number, equal text is equal bits.
+fn figures(writer: &Writer) -> Vec<String> {
+    writer
+        .results()
+        .iter()
+        .map(|row| format!("{:?}", ResultRow { segment: 0, start_tick: 0, end_tick: 0, ..row.clone() }))
+        .collect()
+}
+
+fn over_faults(unit: Unit, seed: u64) {
+    let folder = TempDir::new().unwrap();
+    let (whole, faulty) = (folder.path().join("whole"), folder.path().join("faulty"));
+    std::fs::create_dir(&whole).unwrap();
+    std::fs::create_dir(&faulty).unwrap();
+    let (undisturbed, _) = run(Box::new(VirtualRig::<f64>::new()), &whole);
+    let hit = Arc::new(AtomicU64::new(0));
+    let (out, back) = (Faults::new(unit, seed, &hit), Faults::new(unit, seed + 1000, &hit));
+    let link = Faulty { rig: VirtualRig::new(), out, back };
+    let (disturbed, tally) = run(Box::new(link), &faulty);
+    assert_eq!(figures(&disturbed), figures(&undisturbed), "{unit:?}, seed {seed}");
+    let lost = disturbed.taken().counters().lost_rows;
+    let hit = hit.load(Ordering::Relaxed);
+    assert!(hit > 10, "{hit}");
+    println!("{unit:?}, seed {seed}: {hit} hit, {} rows, {lost} lost, {:?}", disturbed.rows(), tally.counters);
+    // Every row of the segments that came to their end is there or counted.
+    let starts = disturbed.taken().segments.len();
+    if starts == undisturbed.taken().segments.len() {
+        let end = |w: &Writer| w.taken().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
+        assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
+    }
+    match unit {
+        Unit::Frame => assert!(disturbed.rows() * 10 > undisturbed.rows() * 9),
+        // Nearly every message of 64 values is hit by then.
+        Unit::Byte => assert!(tally.counters.bad_frames_host > 0 && tally.counters.missing_records > 0),
+    }
+}
+
+#[test]
+fn frames_dropped_delayed_duplicated_and_reordered_change_no_result() {
+    (1..=5).for_each(|seed| over_faults(Unit::Frame, seed));
+}
+
+#[test]
+fn bytes_dropped_delayed_duplicated_and_reordered_change_no_result() {
+    over_faults(Unit::Byte, 1);
+}
