@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -168,6 +168,20 @@ fn figures(writer: &Writer) -> Vec<String> {
         .collect()
 }
 
+/// Each row of the samples: its place in the run, and its point with the signals' values.
+fn samples(folder: &Path) -> impl Iterator<Item = (String, String)> {
+    let files = damprig::runs::folder::sample_files(folder);
+    let batches = files.into_iter().flat_map(|file| damprig::runs::folder::read_samples(&file).unwrap());
+    batches.flat_map(|batch| {
+        let batch = batch.unwrap();
+        let columns = ["set_up", "experiment", "tick", "point_index", "x_m", "z_m"];
+        let columns = columns.map(|name| damprig::runs::columns::column(&batch, name).unwrap());
+        let cell = move |c: usize, row: usize| format!("{:?} ", columns[c][row]);
+        let row = move |row| ((0..3).map(|c| cell(c, row)).collect(), (3..6).map(|c| cell(c, row)).collect());
+        (0..batch.num_rows()).map(row).collect::<Vec<(String, String)>>()
+    })
+}
+
 fn over_faults(unit: Unit, seed: u64) {
     let folder = TempDir::new().unwrap();
     let (whole, faulty) = (folder.path().join("whole"), folder.path().join("faulty"));
@@ -188,6 +202,12 @@ fn over_faults(unit: Unit, seed: u64) {
     if starts == undisturbed.taken().segments.len() {
         let end = |w: &Writer| w.taken().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
         assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
+    }
+    // A row that has arrived is the row of the undisturbed run, and belongs to the same point.
+    let rows = |folder: &Path| -> BTreeMap<String, String> { samples(folder).collect() };
+    let (here, there) = (rows(&faulty), rows(&whole));
+    if starts == undisturbed.taken().segments.len() {
+        here.iter().for_each(|(key, row)| assert_eq!(there.get(key), Some(row), "{unit:?}, seed {seed}: {key}"));
     }
     match unit {
         Unit::Frame => assert!(disturbed.rows() * 10 > undisturbed.rows() * 9),

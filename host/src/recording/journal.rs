@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::checksum::FileRecord;
-use super::clock::ClockFit;
+use super::clock::{ClockFit, Pair};
 use super::manifest::{Counters, Device};
 use super::{ResultRow, Signal, StorageError};
 
@@ -32,6 +32,8 @@ pub enum Entry {
     Sealed(Sealed),
     /// The device has finished what it was started with.
     Finished(Finished),
+    /// Device time and host time that belong together, of the segment before it; about one a second.
+    Clock(Pair),
     /// The link to the device went or came back.
     Link {
         /// What happened.

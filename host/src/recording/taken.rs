@@ -64,6 +64,7 @@ impl Taken {
                 self.sealed.push(sealed.clone());
             }
             Entry::Finished(finished) => self.finished.push(finished.clone()),
+            Entry::Clock(_) => {}
             Entry::Link { what, at } => self.link.push(format!("{at}: {what}")),
             Entry::Joined { rows } => self.joined = Some(*rows),
             Entry::Ended(ended) => self.ended.push(ended.clone()),

@@ -52,6 +52,9 @@ pub(super) struct Segment<'r, 'a, 'c> {
     track: Track,
     label: Arc<Label>,
     clock: ClockPairs,
+    /// Place of the drive frequency in the device's signals, and its value in the last row.
+    frequency_at: Option<usize>,
+    frequency_hz: f32,
 }
 
 impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
@@ -64,7 +67,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let track = Track::new(task.points.clone(), run.every_ticks, is_granted).with_ramp(task.experiment.ramp_s);
         let label = Arc::new(convert::label(task.set_up, task.experiment, task.number, task.points.start));
         let before_s = run.tally.rig_s;
-        let mut segment = Self { run, task, track, label, clock: ClockPairs::default() };
+        let frequency_at = run.session.description.signals.iter().position(|s| s.name == "frequency");
+        let clock = ClockPairs::default();
+        let mut segment = Self { run, task, track, label, clock, frequency_at, frequency_hz: 0.0 };
         let end = segment.start().and_then(|()| segment.follow(before_s));
         segment.run.tally.counters.missing_records += segment.track.missing_messages();
         end
@@ -129,20 +134,22 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 None => {
                     self.track.quiet();
-                    self.record_overtakers();
+                    self.record_overtakers()?;
                 }
             }
             if heard.elapsed() > ASK_AFTER || self.track.is_overdue() {
                 heard = Instant::now();
                 if self.look_for_the_end()? == Some(End::Forgotten) {
-                    self.record_all();
+                    // It has no results any more to ask for.
+                    self.frequency_at = None;
+                    self.record_all()?;
                     return Ok(End::Forgotten);
                 }
             }
             self.run.tally.rig_s = before_s + f64::from(self.track.latest_tick()) / f64::from(TICK_HZ);
             self.run.watcher.progress(self.run.tally.rig_s);
         }
-        self.record_all();
+        self.record_all()?;
         self.fetch_missing(self.track.end_index() as u16)?;
         if self.run.every_ticks > 0 {
             self.run.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
@@ -164,10 +171,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 let rows = message.values.len() / self.run.session.description.signals.len().max(1);
                 let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
                 self.heard_of(message.first_tick.saturating_add(span));
-                for message in self.track.arrived(*message) {
-                    self.record(&message);
-                }
-                Ok(())
+                self.track.arrived(*message).iter().try_for_each(|message| self.record(message))
             }
             Report::Event { tick, event: Happening::Point(result) } => {
                 self.heard_of(tick);
@@ -192,7 +196,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn heard_of(&mut self, tick: u32) {
         if !self.run.session.is_granted() {
             let device_s = f64::from(tick) / f64::from(TICK_HZ);
-            self.clock.heard(Pair { device_s, host_s: self.run.began.elapsed().as_secs_f64() });
+            let pair = self.clock.heard(Pair { device_s, host_s: self.run.began.elapsed().as_secs_f64() });
+            pair.into_iter().for_each(|pair| self.run.note(Entry::Clock(pair)));
         }
     }
 
@@ -217,23 +222,22 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     /// What waits for messages that will not come any more.
-    fn record_all(&mut self) {
+    fn record_all(&mut self) -> Result<(), RunError> {
         while !self.track.is_quiet() {
             self.track.quiet();
         }
-        self.record_overtakers();
+        self.record_overtakers()
     }
 
-    fn record_overtakers(&mut self) {
-        for message in self.track.overtakers() {
-            self.record(&message);
-        }
+    fn record_overtakers(&mut self) -> Result<(), RunError> {
+        self.track.overtakers().iter().try_for_each(|message| self.record(message))
     }
 
-    fn record(&mut self, message: &Telemetry) {
+    fn record(&mut self, message: &Telemetry) -> Result<(), RunError> {
         let signals = self.run.session.description.signals.len();
         let mut block: Option<Rows> = None;
         for (tick, values) in self.track.rows(message, signals) {
+            self.notice_the_end_of_a_point(values)?;
             let index = self.track.point_of(tick);
             if self.label.point_index as usize != index {
                 block.take().into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
@@ -245,6 +249,18 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             rows.values.extend(self.run.selection.positions.iter().map(|&i| values[i]));
         }
         block.into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+        Ok(())
+    }
+
+    /// A point's result goes before the rows after it. When the drive has left the frequency and the result is not
+    /// there, it was lost: it is asked for at once, so that the rows are of the right point.
+    fn notice_the_end_of_a_point(&mut self, values: &[f32]) -> Result<(), RunError> {
+        let Some(now) = self.frequency_at.and_then(|at| values.get(at)) else { return Ok(()) };
+        let before = std::mem::replace(&mut self.frequency_hz, *now);
+        if before != 0.0 && before != *now && self.label.point_index < u32::from(u16::MAX) {
+            self.fetch_missing(self.label.point_index as u16 + 1)?;
+        }
+        Ok(())
     }
 
     fn take(&mut self, result: &PointResult) {

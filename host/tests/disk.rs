@@ -1,0 +1,122 @@
+//! Disks that are full, that cannot be written, or whose folder goes away: it is said, the rig is stopped, and what was
+//! taken before can be read.
+
+mod common;
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::path::{Path, PathBuf};
+    use std::process::Command;
+
+    use damprig_protocol::{Ask, ToDevice};
+    use predicates::prelude::*;
+    use predicates::str::contains;
+
+    use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, result_rows, sample_rows, short};
+
+    /// A small file system in memory; unmounted when it goes.
+    struct Small(PathBuf);
+
+    impl Small {
+        /// `None`, with a word on the output, where nobody may mount.
+        fn mount(at: &Path, size: &str) -> Option<Self> {
+            std::fs::create_dir(at).unwrap();
+            let options = format!("size={size}");
+            let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &options, "none"]).arg(at).output();
+            if mounted.is_ok_and(|m| m.status.success()) {
+                return Some(Self(at.to_path_buf()));
+            }
+            eprintln!("not tested: this user may not mount a tmpfs");
+            None
+        }
+
+        fn remount(&self, options: &str) {
+            let options = format!("remount,{options}");
+            assert!(Command::new("mount").args(["-o", &options]).arg(&self.0).status().unwrap().success());
+        }
+    }
+
+    impl Drop for Small {
+        fn drop(&mut self) {
+            let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+        }
+    }
+
+    fn was_stopped(received: &[ToDevice]) -> bool {
+        // At the start the rig is idle: nobody stops it then.
+        received.iter().any(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Stop))
+    }
+
+    /// Much telemetry, little else.
+    fn voluminous() -> String {
+        let many = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.025 }";
+        short().replace("frequencies_hz = [2.4, 2.5, 2.6]", many).replace("rate_hz = 100", "rate_hz = 1000")
+    }
+
+    #[test]
+    fn a_full_disk_stops_the_rig_keeps_what_was_taken_and_goes_on_when_there_is_room() {
+        let folder = folder_with(&voluminous());
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "600k") else { return };
+        let board = Served::start(|_| Fate::Pass);
+        let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "disk/run"];
+        let answer = damprig(&folder).args(arguments).assert().code(1);
+        answer.stderr(contains("No space left on device").and(contains("points are kept in disk/run")));
+        assert!(was_stopped(&board.received()), "the rig was left driving");
+        let run = folder.path().join("disk/run");
+        let (points, samples) = (result_rows(&run), sample_rows(&run));
+        assert!(points >= 1 && samples > 5000, "{points} points, {samples} rows");
+        disk.remount("size=30m");
+        let rig = Served::again_and_again(|_| Fate::Pass);
+        damprig(&folder).args(["run", "--resume", "disk/run", "--rig", &rig]).assert().success();
+        assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_said_before_anything_moves() {
+        let folder = folder_with(&short());
+        let board = Served::start(|_| Fate::Pass);
+        let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "/proc/damprig"];
+        let answer = damprig(&folder).args(arguments).assert().code(1);
+        answer.stderr(contains("cannot create the folder /proc/damprig"));
+        let moved = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.ask == Ask::Start);
+        assert!(!board.received().iter().any(moved));
+    }
+
+    #[test]
+    fn a_disk_that_has_become_read_only_refuses_to_resume_and_lets_itself_be_read() {
+        let folder = folder_with(&short());
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "30m") else { return };
+        let mut points = 0;
+        let rig = Served::again_and_again(move |message| {
+            points += usize::from(is_point(message));
+            if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
+        });
+        let arguments = ["run", "test.toml", "--rig", &rig, "--out", "disk/run", "--reconnect-s", "0"];
+        damprig(&folder).args(arguments).assert().code(1);
+        disk.remount("ro");
+        let answer = damprig(&folder).args(["run", "--resume", "disk/run"]).assert().code(1);
+        answer.stderr(contains("cannot open disk/run/journal.jsonl").and(contains("Read-only file system")));
+        let run = folder.path().join("disk/run");
+        assert_eq!(result_rows(&run), 3);
+        assert!(sample_rows(&run) > 1500);
+    }
+
+    #[test]
+    fn a_folder_removed_in_mid_run_is_noticed_and_the_rig_stopped() {
+        let folder = folder_with(&voluminous());
+        let run = folder.path().join("out");
+        let (mut points, gone) = (0, run.clone());
+        let board = Served::start(move |message| {
+            points += usize::from(is_point(message));
+            if is_point(message) && points == 2 {
+                std::fs::remove_dir_all(&gone).unwrap();
+            }
+            Fate::Pass
+        });
+        let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
+        let answer = damprig(&folder).args(arguments).assert().code(1);
+        answer.stderr(contains("cannot").and(contains("out")).and(contains("No such file or directory")));
+        assert!(was_stopped(&board.received()), "the rig was left driving");
+        assert!(!run.join("results.parquet").exists(), "a removed folder is not made again");
+    }
+}
