@@ -5,6 +5,7 @@
 pub mod analysis;
 pub mod campaign;
 pub mod commands;
+pub mod devices;
 pub mod export;
 pub mod figure;
 pub mod input;

@@ -4,6 +4,7 @@
 //! `Command` and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
 
 mod analysis_report;
+mod devices;
 mod progress;
 mod report;
 mod run;
@@ -43,6 +44,8 @@ Exit codes:
 enum Command {
     /// Run a campaign and record it in a run folder
     Run(run::Args),
+    /// List the serial ports and the boards that answer
+    Devices(devices::Args),
     /// List, show, verify and export run folders
     Runs(runs::Args),
     /// Simulate a case exactly
@@ -73,6 +76,7 @@ pub fn main() -> ExitCode {
     }
     let outcome = match command {
         Command::Run(args) => run::run(&args),
+        Command::Devices(args) => devices::run(&args),
         Command::Runs(args) => runs::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };

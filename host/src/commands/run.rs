@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
 
+use super::devices::Rig;
 use super::progress::Progress;
 use super::{Failure, Outcome, report};
 use crate::campaign::Campaign;
@@ -34,10 +35,11 @@ pub struct Args {
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
     campaign: Option<PathBuf>,
 
-    /// The rig: virtual, virtual:f32 (the board's precision), tcp:HOST:PORT or serial:PATH
+    /// The rig: virtual, virtual:f32 (the board's precision), tcp:HOST:PORT, serial:PATH, or auto for the only board
+    /// that is plugged in
     /// [default: virtual; with --resume the rig that the run was begun on]
     #[arg(long, value_name = "RIG")]
-    rig: Option<Address>,
+    rig: Option<Rig>,
 
     /// Folder for this run, new or empty [default: runs/<date>-<campaign>-<short id>]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
@@ -82,7 +84,7 @@ Exit codes:
   2    the command line or the campaign is wrong; nothing has moved
   130  interrupted (Ctrl-C); the rig was stopped, what was taken is in the run folder";
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.1..=86_400.0).contains(&value) => Ok(value),
         _ => Err("must be a number of seconds from 0.1 to 86400".into()),
@@ -120,7 +122,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let rig = args.rig.clone().unwrap_or(Address::Virtual { single: false });
+    let rig = args.rig.as_ref().map_or(Ok(Address::Virtual { single: false }), Rig::find)?;
     let mut session = open(&rig, args)?;
     let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
     let now = jiff::Zoned::now();
@@ -154,7 +156,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let rig = match (&args.rig, earlier.taken.begun.first()) {
-        (Some(rig), _) => rig.clone(),
+        (Some(rig), _) => rig.find()?,
         (None, Some(begin)) => begin.device.link.parse().map_err(|e| Failure::Input(format!("--rig: {e}")))?,
         (None, None) => Address::Virtual { single: false },
     };

@@ -1,0 +1,154 @@
+//! Boards at a serial line, and boards with a clock of their own.
+
+mod common;
+
+#[cfg(unix)]
+mod unix {
+    use std::io::{Read, Write};
+    use std::net::TcpListener;
+    use std::time::{Duration, Instant};
+
+    use damprig_core::rig::{SUBSAMPLES, Sensors};
+    use damprig_device::control::{Control, Lanes, Name, RealPlant, Row};
+    use damprig_device::intake::Intake;
+    use damprig_device::outbox::Batch;
+    use damprig_device::simulated::{Progress, Simulated};
+    use damprig_protocol::frame::{self, LONGEST};
+    use damprig_protocol::{FromDevice, ToDevice};
+    use predicates::prelude::*;
+    use predicates::str::contains;
+    use serialport::{SerialPort, TTYPort};
+
+    use crate::common::{damprig, folder_with, manifest, read_parquet, rows, short};
+
+    /// A simulated board at one end of a pseudo-terminal, as long as the test lasts; the name of the other end.
+    fn at_a_serial_line() -> String {
+        let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
+        let name = other.name().expect("it has a name");
+        std::thread::spawn(move || {
+            // Kept open: without anyone at its other end the line is broken.
+            let _other = other;
+            let mut board = Box::new(Simulated::<f32>::new(Name { firmware: "0.0.0", board: "at a line" }));
+            line.set_timeout(Duration::from_millis(20)).expect("a timeout");
+            let mut bytes = [0; 4096];
+            loop {
+                if let Ok(count) = line.read(&mut bytes) {
+                    board.receive(&bytes[..count]);
+                }
+                let mut said = Vec::new();
+                while board.run(1000, |frame| said.extend_from_slice(frame)) == Progress::Running {}
+                if line.write_all(&said).is_err() {
+                    return;
+                }
+            }
+        });
+        name
+    }
+
+    #[test]
+    fn a_campaign_over_a_serial_line_gives_the_results_of_the_virtual_rig() {
+        let folder = folder_with(&short());
+        let rig = format!("serial:{}", at_a_serial_line());
+        damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "line"]).assert().success();
+        damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
+        for file in ["results.parquet", "samples.parquet"] {
+            let read = |run: &str| read_parquet(folder.path().join(run).join(file));
+            assert_eq!(read("line"), read("direct"), "{file}");
+        }
+    }
+
+    #[test]
+    fn auto_without_a_board_names_what_to_write_instead() {
+        let folder = folder_with(&short());
+        // Where a board is plugged in, this is no test.
+        if damprig::devices::ports().is_ok_and(|ports| ports.iter().any(|p| p.usb.is_some())) {
+            eprintln!("not tested: a USB serial device is plugged in");
+            return;
+        }
+        let answer = damprig(&folder).args(["run", "test.toml", "--rig", "auto"]).assert().code(2);
+        answer.stderr(contains("no board answers").and(contains("--rig virtual")));
+        damprig(&folder).args(["devices"]).assert().success();
+    }
+
+    /// Device seconds in a second: its clock runs so much faster than the host's.
+    const FAST: f64 = 5.0;
+
+    #[derive(Default)]
+    struct Waiting {
+        urgent: Vec<FromDevice>,
+        batch: Batch,
+        full: Vec<FromDevice>,
+    }
+
+    impl Lanes for Waiting {
+        fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
+            self.urgent.push(message);
+            Ok(())
+        }
+
+        fn row(&mut self, row: Row) -> Result<(), ()> {
+            self.batch.push(&row);
+            self.full.extend(std::iter::from_fn(|| self.batch.pop()).map(FromDevice::Telemetry));
+            Ok(())
+        }
+    }
+
+    /// A board with a real structure (which follows the base at twice its amplitude) and a clock of its own, behind a
+    /// TCP port; for `--rig`.
+    fn with_its_own_clock() -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
+        std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().expect("a connection");
+            stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
+            let mut control = Control::new(Name { firmware: "0.0.0", board: "real" });
+            let (mut intake, mut lanes, mut sensors) = (Intake::default(), Waiting::default(), Sensors::default());
+            let (begun, mut ticks, mut bytes) = (Instant::now(), 0.0, [0; 4096]);
+            loop {
+                match stream.read(&mut bytes) {
+                    Ok(0) => return,
+                    Ok(count) => {
+                        for &byte in &bytes[..count] {
+                            if let Some(ToDevice::Request(request)) = intake.push(byte) {
+                                control.serve(request, &mut RealPlant, &mut lanes);
+                            }
+                        }
+                    }
+                    Err(_) => {}
+                }
+                while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
+                    let drive_m = control.tick(&sensors, &mut lanes).drive_m;
+                    sensors = Sensors { x_m: [2.0 * drive_m; SUBSAMPLES], z_m: [drive_m; SUBSAMPLES] };
+                    ticks += 1.0;
+                }
+                for message in lanes.urgent.drain(..).chain(lanes.full.drain(..)) {
+                    let mut out = [0; LONGEST];
+                    let length = frame::encode(&message, &mut out).expect("it fits");
+                    if stream.write_all(&out[..length]).is_err() {
+                        return;
+                    }
+                }
+            }
+        });
+        rig
+    }
+
+    #[test]
+    fn a_board_with_a_clock_of_its_own_has_it_mapped_to_the_hosts() {
+        let campaign = short().replace("start = \"from_rest\"", "start = \"from_rest\"\nset_ups = [\"bare\"]");
+        let folder = folder_with(&campaign);
+        let rig = with_its_own_clock();
+        damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out", "--yes"]).assert().success();
+        let run = folder.path().join("out");
+        assert_eq!(rows(run.join("results.parquet")), 3);
+        let ratio = damprig::runs::columns::numbers(&read_parquet(run.join("results.parquet"))[0], "x_over_z").unwrap();
+        assert!(ratio.iter().all(|r| (r - 2.0).abs() < 1e-3), "{ratio:?}");
+        let manifest = manifest(&run);
+        assert_eq!(manifest["device"]["clock"], "real time");
+        assert_eq!(manifest["counters"]["lost_rows"], 0, "{}", manifest["counters"]);
+        let clock = &manifest["segments"][0]["clock"];
+        let rate = clock["drift_ppm"].as_f64().unwrap() / 1e6 + 1.0;
+        // 17 s of its time in 3.4 s of ours.
+        assert!(clock["pairs"].as_u64().unwrap() >= 3 && (rate - FAST).abs() < 0.05 * FAST, "{clock}");
+    }
+}
