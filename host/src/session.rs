@@ -14,7 +14,7 @@ use damprig_protocol::{
     VERSION,
 };
 
-use crate::link::{Address, Link, Unreachable};
+use crate::link::{Address, Closed, Link, Unreachable};
 
 /// What can go wrong with a device.
 #[derive(Debug, thiserror::Error)]
@@ -435,6 +435,11 @@ impl Session {
     pub fn stop_blindly(&mut self) {
         self.seq = self.seq.wrapping_add(1);
         let _ = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Stop }));
+    }
+
+    /// Lets go of the link, so that it can be opened again: a serial port has one user at a time.
+    pub fn close(&mut self) {
+        self.link = Box::new(Closed);
     }
 
     fn silent(&self) -> SessionError {

@@ -213,6 +213,18 @@ fn a_ramp_longer_than_the_settling_is_answered_with_the_settling() {
 }
 
 #[test]
+fn two_experiments_of_one_name_are_refused() {
+    let again = "\n[[experiment]]\nname = \"sweep\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.4]\nstart = \"from_rest\"\ndwell_s = 4.0\n";
+    let folder = folder_with(&(short() + again));
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        answer.contains("`experiment[2].name` = \"sweep\"") && answer.contains("of an earlier experiment"),
+        "{answer}"
+    );
+}
+
+#[test]
 fn a_misspelt_kind_of_sensor_or_amplifier_is_answered_with_the_right_one() {
     let sensors = "sensors = { kind = \"datasheet\" }\nnoise_seed = 7";
     refused("noise_seed = 7", sensors, &["`rig.sensors.kind` = \"datasheet\"", "did you mean \"data_sheet\"?"]);

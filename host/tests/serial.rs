@@ -13,16 +13,17 @@ mod unix {
     use damprig_device::intake::Intake;
     use damprig_device::outbox::Batch;
     use damprig_device::simulated::{Progress, Simulated};
-    use damprig_protocol::frame::{self, LONGEST};
-    use damprig_protocol::{FromDevice, ToDevice};
+    use damprig_protocol::frame::{self, LONGEST, Reader};
+    use damprig_protocol::{Ask, FromDevice, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
     use serialport::{SerialPort, TTYPort};
 
-    use crate::common::{damprig, folder_with, manifest, read_parquet, rows, short};
+    use crate::common::{damprig, folder_with, is_point, manifest, read_parquet, rows, short};
 
-    /// A simulated board at one end of a pseudo-terminal, as long as the test lasts; the name of the other end.
-    fn at_a_serial_line() -> String {
+    /// A simulated board at one end of a pseudo-terminal, as long as the test lasts; the name of the other end. From its
+    /// result of this number on nothing comes from it, until it is asked anew who it is.
+    fn at_a_serial_line(silent_from_point: usize) -> String {
         let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
         let name = other.name().expect("it has a name");
         std::thread::spawn(move || {
@@ -30,14 +31,23 @@ mod unix {
             let _other = other;
             let mut board = Box::new(Simulated::<f32>::new(Name { firmware: "0.0.0", board: "at a line" }));
             line.set_timeout(Duration::from_millis(20)).expect("a timeout");
-            let mut bytes = [0; 4096];
+            let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
+            let (mut bytes, mut points, mut is_silent) = ([0; 4096], 0, false);
             loop {
                 if let Ok(count) = line.read(&mut bytes) {
+                    let asked = bytes[..count].iter().filter_map(|&b| from_host.push::<ToDevice>(b)).flatten();
+                    for message in asked {
+                        is_silent &= !matches!(message, ToDevice::Request(r) if r.ask == Ask::Identify);
+                    }
                     board.receive(&bytes[..count]);
                 }
                 let mut said = Vec::new();
                 while board.run(1000, |frame| said.extend_from_slice(frame)) == Progress::Running {}
-                if line.write_all(&said).is_err() {
+                for message in said.iter().filter_map(|&b| from_board.push::<FromDevice>(b)).flatten() {
+                    points += usize::from(is_point(&message));
+                    is_silent |= is_point(&message) && points == silent_from_point;
+                }
+                if !is_silent && line.write_all(&said).is_err() {
                     return;
                 }
             }
@@ -48,13 +58,29 @@ mod unix {
     #[test]
     fn a_campaign_over_a_serial_line_gives_the_results_of_the_virtual_rig() {
         let folder = folder_with(&short());
-        let rig = format!("serial:{}", at_a_serial_line());
+        let rig = format!("serial:{}", at_a_serial_line(usize::MAX));
         damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "line"]).assert().success();
         damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
         for file in ["results.parquet", "samples.parquet"] {
             let read = |run: &str| read_parquet(folder.path().join(run).join(file));
             assert_eq!(read("line"), read("direct"), "{file}");
         }
+    }
+
+    #[test]
+    fn a_serial_line_that_fell_silent_is_closed_and_opened_again() {
+        let folder = folder_with(&short());
+        let rig = format!("serial:{}", at_a_serial_line(3));
+        let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
+        let answer = damprig(&folder).args(arguments).assert().success();
+        answer.stderr(contains("stopped answering: nothing for 1 s").and(contains("the link is there again")));
+        damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
+        let read = |run: &str| {
+            let batches = read_parquet(folder.path().join(run).join("results.parquet"));
+            let numbers = |name| damprig::runs::columns::numbers(&batches[0], name).unwrap();
+            ["frequency_hz", "x_over_z", "phase_rad", "x_rms_m", "scatter"].map(numbers)
+        };
+        assert_eq!(read("line"), read("direct"));
     }
 
     #[test]

@@ -69,16 +69,24 @@ pub(super) fn read_all(
         });
         return None;
     }
-    sections.into_iter().enumerate().map(|(i, s)| read(s, i, set_ups, shaker)).collect()
+    let mut names = Vec::new();
+    sections.into_iter().enumerate().map(|(i, s)| read(s, i, &mut names, set_ups, shaker)).collect()
 }
 
 fn read(
     section: Section,
     index: usize,
+    names: &mut Vec<String>,
     set_ups: Option<&[CampaignSetUp]>,
     shaker: Option<&Shaker>,
 ) -> Option<SteppedSine> {
-    let name = section.text("name").map_or_else(|| format!("experiment {}", index + 1), |t| t.value);
+    let own = section.text("name");
+    let name = own.as_ref().map_or_else(|| format!("experiment {}", index + 1), |t| t.value.clone());
+    if names.contains(&name) {
+        let help = Some("give each experiment a name of its own: tables and --resume tell them apart by it".into());
+        section.refuse("name", &own.map_or(section.span(), |t| t.span), "is the name of an earlier experiment", help);
+    }
+    names.push(name.clone());
     let kind = section.required("kind", "write kind = \"stepped_sine\"", |s, key| s.choice(key, &["stepped_sine"]));
     let wanted = section.texts("set_ups");
     let start = section.required("start", "write start = \"from_rest\" or \"carry_over\"", |s, key| {

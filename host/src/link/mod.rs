@@ -27,6 +27,20 @@ pub trait Link: Send {
     fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> io::Result<()>;
 }
 
+/// A link that was given up: its port is free for others.
+#[derive(Clone, Copy, Debug)]
+pub struct Closed;
+
+impl Link for Closed {
+    fn send(&mut self, _: &[u8]) -> io::Result<()> {
+        Err(io::ErrorKind::NotConnected.into())
+    }
+
+    fn receive(&mut self, _: &mut Vec<u8>, _: Duration) -> io::Result<()> {
+        Err(io::ErrorKind::NotConnected.into())
+    }
+}
+
 /// Where a rig is: the value of `--rig`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {

@@ -25,6 +25,7 @@ pub mod part;
 pub mod recorder;
 pub mod row;
 pub mod samples;
+mod sound;
 pub mod taken;
 pub mod writer;
 

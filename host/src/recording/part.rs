@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 use std::fs::{self, File};
-use std::io::{BufReader, BufWriter};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,6 +19,7 @@ use arrow_schema::{DataType, Metadata, Schema, SchemaRef};
 
 use super::parquet::{Kept, field, write_whole};
 use super::samples::{self, Label};
+use super::sound::sound_length;
 use super::{Signal, StorageError};
 
 /// A part is closed when it holds this many rows, if its point has not ended before.
@@ -57,6 +58,7 @@ pub(super) struct OpenPart {
     writer: StreamWriter<BufWriter<File>>,
     schema: SchemaRef,
     written: Vec<RecordBatch>,
+    is_on_disk: bool,
     ticks: Vec<u64>,
     gaps: Vec<u32>,
     signals: Vec<Vec<f32>>,
@@ -77,7 +79,8 @@ impl OpenPart {
         writer.flush().map_err(|e| failed(&path, &e))?;
         let signals = vec![Vec::new(); signals.len()];
         let (ticks, gaps, written) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { number, label, rows: 0, lost_rows: 0, path, writer, schema, written, ticks, gaps, signals })
+        let (rows, lost_rows, is_on_disk) = (0, 0, true);
+        Ok(Self { number, label, rows, lost_rows, path, writer, schema, written, is_on_disk, ticks, gaps, signals })
     }
 
     /// Adds a row; `values` holds all signals.
@@ -103,7 +106,18 @@ impl OpenPart {
         columns.extend(self.signals.iter_mut().map(|s| Arc::new(Float32Array::from(std::mem::take(s))) as ArrayRef));
         let batch = RecordBatch::try_new(self.schema.clone(), columns).map_err(|e| failed(&self.path, &e))?;
         self.written.push(batch.clone());
+        self.is_on_disk = false;
         self.writer.write(&batch).and_then(|()| self.writer.flush()).map_err(|e| failed(&self.path, &e))
+    }
+
+    /// Brings what has been gathered to the disk itself: it survives the machine from here on.
+    pub(super) fn sync(&mut self) -> Result<(), StorageError> {
+        self.write()?;
+        if !self.is_on_disk {
+            self.writer.get_ref().get_ref().sync_data().map_err(|e| failed(&self.path, &e))?;
+            self.is_on_disk = true;
+        }
+        Ok(())
     }
 
     /// Writes all its rows as a closed part; the stream stays until the journal knows of it.
@@ -179,9 +193,9 @@ pub struct Salvaged {
 /// # Errors
 /// When the file cannot be opened.
 pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
-    let file = File::open(path).map_err(|e| StorageError::new("read", path, e))?;
+    let bytes = fs::read(path).map_err(|e| StorageError::new("read", path, e))?;
     let mut salvaged = Salvaged { batches: Vec::new(), rows: 0, gap_ticks: 0 };
-    let Ok(reader) = StreamReader::try_new(BufReader::new(file), None) else { return Ok(salvaged) };
+    let Ok(reader) = StreamReader::try_new(&bytes[..sound_length(&bytes)], None) else { return Ok(salvaged) };
     let stream = reader.schema();
     let Some((label, tick_hz)) = read_label(stream.metadata()) else { return Ok(salvaged) };
     let unit = |f: &arrow_schema::Field| f.metadata().get("unit").cloned().unwrap_or_default();
@@ -219,4 +233,63 @@ pub(super) fn seal_salvaged(folder: &Path, number: u32, salvaged: &Salvaged) -> 
     make_folder_of_parts(folder)?;
     let batches = salvaged.batches.iter().cloned().map(Ok);
     write_whole(&folder.join(samples::part_name(number)), &first.schema(), batches, Kept::OnTheDisk)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A part of 10 batches of 4 rows, and what is in its file.
+    fn part(folder: &Path) -> (PathBuf, Vec<u8>) {
+        let signals = [Signal { name: "x_m".into(), unit: "m".into() }];
+        let (set_up, experiment) = ("a".to_string(), "e".to_string());
+        let label = Label { set_up, experiment, segment: 0, point_index: 1, frequency_hz: 2.45 };
+        let mut part = OpenPart::create(folder, 7, Arc::new(label), &signals, 1000.0).unwrap();
+        for n in 0..40 {
+            part.push(n, 0, &[n as f32]).unwrap();
+            if n % 4 == 3 {
+                part.write().unwrap();
+            }
+        }
+        (part.path.clone(), std::fs::read(&part.path).unwrap())
+    }
+
+    fn ticks(salvaged: &Salvaged) -> Vec<u64> {
+        let ticks = |b: &RecordBatch| b.column_by_name("tick").unwrap().as_primitive::<UInt64Type>().values().to_vec();
+        salvaged.batches.iter().flat_map(ticks).collect()
+    }
+
+    #[test]
+    fn a_part_cut_off_anywhere_is_read_up_to_its_last_whole_batch() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = part(folder.path());
+        let mut before = 0;
+        for length in 0..=bytes.len() {
+            std::fs::write(&path, &bytes[..length]).unwrap();
+            let salvaged = salvage(&path).unwrap();
+            assert_eq!(ticks(&salvaged), (0..salvaged.rows).collect::<Vec<_>>(), "cut at {length}");
+            assert!(salvaged.rows >= before && salvaged.rows.is_multiple_of(4), "cut at {length}");
+            before = salvaged.rows;
+        }
+        assert_eq!(before, 40);
+    }
+
+    #[test]
+    fn a_part_whose_end_is_nonsense_is_read_up_to_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = part(folder.path());
+        let mut random = fastrand::Rng::with_seed(9);
+        for _ in 0..1000 {
+            let from = random.usize(..bytes.len());
+            let mut damaged = bytes.clone();
+            // A machine that lost its supply leaves zeros, or what was there before.
+            let zeros = random.bool();
+            damaged[from..].iter_mut().for_each(|b| *b = if zeros { 0 } else { random.u8(..) });
+            std::fs::write(&path, &damaged).unwrap();
+            let salvaged = salvage(&path).unwrap();
+            let sound = ticks(&salvaged).iter().enumerate().take_while(|(n, tick)| *n as u64 == **tick).count();
+            // The last batch may have been hit in its values alone: nothing can tell.
+            assert!(sound + 4 >= ticks(&salvaged).len(), "from {from}");
+        }
+    }
 }

@@ -5,6 +5,7 @@
 //! so nothing is dropped: the host waits for room before it grants more. Results and other journal lines are few and
 //! are never dropped. A disk that fails is told to whoever asks next.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -102,7 +103,17 @@ impl<S: Sink> Recorder<S> {
     /// # Errors
     /// That failure.
     pub fn check(&self) -> Result<(), StorageError> {
-        lock(&self.shared.failed).clone().map_or(Ok(()), Err)
+        if let Some(error) = lock(&self.shared.failed).clone() {
+            return Err(error);
+        }
+        match &self.thread {
+            // It ends by itself only when it has failed; a panic leaves no word.
+            Some(thread) if thread.is_finished() => {
+                let message = "the recorder's thread has died: this is a defect of the program";
+                lock(&self.shared.failed).clone().map_or(Err(StorageError::new("record", Path::new(""), message)), Err)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Adds a line to the journal. Never waits.
@@ -180,7 +191,6 @@ fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
 
     fn rows(tick: u32) -> Rows {
         let (set_up, experiment) = ("a".into(), "e".into());
@@ -261,6 +271,27 @@ mod tests {
         fn sync(&mut self) -> Result<(), StorageError> {
             Ok(())
         }
+    }
+
+    struct Defective;
+
+    impl Sink for Defective {
+        fn take(&mut self, _: Message) -> Result<(), StorageError> {
+            panic!("a defect, on purpose");
+        }
+
+        fn sync(&mut self) -> Result<(), StorageError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_thread_that_died_is_told_and_ends_every_wait() {
+        let mut recorder = Recorder::with_room(Defective, true, 10);
+        let stop = AtomicBool::new(false);
+        (0..100).for_each(|tick| recorder.rows(rows(tick), &stop));
+        assert!(recorder.check().unwrap_err().to_string().contains("the recorder's thread has died"));
+        assert!(recorder.finish().0.is_none());
     }
 
     #[test]

@@ -166,7 +166,6 @@ impl Writer {
             self.last_tick = Some(tick);
             self.rows += 1;
         }
-        self.is_synced = false;
         Ok(())
     }
 
@@ -246,7 +245,7 @@ impl Sink for Writer {
     fn sync(&mut self) -> Result<(), StorageError> {
         self.journal.is_in_place()?;
         if let Some(part) = &mut self.open {
-            part.write()?;
+            part.sync()?;
         }
         self.journal_pending()?;
         if std::mem::take(&mut self.has_new_results) {

@@ -40,6 +40,7 @@ impl Run<'_> {
     fn seek(&mut self, reconnect: &mut Reconnect, lost: SessionError) -> Result<(), RunError> {
         // It may be that only the way back is gone: the rig should not go on for a host that does not listen.
         self.session.stop_blindly();
+        self.session.close();
         self.interrupted(&format!("{lost}; seeking it for up to {} s", reconnect.within.as_secs_f64()));
         let deadline = Instant::now() + reconnect.within;
         let mut pause = PAUSES.0;

@@ -120,7 +120,11 @@ impl RunFolder {
             && let Ok(lines) = journal::read(path)
         {
             // It has not been written since the beginning.
-            manifest.points_taken = Taken::of(&lines.entries).rows().len();
+            let taken = Taken::of(&lines.entries);
+            manifest.points_taken = taken.rows().len();
+            let open = part::open_parts(path).into_iter().filter(|(n, _)| taken.sealed.iter().all(|s| s.part != *n));
+            let open_rows = open.filter_map(|(_, file)| part::salvage(&file).ok()).map(|s| s.rows);
+            manifest.sample_rows = taken.sealed.iter().map(|s| s.rows).chain(open_rows).sum();
         }
         Ok(Self { path: path.to_path_buf(), manifest })
     }
