@@ -174,10 +174,11 @@ fn samples(folder: &Path) -> impl Iterator<Item = (String, String)> {
     let batches = files.into_iter().flat_map(|file| damprig::runs::folder::read_samples(&file).unwrap());
     batches.flat_map(|batch| {
         let batch = batch.unwrap();
-        let columns = ["set_up", "experiment", "tick", "point_index", "x_m", "z_m"];
+        let columns = ["set_up", "experiment", "tick", "point_index", "x_m", "z_m", "gap_before_ticks"];
         let columns = columns.map(|name| damprig::runs::columns::column(&batch, name).unwrap());
         let cell = move |c: usize, row: usize| format!("{:?} ", columns[c][row]);
-        let row = move |row| ((0..3).map(|c| cell(c, row)).collect(), (3..6).map(|c| cell(c, row)).collect());
+        let join = move |cells: std::ops::Range<usize>, row| cells.map(|c| cell(c, row)).collect::<String>();
+        let row = move |row| (join(0..3, row), format!("{}gap {}", join(3..6, row), join(6..7, row)));
         (0..batch.num_rows()).map(row).collect::<Vec<(String, String)>>()
     })
 }
@@ -203,8 +204,15 @@ fn over_faults(unit: Unit, seed: u64) {
         let end = |w: &Writer| w.taken().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
         assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
     }
+    // Each gap stands before the row after it.
+    let gap = |row: &String| row.split("gap U64(").nth(1).and_then(|t| t.split(')').next()?.parse::<u64>().ok());
+    let gaps: u64 = samples(&faulty).map(|(_, row)| gap(&row).unwrap()).sum();
+    assert_eq!(gaps, disturbed.taken().sealed.iter().map(|s| s.lost_rows).sum::<u64>(), "one tick a row");
     // A row that has arrived is the row of the undisturbed run, and belongs to the same point.
-    let rows = |folder: &Path| -> BTreeMap<String, String> { samples(folder).collect() };
+    let without_gap = |row: String| row.split("gap ").next().unwrap().to_string();
+    let rows = |folder: &Path| -> BTreeMap<String, String> {
+        samples(folder).map(|(key, row)| (key, without_gap(row))).collect()
+    };
     let (here, there) = (rows(&faulty), rows(&whole));
     if starts == undisturbed.taken().segments.len() {
         here.iter().for_each(|(key, row)| assert_eq!(there.get(key), Some(row), "{unit:?}, seed {seed}: {key}"));

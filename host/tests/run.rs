@@ -195,7 +195,7 @@ fn a_full_disk_is_said_and_the_parts_stay_readable() {
 
 /// Runs the short campaign against a board that sends `signal` to the program when a result comes by.
 #[cfg(unix)]
-fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, Vec<ToDevice>) {
+fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, Served) {
     use std::sync::mpsc;
     let folder = folder_with(&short());
     let (tell, pid) = mpsc::channel::<u32>();
@@ -217,17 +217,17 @@ fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, 
         .unwrap();
     tell.send(child.id()).unwrap();
     let output = child.wait_with_output().unwrap();
-    (folder, output, board.received())
+    (folder, output, board)
 }
 
 #[cfg(unix)]
 #[test]
 fn ctrl_c_stops_the_rig_and_keeps_what_was_taken() {
-    let (folder, output, received) = signalled("-INT");
+    let (folder, output, board) = signalled("-INT");
     let words = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{words}");
     assert!(words.contains("interrupted"), "{words}");
-    assert!(received.iter().any(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Stop)));
+    assert!(board.was_left_standing());
     let run = folder.path().join("out");
     assert_eq!(manifest(&run)["reason"], "interrupted");
     assert!(rows(run.join("results.parquet")) >= 1);
@@ -241,4 +241,5 @@ fn a_killed_run_leaves_its_points_readable_and_says_that_it_was_running() {
     let run = folder.path().join("out");
     assert_eq!(manifest(&run)["status"], "running");
     assert!(result_rows(&run) >= 1);
+    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("killed while it was running"));
 }

@@ -223,6 +223,17 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     Ok(lines)
 }
 
+/// Whether a program is appending to the journal of a folder now; none when there is no journal, or the system cannot
+/// tell.
+#[must_use]
+pub fn is_being_written(folder: &Path) -> Option<bool> {
+    match File::open(folder.join(JOURNAL)).ok()?.try_lock_shared() {
+        Ok(()) => Some(false),
+        Err(TryLockError::WouldBlock) => Some(true),
+        Err(TryLockError::Error(_)) => None,
+    }
+}
+
 /// Whether a folder has a journal.
 #[must_use]
 pub fn is_in(folder: &Path) -> bool {
@@ -261,10 +272,13 @@ mod tests {
     #[test]
     fn two_programs_do_not_write_one_journal() {
         let folder = tempfile::tempdir().unwrap();
+        assert_eq!(is_being_written(folder.path()), None);
         let first = Journal::open(folder.path()).unwrap();
+        assert_eq!(is_being_written(folder.path()), Some(true));
         let error = Journal::open(folder.path()).unwrap_err().to_string();
         assert!(error.contains("another damprig is recording into this folder"), "{error}");
         drop(first);
+        assert_eq!(is_being_written(folder.path()), Some(false));
         Journal::open(folder.path()).unwrap();
     }
 }

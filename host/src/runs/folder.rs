@@ -119,6 +119,7 @@ impl RunFolder {
         if manifest.status == "running"
             && let Ok(lines) = journal::read(path)
         {
+            manifest.is_recording = journal::is_being_written(path);
             // It has not been written since the beginning.
             let taken = Taken::of(&lines.entries);
             manifest.points_taken = taken.rows().len();

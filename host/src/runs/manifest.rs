@@ -86,6 +86,9 @@ pub struct Manifest {
     pub status: String,
     /// Why it is incomplete.
     pub reason: Option<String>,
+    /// Whether a program is recording into the folder now; not known of runs without a journal.
+    #[serde(skip)]
+    pub is_recording: Option<bool>,
     /// Start, with its time zone.
     pub started: String,
     /// Program that recorded it.
@@ -134,7 +137,11 @@ impl Manifest {
     #[must_use]
     pub fn ending(&self) -> String {
         match (self.status.as_str(), &self.reason) {
-            ("running", _) => "still running, or killed".into(),
+            ("running", _) => match self.is_recording {
+                Some(true) => "still running".into(),
+                Some(false) => "killed while it was running".into(),
+                None => "still running, or killed".into(),
+            },
             ("incomplete", Some(reason)) => format!("incomplete: {reason}"),
             (other, _) => other.to_string(),
         }

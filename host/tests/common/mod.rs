@@ -14,7 +14,7 @@ use assert_cmd::Command;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
 use damprig_protocol::frame::{self, Reader};
-use damprig_protocol::{FromDevice, Happening, ToDevice};
+use damprig_protocol::{Ask, FromDevice, Happening, ToDevice};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tempfile::TempDir;
 
@@ -86,7 +86,14 @@ pub enum Fate {
 pub struct Served {
     /// For `--rig`.
     pub rig: String,
-    thread: JoinHandle<Vec<ToDevice>>,
+    thread: JoinHandle<Heard>,
+}
+
+/// What a board was asked, and how many experiments it finished.
+#[derive(Default)]
+struct Heard {
+    received: Vec<ToDevice>,
+    finished: usize,
 }
 
 impl Served {
@@ -117,7 +124,15 @@ impl Served {
 
     /// What the host sent, once it has gone.
     pub fn received(self) -> Vec<ToDevice> {
-        self.thread.join().expect("the board's thread")
+        self.thread.join().expect("the board's thread").received
+    }
+
+    /// Whether the host left the rig standing: told to stop, or with everything finished that it began.
+    pub fn was_left_standing(self) -> bool {
+        let heard = self.thread.join().expect("the board's thread");
+        let asked =
+            |ask: &Ask| heard.received.iter().filter(|m| matches!(m, ToDevice::Request(r) if r.ask == *ask)).count();
+        asked(&Ask::Stop) > 0 || asked(&Ask::Start) == heard.finished
     }
 }
 
@@ -125,21 +140,17 @@ fn board() -> Box<Simulated<f32>> {
     Box::new(Simulated::new(Name { firmware: "0.0.0", board: "test" }))
 }
 
-fn serve(
-    mut stream: TcpStream,
-    board: &mut Box<Simulated<f32>>,
-    fate: &mut impl FnMut(&FromDevice) -> Fate,
-) -> Vec<ToDevice> {
+fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl FnMut(&FromDevice) -> Fate) -> Heard {
     let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
-    let mut received = Vec::new();
+    let mut heard = Heard::default();
     let mut muted = false;
     let mut bytes = [0; 4096];
     loop {
         match stream.read(&mut bytes) {
-            Ok(0) | Err(_) => return received,
+            Ok(0) | Err(_) => return heard,
             Ok(count) => {
                 let messages = bytes[..count].iter().filter_map(|&b| from_host.push::<ToDevice>(b));
-                received.extend(messages.flatten());
+                heard.received.extend(messages.flatten());
                 board.receive(&bytes[..count]);
             }
         }
@@ -150,12 +161,14 @@ fn serve(
             let Some(Ok(message)) = from_board.push::<FromDevice>(byte) else { continue };
             let mut frame = [0; frame::LONGEST];
             let length = frame::encode(&message, &mut frame).expect("it came as a frame");
+            heard.finished +=
+                usize::from(matches!(message, FromDevice::Event { event: Happening::Finished { .. }, .. }));
             match fate(&message) {
                 Fate::Pass => {}
                 Fate::Corrupt => frame[length / 2] ^= 0x10,
                 Fate::Close => {
                     let _ = stream.write_all(&out);
-                    return received;
+                    return heard;
                 }
                 Fate::Mute => muted = true,
                 Fate::Reset => {
@@ -168,7 +181,7 @@ fn serve(
             }
         }
         if stream.write_all(&out).is_err() {
-            return received;
+            return heard;
         }
     }
 }
