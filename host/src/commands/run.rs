@@ -242,7 +242,11 @@ impl Job<'_> {
     fn reconnect(&self) -> Option<Reconnect<'_>> {
         let within = Duration::from_secs_f64(self.args.reconnect_s);
         let timeout = Duration::from_secs_f64(self.args.timeout);
-        let open = Box::new(move || Session::open(&self.rig, timeout));
+        let open = Box::new(move || {
+            // A board that was plugged in again may have another name.
+            let found = self.args.rig.as_ref().filter(|rig| **rig == Rig::Auto).and_then(|rig| rig.find().ok());
+            Session::open(found.as_ref().unwrap_or(&self.rig), timeout)
+        });
         (!within.is_zero()).then_some(Reconnect { within, open })
     }
 

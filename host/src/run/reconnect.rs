@@ -68,7 +68,9 @@ impl Run<'_> {
 
     /// Goes on with a new session, if the device is the one that the run was begun on.
     fn adopt(&mut self, session: Session) -> Result<(), SessionError> {
-        let (before, now) = (device_record(self.session), device_record(&session));
+        let (before, mut now) = (device_record(self.session), device_record(&session));
+        // A port may have got another name.
+        now.link.clone_from(&before.link);
         if before != now {
             let what = format!("{} (firmware {}, {})", now.board, now.firmware, now.plant);
             return Err(SessionError::Another { link: before.link, board: before.board, what });
