@@ -377,6 +377,12 @@ impl Session {
         Ok(self.report_at_hand())
     }
 
+    /// Nothing is under way: a granted clock stands, and the device has said so. Of a real one nobody knows.
+    #[must_use]
+    pub fn has_heard_all(&self) -> bool {
+        !self.is_granted() || self.granted_until.is_some_and(|until| self.clock_tick >= until)
+    }
+
     fn grant(&mut self, until_tick: u32) -> Result<(), SessionError> {
         self.granted_until = Some(until_tick);
         let now = Instant::now();

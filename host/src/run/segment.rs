@@ -132,6 +132,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     }
                     self.handle(report)?;
                 }
+                // Under a granted clock what is still to come comes before the word that the credit is used up.
+                None if !self.run.session.has_heard_all() => {}
                 None => {
                     self.track.quiet();
                     self.record_overtakers()?;

@@ -7,13 +7,18 @@ use std::ops::Range;
 
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::rig::TICK_HZ;
+use damprig_device::outbox::ROWS_PER_BATCH;
 use damprig_protocol::Telemetry;
 
 use super::in_order::InOrder;
 
-/// Waits for rows that are still under way when the experiment has finished. A row that was lost on the line
-/// does not come, however long one waits.
-const MOST_QUIET_TURNS: u32 = 10;
+/// Waits for rows that are still under way when the experiment has finished: half a second, and the time in which a
+/// board fills a message. A row that was lost on the line does not come, however long one waits.
+fn most_quiet_turns(every_ticks: u16) -> u32 {
+    const TURNS_PER_S: u32 = 20;
+    let message_ticks = u32::from(every_ticks) * ROWS_PER_BATCH as u32;
+    TURNS_PER_S / 2 + (message_ticks * TURNS_PER_S / TICK_HZ as u32).min(10 * TURNS_PER_S)
+}
 
 /// Quiet turns after which a message that others have overtaken is given up.
 const QUIET_TURNS_FOR_LATE: u32 = 3;
@@ -159,7 +164,7 @@ impl Track {
     pub(super) fn is_complete(&self) -> bool {
         let Some(end) = self.end_tick else { return false };
         let every = u32::from(self.every_ticks);
-        if every == 0 || self.quiet_turns > MOST_QUIET_TURNS {
+        if every == 0 || self.quiet_turns > most_quiet_turns(self.every_ticks) {
             return true;
         }
         self.latest_row.is_some_and(|row| row >= end - end % every)
@@ -218,7 +223,7 @@ mod tests {
     fn a_last_row_that_was_lost_is_not_waited_for_for_ever() {
         let mut track = Track::new(0..1, 10, true);
         track.finished(125);
-        (0..=MOST_QUIET_TURNS).for_each(|_| track.quiet());
+        (0..=most_quiet_turns(10)).for_each(|_| track.quiet());
         assert!(track.is_complete());
         assert_eq!(track.missing_points(1), [0]);
     }

@@ -170,13 +170,15 @@ impl Control {
         }
         let repeated = self.served.iter().any(|seq| *seq == request.seq);
         let is_last = self.served.back() == Some(&request.seq);
-        let answer = match (&request.ask, repeated) {
-            // Questions have no effect: a repetition is answered afresh.
-            (Ask::Identify | Ask::Describe | Ask::Status | Ask::Result { .. }, _) | (_, false) => {
-                self.answer(request.ask, bench).map_err(Refused::from)
-            }
-            (_, true) if is_last => self.last_refused.clone().map_or(Ok(Answer::Done), Err),
-            (_, true) => Err(Refusal::NotHere("this request was answered before").into()),
+        // Questions have no effect: a repetition is answered afresh.
+        let is_question = matches!(request.ask, Ask::Identify | Ask::Describe | Ask::Status | Ask::Result { .. });
+        let answer = if repeated && is_last && !is_question {
+            self.last_refused.clone().map_or(Ok(Answer::Done), Err)
+        } else if repeated && !is_question {
+            // Nobody waits for this answer any more.
+            Ok(Answer::Done)
+        } else {
+            self.answer(request.ask, bench).map_err(Refused::from)
         };
         if !repeated {
             if self.served.is_full() {
