@@ -164,7 +164,8 @@ impl Control {
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
     /// have been lost, nor one before it, of which a copy was late on the way.
     fn carry_out(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
-        if request.ask == Ask::Identify {
+        // Not by `==`: comparing whole questions costs 3.5 KB of flash.
+        if matches!(request.ask, Ask::Identify) {
             // A conversation begins, and counts its requests anew.
             self.served.clear();
         }
