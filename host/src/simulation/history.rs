@@ -95,7 +95,8 @@ impl Table {
         let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &beside, e);
         let writer = match to.format {
             Format::Parquet => {
-                let properties = properties(&schema).into_builder().set_max_row_group_row_count(Some(8 * CHUNK)).build();
+                let properties =
+                    properties(&schema).into_builder().set_max_row_group_row_count(Some(8 * CHUNK)).build();
                 let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties)).map_err(|e| failed(&e))?;
                 Writer::Parquet(Box::new(writer))
             }
