@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
+use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
 use damprig_core::twin::{Twin, TwinConfig, TwinSignals};
@@ -50,7 +50,7 @@ impl Bench {
         Self {
             truth: Sampled::new(truth, Units::metres(1e-4), initial).unwrap(),
             walls: Walls::new(&WallSensors::default(), 3).unwrap(),
-            meter: ImpactMeter::new(&ImpactConfig::default(), 10).unwrap(),
+            meter: ImpactMeter::new(&ImpactConfig::default(), &ForceScale::default(), 10).unwrap(),
             twin: Twin::new(&TwinConfig::new(*believed)).unwrap(),
             sample: 0,
             noise: 1,
@@ -80,9 +80,8 @@ impl Bench {
             z += 0.1 * (base + self.noise());
             self.sample += 1;
         }
-        let [low, high] = self.walls.read::<10>();
         let (twin, heard) = (&mut self.twin, self.heard);
-        self.meter.push(tick, [&low, &high], |record| {
+        self.meter.push(tick, &self.walls.read::<10>(), |record| {
             if heard {
                 twin.detected(record);
             }

@@ -3,7 +3,8 @@
 //! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
 
 use super::Noise;
-use crate::model::{Invalid, not_negative, positive};
+use crate::measure::impacts::ForceScale;
+use crate::model::{Invalid, finite, not_negative, positive, require};
 use crate::rig::TICK_HZ;
 use core::f32::consts::PI;
 use heapless::Deque;
@@ -24,12 +25,26 @@ pub struct WallSensors {
     pub offset_n: f32,
     /// RMS of the white noise of one sample, N.
     pub noise_rms_n: f32,
+    /// The converter: what its counts mean, which lie from `lowest_counts` to `highest_counts`.
+    pub scale: ForceScale,
+    /// The converter's lowest reading.
+    pub lowest_counts: i16,
+    /// The converter's highest reading.
+    pub highest_counts: i16,
 }
 
 impl Default for WallSensors {
-    /// Assumed: contact of 2 ms, sensor of 500 N with 0.2 N of noise.
+    /// Assumed: contact of 2 ms, sensor of 500 N with 0.2 N of noise, 12 bits.
     fn default() -> Self {
-        Self { contact_s: 2e-3, range_n: 500.0, offset_n: 0.0, noise_rms_n: 0.2 }
+        Self {
+            contact_s: 2e-3,
+            range_n: 500.0,
+            offset_n: 0.0,
+            noise_rms_n: 0.2,
+            scale: ForceScale::default(),
+            lowest_counts: 0,
+            highest_counts: 4095,
+        }
     }
 }
 
@@ -41,6 +56,11 @@ impl WallSensors {
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("walls.contact_s", f64::from(self.contact_s))?;
         positive("walls.range_n", f64::from(self.range_n))?;
+        finite("walls.offset_n", f64::from(self.offset_n))?;
+        positive("walls.scale.newtons_per_count", f64::from(self.scale.newtons_per_count))?;
+        finite("walls.scale.zero_counts", f64::from(self.scale.zero_counts))?;
+        let lowest = f64::from(self.lowest_counts);
+        require(self.lowest_counts < self.highest_counts, "walls.lowest_counts", lowest, "below walls.highest_counts")?;
         not_negative("walls.noise_rms_n", f64::from(self.noise_rms_n))
     }
 }
@@ -85,20 +105,35 @@ impl Walls {
         let _ = self.pulses.push_back(Pulse { wall: usize::from(side > 0), start: at, peak_n });
     }
 
-    /// The tick's readings, N, in `N` samples a wall; the tick is then over.
-    pub fn read<const N: usize>(&mut self) -> [[f32; N]; 2] {
-        let mut blocks = [[self.sensors.offset_n; N]; 2];
-        for pulse in &self.pulses {
-            for (n, sample) in blocks[pulse.wall].iter_mut().enumerate() {
-                let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
-                if since > 0.0 && since < 1.0 {
-                    *sample += pulse.peak_n * libm::sinf(PI * since);
+    /// Nothing presses any more, and the noise begins again, of an independent `stream`.
+    pub fn restart(&mut self, seed: u64, stream: u16) {
+        self.pulses.clear();
+        self.noise = Noise::new(seed, u16::MAX - stream);
+    }
+
+    /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
+    pub fn read<const N: usize>(&mut self) -> [[i16; 2]; N] {
+        let sensors = &self.sensors;
+        let (lowest, highest) = (sensors.lowest_counts, sensors.highest_counts);
+        let counts =
+            |force_n: f32| sensors.scale.to_counts(force_n.clamp(-sensors.range_n, sensors.range_n), lowest, highest);
+        let mut readings = [[counts(sensors.offset_n); 2]; N];
+        for (n, pair) in readings.iter_mut().enumerate() {
+            for (wall, reading) in pair.iter_mut().enumerate() {
+                let mut force_n = sensors.offset_n;
+                for pulse in self.pulses.iter().filter(|pulse| pulse.wall == wall) {
+                    let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
+                    if since > 0.0 && since < 1.0 {
+                        force_n += pulse.peak_n * libm::sinf(PI * since);
+                    }
                 }
+                if sensors.noise_rms_n > 0.0 {
+                    force_n += sensors.noise_rms_n * self.noise.next();
+                } else if force_n == sensors.offset_n {
+                    continue;
+                }
+                *reading = counts(force_n);
             }
-        }
-        let range = self.sensors.range_n;
-        for sample in blocks.iter_mut().flatten() {
-            *sample = (*sample + self.sensors.noise_rms_n * self.noise.next()).clamp(-range, range);
         }
         for pulse in &mut self.pulses {
             pulse.start -= 1.0;
@@ -106,6 +141,6 @@ impl Walls {
         while self.pulses.front().is_some_and(|pulse| pulse.start + self.contact < 0.0) {
             self.pulses.pop_front();
         }
-        blocks
+        readings
     }
 }
