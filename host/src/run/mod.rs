@@ -7,11 +7,13 @@
 
 mod convert;
 mod track;
+mod tune;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use damprig_core::control::limits::Limits;
+use damprig_core::control::friction_spring;
+use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::rig::{State, TICK_HZ};
 use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
@@ -43,13 +45,33 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: damprig_core::control::limits::Cause,
+        cause: damprig_core::control::safety::Danger,
         /// When, since the start of the experiment, s.
         t_s: f64,
         /// The value that broke the limit.
         value: f32,
         /// The limit.
         limit: f32,
+    },
+    /// The friction damper's spring could not be set.
+    #[error("set-up {set_up:?}: {} (value {value}, limit {limit})", cause.text())]
+    Spring {
+        /// The set-up.
+        set_up: String,
+        /// What happened.
+        cause: friction_spring::Cause,
+        /// The value that broke the limit.
+        value: f32,
+        /// The limit.
+        limit: f32,
+    },
+    /// The friction damper's spring never said that it was done.
+    #[error("set-up {set_up:?}: the friction damper's spring did not come to its end; it is {}", stage.text())]
+    SpringLost {
+        /// The set-up.
+        set_up: String,
+        /// What the spring is doing.
+        stage: friction_spring::Stage,
     },
     /// A result never arrived and the device has it no more.
     #[error("set-up {set_up:?}: {missing} of {points} results were lost on the way")]
@@ -82,6 +104,16 @@ pub trait Watcher {
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);
+
+    /// The particle hit a wall, in a tick since the experiment's start.
+    fn impact(&mut self, impact: &ImpactRecord) {
+        let _ = impact;
+    }
+
+    /// The friction damper's spring has something to tell.
+    fn spring(&mut self, happening: &friction_spring::Happening) {
+        let _ = happening;
+    }
 }
 
 /// What a run leaves besides its folder.
@@ -165,7 +197,7 @@ impl<'a> Run<'a> {
 
     fn all(&mut self) -> Result<(), RunError> {
         self.session.bring_to_idle()?;
-        self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+        self.end_telemetry()?;
         for set_up in self.in_order() {
             let it = &self.campaign.set_ups[set_up];
             let simulated = self.session.description.plant != PlantKind::Real;
@@ -199,12 +231,16 @@ impl<'a> Run<'a> {
 
     fn one(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
         self.configure(set_up, experiment)?;
+        match set_up.spring() {
+            Some(spring) => self.tune(set_up, &spring)?,
+            None => self.free(set_up)?,
+        }
         // A granted clock stands at tick 0 after the start; a real one would be some ticks on.
         if self.session.is_granted() {
             self.session.start()?;
-            self.telemetry()?;
+            self.telemetry(set_up)?;
         } else {
-            self.telemetry()?;
+            self.telemetry(set_up)?;
             self.session.start()?;
         }
         let mut track = Track::new(experiment.frequencies_hz.len(), self.every_ticks, self.session.is_granted())
@@ -235,7 +271,7 @@ impl<'a> Run<'a> {
         let points = experiment.frequencies_hz.len();
         self.fetch_missing(set_up, experiment, &mut track, points as u16)?;
         if self.every_ticks > 0 {
-            self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+            self.end_telemetry()?;
         }
         match track.lost() {
             0 => Ok(()),
@@ -252,10 +288,14 @@ impl<'a> Run<'a> {
     ) -> Result<(), RunError> {
         match report {
             Report::Telemetry(rows) => self.record(set_up, experiment, track, &rows),
-            Report::Event { tick, event: Happening::Point(result) } => {
+            Report::Event { event: Happening::Point(result), .. } => {
                 // The device keeps only the last few results: one that was lost is asked for at once.
                 self.fetch_missing(set_up, experiment, track, result.index)?;
-                if track.point_done(result.index, tick) { self.take(set_up, experiment, &result) } else { Ok(()) }
+                if track.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                    self.take(set_up, experiment, &result)
+                } else {
+                    Ok(())
+                }
             }
             Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
                 track.finished(tick);
@@ -263,6 +303,14 @@ impl<'a> Run<'a> {
                 Ok(())
             }
             Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(set_up, fault)),
+            Report::Event { event: Happening::Impact(impact), .. } => {
+                self.watcher.impact(&impact);
+                Ok(())
+            }
+            Report::Event { event: Happening::Spring(happening), .. } => {
+                self.watcher.spring(&happening);
+                Ok(())
+            }
         }
     }
 
@@ -293,9 +341,9 @@ impl<'a> Run<'a> {
         track: &mut Track,
         rows: &Telemetry,
     ) -> Result<(), RunError> {
-        for (tick, values) in track.rows(rows, self.session.description.signals.len()) {
+        for (tick, values) in track.rows(rows) {
             let index = track.point_of(tick).min(experiment.frequencies_hz.len() - 1);
-            let values = self.selection.positions.iter().map(|&i| values[i]);
+            let values = values.iter().copied();
             let t_s = f64::from(tick) / f64::from(TICK_HZ);
             self.folder.push_sample(point(set_up, experiment, index), u64::from(tick), t_s, values)?;
         }
@@ -308,14 +356,22 @@ impl<'a> Run<'a> {
             let plant = convert::plant(rig, set_up);
             self.session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
-        let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };
-        self.session.tell("take the limits", Ask::SetLimits(limits))?;
+        self.session.tell("take the limits", Ask::SetSafety(convert::safety(rig, set_up, experiment)))?;
+        self.session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.selection, set_up)))?;
         self.session.tell("take the experiment", Ask::Configure(plan(set_up, experiment)))?;
         Ok(())
     }
 
-    fn telemetry(&mut self) -> Result<(), RunError> {
-        Ok(self.session.tell("send telemetry", Ask::SetTelemetry { every_ticks: self.every_ticks })?)
+    fn telemetry(&mut self, set_up: &CampaignSetUp) -> Result<(), RunError> {
+        let signals = self.selection.positions.iter().map(|&place| place as u8).collect();
+        let impacts = set_up.model().particle.is_some();
+        let ask = Ask::SetTelemetry { every_ticks: self.every_ticks, signals, impacts };
+        Ok(self.session.tell("send telemetry", ask)?)
+    }
+
+    fn end_telemetry(&mut self) -> Result<(), RunError> {
+        let ask = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
+        Ok(self.session.tell("end the telemetry", ask)?)
     }
 
     fn take(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine, result: &PointResult) -> Result<(), RunError> {

@@ -59,7 +59,8 @@ impl Track {
     }
 
     /// The rows of a message that belong to this experiment, each with its tick.
-    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry, signals: usize) -> Vec<(u32, &'m [f32])> {
+    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry) -> Vec<(u32, &'m [f32])> {
+        let signals = usize::from(message.width);
         let count = message.values.len() / signals.max(1);
         if !self.fresh {
             // Message numbers and ticks restart with the experiment.
@@ -163,7 +164,7 @@ mod tests {
     use super::*;
 
     fn message(seq: u32, first_tick: u32, rows: usize) -> Telemetry {
-        Telemetry { seq, first_tick, every_ticks: 10, values: (0..2 * rows).map(|i| i as f32).collect() }
+        Telemetry { seq, first_tick, every_ticks: 10, width: 2, values: (0..2 * rows).map(|i| i as f32).collect() }
     }
 
     #[test]
@@ -171,7 +172,7 @@ mod tests {
         let mut track = Track::new(2, 10, true);
         track.point_done(0, 105);
         let late = message(0, 90, 3);
-        let points: Vec<_> = track.rows(&late, 2).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
+        let points: Vec<_> = track.rows(&late).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
         assert_eq!(points, [(90, 0), (100, 0), (110, 1)]);
     }
 
@@ -181,7 +182,7 @@ mod tests {
         track.point_done(0, 100);
         track.finished(125);
         assert!(!track.is_complete());
-        track.rows(&message(0, 110, 2), 2);
+        track.rows(&message(0, 110, 2));
         assert!(track.is_complete());
     }
 
@@ -206,20 +207,20 @@ mod tests {
     #[test]
     fn a_gap_in_the_numbers_is_counted() {
         let mut track = Track::new(1, 10, true);
-        track.rows(&message(0, 0, 2), 2);
-        track.rows(&message(3, 60, 2), 2);
+        track.rows(&message(0, 0, 2));
+        track.rows(&message(3, 60, 2));
         assert_eq!(track.missing_messages(), 2);
     }
 
     #[test]
     fn rows_from_before_the_start_of_a_real_rig_are_passed_over() {
         let mut track = Track::new(1, 10, false);
-        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
-        assert_eq!(track.rows(&message(0, 0, 2), 2).len(), 2);
+        assert!(track.rows(&message(7, 50_000, 2)).is_empty());
+        assert_eq!(track.rows(&message(0, 0, 2)).len(), 2);
         // Even when the very first message is lost.
         let mut track = Track::new(1, 10, false);
-        assert!(track.rows(&message(7, 50_000, 2), 2).is_empty());
-        assert_eq!(track.rows(&message(1, 20, 2), 2).len(), 2);
+        assert!(track.rows(&message(7, 50_000, 2)).is_empty());
+        assert_eq!(track.rows(&message(1, 20, 2)).len(), 2);
         assert_eq!(track.missing_messages(), 1);
     }
 }

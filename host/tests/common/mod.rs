@@ -94,7 +94,7 @@ impl Served {
 }
 
 fn serve(mut stream: TcpStream, mut fate: impl FnMut(&FromDevice) -> Fate) -> Vec<ToDevice> {
-    let mut board = Box::new(Simulated::<f32>::new(Name { firmware: "0.0.0", board: "test" }));
+    let mut board = Box::new(Simulated::<f32>::new(Name::new("0.0.0", "test")));
     let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
     let mut received = Vec::new();
     let mut muted = false;

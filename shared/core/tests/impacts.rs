@@ -2,14 +2,14 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ForceScale, HISTORY, ImpactConfig, ImpactMeter, ImpactRecord};
+use damprig_core::measure::impacts::{ForceScale, HISTORY, ImpactConfig, ImpactMeter, ImpactRecord, Pair};
 use damprig_core::measure::snippet::SNIPPET;
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Sixteen bits over ±524 N: steps far below what the tests are about.
-const FINE: ForceScale = ForceScale { newtons_per_count: 0.016, zero_counts: 0.0 };
+/// Fifteen bits over −16 N to 508 N: steps far below what the tests are about.
+const FINE: ForceScale = ForceScale { newtons_per_count: 0.016, zero_counts: 1000.0 };
 
 const QUIET: WallSensors = WallSensors {
     contact_s: 2e-3,
@@ -17,8 +17,7 @@ const QUIET: WallSensors = WallSensors {
     offset_n: 0.0,
     noise_rms_n: 0.0,
     scale: FINE,
-    lowest_counts: i16::MIN,
-    highest_counts: i16::MAX,
+    highest_counts: 0x7fff,
 };
 
 fn meter(config: &ImpactConfig, samples_per_tick: u8) -> ImpactMeter {
@@ -26,8 +25,8 @@ fn meter(config: &ImpactConfig, samples_per_tick: u8) -> ImpactMeter {
 }
 
 /// A force on the wall at −d.
-fn low(force_n: f32) -> [i16; 2] {
-    [FINE.to_counts(force_n, i16::MIN, i16::MAX), 0]
+fn low(force_n: f32) -> Pair {
+    Pair::new(FINE.to_counts(force_n, 0, 0x7fff), 1000)
 }
 
 /// Runs hits (time in ticks, side, impulse) through sensors and meter with N samples a tick; times in ticks from 0.
@@ -209,11 +208,11 @@ fn a_snippet_holds_the_samples_around_the_next_impact() {
             walls.hit(0.25, 1, if tick == 40 { 0.08 } else { 0.03 });
         }
         let block = walls.read::<50>();
-        high_side.extend(block.map(|pair| pair[1]));
+        high_side.extend(block.map(|pair| pair.of(1)));
         meter.push(tick, &block, |_| {});
     }
     let (samples, side) = meter.snippet().samples().unwrap();
-    let crossing = (40 * 50..).find(|&n| f32::from(high_side[n]) * FINE.newtons_per_count >= 2.5).unwrap();
+    let crossing = (40 * 50..).find(|&n| f32::from(high_side[n] - 1000) * FINE.newtons_per_count >= 2.5).unwrap();
     assert_eq!(side, 1);
     assert_eq!(samples[..], high_side[crossing - HISTORY..crossing - HISTORY + SNIPPET]);
 }

@@ -107,7 +107,8 @@ fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
     assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
     assert!(signals.detected - before.1 > 250, "{signals:?}");
     assert_eq!(signals.missing, before.2, "{signals:?}");
-    assert_eq!(signals.predicted - before.0, signals.detected - before.1, "{signals:?}");
+    // One may be between its prediction and the end of its pulse at either end of the count.
+    assert!((signals.predicted - before.0).abs_diff(signals.detected - before.1) <= 1, "{signals:?}");
     assert!(!signals.alarm);
 }
 

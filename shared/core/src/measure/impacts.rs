@@ -17,10 +17,10 @@
 //! controller no time to turn each into a force, and sums of whole numbers lose nothing.
 
 use super::pulse::{Channel, Ended, Finding, LONGEST_BLOCK, Paces, Ring};
-pub use super::pulse::{GUARD, HISTORY};
+pub use super::pulse::{GUARD, HISTORY, Pair};
 use super::snippet::Snippet;
-use crate::model::{Invalid, finite, positive, require};
-use crate::rig::TICK_HZ;
+use crate::model::{Invalid, positive, require};
+use crate::rig::{TICK_HZ, WALL_SUBSAMPLES};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -112,12 +112,15 @@ impl ImpactCounts {
     }
 }
 
+/// Largest count on a wall's channel: twelve bits.
+pub const MOST_COUNTS: u16 = 4095;
+
 /// What a converter's count on a wall's channel means.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ForceScale {
     /// N per count; greater than 0.
     pub newtons_per_count: f32,
-    /// Counts without a force, −32768 to 32767; what drifts from there is followed.
+    /// Counts without a force, 0 to [`MOST_COUNTS`]; what drifts from there is followed.
     pub zero_counts: f32,
 }
 
@@ -131,30 +134,21 @@ impl Default for ForceScale {
 impl ForceScale {
     /// The counts nearest to a force, within those of `lowest` to `highest`.
     #[must_use]
-    pub fn to_counts(&self, force_n: f32, lowest: i16, highest: i16) -> i16 {
-        let counts = force_n / self.newtons_per_count + self.zero_counts;
+    pub fn to_counts(&self, force_n: f32, lowest: u16, highest: u16) -> u16 {
         // A cast drops the fraction and saturates.
-        let nearest = if counts < 0.0 { counts - 0.5 } else { counts + 0.5 } as i16;
-        nearest.clamp(lowest, highest)
+        ((force_n / self.newtons_per_count + self.zero_counts + 0.5) as u16).clamp(lowest, highest)
     }
 }
 
-/// Finds impacts in both channels.
-#[derive(Clone, Debug)]
-pub struct ImpactMeter {
+/// Checked constants in counts and samples.
+#[derive(Clone, Copy, Debug)]
+pub struct ImpactSettings {
     scale: ForceScale,
     samples_per_tick: usize,
     paces: Paces,
-    channels: [Channel; 2],
-    ring: Ring,
-    /// Highest reading of each wall in the last block, counts above its offset.
-    highest: [f32; 2],
-    counts: ImpactCounts,
-    counted_before_cycle: u32,
-    snippet: Snippet,
 }
 
-impl ImpactMeter {
+impl ImpactSettings {
     /// For channels of `samples_per_tick` samples a tick (1 to 64) on this scale.
     ///
     /// # Errors
@@ -162,9 +156,15 @@ impl ImpactMeter {
     pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
         config.validate()?;
         positive("impacts.newtons_per_count", f64::from(scale.newtons_per_count))?;
-        finite("impacts.zero_counts", f64::from(scale.zero_counts))?;
+        let zero = f64::from(scale.zero_counts);
+        require((0.0..=f64::from(MOST_COUNTS)).contains(&zero), "impacts.zero_counts", zero, "from 0 to 4095")?;
         let within = (1..=LONGEST_BLOCK).contains(&usize::from(samples_per_tick));
         require(within, "impacts.samples_per_tick", f64::from(samples_per_tick), "from 1 to 64")?;
+        Ok(Self::of(config, scale, samples_per_tick))
+    }
+
+    /// From checked constants.
+    fn of(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Self {
         let rate_hz = TICK_HZ * f32::from(samples_per_tick);
         let samples = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
         let paces = Paces {
@@ -176,18 +176,63 @@ impl ImpactMeter {
             longest: samples(config.longest_contact_s).clamp(GUARD as u32 + 2, 1 << 15),
             offset_gain: 1.0 / (OFFSET_S * rate_hz),
         };
-        let channels = [Channel::new(scale.zero_counts, &paces), Channel::new(scale.zero_counts, &paces)];
-        Ok(Self {
-            scale: *scale,
-            samples_per_tick: usize::from(samples_per_tick),
-            paces,
-            channels,
-            ring: Ring::new(scale.to_counts(0.0, i16::MIN, i16::MAX)),
+        Self { scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
+    }
+}
+
+impl Default for ImpactSettings {
+    /// The default constants at the rig's rate.
+    fn default() -> Self {
+        Self::of(&ImpactConfig::default(), &ForceScale::default(), WALL_SUBSAMPLES as u8)
+    }
+}
+
+/// Finds impacts in both channels.
+#[derive(Clone, Debug)]
+pub struct ImpactMeter {
+    settings: ImpactSettings,
+    channels: [Channel; 2],
+    ring: Ring,
+    /// Highest reading of each wall in the last block, counts above its offset; 0 while nothing touches.
+    highest: [f32; 2],
+    counts: ImpactCounts,
+    counted_before_cycle: u32,
+    snippet: Snippet,
+}
+
+impl Default for ImpactMeter {
+    fn default() -> Self {
+        Self::of(&ImpactSettings::default())
+    }
+}
+
+impl ImpactMeter {
+    /// As [`ImpactSettings::new`], at once.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
+        Ok(Self::of(&ImpactSettings::new(config, scale, samples_per_tick)?))
+    }
+
+    /// Untouched walls.
+    #[must_use]
+    pub fn of(settings: &ImpactSettings) -> Self {
+        Self {
+            settings: *settings,
+            channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
+            ring: Ring::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
             highest: [0.0; 2],
             counts: ImpactCounts::default(),
             counted_before_cycle: 0,
             snippet: Snippet::new(),
-        })
+        }
+    }
+
+    /// Goes on under other settings; pulses in progress are forgotten.
+    pub fn adopt(&mut self, settings: &ImpactSettings) {
+        self.settings = *settings;
+        self.channels = [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces));
     }
 
     /// Counts since the last reset.
@@ -199,13 +244,13 @@ impl ImpactMeter {
     /// What its counts mean.
     #[must_use]
     pub fn scale(&self) -> &ForceScale {
-        &self.scale
+        &self.settings.scale
     }
 
-    /// Highest force on each wall in the last block above its offset, N.
+    /// Highest force on each wall in the last block above its offset, N; 0 while nothing touches.
     #[must_use]
     pub fn highest_n(&self) -> [f32; 2] {
-        self.highest.map(|counts| counts * self.scale.newtons_per_count)
+        self.highest.map(|counts| counts * self.settings.scale.newtons_per_count)
     }
 
     /// Counts from zero again; pulses in progress are forgotten.
@@ -233,25 +278,32 @@ impl ImpactMeter {
     }
 
     /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
-    /// longer than announced is cut.
-    pub fn push(&mut self, tick: u32, block: &[[i16; 2]], mut found: impl FnMut(&ImpactRecord)) {
-        let block = &block[..block.len().min(self.samples_per_tick)];
-        let (highest, sum) = survey(block);
+    /// longer than announced is cut. Whether either wall was not idle.
+    pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) -> bool {
+        let block = &block[..block.len().min(self.settings.samples_per_tick)];
+        let limits = [&self.channels[0], &self.channels[1]].map(Channel::limit);
+        let (reached, sums) = survey(block, limits);
         self.ring.push(block);
+        let mut busy = false;
         for wall in 0..2 {
-            self.highest[wall] = highest[wall] as f32 - self.channels[wall].offset();
-            if self.channels[wall].stays_idle(highest[wall]) {
-                self.channels[wall].idle(sum[wall], block.len(), &self.paces);
+            let channel = &mut self.channels[wall];
+            if !reached[wall] && channel.is_idle() {
+                self.highest[wall] = 0.0;
+                channel.idle(sums[wall], block.len(), &self.settings.paces);
             } else {
+                let highest = block.iter().map(|pair| pair.of(wall)).max().unwrap_or_default();
+                self.highest[wall] = f32::from(highest) - channel.offset();
                 self.follow(tick, wall, block, &mut found);
+                busy = true;
             }
         }
         self.snippet.push(block);
+        busy
     }
 
-    fn follow(&mut self, tick: u32, wall: usize, block: &[[i16; 2]], found: &mut impl FnMut(&ImpactRecord)) {
+    fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {
         let mut from = 0;
-        while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.ring, &self.paces) {
+        while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.ring, &self.settings.paces) {
             match finding {
                 Finding::Began(at) => self.snippet.trigger(wall, at, block.len(), &self.ring),
                 Finding::Rung => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
@@ -266,9 +318,9 @@ impl ImpactMeter {
     }
 
     fn record(&self, tick: u32, wall: usize, ended: &Ended) -> ImpactRecord {
-        let per_tick = self.samples_per_tick as f32;
-        let peak_n = ended.peak * self.scale.newtons_per_count;
-        let impulse_n_s = ended.sum * self.scale.newtons_per_count / (per_tick * TICK_HZ);
+        let per_tick = self.settings.samples_per_tick as f32;
+        let peak_n = ended.peak * self.settings.scale.newtons_per_count;
+        let impulse_n_s = ended.sum * self.settings.scale.newtons_per_count / (per_tick * TICK_HZ);
         ImpactRecord {
             tick,
             centre_ticks: ended.centre / per_tick,
@@ -282,18 +334,50 @@ impl ImpactMeter {
     }
 }
 
-/// Highest reading and sum of each wall; what nearly every block ends with.
+/// Pairs that are added up before their two sums are taken apart: sixteen of twelve bits stay within sixteen bits.
+const TOGETHER: usize = 16;
+
+/// Whether a reading of each wall reaches its limit, and the sum of its readings: what nearly every block ends with. Both
+/// walls of a pair go through one word.
 #[inline]
-fn survey(block: &[[i16; 2]]) -> ([i32; 2], [i32; 2]) {
-    let (mut highest, mut sum) = ([i32::from(i16::MIN); 2], [0; 2]);
-    for pair in block {
-        for wall in 0..2 {
-            let reading = i32::from(pair[wall]);
-            sum[wall] += reading;
-            if reading > highest[wall] {
-                highest[wall] = reading;
+fn survey(block: &[Pair], limits: [u16; 2]) -> ([bool; 2], [u32; 2]) {
+    const TOP: u32 = 0x8000_8000;
+    // Added to a reading, it reaches the top bit from the limit on.
+    let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
+    let (mut reached, mut sums) = (0, [0; 2]);
+    for part in block.chunks(TOGETHER) {
+        let mut both = 0u32;
+        for pair in part {
+            both = both.wrapping_add(pair.0);
+            reached |= pair.0.wrapping_add(reach);
+        }
+        sums[0] += both & 0xffff;
+        sums[1] += both >> 16;
+    }
+    ([reached & 0x8000 != 0, reached & 0x8000_0000 != 0], sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_survey_finds_what_a_look_at_every_sample_finds() {
+        let mut random = 1u32;
+        let mut next = |most: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % most
+        };
+        for length in 1..=64usize {
+            let block: heapless::Vec<Pair, 64> =
+                (0..length).map(|_| Pair::new(next(4096) as u16, next(4096) as u16)).collect();
+            for limits in [[4000, 4000], [4090, 1], [0, 4095], [4096, 4096]] {
+                let (reached, sums) = survey(&block, limits);
+                for wall in 0..2 {
+                    assert_eq!(reached[wall], block.iter().any(|pair| pair.of(wall) >= limits[wall]));
+                    assert_eq!(sums[wall], block.iter().map(|pair| u32::from(pair.of(wall))).sum::<u32>());
+                }
             }
         }
     }
-    (highest, sum)
 }

@@ -7,4 +7,5 @@ pub mod lock_in;
 pub mod point;
 mod pulse;
 pub mod snippet;
+pub mod sum;
 pub mod trend;

@@ -13,27 +13,53 @@ pub const LONGEST_BLOCK: usize = 64;
 
 const RING: usize = HISTORY + LONGEST_BLOCK;
 
+/// Readings of both walls at one instant in one word, the wall at −d in its lower half: they are copied and looked at
+/// together nearly always.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pair(pub u32);
+
+impl Pair {
+    /// Counts on the wall at −d and at +d.
+    #[must_use]
+    pub const fn new(low: u16, high: u16) -> Self {
+        Self(low as u32 | (high as u32) << 16)
+    }
+
+    /// The reading of wall 0 (at −d) or 1.
+    #[must_use]
+    #[inline]
+    pub fn of(self, wall: usize) -> u16 {
+        (if wall == 0 { self.0 } else { self.0 >> 16 }) as u16
+    }
+}
+
 /// The newest samples of both walls.
 #[derive(Clone, Debug)]
 pub(super) struct Ring {
-    samples: [[i16; 2]; RING],
+    samples: [Pair; RING],
     at: usize,
 }
 
 impl Ring {
-    pub(super) fn new(resting: i16) -> Self {
-        Self { samples: [[resting; 2]; RING], at: 0 }
+    pub(super) fn new(resting: u16) -> Self {
+        Self { samples: [Pair::new(resting, resting); RING], at: 0 }
     }
 
-    pub(super) fn push(&mut self, block: &[[i16; 2]]) {
+    pub(super) fn push(&mut self, block: &[Pair]) {
         let (first, rest) = block.split_at(block.len().min(RING - self.at));
         self.samples[self.at..self.at + first.len()].copy_from_slice(first);
         self.samples[..rest.len()].copy_from_slice(rest);
         self.at = (self.at + block.len()) % RING;
     }
 
+    /// The [`HISTORY`] samples before the last `newest` ones, oldest first.
+    pub(super) fn before(&self, newest: usize) -> impl Iterator<Item = Pair> {
+        let (newer, older) = self.samples.split_at(self.at);
+        older.iter().chain(newer).skip(RING - HISTORY - newest.min(RING - HISTORY)).take(HISTORY).copied()
+    }
+
     /// The sample taken `back` samples ago, 1 for the newest.
-    pub(super) fn back(&self, back: usize) -> [i16; 2] {
+    pub(super) fn back(&self, back: usize) -> Pair {
         self.samples[(self.at + RING - back % RING) % RING]
     }
 }
@@ -77,7 +103,7 @@ struct Pulse {
 
 impl Pulse {
     #[inline]
-    fn push(&mut self, reading: i16) {
+    fn push(&mut self, reading: u16) {
         let height = i32::from(reading) - self.above;
         self.sum = self.sum.wrapping_add(height);
         self.moment = self.moment.wrapping_add(i64::from(height) * i64::from(self.count.cast_signed()));
@@ -132,7 +158,7 @@ pub(super) enum Finding {
 pub(super) struct Channel {
     offset: f32,
     /// Readings from here on begin a pulse.
-    limit: i32,
+    limit: u16,
     phase: Phase,
     pulse: Pulse,
     /// Samples since the last pulse ended.
@@ -146,11 +172,16 @@ fn ceil(value: f32) -> i32 {
     if whole as f32 >= value { whole } else { whole + 1 }
 }
 
+/// Where a pulse begins, within what a reading can be.
+fn limit(offset: f32, paces: &Paces) -> u16 {
+    ceil(offset + paces.threshold).clamp(0, 0x7fff) as u16
+}
+
 impl Channel {
     pub(super) fn new(offset: f32, paces: &Paces) -> Self {
         Self {
             offset,
-            limit: ceil(offset + paces.threshold),
+            limit: limit(offset, paces),
             phase: Phase::Idle,
             pulse: Pulse::default(),
             since: u32::MAX,
@@ -168,23 +199,28 @@ impl Channel {
         self.offset
     }
 
-    /// Nothing is in progress, and nothing begins in a block of this highest reading.
-    pub(super) fn stays_idle(&self, highest: i32) -> bool {
-        self.phase == Phase::Idle && highest < self.limit
+    /// Nothing is in progress.
+    pub(super) fn is_idle(&self) -> bool {
+        self.phase == Phase::Idle
+    }
+
+    /// The reading from which on a pulse begins.
+    pub(super) fn limit(&self) -> u16 {
+        self.limit
     }
 
     /// Takes `count` idle samples of this sum.
-    pub(super) fn idle(&mut self, sum: i32, count: usize, paces: &Paces) {
+    pub(super) fn idle(&mut self, sum: u32, count: usize, paces: &Paces) {
         self.since = self.since.saturating_add(count as u32);
         self.offset += (sum as f32 - count as f32 * self.offset) * paces.offset_gain;
-        self.limit = ceil(self.offset + paces.threshold);
+        self.limit = limit(self.offset, paces);
     }
 
     /// Goes on from sample `from` of the block, which `ring` holds already, to the next finding.
     pub(super) fn go_on(
         &mut self,
         wall: usize,
-        block: &[[i16; 2]],
+        block: &[Pair],
         from: &mut usize,
         ring: &Ring,
         paces: &Paces,
@@ -193,9 +229,9 @@ impl Channel {
             let rest = &block[*from..];
             match self.phase {
                 Phase::Idle => {
-                    let crossing = rest.iter().position(|pair| i32::from(pair[wall]) >= self.limit);
+                    let crossing = rest.iter().position(|pair| pair.of(wall) >= self.limit);
                     let quiet = &rest[..crossing.unwrap_or(rest.len())];
-                    let sum = quiet.iter().map(|pair| i32::from(pair[wall])).sum();
+                    let sum = quiet.iter().map(|pair| u32::from(pair.of(wall))).sum();
                     self.idle(sum, quiet.len(), paces);
                     *from += quiet.len();
                     crossing?;
@@ -207,9 +243,9 @@ impl Channel {
                     let mut pulse = self.pulse;
                     let mut over = false;
                     for pair in rest {
-                        pulse.push(pair[wall]);
+                        pulse.push(pair.of(wall));
                         *from += 1;
-                        pulse.low = if i32::from(pair[wall]) < low { pulse.low + 1 } else { 0 };
+                        pulse.low = if i32::from(pair.of(wall)) < low { pulse.low + 1 } else { 0 };
                         over = pulse.low as usize >= GUARD || pulse.count >= paces.longest;
                         if over {
                             break;
@@ -222,7 +258,7 @@ impl Channel {
                 }
                 Phase::Rest => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
-                    let free = rest.iter().position(|pair| i32::from(pair[wall]) < low);
+                    let free = rest.iter().position(|pair| i32::from(pair.of(wall)) < low);
                     *from += free.map_or(rest.len(), |free| free + 1);
                     if free.is_some() {
                         self.phase = Phase::Idle;
@@ -239,7 +275,7 @@ impl Channel {
         self.phase = Phase::Pulse;
         self.pulse = Pulse { above: self.offset as i32, ..Pulse::default() };
         for guard in (1..=GUARD).rev() {
-            self.pulse.push(ring.back(back + guard)[wall]);
+            self.pulse.push(ring.back(back + guard).of(wall));
         }
     }
 

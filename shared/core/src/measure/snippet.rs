@@ -1,6 +1,6 @@
 //! The shape of one impact: a fixed buffer of force samples from before its trigger until after its end.
 
-use super::pulse::{HISTORY, Ring};
+use super::pulse::{HISTORY, Pair, Ring};
 
 /// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
 pub const SNIPPET: usize = 256;
@@ -18,7 +18,7 @@ enum Phase {
 /// Records once when armed, and keeps what it has until it is armed again.
 #[derive(Clone, Debug)]
 pub struct Snippet {
-    samples: [i16; SNIPPET],
+    samples: [u16; SNIPPET],
     filled: usize,
     wall: usize,
     phase: Phase,
@@ -42,7 +42,7 @@ impl Snippet {
 
     /// Readings in counts, oldest first, and the side (+1 or −1); `None` until it is full.
     #[must_use]
-    pub fn samples(&self) -> Option<(&[i16; SNIPPET], i8)> {
+    pub fn samples(&self) -> Option<(&[u16; SNIPPET], i8)> {
         (self.phase == Phase::Full).then_some((&self.samples, if self.wall == 0 { -1 } else { 1 }))
     }
 
@@ -53,14 +53,14 @@ impl Snippet {
         }
         self.phase = Phase::Triggered(at);
         self.wall = wall;
-        for (n, sample) in self.samples[..HISTORY].iter_mut().enumerate() {
-            *sample = ring.back(length - at + HISTORY - n)[wall];
+        for (sample, pair) in self.samples[..HISTORY].iter_mut().zip(ring.before(length - at)) {
+            *sample = pair.of(wall);
         }
         self.filled = HISTORY;
     }
 
     /// The block is over: what of it belongs to the snippet is kept.
-    pub(super) fn push(&mut self, block: &[[i16; 2]]) {
+    pub(super) fn push(&mut self, block: &[Pair]) {
         let from = match self.phase {
             Phase::Triggered(from) => from,
             Phase::Filling => 0,
@@ -68,7 +68,7 @@ impl Snippet {
         };
         self.phase = Phase::Filling;
         for (sample, pair) in self.samples[self.filled..].iter_mut().zip(&block[from..]) {
-            *sample = pair[self.wall];
+            *sample = pair.of(self.wall);
             self.filled += 1;
         }
         if self.filled == SNIPPET {

@@ -3,7 +3,7 @@
 //! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
 
 use super::Noise;
-use crate::measure::impacts::ForceScale;
+use crate::measure::impacts::{ForceScale, MOST_COUNTS, Pair};
 use crate::model::{Invalid, finite, not_negative, positive, require};
 use crate::rig::TICK_HZ;
 use core::f32::consts::PI;
@@ -25,12 +25,10 @@ pub struct WallSensors {
     pub offset_n: f32,
     /// RMS of the white noise of one sample, N.
     pub noise_rms_n: f32,
-    /// The converter: what its counts mean, which lie from `lowest_counts` to `highest_counts`.
+    /// What the converter's counts mean.
     pub scale: ForceScale,
-    /// The converter's lowest reading.
-    pub lowest_counts: i16,
-    /// The converter's highest reading.
-    pub highest_counts: i16,
+    /// The converter's highest reading; at most 32767.
+    pub highest_counts: u16,
 }
 
 impl Default for WallSensors {
@@ -42,8 +40,7 @@ impl Default for WallSensors {
             offset_n: 0.0,
             noise_rms_n: 0.2,
             scale: ForceScale::default(),
-            lowest_counts: 0,
-            highest_counts: 4095,
+            highest_counts: MOST_COUNTS,
         }
     }
 }
@@ -59,8 +56,8 @@ impl WallSensors {
         finite("walls.offset_n", f64::from(self.offset_n))?;
         positive("walls.scale.newtons_per_count", f64::from(self.scale.newtons_per_count))?;
         finite("walls.scale.zero_counts", f64::from(self.scale.zero_counts))?;
-        let lowest = f64::from(self.lowest_counts);
-        require(self.lowest_counts < self.highest_counts, "walls.lowest_counts", lowest, "below walls.highest_counts")?;
+        let highest = f64::from(self.highest_counts);
+        require((1..=0x7fff).contains(&self.highest_counts), "walls.highest_counts", highest, "from 1 to 32767")?;
         not_negative("walls.noise_rms_n", f64::from(self.noise_rms_n))
     }
 }
@@ -112,14 +109,16 @@ impl Walls {
     }
 
     /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
-    pub fn read<const N: usize>(&mut self) -> [[i16; 2]; N] {
+    pub fn read<const N: usize>(&mut self) -> [Pair; N] {
         let sensors = &self.sensors;
-        let (lowest, highest) = (sensors.lowest_counts, sensors.highest_counts);
-        let counts =
-            |force_n: f32| sensors.scale.to_counts(force_n.clamp(-sensors.range_n, sensors.range_n), lowest, highest);
-        let mut readings = [[counts(sensors.offset_n); 2]; N];
+        let counts = |force_n: f32| {
+            sensors.scale.to_counts(force_n.clamp(-sensors.range_n, sensors.range_n), 0, sensors.highest_counts)
+        };
+        let resting = counts(sensors.offset_n);
+        let mut readings = [Pair::default(); N];
         for (n, pair) in readings.iter_mut().enumerate() {
-            for (wall, reading) in pair.iter_mut().enumerate() {
+            let mut both = [resting; 2];
+            for (wall, reading) in both.iter_mut().enumerate() {
                 let mut force_n = sensors.offset_n;
                 for pulse in self.pulses.iter().filter(|pulse| pulse.wall == wall) {
                     let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
@@ -134,6 +133,7 @@ impl Walls {
                 }
                 *reading = counts(force_n);
             }
+            *pair = Pair::new(both[0], both[1]);
         }
         for pulse in &mut self.pulses {
             pulse.start -= 1.0;
