@@ -238,6 +238,12 @@ impl Session {
         self.description.clock == Clock::Granted
     }
 
+    /// The device's clock is the host's and has not used up its grant: what the device has to say is still to come.
+    #[must_use]
+    pub fn is_clock_running(&self) -> bool {
+        self.is_granted() && self.granted_until.is_some_and(|until| self.clock_tick < until)
+    }
+
     fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
         self.link.send(bytes).map_err(|error| SessionError::Broken { link: self.name.clone(), error })
     }

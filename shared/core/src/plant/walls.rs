@@ -6,6 +6,7 @@ use super::Noise;
 use crate::measure::impacts::{ForceScale, MOST_COUNTS, Pair};
 use crate::model::{Invalid, finite, not_negative, positive, require};
 use crate::rig::TICK_HZ;
+use crate::scalar::Scalar;
 use core::f32::consts::PI;
 use heapless::Deque;
 use postcard_schema::Schema;
@@ -110,37 +111,42 @@ impl Walls {
 
     /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
     pub fn read<const N: usize>(&mut self) -> [Pair; N] {
+        let readings = self.look();
+        self.pass();
+        readings
+    }
+
+    fn look<const N: usize>(&mut self) -> [Pair; N] {
         let sensors = &self.sensors;
-        let counts = |force_n: f32| {
-            sensors.scale.to_counts(force_n.clamp(-sensors.range_n, sensors.range_n), 0, sensors.highest_counts)
-        };
-        let resting = counts(sensors.offset_n);
-        let mut readings = [Pair::default(); N];
-        for (n, pair) in readings.iter_mut().enumerate() {
-            let mut both = [resting; 2];
-            for (wall, reading) in both.iter_mut().enumerate() {
-                let mut force_n = sensors.offset_n;
-                for pulse in self.pulses.iter().filter(|pulse| pulse.wall == wall) {
-                    let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
-                    if since > 0.0 && since < 1.0 {
-                        force_n += pulse.peak_n * libm::sinf(PI * since);
-                    }
+        let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
+        let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
+        // A cast drops the fraction.
+        let counts = |force_n: f32| Scalar::min(force_n * per_newton + zero, highest) as u16;
+        core::array::from_fn(|n| {
+            let mut forces = [sensors.offset_n; 2];
+            for pulse in &self.pulses {
+                let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
+                if since > 0.0 && since < 1.0 {
+                    forces[pulse.wall] += pulse.peak_n * libm::sinf(PI * since);
                 }
-                if sensors.noise_rms_n > 0.0 {
-                    force_n += sensors.noise_rms_n * self.noise.next();
-                } else if force_n == sensors.offset_n {
-                    continue;
-                }
-                *reading = counts(force_n);
             }
-            *pair = Pair::new(both[0], both[1]);
-        }
+            if sensors.noise_rms_n > 0.0 {
+                let noise = self.noise.next_pair();
+                forces[0] += sensors.noise_rms_n * noise[0];
+                forces[1] += sensors.noise_rms_n * noise[1];
+            }
+            let [low, high] = forces.map(|force_n| Scalar::min(Scalar::max(force_n, -range), range));
+            Pair::new(counts(low), counts(high))
+        })
+    }
+
+    /// The tick is over.
+    fn pass(&mut self) {
         for pulse in &mut self.pulses {
             pulse.start -= 1.0;
         }
         while self.pulses.front().is_some_and(|pulse| pulse.start + self.contact < 0.0) {
             self.pulses.pop_front();
         }
-        readings
     }
 }
