@@ -10,7 +10,7 @@
 //!
 //! A hard wall rings: within the refractory time a new pulse must exceed a part of the last peak. A contact that does not
 //! end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset (charge
-//! amplifiers drift) is followed while nothing touches. Following one channel is [`super::pulse`]'s business, recording a
+//! amplifiers drift) is followed while nothing touches. Following one channel is `pulse`'s business, recording a
 //! pulse's shape [`super::snippet`]'s.
 //!
 //! Everything before a pulse's end is done in the converter's whole counts: fifty samples a tick and wall leave a
