@@ -34,7 +34,7 @@ fn a_control_tick_keeps_its_instruction_budgets() {
         let line = printed.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "));
         line.unwrap_or_else(|| panic!("no {name} in: {printed}")).trim().parse().unwrap()
     };
-    for what in ["instructions_per_tick_mean", "instructions_per_tick_worst"] {
+    for what in ["instructions_per_tick_mean", "instructions_per_tick_worst", "stack_bytes_worst"] {
         check("mps2-an386", what, count(what));
     }
     println!("mps2-an386: with the simulated plant and the line {}", count("instructions_per_simulated_tick_mean"));

@@ -4,10 +4,14 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
+use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::{Base, PlantConfig, SensorModel};
+use damprig_core::plant::PlantConfig;
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::twin::TwinConfig;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -75,11 +79,20 @@ fn hybrid() -> PlantConfig {
     });
     set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
     PlantConfig {
-        set_up,
         particle_start_m: 0.001,
-        base: Base::Prescribed,
-        sensors: SensorModel::default(),
-        data_sheet: None,
+        walls: Some(WallSensors::default()),
+        // Close to the switch and the structure, so that little time passes before the experiment.
+        spring: Some(SpringPlant { start_m: 1e-4, touch_m: 1.5e-3, ..SpringPlant::default() }),
+        ..PlantConfig::ideal(set_up)
+    }
+}
+
+/// Every signal that the board can tell of at once: the motion, and what the dampers and the twin do.
+fn telemetry() -> Ask {
+    Ask::SetTelemetry {
+        every_ticks: 5,
+        signals: [0, 1, 2, 6, 7, 10, 11, 12, 14, 15, 16, 17, 20].into_iter().collect(),
+        impacts: true,
     }
 }
 
@@ -99,13 +112,35 @@ fn experiment() -> SteppedSine {
 
 /// One experiment as a host would run it; every byte that came after the start.
 fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
-    let asks =
-        [Ask::SetPlant(hybrid()), Ask::Configure(experiment()), Ask::SetTelemetry { every_ticks: 5 }, Ask::Start];
-    for (seq, ask) in (first_seq..).zip(asks) {
-        let reply = messages(&board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask })));
-        assert_eq!(reply, [FromDevice::Reply { seq, answer: Ok(Answer::Done) }]);
-    }
+    let config = hybrid();
+    let spring = |command| vec![Ask::Spring(command)];
     let mut received = vec![];
+    let mut seq = first_seq;
+    let mut until_tick = 0;
+    for asks in [
+        vec![
+            Ask::SetPlant(config),
+            Ask::SetSpring(SpringConfig::default()),
+            Ask::SetTwin(Some(TwinConfig::new(config.set_up))),
+            Ask::Configure(experiment()),
+            telemetry(),
+            Ask::Spring(SpringCommand::Home),
+        ],
+        spring(SpringCommand::TouchOff),
+        spring(SpringCommand::Set(Target::Force { force_n: 0.7 })),
+        vec![Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.4 })), Ask::ArmSnippet, Ask::Start],
+    ] {
+        // Enough for the spring to come to the end of what it was asked before.
+        if until_tick > 0 {
+            received.extend(board.answer(&ToDevice::Grant { until_tick }));
+        }
+        until_tick += 6_000;
+        for ask in asks {
+            let reply = messages(&board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask })));
+            assert_eq!(reply, [FromDevice::Reply { seq, answer: Ok(Answer::Done) }]);
+            seq += 1;
+        }
+    }
     for until_tick in (GRANT..TICKS + GRANT).step_by(GRANT as usize) {
         received.extend(board.answer(&ToDevice::Grant { until_tick }));
     }
@@ -124,13 +159,19 @@ fn every_byte_of_an_experiment_is_the_virtual_rigs() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run(&mut connect(&emulator), 1);
-    let here = run(&mut Simulated::<f32>::new(Name { firmware: "test", board: "test" }), 1);
+    let here = run(&mut Simulated::<f32>::new(Name::new("test", "test")), 1);
 
     let points: Vec<_> = messages(&here)
         .into_iter()
         .filter(|message| matches!(message, FromDevice::Event { event: Happening::Point(_), .. }))
         .collect();
     assert_eq!(points.len(), 2, "the experiment did not measure both points: {points:?}");
+    let told = |wanted: fn(&Happening) -> bool| {
+        let event = |message: &FromDevice| matches!(message, FromDevice::Event { event, .. } if wanted(event));
+        messages(&here).iter().filter(|message| event(message)).count()
+    };
+    assert!(told(|event| matches!(event, Happening::Impact(_))) > 5, "no impacts");
+    assert!(told(|event| matches!(event, Happening::Spring(_))) >= 4, "the spring did not do what it was asked");
     println!("compared {} bytes of {} messages", here.len(), messages(&here).len());
     for (ours, theirs) in messages(&here).iter().zip(&messages(&emulated)) {
         assert_eq!(ours, theirs);

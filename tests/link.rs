@@ -99,7 +99,11 @@ fn a_million_damaged_requests_do_nothing_wrong() {
         ToDevice::Request(Request {
             seq: n as u16,
             at_tick: Some(n),
-            ask: if n.is_multiple_of(2) { Ask::Stop } else { Ask::SetTelemetry { every_ticks: (n >> 3) as u16 } },
+            ask: if n.is_multiple_of(2) {
+                Ask::Stop
+            } else {
+                Ask::SetTelemetry { every_ticks: (n >> 3) as u16, signals: Default::default(), impacts: false }
+            },
         })
     };
     let number = |message: &ToDevice| match message {
@@ -113,7 +117,7 @@ fn a_million_damaged_requests_do_nothing_wrong() {
 fn a_million_damaged_telemetry_frames_give_no_wrong_sample() {
     let message = |n: u32| {
         let values = (0..8).map(|k| f32::from_bits(n.wrapping_mul(2_654_435_761).wrapping_add(k) >> 2)).collect();
-        FromDevice::Telemetry(Telemetry { seq: n, first_tick: n.wrapping_mul(5), every_ticks: 5, values })
+        FromDevice::Telemetry(Telemetry { seq: n, first_tick: n.wrapping_mul(5), every_ticks: 5, width: 8, values })
     };
     let number = |message: &FromDevice| match message {
         FromDevice::Telemetry(telemetry) => Some(telemetry.seq),

@@ -6,6 +6,8 @@
 #![cfg_attr(feature = "count-instructions", allow(dead_code))]
 
 mod board;
+#[cfg(feature = "board-nucleo-g474re")]
+mod crash;
 mod tasks;
 
 use defmt_rtt as _;
@@ -29,7 +31,6 @@ async fn main(_spawner: Spawner) {
 mod wiring {
     use embassy_executor::InterruptExecutor;
     use embassy_stm32::interrupt::{self, InterruptExt, Priority};
-    use panic_probe as _;
 
     use super::*;
 
@@ -47,7 +48,8 @@ mod wiring {
         let board = board::nucleo_g474re::init();
         interrupt::UART5.set_priority(Priority::P6);
         let control = CONTROL.start(interrupt::UART5);
-        control.spawn(tasks::control::run(board.bench).expect("the task is spawned once"));
+        control.spawn(tasks::control::run(board.bench, board.birth).expect("the task is spawned once"));
+        spawner.spawn(tasks::alive::run().expect("the task is spawned once"));
         spawner.spawn(tasks::receive::run(board.receiver).expect("the task is spawned once"));
         spawner.spawn(tasks::transmit::run(board.transmitter, board.led).expect("the task is spawned once"));
         defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::nucleo_g474re::NAME);

@@ -23,7 +23,7 @@ fn run(board: &mut Simulated<f32>) -> Vec<u8> {
 }
 
 fuzz_target!(|data: &[u8]| {
-    let mut board = Simulated::<f32>::new(Name { firmware: "fuzz", board: "fuzz" });
+    let mut board = Simulated::<f32>::new(Name::new("fuzz", "fuzz"));
     let mut rest = data;
     while let Some((&length, tail)) = rest.split_first() {
         let (piece, tail) = tail.split_at(tail.len().min(usize::from(length)));

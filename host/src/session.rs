@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use damprig_core::rig::{State, Status};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
-    Answer, Ask, Clock, Counters, Description, FromDevice, Happening, Identity, Request, SCHEMA, Telemetry, ToDevice,
-    VERSION,
+    Answer, Ask, Clock, ClockSource, Counters, Description, FromDevice, Happening, Identity, Request, Reset, SCHEMA,
+    Signal, Telemetry, ToDevice, VERSION,
 };
 
 use crate::link::{Address, Closed, Link, Unreachable};
@@ -133,6 +133,8 @@ pub struct Session {
     pub identity: Identity,
     /// What it can do.
     pub description: Description,
+    /// Its telemetry signals.
+    pub signals: Vec<Signal>,
 }
 
 impl Session {
@@ -156,7 +158,14 @@ impl Session {
             clock: Clock::RealTime,
             plant: damprig_protocol::PlantKind::Real,
             most_points: 0,
-            signals: Default::default(),
+            signals: 0,
+            most_signals: 0,
+            force_rate_hz: 0.0,
+            clock_source: ClockSource::Granted,
+            revision: Default::default(),
+            profile: Default::default(),
+            reset: Reset::Unknown,
+            last_crash: None,
         };
         let now = Instant::now();
         let mut session = Self {
@@ -176,6 +185,7 @@ impl Session {
             nudged: now,
             identity: nobody,
             description: nothing,
+            signals: Vec::new(),
         };
         // Ends whatever half a frame an earlier host may have left in the device's reader.
         session.send_bytes(&[0])?;
@@ -188,9 +198,22 @@ impl Session {
             Answer::Description(description) => description,
             _ => return Err(SessionError::Confused { what: "describe itself" }),
         };
+        session.signals = session.read_signals()?;
         // Counted from here: bytes that were under way before are not this session's.
         session.bad_frames = 0;
         Ok(session)
+    }
+
+    fn read_signals(&mut self) -> Result<Vec<Signal>, SessionError> {
+        const WHAT: &str = "say what it measures";
+        let mut table = Vec::new();
+        while table.len() < usize::from(self.description.signals) {
+            match self.ask(WHAT, Ask::Signals { from: table.len() as u8 })? {
+                Answer::Signals(part) if !part.is_empty() => table.extend(part),
+                _ => return Err(SessionError::Confused { what: WHAT }),
+            }
+        }
+        Ok(table)
     }
 
     fn check_version(&self) -> Result<(), SessionError> {

@@ -237,3 +237,19 @@ fn a_shaker_too_fast_for_the_tick_is_refused() {
     let shaker = "shaker = { moving_mass_kg = 0.001 }\nnoise_seed = 7";
     refused("noise_seed = 7", shaker, &["`rig.shaker.moving_mass_kg` = 0.001", "high enough for the sampling rate"]);
 }
+
+#[test]
+fn a_spring_with_two_targets_or_none_is_refused() {
+    let before = "friction_damper = { friction_ratio = 0.4 }";
+    refused(
+        before,
+        "friction_damper = { spring = { friction_ratio = 0.6, deflection_m = 0.001 } }",
+        &["friction_damper.spring.deflection_m` = 0.001", "a spring has one target", "leave one of"],
+    );
+    refused(before, "friction_damper = { spring = {} }", &["friction_ratio", "`normal_force_n` or `deflection_m`"]);
+    refused(
+        before,
+        "friction_damper = { friction_ratio = 0.6, spring = { normal_force_n = 2.0 } }",
+        &["friction_damper.friction_ratio` = 0.6", "`spring` is given too"],
+    );
+}

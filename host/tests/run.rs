@@ -243,3 +243,61 @@ fn a_killed_run_leaves_its_points_readable_and_says_that_it_was_running() {
     assert!(result_rows(&run) >= 1);
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("killed while it was running"));
 }
+
+/// A friction damper whose spring the rig homes, touches off and sets by itself does what one of that constant force does;
+/// beside a particle it does so too.
+#[test]
+fn a_campaign_tunes_its_spring_by_itself() {
+    let campaign = r#"
+name = "tuned"
+[structure]
+mass_kg = 1.6
+natural_frequency_hz = 2.50
+damping_ratio = 0.0038
+[[set_up]]
+name = "tuned"
+base_amplitude_m = 0.0015
+friction_damper = { spring = { friction_ratio = 0.9 } }
+[[set_up]]
+name = "constant"
+base_amplitude_m = 0.0015
+friction_damper = { friction_ratio = 0.9 }
+[[set_up]]
+name = "hybrid"
+base_amplitude_m = 0.0015
+particle = { mass_ratio = 0.1, clearance_ratio = 5, wall = { kind = "restitution", coefficient = 0.47 } }
+friction_damper = { spring = { normal_force_n = 1.2 } }
+[[experiment]]
+kind = "stepped_sine"
+frequencies_hz = [2.5]
+start = "from_rest"
+settle_s = 10.0
+dwell_s = 20.0
+[telemetry]
+rate_hz = 100
+signals = ["x", "spring_force", "impacts", "twin_residual", "twin_alarm"]
+"#;
+    let folder = folder_with(campaign);
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success().stdout(contains("3 of 3 points"));
+    let results = read_parquet(folder.path().join("out/results.parquet"));
+    let x = results[0].column_by_name("x_rms_m").unwrap();
+    let x = arrow_array::cast::AsArray::as_primitive::<arrow_array::types::Float32Type>(x);
+    println!("x RMS: tuned {} m, constant {} m", x.value(0), x.value(1));
+    // The spring's force is within its dead band of 0.02 N of 1.78 N: 1.1 % of the friction.
+    assert!((x.value(0) / x.value(1) - 1.0).abs() < 0.02, "{} {}", x.value(0), x.value(1));
+    let samples = read_parquet(folder.path().join("out/samples.parquet"));
+    let column = |name: &str| -> Vec<f32> {
+        let of = |batch: &arrow_array::RecordBatch| {
+            let column = batch.column_by_name(name).unwrap();
+            arrow_array::cast::AsArray::as_primitive::<arrow_array::types::Float32Type>(column).values().to_vec()
+        };
+        samples.iter().flat_map(of).collect()
+    };
+    let force = column("spring_force_n");
+    // γF k Z/μe = 0.9 · 394.78 · 0.0015/0.3, then nothing, then 1.2 N; the sensor's noise of a tick's mean is 3 mN.
+    for (place, expected) in [(force.len() / 4, 1.7765), (force.len() / 2, 0.0), (force.len() * 7 / 8, 1.2)] {
+        assert!((force[place] - expected).abs() < 0.04, "{} N at {place} of {}", force[place], force.len());
+    }
+    assert!(column("impacts").last().is_some_and(|impacts| *impacts > 20.0));
+    assert!(column("twin_residual_m").iter().skip(100).all(|residual| *residual < 1e-2));
+}

@@ -9,8 +9,9 @@ mod unix {
     use std::time::{Duration, Instant};
 
     use damprig_core::rig::{SUBSAMPLES, Sensors};
-    use damprig_device::control::{Control, Lanes, Name, RealPlant, Row};
+    use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
     use damprig_device::intake::Intake;
+    use damprig_device::orders::Order;
     use damprig_device::outbox::Batch;
     use damprig_device::simulated::{Progress, Simulated};
     use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -29,7 +30,7 @@ mod unix {
         std::thread::spawn(move || {
             // Kept open: without anyone at its other end the line is broken.
             let _other = other;
-            let mut board = Box::new(Simulated::<f32>::new(Name { firmware: "0.0.0", board: "at a line" }));
+            let mut board = Box::new(Simulated::<f32>::new(Name::new("0.0.0", "at a line")));
             line.set_timeout(Duration::from_millis(20)).expect("a timeout");
             let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
             let (mut bytes, mut points, mut is_silent) = ([0; 4096], 0, false);
@@ -107,15 +108,15 @@ mod unix {
     }
 
     impl Lanes for Waiting {
-        fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
+        fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
             self.urgent.push(message);
-            Ok(())
+            Ok(self.urgent.len())
         }
 
-        fn row(&mut self, row: Row) -> Result<(), ()> {
+        fn row(&mut self, row: Row) -> Result<usize, ()> {
             self.batch.push(&row);
             self.full.extend(std::iter::from_fn(|| self.batch.pop()).map(FromDevice::Telemetry));
-            Ok(())
+            Ok(self.full.len())
         }
     }
 
@@ -127,7 +128,7 @@ mod unix {
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().expect("a connection");
             stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
-            let mut control = Control::new(Name { firmware: "0.0.0", board: "real" });
+            let mut control = Control::new(Name::new("0.0.0", "real"), Birth::default());
             let (mut intake, mut lanes, mut sensors) = (Intake::default(), Waiting::default(), Sensors::default());
             let (begun, mut ticks, mut bytes) = (Instant::now(), 0.0, [0; 4096]);
             loop {
@@ -136,7 +137,7 @@ mod unix {
                     Ok(count) => {
                         for &byte in &bytes[..count] {
                             if let Some(ToDevice::Request(request)) = intake.push(byte) {
-                                control.serve(request, &mut RealPlant, &mut lanes);
+                                control.serve(&Order::prepare(request), &mut RealPlant, &mut lanes);
                             }
                         }
                     }
@@ -144,7 +145,8 @@ mod unix {
                 }
                 while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
                     let drive_m = control.tick(&sensors, &mut lanes).drive_m;
-                    sensors = Sensors { x_m: [2.0 * drive_m; SUBSAMPLES], z_m: [drive_m; SUBSAMPLES] };
+                    sensors =
+                        Sensors { x_m: [2.0 * drive_m; SUBSAMPLES], z_m: [drive_m; SUBSAMPLES], ..Sensors::default() };
                     ticks += 1.0;
                 }
                 for message in lanes.urgent.drain(..).chain(lanes.full.drain(..)) {

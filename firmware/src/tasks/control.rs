@@ -1,24 +1,33 @@
-//! The control tick: a block of samples, at most one request, one tick of the rig, the outputs.
+//! The control tick: a block of samples, at most one order, one tick of the rig, the outputs, the watchdog.
 //!
 //! Runs above every other task and never waits for one.
 
-use damprig_device::control::{Control, Name, RealPlant};
-use damprig_protocol::Ask;
+use damprig_device::control::{Birth, Control, Name, RealPlant};
+use damprig_protocol::CrashCause;
 
 use crate::board::nucleo_g474re::{self, Bench};
-use crate::tasks::lanes::{BAD_FRAMES, Outgoing, REQUESTS, REQUESTS_DROPPED, ROWS, counted};
+use crate::crash;
+use crate::tasks::alive;
+use crate::tasks::lanes::{BAD_FRAMES, ORDERS, Outgoing, REQUESTS_DROPPED, ROWS, counted};
 
 /// Owns the rig.
 #[embassy_executor::task]
-pub async fn run(mut bench: Bench) -> ! {
-    let mut control = Control::new(Name { firmware: env!("CARGO_PKG_VERSION"), board: nucleo_g474re::NAME });
+pub async fn run(mut bench: Bench, birth: Birth) -> ! {
+    let name = Name {
+        revision: option_env!("DAMPRIG_REVISION").unwrap_or_default(),
+        profile: if cfg!(debug_assertions) { "dev" } else { "release" },
+        ..Name::new(env!("CARGO_PKG_VERSION"), nucleo_g474re::NAME)
+    };
+    let mut control = Control::new(name, birth);
+    let mut line = alive::Watch::default();
     bench.start();
     loop {
         let sensors = bench.next_block().await;
-        if let Ok(request) = REQUESTS.try_receive() {
+        if let Ok(order) = ORDERS.try_receive() {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
-            let starts = request.ask == Ask::Start;
-            control.serve(request, &mut RealPlant, &mut Outgoing);
+            control.note_timing(bench.timing());
+            let starts = order.is_start();
+            control.serve(&order, &mut RealPlant, &mut Outgoing);
             if starts && control.next_tick() == 0 {
                 // Rows of the old count of ticks would follow the reply.
                 ROWS.clear();
@@ -26,6 +35,13 @@ pub async fn run(mut bench: Bench) -> ! {
         }
         control.serve_scheduled(&mut RealPlant, &mut Outgoing);
         let actuators = control.tick(&sensors, &mut Outgoing);
-        bench.set_drive(if actuators.drive_enabled { actuators.drive_m } else { 0.0 });
+        bench.set(&actuators);
+        crash::note_tick(control.next_tick());
+        // A tick that does not come here, and a line whose tasks do not run, let the watchdog bite.
+        if line.is_alive() {
+            bench.feed_watchdog();
+        } else if line.has_just_died() {
+            crash::note(CrashCause::CommunicationStalled, 0);
+        }
     }
 }

@@ -1,90 +1,232 @@
 //! Counts the instructions of a control tick in the emulator, prints them and exits.
 //!
-//! The load is a stepped sine with a telemetry row in every tick; the plant's own instructions are left out.
-//! What a tick of the controller board does besides (reading the queue and the interrupt itself) is not in it.
+//! The load is everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and
+//! held at a friction ratio, both walls listened to, the twin running along, telemetry of sixteen signals in every tick,
+//! and a host that asks for something in every other tick. What a tick takes besides (the interrupt and the queues'
+//! locks) is not in it; the plant's and the line's own instructions are left out.
 
 use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
+use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
+use damprig_core::control::safety::SafetyConfig;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::point::SteadyLimits;
-use damprig_core::model::{SetUp, Structure};
-use damprig_core::plant::{Base, PlantConfig, SensorModel};
-use damprig_core::rig::SUBSAMPLES;
-use damprig_device::calibration::Calibration;
+use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_core::rig::Sensors;
+use damprig_core::twin::TwinConfig;
+use damprig_device::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK};
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
 
 use crate::board::mps2_an386::{InstructionCounter, exit};
 
-/// Ticks counted: two points of two seconds, their ends, the drive's fading out and some idle ones.
-const TICKS: u32 = 8_000;
+/// Ticks counted: two points of three seconds each, their ends, the drive's fading out and some idle ones.
+const TICKS: u32 = 16_000;
+
+/// What was counted.
+#[derive(Default)]
+struct Tally {
+    sum: u64,
+    ticks: u32,
+    worst: u32,
+    worst_at: u32,
+    plant: u64,
+}
+
+/// Bytes below the stack's present end that are watched.
+const STACK_WATCHED: usize = 32 * 1024;
+const PAINT: u32 = 0x5a5a_a5a5;
+
+/// Marks the unused stack, to see later how deep it has been used.
+#[inline(never)]
+fn paint_stack() -> *mut u32 {
+    let top = cortex_m::register::msp::read() as usize - 256;
+    let bottom = (top - STACK_WATCHED) as *mut u32;
+    for n in 0..STACK_WATCHED / 4 {
+        // SAFETY: below the stack's end lie megabytes of memory that nothing uses.
+        unsafe { bottom.add(n).write_volatile(PAINT) };
+    }
+    bottom
+}
+
+/// The deepest use since [`paint_stack`], bytes.
+fn deepest(bottom: *const u32) -> usize {
+    // SAFETY: as in `paint_stack`.
+    let untouched = (0..STACK_WATCHED / 4).take_while(|&n| unsafe { bottom.add(n).read_volatile() } == PAINT).count();
+    STACK_WATCHED + 256 - 4 * untouched
+}
 
 /// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
 pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     counter.check();
-    let asks = [Ask::SetPlant(plant()), Ask::Configure(experiment()), Ask::SetTelemetry { every_ticks: 1 }, Ask::Start];
-    for (seq, ask) in (1..).zip(asks) {
-        send(device, &ToDevice::Request(Request { seq, at_tick: None, ask }));
+    let stack = paint_stack();
+    let mut host = Host { counter, device, seq: 0, now: 0 };
+    let mut orders = Tally::default();
+    // The plant is no part of a board: it is set while the clock stands.
+    host.send(Ask::SetPlant(plant()));
+    host.device.run(1, |_| {});
+    for ask in [
+        Ask::SetSafety(SafetyConfig { half_cycles_ahead: 20.0, ..SafetyConfig::default() }),
+        Ask::SetSpring(SpringConfig::default()),
+        Ask::SetImpacts(ImpactConfig::default()),
+        Ask::SetTwin(Some(TwinConfig::new(set_up()))),
+        Ask::Configure(experiment()),
+        Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
+    ] {
+        host.ask(ask, &mut orders);
     }
-    // The clock stands still after a start; each pass takes two ticks, one counted and one with the plant.
-    send(device, &ToDevice::Grant { until_tick: 2 * TICKS });
-    let calibration = Calibration::assumed(65_520, 4_095, 0.005);
-    let block = [32_760; 2 * SUBSAMPLES];
-    let (mut sum, mut worst, mut with_plant) = (0u64, 0, 0u64);
-    for _ in 0..TICKS {
-        let ((), tick) = counter.count(|| {
-            black_box(calibration.sensors(black_box(&block)));
-            device.tick_control_only();
-            black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
-        });
-        let (_, simulated) = counter.count(|| device.run(1, |_| {}));
-        sum += u64::from(tick);
-        worst = worst.max(tick);
-        with_plant += u64::from(simulated);
+    for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 2.0 })] {
+        host.ask(Ask::Spring(command), &mut orders);
+        host.let_pass(16_000, &mut orders);
     }
-    let ticks = u64::from(TICKS);
-    hprintln!("instructions_per_tick_mean = {}", sum / ticks);
-    hprintln!("instructions_per_tick_worst = {}", worst);
-    hprintln!("instructions_per_simulated_tick_mean = {}", with_plant / ticks);
+    host.ask(Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })), &mut orders);
+    host.ask(Ask::ArmSnippet, &mut orders);
+    host.ask(Ask::Start, &mut orders);
+    host.now = 0;
+    let (mut tally, mut served) = (Tally::default(), Tally::default());
+    for tick in (0..TICKS).step_by(2) {
+        let asked = tick % 4 == 0;
+        if asked {
+            host.send(Ask::Status);
+        }
+        host.let_pass(2, if asked { &mut served } else { &mut tally });
+    }
+    let points = host.device.control().rig().status().points;
+    let impacts = host.device.control().rig().signals()[12];
+    assert!(points == 2 && impacts > 20.0, "the load did not run: {} points, {} impacts", points, impacts);
+    hprintln!("instructions_per_tick_mean = {}", tally.sum / u64::from(tally.ticks));
+    hprintln!("instructions_per_tick_worst = {}", tally.worst.max(orders.worst).max(served.worst));
+    hprintln!("worst_served = {}", served.worst);
+    hprintln!("worst_served_at = {}", served.worst_at);
+    hprintln!("worst_in_an_experiment = {}", tally.worst);
+    hprintln!("worst_in_an_experiment_at_tick = {}", tally.worst_at);
+    hprintln!("worst_while_set_up = {}", orders.worst);
+    hprintln!("worst_while_set_up_at = {}", orders.worst_at);
+    hprintln!("instructions_per_simulated_tick_mean = {}", tally.plant / u64::from(tally.ticks));
+    // Receiving, preparing, the tick and the line, one after the other on one stack: the board runs them on one, too.
+    hprintln!("stack_bytes_worst = {}", deepest(stack));
     exit(true)
 }
 
-fn send(device: &mut Simulated<f32>, message: &ToDevice) {
-    let mut out = [0; LONGEST];
-    let length = frame::encode(message, &mut out).expect("every message fits a frame");
-    device.receive(&out[..length]);
-    let mut reader = Reader::default();
-    device.run(1, |bytes| {
-        for &byte in bytes {
-            if let Some(Ok(FromDevice::Reply { answer, .. })) = reader.push(byte) {
-                assert_eq!(answer, Ok(Answer::Done), "the load is refused");
+struct Host<'a> {
+    counter: &'a InstructionCounter,
+    device: &'a mut Simulated<f32>,
+    seq: u16,
+    /// The tick granted.
+    now: u32,
+}
+
+impl Host<'_> {
+    fn send(&mut self, ask: Ask) {
+        self.seq += 1;
+        let mut out = [0; LONGEST];
+        let message = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
+        let length = frame::encode(&message, &mut out).expect("every message fits a frame");
+        self.device.receive(&out[..length]);
+    }
+
+    /// Asks while the clock runs, so that the order is served within a counted tick.
+    fn ask(&mut self, ask: Ask, tally: &mut Tally) {
+        self.grant(2);
+        self.send(ask);
+        self.pass(tally);
+    }
+
+    fn grant(&mut self, ticks: u32) {
+        self.now = self.device.control().next_tick() + ticks;
+        let mut out = [0; LONGEST];
+        let grant = ToDevice::Grant { until_tick: self.now };
+        let length = frame::encode(&grant, &mut out).expect("every message fits a frame");
+        self.device.receive(&out[..length]);
+    }
+
+    fn let_pass(&mut self, ticks: u32, tally: &mut Tally) {
+        self.grant(ticks);
+        self.pass(tally);
+    }
+
+    /// Lets the granted ticks pass and counts them.
+    fn pass(&mut self, tally: &mut Tally) {
+        let calibration = Calibration::assumed(65_520, 4_095, 0.005);
+        let (slow, walls) = ([32_760; SLOW_BLOCK], [410; WALL_BLOCK]);
+        let (mut reader, mut sensors) = (Reader::default(), Sensors::default());
+        while self.device.control().next_tick() < self.now {
+            let before = self.device.control().next_tick();
+            let mut within = 0;
+            let counter = self.counter;
+            let (_, whole) = counter.count(|| {
+                self.device.run_watched(
+                    1,
+                    |bytes| {
+                        for &byte in bytes {
+                            if let Some(Ok(FromDevice::Reply { answer, .. })) = reader.push(byte) {
+                                let fine = matches!(answer, Ok(Answer::Done | Answer::Status { .. }));
+                                assert!(fine, "the load is refused");
+                            }
+                        }
+                    },
+                    |tick| {
+                        within = counter
+                            .count(|| {
+                                calibration.fill(black_box(&slow), black_box(&walls), black_box(&mut sensors));
+                                tick();
+                                black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                            })
+                            .1;
+                    },
+                )
+            });
+            tally.sum += u64::from(within);
+            tally.plant += u64::from(whole - within);
+            tally.ticks += 1;
+            if within > tally.worst {
+                (tally.worst, tally.worst_at) = (within, before);
+            }
+            if self.device.control().next_tick() <= before {
+                // A start: its count of ticks begins, and its credit is another.
+                break;
             }
         }
-    });
+    }
+}
+
+fn set_up() -> SetUp {
+    let particle = Particle {
+        mass_kg: 0.16,
+        clearance_m: 7.5e-3,
+        friction_coefficient: 0.08,
+        wall: Wall::Restitution { coefficient: 0.47 },
+    };
+    SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }
 
 fn plant() -> PlantConfig {
     PlantConfig {
-        set_up: SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)),
-        particle_start_m: 0.0,
-        base: Base::Prescribed,
-        sensors: SensorModel::default(),
-        data_sheet: None,
+        base: Base::Shaker(Shaker::default()),
+        walls: Some(WallSensors::default()),
+        spring: Some(SpringPlant::default()),
+        ..PlantConfig::ideal(set_up())
     }
 }
 
+/// In closed loop, measuring from the first tolerable cycle on.
 fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::CarryOver,
-        amplitude_m: 1e-4,
-        drive: Drive::Constant,
+        amplitude_m: 2e-3,
+        drive: Drive::ClosedLoop(ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() }),
         ramp_s: 0.0,
-        settle_s: 1.0,
+        settle_s: 2.0,
         dwell_s: 4.0,
         steady: SteadyLimits::default(),
-        frequencies_hz: [2.0, 3.0].into_iter().collect(),
+        frequencies_hz: [2.4, 2.5].into_iter().collect(),
         first_index: 0,
     }
 }

@@ -14,7 +14,7 @@ const TICKS_BETWEEN_LOOKS: u32 = 100;
 /// The board with its simulated plant, in static memory: it is too large for a stack frame to be moved about.
 pub fn device() -> &'static mut Simulated<f32> {
     static DEVICE: StaticCell<Simulated<f32>> = StaticCell::new();
-    DEVICE.init_with(|| Simulated::new(Name { firmware: env!("CARGO_PKG_VERSION"), board: mps2_an386::NAME }))
+    DEVICE.init_with(|| Simulated::new(Name::new(env!("CARGO_PKG_VERSION"), mps2_an386::NAME)))
 }
 
 /// Owns the line and the simulated rig.

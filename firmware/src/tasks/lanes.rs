@@ -3,13 +3,14 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use damprig_device::control::{Lanes, Row};
+use damprig_device::orders::Order;
 use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
-use damprig_protocol::{FromDevice, Request};
+use damprig_protocol::FromDevice;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 
-/// Requests on their way from the line to control.
-pub static REQUESTS: Channel<CriticalSectionRawMutex, Request, REQUESTS_WAITING> = Channel::new();
+/// Orders on their way from the line to control.
+pub static ORDERS: Channel<CriticalSectionRawMutex, Order, REQUESTS_WAITING> = Channel::new();
 
 /// Replies and events on their way to the line.
 pub static URGENT: Channel<CriticalSectionRawMutex, FromDevice, REPLIES_WAITING> = Channel::new();
@@ -32,11 +33,13 @@ pub fn counted(counter: &AtomicU32) -> u32 {
 pub struct Outgoing;
 
 impl Lanes for Outgoing {
-    fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
-        URGENT.try_send(message).map_err(|_| ())
+    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
+        URGENT.try_send(message).map_err(|_| ())?;
+        Ok(URGENT.len())
     }
 
-    fn row(&mut self, row: Row) -> Result<(), ()> {
-        ROWS.try_send(row).map_err(|_| ())
+    fn row(&mut self, row: Row) -> Result<usize, ()> {
+        ROWS.try_send(row).map_err(|_| ())?;
+        Ok(ROWS.len())
     }
 }

@@ -1,6 +1,8 @@
 //! One async task a file. What they decide is the shared device code's; what they touch is the board's.
 
 #[cfg(feature = "board-nucleo-g474re")]
+pub mod alive;
+#[cfg(feature = "board-nucleo-g474re")]
 pub mod control;
 #[cfg(feature = "count-instructions")]
 pub mod count;

@@ -1,13 +1,14 @@
-//! From the line to control: bytes to requests.
+//! From the line to control: bytes to requests, and requests to orders, which takes longer than a tick has.
 
 use core::sync::atomic::Ordering;
 
 use damprig_device::intake::Intake;
+use damprig_device::orders::Order;
 use damprig_protocol::ToDevice;
 use embassy_stm32::usart::BufferedUartRx;
 use embedded_io_async::Read;
 
-use crate::tasks::lanes::{BAD_FRAMES, REQUESTS, REQUESTS_DROPPED, counted};
+use crate::tasks::lanes::{BAD_FRAMES, ORDERS, REQUESTS_DROPPED, counted};
 
 /// Owns the line's receiving side.
 #[embassy_executor::task]
@@ -20,7 +21,7 @@ pub async fn run(mut receiver: BufferedUartRx<'static>) -> ! {
         for &byte in &bytes[..length] {
             // A real board's clock is its own: grants are passed over.
             if let Some(ToDevice::Request(request)) = intake.push(byte)
-                && REQUESTS.try_send(request).is_err()
+                && ORDERS.try_send(Order::prepare(request)).is_err()
             {
                 REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
             }

@@ -17,7 +17,7 @@ use crate::input::{Problem, Refusal, Section, Source};
 
 pub use experiment::{Start, SteppedSine};
 pub use rig::{RigSettings, Telemetry};
-pub use set_up::{CampaignSetUp, SetUpSpec};
+pub use set_up::{CampaignSetUp, SetUpSpec, SpringSpec, SpringTarget};
 
 /// A campaign, read and checked.
 #[derive(Debug)]

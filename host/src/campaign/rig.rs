@@ -2,7 +2,7 @@
 
 use damprig_core::plant::table::Table;
 use damprig_core::plant::{Amplifier, DataSheet, Shaker};
-use damprig_core::rig::TICK_HZ;
+use damprig_core::rig::{MOTION_SIGNALS, TICK_HZ};
 
 use crate::input::{Number, Section, Span, Text, near};
 
@@ -24,6 +24,8 @@ pub struct RigSettings {
     pub shaker: Option<Shaker>,
     /// Beyond this |x| or |z| the rig stops the drive, m; at most the sensor range.
     pub displacement_limit_m: f64,
+    /// Half-cycles ahead for which the structure's amplitude is foreseen, to stop before it reaches the limit; 0 for none.
+    pub half_cycles_ahead: f64,
 }
 
 /// What is recorded while the rig moves.
@@ -31,7 +33,7 @@ pub struct RigSettings {
 pub struct Telemetry {
     /// Samples of each signal in a second of rig time; 0 for none.
     pub rate_hz: f64,
-    /// Names of the signals wanted, from the device's signal table; empty for all.
+    /// Names of the signals wanted, from the device's signal table; empty for the motion: x, z, drive and frequency.
     pub signals: Vec<Text>,
 }
 
@@ -51,6 +53,7 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
             data_sheet: None,
             shaker: None,
             displacement_limit_m: SENSOR_RANGE_M,
+            half_cycles_ahead: 0.0,
         });
     };
     let range = rig.positive("sensor_range_m").map_or(SENSOR_RANGE_M, |n| n.value);
@@ -60,6 +63,7 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
     let within = format!("greater than 0 and at most sensor_range_m = {range}");
     let limit = rig.number_if("displacement_limit_m", |v| v > 0.0 && v <= range, &within);
+    let ahead = rig.number_if("half_cycles_ahead", |v| (0.0..=20.0).contains(&v), "from 0 to 20");
     let data_sheet = rig.table("sensors", None).map(read_sensors);
     let shaker = rig.table("shaker", None).map(|table| read_shaker(&table));
     rig.finish();
@@ -71,6 +75,7 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
         sensor_noise_rms_m: noise.map_or(0.0, |n| n.value),
         noise_seed: seed.map_or(1, |n| n.value as u32),
         displacement_limit_m: limit.map_or(range, |n| n.value),
+        half_cycles_ahead: ahead.map_or(0.0, |n| n.value),
     })
 }
 
@@ -186,7 +191,7 @@ impl Telemetry {
     /// The first wanted name that the device does not have, with what it does have.
     pub fn select(&self, available: &[String]) -> Result<Vec<usize>, (Span, String)> {
         if self.signals.is_empty() {
-            return Ok((0..available.len()).collect());
+            return Ok((0..available.len().min(MOTION_SIGNALS)).collect());
         }
         let find = |wanted: &Text| {
             available.iter().position(|a| *a == wanted.value).ok_or_else(|| {

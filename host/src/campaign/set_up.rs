@@ -5,6 +5,7 @@
 
 use std::f64::consts::TAU;
 
+use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::rig::TICK_HZ;
@@ -40,12 +41,49 @@ struct ParticleSpec {
     place: Place,
 }
 
+/// What the friction damper's spring is set to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpringTarget {
+    /// γF = μe·F_N/(kZ), kept while Z changes.
+    FrictionRatio(f64),
+    /// F_N, N.
+    NormalForce(f64),
+    /// Δs from the zero reading, m.
+    Deflection(f64),
+}
+
+/// A friction damper whose spring the rig tunes by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringSpec {
+    /// What it is set to.
+    pub target: SpringTarget,
+    /// μe between block and structure.
+    pub friction_coefficient: f64,
+    /// k_s as far as known, N/m: the rig measures it.
+    pub stiffness_n_per_m: f64,
+}
+
+impl SpringSpec {
+    /// The normal force that is wanted on a structure of this stiffness at base amplitude Z, N.
+    #[must_use]
+    pub fn normal_force_n(&self, structure_stiffness_n_per_m: f64, base_amplitude_m: f64) -> f64 {
+        match self.target {
+            SpringTarget::FrictionRatio(ratio) => {
+                ratio * structure_stiffness_n_per_m * base_amplitude_m / self.friction_coefficient
+            }
+            SpringTarget::NormalForce(force) => force,
+            SpringTarget::Deflection(deflection) => self.stiffness_n_per_m * deflection,
+        }
+    }
+}
+
 /// A set-up as written: some of it may scale with the base amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetUpSpec {
     structure: Structure,
     particle: Option<ParticleSpec>,
     friction: Option<Relative>,
+    spring: Option<SpringSpec>,
     gravity_m_per_s2: f64,
 }
 
@@ -65,10 +103,14 @@ impl SetUpSpec {
                 Relative::Ratio(ratio) => ratio * self.structure.stiffness_n_per_m * base_amplitude_m,
             },
         });
+        let by_spring = self.spring.map(|spring| FrictionDamper {
+            force_n: spring.friction_coefficient
+                * spring.normal_force_n(self.structure.stiffness_n_per_m, base_amplitude_m),
+        });
         SetUp {
             structure: self.structure,
             particle,
-            friction_damper,
+            friction_damper: by_spring.or(friction_damper),
             tmd: None,
             gravity_m_per_s2: self.gravity_m_per_s2,
         }
@@ -117,6 +159,12 @@ impl CampaignSetUp {
     #[must_use]
     pub fn particle_start_m(&self) -> f64 {
         self.spec.particle_start_m(self.base_amplitude_m)
+    }
+
+    /// The friction damper's spring, where the rig tunes it.
+    #[must_use]
+    pub fn spring(&self) -> Option<SpringSpec> {
+        self.spec.spring
     }
 
     /// d/Z; `None` without a particle.
@@ -200,7 +248,8 @@ fn read<'a>(section: Section<'a>, defaults: &Defaults<'a>) -> Option<CampaignSet
     let spec = SetUpSpec {
         structure: structure?,
         particle,
-        friction,
+        friction: friction.and_then(Friction::constant),
+        spring: friction.and_then(Friction::tuned),
         gravity_m_per_s2: defaults.gravity.unwrap_or(damprig_core::model::GRAVITY_M_PER_S2),
     };
     let label = label.map_or_else(|| name.clone(), |l| l.value);
@@ -291,9 +340,67 @@ fn read_wall(table: Section) -> Option<Wall> {
     Some(Wall::Restitution { coefficient: coefficient?.value })
 }
 
-fn read_friction(table: Section) -> Option<Relative> {
-    let force = table.either(["force_n", "friction_ratio"], Section::not_negative);
+/// A friction damper of constant force, or one whose spring the rig tunes.
+#[derive(Clone, Copy)]
+enum Friction {
+    Constant(Relative),
+    Tuned(SpringSpec),
+}
+
+impl Friction {
+    fn constant(self) -> Option<Relative> {
+        if let Self::Constant(force) = self { Some(force) } else { None }
+    }
+
+    fn tuned(self) -> Option<SpringSpec> {
+        if let Self::Tuned(spring) = self { Some(spring) } else { None }
+    }
+}
+
+fn read_friction(table: Section) -> Option<Friction> {
+    if !table.has_own("spring") {
+        let force = table.either(["force_n", "friction_ratio"], Section::not_negative);
+        table.finish();
+        let (which, force) = force?;
+        let force = if which == 0 { Relative::Absolute(force.value) } else { Relative::Ratio(force.value) };
+        return Some(Friction::Constant(force));
+    }
+    for key in ["force_n", "friction_ratio"] {
+        if let Some(force) = table.number(key) {
+            let help = Some(format!("leave out `{key}`, or put it into `spring` to have the rig tune it"));
+            table.refuse(key, &force.span, "`spring` is given too, and gives the force", help);
+        }
+    }
+    let spring = table.table("spring", None).and_then(read_spring);
     table.finish();
-    let (which, force) = force?;
-    Some(if which == 0 { Relative::Absolute(force.value) } else { Relative::Ratio(force.value) })
+    spring.map(Friction::Tuned)
+}
+
+/// One target, and what is known of the spring.
+fn read_spring(table: Section) -> Option<SpringSpec> {
+    const KEYS: [&str; 3] = ["friction_ratio", "normal_force_n", "deflection_m"];
+    let given: Vec<_> = KEYS.iter().filter_map(|key| table.not_negative(key).map(|number| (*key, number))).collect();
+    let default = SpringConfig::default();
+    let friction = table.positive("friction_coefficient");
+    let stiffness = table.positive("stiffness_n_per_m");
+    if let [_, (key, number), ..] = &given[..] {
+        let help = Some(format!("leave one of `{}` and `{key}` out", given[0].0));
+        table.refuse(key, &number.span, "a spring has one target", help);
+        table.finish();
+        return None;
+    }
+    if given.is_empty() && KEYS.iter().all(|key| !table.has_own(key)) {
+        table.lack(KEYS[0], "give `friction_ratio`, `normal_force_n` or `deflection_m`");
+    }
+    table.finish();
+    let (key, number) = given.into_iter().next()?;
+    Some(SpringSpec {
+        target: match key {
+            "friction_ratio" => SpringTarget::FrictionRatio(number.value),
+            "normal_force_n" => SpringTarget::NormalForce(number.value),
+            _ => SpringTarget::Deflection(number.value),
+        },
+        friction_coefficient: friction.map_or(f64::from(default.friction_coefficient), |n| n.value),
+        stiffness_n_per_m: stiffness.map_or(f64::from(default.stiffness_n_per_m), |n| n.value),
+    })
 }

@@ -21,7 +21,7 @@ impl<S: PlantScalar> VirtualRig<S> {
     /// An idle board without a plant.
     #[must_use]
     pub fn new() -> Self {
-        let name = Name { firmware: env!("CARGO_PKG_VERSION"), board: "virtual" };
+        let name = Name::new(env!("CARGO_PKG_VERSION"), "virtual");
         Self { board: Box::new(Simulated::new(name)) }
     }
 }

@@ -2,14 +2,19 @@
 
 use std::ops::Range;
 
-use damprig_core::control::limits::Fault;
+use damprig_core::control::friction_spring::SpringConfig;
+use damprig_core::control::limits::{Fault, Limits};
+use damprig_core::control::safety::SafetyConfig;
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::measure::point::PointResult;
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::TICK_HZ;
+use damprig_core::twin::TwinConfig;
 
 use super::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, RigSettings, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use crate::recording::samples::Label;
 use crate::recording::{ResultRow, Signal};
@@ -35,7 +40,7 @@ impl Selection {
             let message = format!("the device ticks at {tick_hz} Hz and this program reckons with {TICK_HZ} Hz");
             return Err(Refusal(message).into());
         }
-        let table = &session.description.signals;
+        let table = &session.signals;
         let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
         let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
             let title = "`telemetry.signals` names a signal that the device does not have".into();
@@ -51,6 +56,9 @@ impl Selection {
 
 /// `x` in metres becomes `x_m`.
 fn column_name(name: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        return name.to_string();
+    }
     format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
 }
 
@@ -88,6 +96,45 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp) -> PlantConfig {
             seed: u64::from(rig.noise_seed),
         },
         data_sheet: rig.data_sheet,
+        walls: set_up.model().particle.map(|_| WallSensors::default()),
+        spring: set_up.spring().map(|spring| SpringPlant {
+            friction_coefficient: spring.friction_coefficient as f32,
+            seed: u64::from(rig.noise_seed),
+            ..SpringPlant::default()
+        }),
+    }
+}
+
+/// The constants of the friction damper's drive.
+pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringConfig {
+    SpringConfig {
+        stiffness_n_per_m: spring.stiffness_n_per_m as f32,
+        friction_coefficient: spring.friction_coefficient as f32,
+        structure_stiffness_n_per_m: set_up.model().structure.stiffness_n_per_m as f32,
+        ..SpringConfig::default()
+    }
+}
+
+/// A twin of the set-up, where one of its signals is recorded.
+pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp) -> Option<TwinConfig> {
+    let is_wanted = selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
+    is_wanted.then(|| TwinConfig::new(set_up.model()))
+}
+
+/// The interlocks. A displacement sensor counts as frozen after half a second, or half a period if that is longer.
+pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &SteppedSine) -> SafetyConfig {
+    let limit_m = rig.displacement_limit_m as f32;
+    let lowest_hz = experiment.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    // What the sensor cannot resolve does not move.
+    let is_seen = set_up.base_amplitude_m > 5.0 * rig.sensor_resolution_m;
+    SafetyConfig {
+        limits: Limits { structure_m: limit_m, base_m: limit_m },
+        sensor_range_m: 1.05 * rig.sensor_range_m as f32,
+        half_cycles_ahead: rig.half_cycles_ahead as f32,
+        frozen_s: if is_seen { (0.5 / lowest_hz).max(0.5) as f32 } else { 0.0 },
+        // A drive at its limit is told with the point's result.
+        saturated_s: 1e6,
+        ..SafetyConfig::default()
     }
 }
 

@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     fn message(seq: u32) -> Telemetry {
-        Telemetry { seq, first_tick: seq, every_ticks: 1, values: Default::default() }
+        Telemetry { seq, first_tick: seq, every_ticks: 1, width: 1, values: Default::default() }
     }
 
     fn order(seqs: &[u32]) -> (Vec<u32>, u64) {

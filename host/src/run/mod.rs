@@ -11,10 +11,13 @@ mod reconnect;
 pub mod resume;
 mod segment;
 mod track;
+mod tune;
 
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use damprig_core::control::friction_spring;
+use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::rig::TICK_HZ;
 use damprig_protocol::{Ask, PlantKind};
 
@@ -47,13 +50,33 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: damprig_core::control::limits::Cause,
+        cause: damprig_core::control::safety::Danger,
         /// When, since the start of the experiment, s.
         t_s: f64,
         /// The value that broke the limit.
         value: f32,
         /// The limit.
         limit: f32,
+    },
+    /// The friction damper's spring could not be set.
+    #[error("set-up {set_up:?}: {} (value {value}, limit {limit})", cause.text())]
+    Spring {
+        /// The set-up.
+        set_up: String,
+        /// What happened.
+        cause: friction_spring::Cause,
+        /// The value that broke the limit.
+        value: f32,
+        /// The limit.
+        limit: f32,
+    },
+    /// The friction damper's spring never said that it was done.
+    #[error("set-up {set_up:?}: the friction damper's spring did not come to its end; it is {}", stage.text())]
+    SpringLost {
+        /// The set-up.
+        set_up: String,
+        /// What the spring is doing.
+        stage: friction_spring::Stage,
     },
     /// The same point was begun again and again and never came to its end.
     #[error(
@@ -90,6 +113,16 @@ pub trait Watcher {
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);
+
+    /// The particle hit a wall, in a tick since the experiment's start.
+    fn impact(&mut self, impact: &ImpactRecord) {
+        let _ = impact;
+    }
+
+    /// The friction damper's spring has something to tell.
+    fn spring(&mut self, happening: &friction_spring::Happening) {
+        let _ = happening;
+    }
 
     /// The link was lost, is sought, or is there again.
     fn link(&mut self, state: &str);
@@ -204,7 +237,7 @@ impl<'a> Run<'a> {
 
     fn make_ready(&mut self) -> Result<(), SessionError> {
         self.session.bring_to_idle()?;
-        self.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })
+        self.end_telemetry()
     }
 
     /// The next start that an experiment on a set-up needs, if any.
@@ -270,5 +303,10 @@ impl<'a> Run<'a> {
                 }
             }
         }
+    }
+
+    fn end_telemetry(&mut self) -> Result<(), SessionError> {
+        let ask = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
+        self.session.tell("end the telemetry", ask)
     }
 }

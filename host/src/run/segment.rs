@@ -6,10 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use damprig_core::control::limits::Limits;
 use damprig_core::measure::point::PointResult;
 use damprig_core::rig::{State, TICK_HZ};
-use damprig_protocol::{Answer, Ask, Happening, PlantKind, Telemetry};
+use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
 
 use super::convert::{self, fault_error};
 use super::track::Track;
@@ -52,7 +51,9 @@ pub(super) struct Segment<'r, 'a, 'c> {
     track: Track,
     label: Arc<Label>,
     clock: ClockPairs,
-    /// Place of the drive frequency in the device's signals, and its value in the last row.
+    /// The signals that are sent, by their places in the device's table: those recorded, and the drive frequency.
+    places: Vec<usize>,
+    /// Place of the drive frequency among them, and its value in the last row.
     frequency_at: Option<usize>,
     frequency_hz: f32,
 }
@@ -67,9 +68,14 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let track = Track::new(task.points.clone(), run.every_ticks, is_granted).with_ramp(task.experiment.ramp_s);
         let label = Arc::new(convert::label(task.set_up, task.experiment, task.number, task.points.start));
         let before_s = run.tally.rig_s;
-        let frequency_at = run.session.description.signals.iter().position(|s| s.name == "frequency");
+        let mut places = run.selection.positions.clone();
+        let frequency = run.session.signals.iter().position(|s| s.name == "frequency");
+        if let Some(place) = frequency.filter(|place| !places.contains(place) && places.len() < MOST_SIGNALS) {
+            places.push(place);
+        }
+        let frequency_at = places.iter().position(|&place| Some(place) == frequency);
         let clock = ClockPairs::default();
-        let mut segment = Self { run, task, track, label, clock, frequency_at, frequency_hz: 0.0 };
+        let mut segment = Self { run, task, track, label, clock, places, frequency_at, frequency_hz: 0.0 };
         let end = segment.start().and_then(|()| segment.follow(before_s));
         segment.run.tally.counters.missing_records += segment.track.missing_messages();
         end
@@ -106,16 +112,23 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let plant = convert::plant(rig, set_up);
             session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
-        let limits = Limits { structure_m: rig.displacement_limit_m as f32, base_m: rig.displacement_limit_m as f32 };
-        session.tell("take the limits", Ask::SetLimits(limits))?;
+        session.tell("take the limits", Ask::SetSafety(convert::safety(rig, set_up, experiment)))?;
+        session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up)))?;
         let plan = convert::plan(set_up, experiment, self.task.points.clone());
         session.tell("take the experiment", Ask::Configure(plan))?;
-        Ok(())
+        match set_up.spring() {
+            Some(spring) => self.run.tune(set_up, &spring),
+            None => self.run.free(set_up),
+        }
     }
 
     fn telemetry(&mut self) -> Result<(), RunError> {
-        let every_ticks = self.run.every_ticks;
-        Ok(self.run.session.tell("send telemetry", Ask::SetTelemetry { every_ticks })?)
+        let ask = Ask::SetTelemetry {
+            every_ticks: self.run.every_ticks,
+            signals: self.places.iter().map(|&place| place as u8).collect(),
+            impacts: self.task.set_up.model().particle.is_some(),
+        };
+        Ok(self.run.session.tell("send telemetry", ask)?)
     }
 
     fn follow(&mut self, before_s: f64) -> Result<End, RunError> {
@@ -154,7 +167,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         self.record_all()?;
         self.fetch_missing(self.track.end_index() as u16)?;
         if self.run.every_ticks > 0 {
-            self.run.session.tell("end the telemetry", Ask::SetTelemetry { every_ticks: 0 })?;
+            self.run.end_telemetry()?;
         }
         self.run.note(Entry::Finished(Finished {
             set_up: self.task.set_up.name.clone(),
@@ -170,7 +183,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn handle(&mut self, report: Report) -> Result<(), RunError> {
         match report {
             Report::Telemetry(message) => {
-                let rows = message.values.len() / self.run.session.description.signals.len().max(1);
+                let rows = message.values.len() / usize::from(message.width).max(1);
                 let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
                 self.heard_of(message.first_tick.saturating_add(span));
                 self.track.arrived(*message).iter().try_for_each(|message| self.record(message))
@@ -179,7 +192,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 self.heard_of(tick);
                 // The device keeps only the last few results: one that was lost is asked for at once.
                 self.fetch_missing(result.index)?;
-                if self.track.point_done(result.index, tick) {
+                if self.track.point_done(result.index, result.end_tick.saturating_sub(1)) {
                     self.take(&result);
                 }
                 Ok(())
@@ -191,6 +204,14 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 Ok(())
             }
             Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            Report::Event { event: Happening::Impact(impact), .. } => {
+                self.run.watcher.impact(&impact);
+                Ok(())
+            }
+            Report::Event { event: Happening::Spring(happening), .. } => {
+                self.run.watcher.spring(&happening);
+                Ok(())
+            }
         }
     }
 
@@ -236,9 +257,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     fn record(&mut self, message: &Telemetry) -> Result<(), RunError> {
-        let signals = self.run.session.description.signals.len();
         let mut block: Option<Rows> = None;
-        for (tick, values) in self.track.rows(message, signals) {
+        for (tick, values) in self.track.rows(message) {
             self.notice_the_end_of_a_point(values)?;
             let index = self.track.point_of(tick);
             if self.label.point_index as usize != index {
@@ -248,7 +268,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let empty = || Rows { label: Arc::clone(&self.label), ticks: Vec::new(), values: Vec::new() };
             let rows = block.get_or_insert_with(empty);
             rows.ticks.push(tick);
-            rows.values.extend(self.run.selection.positions.iter().map(|&i| values[i]));
+            rows.values.extend(values.iter().take(self.run.selection.positions.len()));
         }
         block.into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
         Ok(())

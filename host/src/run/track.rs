@@ -7,8 +7,7 @@ use std::ops::Range;
 
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::rig::TICK_HZ;
-use damprig_device::outbox::ROWS_PER_BATCH;
-use damprig_protocol::Telemetry;
+use damprig_protocol::{MOST_VALUES, Telemetry};
 
 use super::in_order::InOrder;
 
@@ -16,7 +15,8 @@ use super::in_order::InOrder;
 /// board fills a message. A row that was lost on the line does not come, however long one waits.
 fn most_quiet_turns(every_ticks: u16) -> u32 {
     const TURNS_PER_S: u32 = 20;
-    let message_ticks = u32::from(every_ticks) * ROWS_PER_BATCH as u32;
+    // Two signals make the longest message.
+    let message_ticks = u32::from(every_ticks) * (MOST_VALUES / 2) as u32;
     TURNS_PER_S / 2 + (message_ticks * TURNS_PER_S / TICK_HZ as u32).min(10 * TURNS_PER_S)
 }
 
@@ -91,8 +91,8 @@ impl Track {
     }
 
     /// The rows of a message whose turn it is, each with its tick, up to the end.
-    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry, signals: usize) -> Vec<(u32, &'m [f32])> {
-        let rows = message.values.chunks_exact(signals.max(1)).enumerate();
+    pub(super) fn rows<'m>(&mut self, message: &'m Telemetry) -> Vec<(u32, &'m [f32])> {
+        let rows = message.values.chunks_exact(usize::from(message.width).max(1)).enumerate();
         let tick = |i: usize| message.first_tick.saturating_add(i as u32 * u32::from(message.every_ticks));
         let own: Vec<_> = rows
             .map(|(i, values)| (tick(i), values))
@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     fn message(seq: u32, first_tick: u32, rows: usize) -> Telemetry {
-        Telemetry { seq, first_tick, every_ticks: 10, values: (0..2 * rows).map(|i| i as f32).collect() }
+        Telemetry { seq, first_tick, every_ticks: 10, width: 2, values: (0..2 * rows).map(|i| i as f32).collect() }
     }
 
     #[test]
@@ -205,7 +205,7 @@ mod tests {
         let mut track = Track::new(0..2, 10, true);
         track.point_done(0, 105);
         let late = message(0, 90, 3);
-        let points: Vec<_> = track.rows(&late, 2).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
+        let points: Vec<_> = track.rows(&late).into_iter().map(|(tick, _)| (tick, track.point_of(tick))).collect();
         assert_eq!(points, [(90, 0), (100, 0), (110, 1)]);
     }
 
@@ -215,7 +215,7 @@ mod tests {
         track.point_done(0, 100);
         track.finished(125);
         assert!(!track.is_complete());
-        track.rows(&message(0, 110, 2), 2);
+        track.rows(&message(0, 110, 2));
         assert!(track.is_complete());
     }
 

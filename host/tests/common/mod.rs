@@ -137,7 +137,7 @@ impl Served {
 }
 
 fn board() -> Box<Simulated<f32>> {
-    Box::new(Simulated::new(Name { firmware: "0.0.0", board: "test" }))
+    Box::new(Simulated::new(Name::new("0.0.0", "test")))
 }
 
 fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl FnMut(&FromDevice) -> Fate) -> Heard {

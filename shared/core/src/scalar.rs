@@ -115,4 +115,10 @@ impl Scalar for f32 {
     fn sqrt(self) -> Self {
         libm::sqrtf(self)
     }
+
+    /// One instruction of the controller's.
+    #[inline]
+    fn abs(self) -> Self {
+        libm::fabsf(self)
+    }
 }

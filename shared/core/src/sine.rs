@@ -12,8 +12,9 @@ pub struct Phase(pub u32);
 impl Phase {
     /// The step per tick for `frequency_hz` at `tick_hz`; resolution `tick_hz`/2³² (0.23 µHz at 1 kHz).
     #[must_use]
+    #[inline]
     pub fn increment(frequency_hz: f32, tick_hz: f32) -> u32 {
-        (f64::from(frequency_hz) / f64::from(tick_hz) * 4_294_967_296.0 + 0.5) as u32
+        (f64::from(frequency_hz) * (4_294_967_296.0 / f64::from(tick_hz)) + 0.5) as u32
     }
 
     /// Advances; tells whether a cycle was completed.

@@ -2,7 +2,7 @@
 
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
-use damprig_core::rig::{SUBSAMPLES, Sensors};
+use damprig_core::rig::{Readings, SUBSAMPLES, Sensors};
 
 struct Bench {
     safety: Safety,
@@ -14,7 +14,7 @@ struct Bench {
 
 impl Bench {
     fn with(config: SafetyConfig) -> Self {
-        let signs = Signs { driving: true, host_heard: true, ..Signs::default() };
+        let signs = Signs { driving: true, swinging: true, host_heard: true, ..Signs::default() };
         Self { safety: Safety::new(&config).unwrap(), tick: 0, x_m: 0.02, z_m: 2e-3, signs }
     }
 
@@ -27,12 +27,13 @@ impl Bench {
         let tick = f64::from(self.tick);
         let sine = |n: usize| libm::sin(15.708e-3 * (tick + n as f64 / SUBSAMPLES as f64)) as f32;
         self.tick += 1;
-        Sensors { x_m: std::array::from_fn(|n| self.x_m * sine(n)), z_m: std::array::from_fn(|n| self.z_m * sine(n)) }
+        let block = |amplitude: f32| std::array::from_fn(|n| amplitude * sine(n));
+        Sensors { x_m: block(self.x_m), z_m: block(self.z_m), ..Sensors::default() }
     }
 
     fn tick(&mut self) -> (Allowed, Option<Danger>) {
         let sensors = self.sensors();
-        let (allowed, trip) = self.safety.tick(&sensors, &self.signs);
+        let (allowed, trip) = self.safety.tick(&Readings::of(&sensors), &self.signs);
         (allowed, trip.map(|trip| trip.danger))
     }
 
@@ -49,7 +50,7 @@ impl Bench {
     }
 
     fn expect_safe_path(&mut self, danger: Danger) {
-        self.signs.driving = false;
+        (self.signs.driving, self.signs.swinging) = (false, false);
         let mut drive = 1.0;
         let fade = if danger.cuts_at_once() { 0 } else { 201 };
         for tick in 0..400 {
@@ -152,7 +153,7 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
                 let mut sensors = bench.sensors();
                 let block = if channel == 0 { &mut sensors.x_m } else { &mut sensors.z_m };
                 *block = [broken; SUBSAMPLES];
-                let (allowed, trip) = bench.safety.tick(&sensors, &bench.signs);
+                let (allowed, trip) = bench.safety.tick(&Readings::of(&sensors), &bench.signs);
                 found = found.or(trip.map(|trip| trip.danger));
                 assert!(allowed.drive.is_finite());
             }
@@ -160,8 +161,8 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
             // Still broken, "at rest": that is not to be believed.
             if danger != Danger::SensorFrozen {
                 for _ in 0..2000 {
-                    let sensors = Sensors { x_m: [broken; SUBSAMPLES], z_m: [0.0; SUBSAMPLES] };
-                    bench.safety.tick(&sensors, &bench.signs);
+                    let sensors = Sensors { x_m: [broken; SUBSAMPLES], ..Sensors::default() };
+                    bench.safety.tick(&Readings::of(&sensors), &bench.signs);
                     assert!(bench.safety.clear().is_err());
                 }
             }
@@ -173,7 +174,7 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
 #[test]
 fn a_sensor_may_stand_still_while_nothing_is_driven() {
     let mut bench = Bench::new();
-    bench.signs.driving = false;
+    (bench.signs.driving, bench.signs.swinging) = (false, false);
     (bench.x_m, bench.z_m) = (0.0, 0.0);
     bench.run(10_000);
     assert_eq!(bench.safety.stage(), SafeStage::Clear);

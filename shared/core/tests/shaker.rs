@@ -212,11 +212,9 @@ fn a_stuck_damper_moves_structure_and_table_as_one() {
 #[test]
 fn the_amplifier_and_the_stroke_have_ends_and_the_plant_tells() {
     let config = |shaker| PlantConfig {
-        set_up: bare(),
-        particle_start_m: 0.0,
         base: Base::Shaker(shaker),
         sensors: SensorModel { noise_rms_m: 0.0, resolution_m: 0.0, ..SensorModel::default() },
-        data_sheet: None,
+        ..PlantConfig::ideal(bare())
     };
     let push = |shaker: Shaker, drive_m: f32| {
         let mut plant = Plant::<f64>::new(&config(shaker)).unwrap();
@@ -236,13 +234,7 @@ fn the_amplifier_and_the_stroke_have_ends_and_the_plant_tells() {
 #[test]
 fn a_shaker_that_cannot_be_is_refused_by_name() {
     let refused = |shaker: Shaker| {
-        let config = PlantConfig {
-            set_up: bare(),
-            particle_start_m: 0.0,
-            base: Base::Shaker(shaker),
-            sensors: SensorModel::default(),
-            data_sheet: None,
-        };
+        let config = PlantConfig { base: Base::Shaker(shaker), ..PlantConfig::ideal(bare()) };
         Plant::<f64>::new(&config).unwrap_err().parameter
     };
     assert_eq!(refused(Shaker { moving_mass_kg: 0.0, ..Shaker::default() }), "shaker.moving_mass_kg");

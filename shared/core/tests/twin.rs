@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
+use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
 use damprig_core::twin::{Twin, TwinConfig, TwinSignals};
@@ -50,7 +50,7 @@ impl Bench {
         Self {
             truth: Sampled::new(truth, Units::metres(1e-4), initial).unwrap(),
             walls: Walls::new(&WallSensors::default(), 3).unwrap(),
-            meter: ImpactMeter::new(&ImpactConfig::default(), 10).unwrap(),
+            meter: ImpactMeter::new(&ImpactConfig::default(), &ForceScale::default(), 10).unwrap(),
             twin: Twin::new(&TwinConfig::new(*believed)).unwrap(),
             sample: 0,
             noise: 1,
@@ -80,9 +80,8 @@ impl Bench {
             z += 0.1 * (base + self.noise());
             self.sample += 1;
         }
-        let [low, high] = self.walls.read::<10>();
         let (twin, heard) = (&mut self.twin, self.heard);
-        self.meter.push(tick, [&low, &high], |record| {
+        self.meter.push(tick, &self.walls.read::<10>(), |record| {
             if heard {
                 twin.detected(record);
             }
@@ -108,7 +107,8 @@ fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
     assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
     assert!(signals.detected - before.1 > 250, "{signals:?}");
     assert_eq!(signals.missing, before.2, "{signals:?}");
-    assert_eq!(signals.predicted - before.0, signals.detected - before.1, "{signals:?}");
+    // One may be between its prediction and the end of its pulse at either end of the count.
+    assert!((signals.predicted - before.0).abs_diff(signals.detected - before.1) <= 1, "{signals:?}");
     assert!(!signals.alarm);
 }
 

@@ -1,30 +1,47 @@
 //! What the converters' counts mean on the rig, in one place: straight lines, checked here, used by the board.
 //!
-//! The scales are stated assumptions until a rig is calibrated: nobody has measured them.
+//! The scales are stated assumptions until a rig is calibrated: nobody has measured them. The wall forces stay counts:
+//! what theirs mean is the core's `ForceScale`.
 
-use damprig_core::rig::{SUBSAMPLES, Sensors};
+use damprig_core::measure::impacts::Pair;
+use damprig_core::rig::{SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
 
-/// A displacement channel: metres = (counts − zero) · metres per count.
+/// Channels of the slow converter: x, z and the friction damper's spring.
+pub const SLOW_CHANNELS: usize = 3;
+
+/// Conversions of a tick's block of the slow channels.
+pub const SLOW_BLOCK: usize = SLOW_CHANNELS * SUBSAMPLES;
+
+/// Conversions of a tick's block of both wall forces.
+pub const WALL_BLOCK: usize = 2 * WALL_SUBSAMPLES;
+
+/// A channel: metres (or newtons) = (counts − zero) · metres (or newtons) per count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channel {
-    /// Counts at zero displacement.
+    /// Counts at zero.
     pub zero_counts: f32,
-    /// m per count; greater than 0.
-    pub metres_per_count: f32,
+    /// m or N per count; greater than 0.
+    pub per_count: f32,
 }
 
 impl Channel {
+    /// A sensor of 0 to `range` over the converter's whole span.
+    #[must_use]
+    pub const fn from_zero(range: f32, full_scale_counts: u16) -> Self {
+        Self { zero_counts: 0.0, per_count: range / full_scale_counts as f32 }
+    }
+
     /// A sensor of ± `range_m` over the converter's whole span, zero in its middle.
     #[must_use]
     pub const fn over_whole_span(range_m: f32, full_scale_counts: u16) -> Self {
         let full = full_scale_counts as f32;
-        Self { zero_counts: 0.5 * full, metres_per_count: 2.0 * range_m / full }
+        Self { zero_counts: 0.5 * full, per_count: 2.0 * range_m / full }
     }
 
-    /// The displacement, m.
+    /// The displacement, m, or the force, N.
     #[must_use]
-    pub fn to_m(&self, counts: u16) -> f32 {
-        (f32::from(counts) - self.zero_counts) * self.metres_per_count
+    pub fn to_si(&self, counts: u16) -> f32 {
+        (f32::from(counts) - self.zero_counts) * self.per_count
     }
 
     /// The counts nearest to a displacement, at most `most`; what lies beyond either end stays there.
@@ -33,7 +50,7 @@ impl Channel {
     pub fn to_counts(&self, displacement_m: f32, most: u16) -> u16 {
         let displacement_m = if displacement_m.is_nan() { 0.0 } else { displacement_m };
         // The cast drops the fraction and saturates at both ends.
-        let counts = (displacement_m / self.metres_per_count + self.zero_counts + 0.5) as u16;
+        let counts = (displacement_m / self.per_count + self.zero_counts + 0.5) as u16;
         counts.min(most)
     }
 }
@@ -45,33 +62,46 @@ pub struct Calibration {
     pub x: Channel,
     /// Base displacement z.
     pub z: Channel,
+    /// Force in the friction damper's spring.
+    pub spring: Channel,
     /// Demanded base displacement.
     pub drive: Channel,
 }
 
 impl Calibration {
     /// The two lasers: ±80 mm as 0 V to 5 V (source document), which a divider (assumed exact) brings to the
-    /// converter's span. The drive: ±`drive_range_m` over the output's span (assumed).
+    /// converter's span. The spring's force sensor: 0 V to 5 V for 0 to 50 N (assumed). The drive: ±`drive_range_m` over
+    /// the output's span (assumed).
     #[must_use]
     pub const fn assumed(input_full_scale_counts: u16, output_full_scale_counts: u16, drive_range_m: f32) -> Self {
         let laser = Channel::over_whole_span(0.08, input_full_scale_counts);
-        Self { x: laser, z: laser, drive: Channel::over_whole_span(drive_range_m, output_full_scale_counts) }
+        Self {
+            x: laser,
+            z: laser,
+            spring: Channel::from_zero(50.0, input_full_scale_counts),
+            drive: Channel::over_whole_span(drive_range_m, output_full_scale_counts),
+        }
     }
 
-    /// A tick's block as the converter leaves it (x, z, x, z, … oldest first) in SI units.
-    #[must_use]
-    pub fn sensors(&self, block: &[u16; 2 * SUBSAMPLES]) -> Sensors {
-        let mut sensors = Sensors::default();
-        for (n, pair) in block.as_chunks::<2>().0.iter().enumerate() {
-            sensors.x_m[n] = self.x.to_m(pair[0]);
-            sensors.z_m[n] = self.z.to_m(pair[1]);
+    /// A tick's blocks as the converters leave them, oldest first: x, z, spring, x, z, …, and low wall, high wall, low
+    /// wall, …; forces and displacements in SI units, wall forces in counts. The switches are the caller's.
+    pub fn fill(&self, slow: &[u16; SLOW_BLOCK], walls: &[u16; WALL_BLOCK], sensors: &mut Sensors) {
+        for (n, triple) in slow.as_chunks::<SLOW_CHANNELS>().0.iter().enumerate() {
+            sensors.x_m[n] = self.x.to_si(triple[0]);
+            sensors.z_m[n] = self.z.to_si(triple[1]);
+            sensors.spring_n[n] = self.spring.to_si(triple[2]);
         }
-        sensors
+        for (pair, counts) in sensors.walls.iter_mut().zip(walls.as_chunks::<2>().0) {
+            *pair = Pair::new(counts[0], counts[1]);
+        }
     }
 }
 
 /// A block that could not be taken: not numbers, so an experiment under way ends with a sensor fault.
-pub const LOST_BLOCK: Sensors = Sensors { x_m: [f32::NAN; SUBSAMPLES], z_m: [f32::NAN; SUBSAMPLES] };
+#[must_use]
+pub fn lost_block() -> Sensors {
+    Sensors { x_m: [f32::NAN; SUBSAMPLES], z_m: [f32::NAN; SUBSAMPLES], ..Sensors::default() }
+}
 
 #[cfg(test)]
 mod tests {
@@ -81,9 +111,9 @@ mod tests {
 
     #[test]
     fn the_ends_of_the_span_are_the_ends_of_the_range() {
-        assert!((RIG.x.to_m(0) + 0.08).abs() < 1e-7);
-        assert!((RIG.x.to_m(65_520) - 0.08).abs() < 1e-7);
-        assert_eq!(RIG.x.to_m(32_760), 0.0);
+        assert!((RIG.x.to_si(0) + 0.08).abs() < 1e-7);
+        assert!((RIG.x.to_si(65_520) - 0.08).abs() < 1e-7);
+        assert_eq!(RIG.x.to_si(32_760), 0.0);
     }
 
     #[test]
@@ -103,23 +133,34 @@ mod tests {
     fn an_output_count_is_the_nearest_to_the_demand() {
         for demand in -49..=49 {
             let demand_m = demand as f32 * 1e-4;
-            let error_m = RIG.drive.to_m(RIG.drive.to_counts(demand_m, 4_095)) - demand_m;
-            assert!(error_m.abs() <= 0.5001 * RIG.drive.metres_per_count, "{demand_m}: {error_m}");
+            let error_m = RIG.drive.to_si(RIG.drive.to_counts(demand_m, 4_095)) - demand_m;
+            assert!(error_m.abs() <= 0.5001 * RIG.drive.per_count, "{demand_m}: {error_m}");
         }
     }
 
     #[test]
-    fn the_converters_pairs_go_to_their_channels_in_order() {
-        let block = core::array::from_fn(|n| if n % 2 == 0 { 32_760 + n as u16 } else { 32_760 - n as u16 });
-        let sensors = RIG.sensors(&block);
+    fn the_converters_samples_go_to_their_channels_in_order() {
+        let slow = core::array::from_fn(|n| match n % 3 {
+            0 => 32_760 + n as u16,
+            1 => 32_760 - n as u16,
+            _ => n as u16,
+        });
+        let walls = core::array::from_fn(|n| n as u16);
+        let mut sensors = Sensors::default();
+        RIG.fill(&slow, &walls, &mut sensors);
         for n in 0..SUBSAMPLES {
-            assert_eq!(sensors.x_m[n], 2.0 * n as f32 * RIG.x.metres_per_count);
-            assert_eq!(sensors.z_m[n], -(2.0 * n as f32 + 1.0) * RIG.z.metres_per_count);
+            assert_eq!(sensors.x_m[n], 3.0 * n as f32 * RIG.x.per_count);
+            assert_eq!(sensors.z_m[n], -(3.0 * n as f32 + 1.0) * RIG.z.per_count);
+            assert_eq!(sensors.spring_n[n], (3.0 * n as f32 + 2.0) * RIG.spring.per_count);
+        }
+        for n in 0..WALL_SUBSAMPLES as u16 {
+            assert_eq!(sensors.walls[usize::from(n)], Pair::new(2 * n, 2 * n + 1));
         }
     }
 
     #[test]
     fn a_lost_block_is_no_number() {
-        assert!(!LOST_BLOCK.all_finite());
+        let readings = damprig_core::rig::Readings::of(&lost_block());
+        assert!(readings.x.peak_m.is_nan() && readings.z.mean_m.is_nan());
     }
 }

@@ -1,17 +1,18 @@
-//! The tick task's whole work: requests to the rig, one tick, and what comes out of it.
+//! The tick task's whole work: orders to the rig, one tick, and what comes out of it.
 
+use crate::orders::{Order, Selection, Work};
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, TICK_HZ};
+use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_protocol::{
-    Answer, Ask, Clock, Counters, Description, FromDevice, Happening, Identity, PlantKind, Refused, Request, SCHEMA,
-    Signal, VERSION, clipped,
+    Answer, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS, PlantKind,
+    Refused, Reset, SCHEMA, Signal, Timing, VERSION, clipped,
 };
-use heapless::Deque;
+use heapless::{Deque, Vec};
 
 /// Numbers of served requests that are kept, to know a repetition: a late copy may come after some that followed it.
 const SERVED_KEPT: usize = 8;
 
-/// What the rig drives, as far as requests can touch it.
+/// What the rig drives, as far as orders can touch it.
 pub trait Bench {
     /// Real, or simulated in which precision.
     const PLANT: PlantKind;
@@ -50,33 +51,35 @@ impl Bench for RealPlant {
 }
 
 /// One row of telemetry.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Its tick.
     pub tick: u32,
     /// Ticks between rows.
     pub every_ticks: u16,
-    /// The signals in order.
-    pub values: [f32; SIGNALS.len()],
+    /// Signals chosen.
+    pub width: u8,
+    /// Their values in their order, then nothing.
+    pub values: [f32; MOST_SIGNALS],
     /// Nothing follows soon: do not wait for more rows before sending.
     pub last: bool,
 }
 
 /// Where control puts what it has to say. Neither may wait: a full lane says no, and control counts it.
 pub trait Lanes {
-    /// Replies, events and clock messages.
+    /// Replies, events and clock messages; how many wait now.
     ///
     /// # Errors
     /// There is no room.
     #[allow(clippy::result_unit_err)] // The only failure is "full", and the caller counts it.
-    fn urgent(&mut self, message: FromDevice) -> Result<(), ()>;
+    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()>;
 
-    /// Telemetry.
+    /// Telemetry; how many rows wait now.
     ///
     /// # Errors
     /// There is no room.
     #[allow(clippy::result_unit_err)]
-    fn row(&mut self, row: Row) -> Result<(), ()>;
+    fn row(&mut self, row: Row) -> Result<usize, ()>;
 }
 
 /// Who this device says it is.
@@ -86,15 +89,46 @@ pub struct Name {
     pub firmware: &'static str,
     /// The board.
     pub board: &'static str,
+    /// Revision of the source; empty where it is not known.
+    pub revision: &'static str,
+    /// How it was built.
+    pub profile: &'static str,
+}
+
+impl Name {
+    /// Without a revision.
+    #[must_use]
+    pub const fn new(firmware: &'static str, board: &'static str) -> Self {
+        Self { firmware, board, revision: "", profile: "" }
+    }
+}
+
+/// How the board came up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Birth {
+    /// What counts its ticks.
+    pub clock_source: ClockSource,
+    /// Why it started.
+    pub reset: Reset,
+    /// What ended an earlier run.
+    pub last_crash: Option<Crash>,
+}
+
+impl Default for Birth {
+    /// A simulated board's.
+    fn default() -> Self {
+        Self { clock_source: ClockSource::Granted, reset: Reset::Unknown, last_crash: None }
+    }
 }
 
 /// Owns the rig.
 #[derive(Clone, Debug)]
 pub struct Control {
     name: Name,
+    birth: Birth,
     rig: Rig,
-    every_ticks: u16,
-    scheduled: Option<Request>,
+    selection: Selection,
+    scheduled: Option<Order>,
     served: Deque<u16, SERVED_KEPT>,
     last_refused: Option<Refused>,
     event_seq: u16,
@@ -105,11 +139,12 @@ pub struct Control {
 impl Control {
     /// An idle rig on the board called `name`.
     #[must_use]
-    pub fn new(name: Name) -> Self {
+    pub fn new(name: Name, birth: Birth) -> Self {
         Self {
             name,
+            birth,
             rig: Rig::new(),
-            every_ticks: 0,
+            selection: Selection::default(),
             scheduled: None,
             served: Deque::new(),
             last_refused: None,
@@ -128,7 +163,7 @@ impl Control {
     /// The tick that comes next.
     #[must_use]
     pub fn next_tick(&self) -> u32 {
-        self.rig.status().tick
+        self.rig.next_tick()
     }
 
     /// Takes over what other tasks have counted.
@@ -137,96 +172,114 @@ impl Control {
         self.counters.requests_dropped = requests_dropped;
     }
 
-    /// Takes one request: answers it, or keeps it for its tick. One request at most waits for its tick.
-    pub fn serve(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
-        if request.at_tick.is_none_or(|at| at <= self.next_tick()) {
-            self.carry_out(request, bench, lanes);
+    /// Takes over how the board keeps its ticks.
+    pub fn note_timing(&mut self, timing: Timing) {
+        self.counters.timing = timing;
+    }
+
+    /// Takes one order: answers it, or keeps it for its tick. One order at most waits for its tick.
+    pub fn serve(&mut self, order: &Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        self.rig.hear_host();
+        if order.at_tick.is_none_or(|at| at <= self.next_tick()) {
+            self.carry_out(order, bench, lanes);
             return;
         }
         match &self.scheduled {
-            None => self.scheduled = Some(request),
-            Some(waiting) if waiting.seq == request.seq => {}
+            None => self.scheduled = Some(order.clone()),
+            Some(waiting) if waiting.seq == order.seq => {}
             Some(_) => {
                 let why = Refusal::NotHere("another request already waits for its tick");
-                self.say(FromDevice::Reply { seq: request.seq, answer: Err(why.into()) }, lanes);
+                self.say(FromDevice::Reply { seq: order.seq, answer: Err(why.into()) }, lanes);
             }
         }
     }
 
-    /// Carries out the request that waited for this tick, if there is one.
+    /// Carries out the order that waited for this tick, if there is one.
     pub fn serve_scheduled(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
         let tick = self.next_tick();
-        if let Some(request) = self.scheduled.take_if(|request| request.at_tick.is_none_or(|at| at <= tick)) {
-            self.carry_out(request, bench, lanes);
+        if let Some(order) = self.scheduled.take_if(|order| order.at_tick.is_none_or(|at| at <= tick)) {
+            self.carry_out(&order, bench, lanes);
         }
     }
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
     /// have been lost, nor one before it, of which a copy was late on the way.
-    fn carry_out(&mut self, request: Request, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    fn carry_out(&mut self, order: &Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
         // Not by `==`: comparing whole questions costs 3.5 KB of flash.
-        if matches!(request.ask, Ask::Identify) {
+        if matches!(order.work, Work::Identify) {
             // A conversation begins, and counts its requests anew.
             self.served.clear();
         }
-        let repeated = self.served.iter().any(|seq| *seq == request.seq);
-        let is_last = self.served.back() == Some(&request.seq);
+        let repeated = self.served.iter().any(|seq| *seq == order.seq);
+        let is_last = self.served.back() == Some(&order.seq);
         // Questions have no effect: a repetition is answered afresh.
-        let is_question = matches!(request.ask, Ask::Identify | Ask::Describe | Ask::Status | Ask::Result { .. });
+        let is_question = order.work.is_question();
         let answer = if repeated && is_last && !is_question {
             self.last_refused.clone().map_or(Ok(Answer::Done), Err)
         } else if repeated && !is_question {
             // Nobody waits for this answer any more.
             Ok(Answer::Done)
         } else {
-            self.answer(request.ask, bench).map_err(Refused::from)
+            self.answer(&order.work, bench).map_err(Refused::from)
         };
         if !repeated {
             if self.served.is_full() {
                 self.served.pop_front();
             }
             // Cannot fail: room was made above.
-            let _ = self.served.push_back(request.seq);
+            let _ = self.served.push_back(order.seq);
             self.last_refused = answer.as_ref().err().cloned();
         }
-        self.say(FromDevice::Reply { seq: request.seq, answer }, lanes);
+        self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
     }
 
-    fn answer(&mut self, ask: Ask, bench: &mut impl Bench) -> Result<Answer, Refusal> {
-        let command = match ask {
-            Ask::Identify => return Ok(Answer::Identity(self.identity())),
-            Ask::Describe => return Ok(Answer::Description(describe(bench))),
-            Ask::Status => return Ok(Answer::Status { status: self.rig.status(), counters: self.counters }),
-            Ask::Result { index } => {
-                return match self.rig.result(index) {
-                    Some(result) => Ok(Answer::Result(*result)),
-                    None => Err(Refusal::NotHere("that result is not kept (any more)")),
-                };
+    fn answer(&mut self, work: &Work, bench: &mut impl Bench) -> Result<Answer, Refusal> {
+        match work {
+            Work::Identify => Ok(Answer::Identity(self.identity())),
+            Work::Describe => Ok(Answer::Description(self.describe(bench))),
+            Work::Status => Ok(Answer::Status { status: self.rig.status(), counters: self.counters }),
+            Work::Signals { from } => Ok(Answer::Signals(signals(*from))),
+            Work::Result { index } => match self.rig.result(*index) {
+                Some(result) => Ok(Answer::Result(*result)),
+                None => Err(Refusal::NotHere("that result is not kept (any more)")),
+            },
+            Work::Snippet { from } => self.snippet(*from),
+            Work::SetTelemetry(selection) => {
+                self.selection.clone_from(selection);
+                Ok(Answer::Done)
             }
-            Ask::SetTelemetry { every_ticks } => {
-                self.every_ticks = every_ticks;
-                return Ok(Answer::Done);
-            }
-            Ask::SetPlant(config) => {
+            Work::SetPlant(config) => {
                 self.rig.must_be_idle()?;
-                bench.set_plant(&config)?;
-                return Ok(Answer::Done);
+                bench.set_plant(config)?;
+                Ok(Answer::Done)
             }
-            Ask::SetLimits(limits) => Command::SetLimits(limits),
-            Ask::Configure(plan) => Command::Configure(plan),
-            Ask::Start => Command::Start,
-            Ask::Stop => Command::Stop,
-            Ask::ClearFault => Command::ClearFault,
-        };
-        if command == Command::Start {
-            self.rig.must_be_idle()?;
-            bench.restart()?;
-            // It waited for a tick of the count that ends here.
-            self.scheduled = None;
-            self.rows_dropped_before_start = self.counters.rows_dropped;
+            Work::Command(command) => {
+                if matches!(command, Command::Start) {
+                    self.rig.could_start()?;
+                    bench.restart()?;
+                    // It waited for a tick of the count that ends here.
+                    self.scheduled = None;
+                    self.rows_dropped_before_start = self.counters.rows_dropped;
+                }
+                self.rig.handle(command)?;
+                Ok(Answer::Done)
+            }
+            Work::Refuse(invalid) => Err((*invalid).into()),
         }
-        self.rig.handle(command)?;
-        Ok(Answer::Done)
+    }
+
+    fn snippet(&self, from: u16) -> Result<Answer, Refusal> {
+        let (snippet, scale) = self.rig.snippet();
+        let Some((samples, side)) = snippet.samples() else {
+            return Err(Refusal::NotHere(if snippet.is_armed() {
+                "no impact has come since the snippet was armed"
+            } else {
+                "no snippet was armed"
+            }));
+        };
+        let rest = samples.get(usize::from(from)..).unwrap_or_default();
+        let length = samples.len() as u16;
+        Ok(Answer::Snippet { scale: *scale, side, length, samples: fit(rest.iter().copied()) })
     }
 
     fn identity(&self) -> Identity {
@@ -238,26 +291,42 @@ impl Control {
         }
     }
 
+    fn describe<B: Bench>(&self, _: &B) -> Description {
+        Description {
+            tick_hz: TICK_HZ,
+            clock: B::CLOCK,
+            plant: B::PLANT,
+            most_points: damprig_core::control::stepped_sine::MOST_POINTS as u16,
+            signals: SIGNALS.len() as u8,
+            most_signals: MOST_SIGNALS as u8,
+            force_rate_hz: TICK_HZ * WALL_SUBSAMPLES as f32,
+            clock_source: self.birth.clock_source,
+            revision: clipped(self.name.revision),
+            profile: clipped(self.name.profile),
+            reset: self.birth.reset,
+            last_crash: self.birth.last_crash,
+        }
+    }
+
     /// One tick of the rig.
     pub fn tick(&mut self, sensors: &Sensors, lanes: &mut impl Lanes) -> Actuators {
         let tick = self.next_tick();
         let (actuators, event) = self.rig.tick(sensors);
         let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
-        if self.every_ticks > 0 && tick.is_multiple_of(u32::from(self.every_ticks)) {
-            let row = Row { tick, every_ticks: self.every_ticks, values: *self.rig.signals(), last: ends };
-            if lanes.row(row).is_err() {
-                self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1);
+        let every_ticks = self.selection.every_ticks;
+        if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
+            let signals = self.rig.signals();
+            let chosen = &self.selection.signals;
+            let mut row = Row { tick, every_ticks, width: chosen.len() as u8, values: [0.0; MOST_SIGNALS], last: ends };
+            for (value, &place) in row.values.iter_mut().zip(chosen) {
+                *value = signals.get(usize::from(place)).copied().unwrap_or(0.0);
+            }
+            match lanes.row(row) {
+                Ok(waiting) => keep_most(&mut self.counters.most_rows_waiting, waiting),
+                Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
             }
         }
-        if let Some(event) = event {
-            let event = match event {
-                Event::Point(result) => Happening::Point(result),
-                Event::Fault(fault) => Happening::Fault(fault),
-                Event::Finished { points } => Happening::Finished {
-                    points,
-                    rows_dropped: self.counters.rows_dropped - self.rows_dropped_before_start,
-                },
-            };
+        if let Some(event) = event.and_then(|event| self.happening(event)) {
             let seq = self.event_seq;
             self.event_seq = seq.wrapping_add(1);
             self.say(FromDevice::Event { seq, tick, event }, lanes);
@@ -265,19 +334,39 @@ impl Control {
         actuators
     }
 
+    /// What the host is told of an event.
+    fn happening(&self, event: Event) -> Option<Happening> {
+        Some(match event {
+            Event::Point(result) => Happening::Point(result),
+            Event::Fault(fault) => Happening::Fault(fault),
+            Event::Finished { points } => Happening::Finished {
+                points,
+                rows_dropped: self.counters.rows_dropped - self.rows_dropped_before_start,
+            },
+            Event::Spring(happening) => Happening::Spring(happening),
+            Event::Impact(record) => return self.selection.impacts.then_some(Happening::Impact(record)),
+        })
+    }
+
     fn say(&mut self, message: FromDevice, lanes: &mut impl Lanes) {
-        if lanes.urgent(message).is_err() {
-            self.counters.replies_dropped = self.counters.replies_dropped.saturating_add(1);
+        match lanes.urgent(message) {
+            Ok(waiting) => keep_most(&mut self.counters.most_replies_waiting, waiting),
+            Err(()) => self.counters.replies_dropped = self.counters.replies_dropped.saturating_add(1),
         }
     }
 }
 
-fn describe<B: Bench>(_: &B) -> Description {
-    Description {
-        tick_hz: TICK_HZ,
-        clock: B::CLOCK,
-        plant: B::PLANT,
-        most_points: damprig_core::control::stepped_sine::MOST_POINTS as u16,
-        signals: SIGNALS.iter().map(|(name, unit)| Signal { name: clipped(name), unit: clipped(unit) }).collect(),
-    }
+fn keep_most(most: &mut u8, now: usize) {
+    *most = (*most).max(now.min(usize::from(u8::MAX)) as u8);
+}
+
+/// The signal table from a place on.
+fn signals<const N: usize>(from: u8) -> Vec<Signal, N> {
+    let rest = SIGNALS.get(usize::from(from)..).unwrap_or_default();
+    fit(rest.iter().map(|(name, unit)| Signal { name: clipped(name), unit: clipped(unit) }))
+}
+
+/// As many as there is room for.
+fn fit<T, const N: usize>(items: impl Iterator<Item = T>) -> Vec<T, N> {
+    items.take(N).collect()
 }

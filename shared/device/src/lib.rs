@@ -4,8 +4,10 @@
 //!
 //! * [`calibration`] says what converter counts mean,
 //! * [`intake`] turns received bytes into requests and counts what is none,
-//! * [`control`] owns the rig: one request at most per tick, one tick, replies, events and telemetry rows out,
+//! * [`orders`] checks what a request carries and makes what it asks for, where there is time for it,
+//! * [`control`] owns the rig: one order at most per tick, one tick, replies, events and telemetry rows out,
 //! * [`outbox`] turns those into frames, replies first, at the pace of the line,
+//! * [`crash`] is what is left of a run of the firmware that ended,
 //! * [`simulated`] is a whole board without pins: the three parts around a simulated plant, under the host's tick
 //!   credit. The virtual rig and the emulated board are both exactly this.
 //!
@@ -16,7 +18,9 @@
 
 pub mod calibration;
 pub mod control;
+pub mod crash;
 pub mod intake;
+pub mod orders;
 pub mod outbox;
 pub mod simulated;
 

@@ -1,7 +1,7 @@
 //! What waits for the line, and how it becomes frames: replies first, telemetry rows in batches, at the line's pace.
 
 use crate::control::Row;
-use damprig_core::rig::{SIGNALS, TICK_HZ};
+use damprig_core::rig::TICK_HZ;
 use damprig_protocol::{MOST_VALUES, Telemetry};
 use heapless::{Deque, Vec};
 
@@ -10,9 +10,6 @@ pub const BAUD: u32 = 921_600;
 
 /// Bytes that the line carries in a tick: ten bits to the byte.
 pub const BYTES_PER_TICK: f32 = BAUD as f32 / 10.0 / TICK_HZ;
-
-/// Rows in a full telemetry message.
-pub const ROWS_PER_BATCH: usize = MOST_VALUES / SIGNALS.len();
 
 /// Collects rows into telemetry messages.
 #[derive(Clone, Debug, Default)]
@@ -28,10 +25,11 @@ impl Batch {
     /// A row that does not follow the one before it at the batch's spacing begins a new batch, so a dropped row is
     /// seen as a gap in the ticks.
     pub fn push(&mut self, row: &Row) {
+        let width = usize::from(row.width).min(row.values.len());
         let continues = self.open.as_ref().is_some_and(|open| {
-            let rows = (open.values.len() / SIGNALS.len()) as u32;
+            let rows = (open.values.len() / width.max(1)) as u32;
             let next_tick = open.first_tick.wrapping_add(rows * u32::from(open.every_ticks));
-            open.every_ticks == row.every_ticks && next_tick == row.tick
+            open.every_ticks == row.every_ticks && usize::from(open.width) == width && next_tick == row.tick
         });
         if !continues {
             self.close();
@@ -43,11 +41,12 @@ impl Batch {
             seq: self.seq,
             first_tick: row.tick,
             every_ticks: row.every_ticks,
+            width: width as u8,
             values: Vec::new(),
         });
         // A full batch is closed below, so there is room for a row.
-        let _ = open.values.extend_from_slice(&row.values);
-        if open.values.len() == ROWS_PER_BATCH * SIGNALS.len() || row.last {
+        let _ = open.values.extend_from_slice(&row.values[..width]);
+        if open.values.len() + width > MOST_VALUES || row.last {
             self.close();
         }
     }
@@ -95,9 +94,14 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use damprig_protocol::MOST_SIGNALS;
+
+    const WIDTH: usize = 6;
+    /// In a full message.
+    const ROWS: usize = MOST_VALUES / WIDTH;
 
     fn row(tick: u32) -> Row {
-        Row { tick, every_ticks: 5, values: [tick as f32; SIGNALS.len()], last: false }
+        Row { tick, every_ticks: 5, width: WIDTH as u8, values: [tick as f32; MOST_SIGNALS], last: false }
     }
 
     fn batches(rows: &[Row]) -> std::vec::Vec<Telemetry> {
@@ -116,11 +120,11 @@ mod tests {
 
     #[test]
     fn consecutive_rows_share_a_message() {
-        let rows: std::vec::Vec<_> = (0..ROWS_PER_BATCH as u32 + 1).map(|n| row(5 * n)).collect();
+        let rows: std::vec::Vec<_> = (0..ROWS as u32 + 1).map(|n| row(5 * n)).collect();
         let out = batches(&rows);
         assert_eq!(out.len(), 2);
-        assert_eq!(out[0].values.len(), ROWS_PER_BATCH * SIGNALS.len());
-        assert_eq!((out[1].seq, out[1].first_tick), (1, 5 * ROWS_PER_BATCH as u32));
+        assert_eq!(out[0].values.len(), ROWS * WIDTH);
+        assert_eq!((out[1].seq, out[1].first_tick), (1, 5 * ROWS as u32));
     }
 
     #[test]

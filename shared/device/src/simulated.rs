@@ -4,15 +4,16 @@
 //! requests are served at once and everything that waits for the line goes out. So nothing that a host can see
 //! depends on how fast either side runs, and a run repeats bit for bit.
 
-use crate::control::{Bench, Control, Lanes, Name, Row};
+use crate::control::{Bench, Birth, Control, Lanes, Name, Row};
 use crate::intake::Intake;
+use crate::orders::Order;
 use crate::outbox::{Batch, Pace};
 use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
-use damprig_core::rig::{Refusal, Sensors, State};
+use damprig_core::rig::{Actuators, Refusal, Sensors, State};
 use damprig_core::scalar::Scalar;
 use damprig_protocol::frame::{self, LONGEST};
-use damprig_protocol::{Ask, Clock, FromDevice, PlantKind, Request, ToDevice};
+use damprig_protocol::{Clock, FromDevice, PlantKind, ToDevice};
 use heapless::Deque;
 
 /// A scalar that a simulated plant may run in.
@@ -52,6 +53,35 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
     }
 }
 
+/// Orders that wait, served where they lie: they are large.
+#[derive(Debug, Default)]
+struct Slots {
+    slots: [Option<Order>; REQUESTS_WAITING],
+    first: usize,
+}
+
+impl Slots {
+    /// Whether there was room.
+    fn put(&mut self, order: Order) -> bool {
+        let free =
+            (0..REQUESTS_WAITING).map(|n| (self.first + n) % REQUESTS_WAITING).find(|&n| self.slots[n].is_none());
+        match free {
+            Some(free) => self.slots[free] = Some(order),
+            None => return false,
+        }
+        true
+    }
+
+    fn front(&self) -> Option<&Order> {
+        self.slots[self.first].as_ref()
+    }
+
+    fn drop_front(&mut self) {
+        self.slots[self.first] = None;
+        self.first = (self.first + 1) % REQUESTS_WAITING;
+    }
+}
+
 #[derive(Debug, Default)]
 struct Waiting {
     urgent: Deque<FromDevice, REPLIES_WAITING>,
@@ -59,12 +89,14 @@ struct Waiting {
 }
 
 impl Lanes for Waiting {
-    fn urgent(&mut self, message: FromDevice) -> Result<(), ()> {
-        self.urgent.push_back(message).map_err(|_| ())
+    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
+        self.urgent.push_back(message).map_err(|_| ())?;
+        Ok(self.urgent.len())
     }
 
-    fn row(&mut self, row: Row) -> Result<(), ()> {
-        self.rows.push_back(row).map_err(|_| ())
+    fn row(&mut self, row: Row) -> Result<usize, ()> {
+        self.rows.push_back(row).map_err(|_| ())?;
+        Ok(self.rows.len())
     }
 }
 
@@ -83,7 +115,7 @@ pub struct Simulated<S> {
     control: Control,
     bench: SimulatedBench<S>,
     intake: Intake,
-    requests: Deque<Request, REQUESTS_WAITING>,
+    orders: Slots,
     requests_dropped: u32,
     waiting: Waiting,
     batch: Batch,
@@ -98,10 +130,10 @@ impl<S: PlantScalar> Simulated<S> {
     #[must_use]
     pub fn new(name: Name) -> Self {
         Self {
-            control: Control::new(name),
+            control: Control::new(name, Birth::default()),
             bench: SimulatedBench { plant: None },
             intake: Intake::default(),
-            requests: Deque::new(),
+            orders: Slots::default(),
             requests_dropped: 0,
             waiting: Waiting::default(),
             batch: Batch::default(),
@@ -122,7 +154,7 @@ impl<S: PlantScalar> Simulated<S> {
                     self.clock_told = false;
                 }
                 Some(ToDevice::Request(request)) => {
-                    if self.requests.push_back(request).is_err() {
+                    if !self.orders.put(Order::prepare(request)) {
                         self.requests_dropped = self.requests_dropped.saturating_add(1);
                     }
                     if self.stands() {
@@ -133,16 +165,40 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
+    /// Control, to look at.
+    #[must_use]
+    pub fn control(&self) -> &Control {
+        &self.control
+    }
+
+    /// The simulated plant, to break it.
+    pub fn plant_mut(&mut self) -> Option<&mut Plant<S>> {
+        self.bench.plant.as_mut()
+    }
+
     /// Lets up to `most_ticks` pass; `out` takes the frames.
-    pub fn run(&mut self, most_ticks: u32, mut out: impl FnMut(&[u8])) -> Progress {
+    pub fn run(&mut self, most_ticks: u32, out: impl FnMut(&[u8])) -> Progress {
+        self.run_watched(most_ticks, out, |tick| tick())
+    }
+
+    /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once.
+    pub fn run_watched(
+        &mut self,
+        most_ticks: u32,
+        mut out: impl FnMut(&[u8]),
+        mut watch: impl FnMut(&mut dyn FnMut()),
+    ) -> Progress {
         let mut frame = [0; LONGEST];
         for _ in 0..most_ticks {
             if self.stands() {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
-            self.serve_next();
-            let actuators = self.control.tick(&self.sensors, &mut self.waiting);
+            let mut actuators = Actuators::default();
+            watch(&mut || {
+                self.serve_next();
+                actuators = self.control.tick(&self.sensors, &mut self.waiting);
+            });
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
             }
@@ -154,11 +210,6 @@ impl<S: PlantScalar> Simulated<S> {
             }
         }
         Progress::Running
-    }
-
-    /// One tick of control alone, with the last samples: what a board spends on a tick besides its plant.
-    pub fn tick_control_only(&mut self) {
-        self.control.tick(&self.sensors, &mut self.waiting);
     }
 
     fn stands(&self) -> bool {
@@ -188,15 +239,18 @@ impl<S: PlantScalar> Simulated<S> {
     /// Serves the request at the head of the queue, and one that waited for this tick.
     fn serve_next(&mut self) -> bool {
         self.control.serve_scheduled(&mut self.bench, &mut self.waiting);
-        let Some(request) = self.requests.pop_front() else { return false };
+        let Some(order) = self.orders.front() else { return false };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
-        let starts = request.ask == Ask::Start && self.control.rig().status().state == State::Idle;
-        self.control.serve(request, &mut self.bench, &mut self.waiting);
-        if starts && self.control.rig().status().state != State::Idle {
+        let starts = order.is_start() && self.control.rig().state() == State::Idle;
+        self.control.serve(order, &mut self.bench, &mut self.waiting);
+        self.orders.drop_front();
+        if starts && self.control.rig().state() != State::Idle {
             // A new count of ticks: credit of the old one means nothing.
             self.until_tick = 0;
             self.clock_told = true;
-            self.sensors = Sensors::default();
+            // The plant is at its start; the friction damper's seat stays where it is.
+            let Sensors { spring_n, at_limit, .. } = self.sensors;
+            self.sensors = Sensors { spring_n, at_limit, ..Sensors::default() };
             self.pace = Pace::default();
             self.batch = Batch::default();
             self.waiting.rows.clear();

@@ -1,10 +1,11 @@
 //! The simulated board as a host sees it: bytes in, bytes out.
 
-use damprig_core::control::limits::{Cause, Limits};
+use damprig_core::control::limits::Limits;
+use damprig_core::control::safety::{Danger, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
-use damprig_core::plant::{Base, PlantConfig, SensorModel};
+use damprig_core::plant::PlantConfig;
 use damprig_core::rig::State;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
@@ -20,7 +21,7 @@ struct Host {
 
 impl Host {
     fn new() -> Self {
-        let name = Name { firmware: "test", board: "none" };
+        let name = Name::new("test", "none");
         Self { board: Simulated::new(name), reader: Reader::default(), bytes: vec![], seq: 0 }
     }
 
@@ -58,13 +59,12 @@ impl Host {
 }
 
 fn plant() -> PlantConfig {
-    PlantConfig {
-        set_up: SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)),
-        particle_start_m: 0.0,
-        base: Base::Prescribed,
-        sensors: SensorModel::default(),
-        data_sheet: None,
-    }
+    PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)))
+}
+
+/// Telemetry of the motion alone.
+fn motion(every_ticks: u16) -> Ask {
+    Ask::SetTelemetry { every_ticks, signals: Default::default(), impacts: false }
 }
 
 fn experiment() -> SteppedSine {
@@ -83,7 +83,7 @@ fn experiment() -> SteppedSine {
 
 fn ready() -> Host {
     let mut host = Host::new();
-    for ask in [Ask::SetPlant(plant()), Ask::Configure(experiment()), Ask::SetTelemetry { every_ticks: 5 }] {
+    for ask in [Ask::SetPlant(plant()), Ask::Configure(experiment()), motion(5)] {
         assert_eq!(host.ask(ask), Ok(Answer::Done));
     }
     host
@@ -106,7 +106,9 @@ fn an_experiment_runs_to_its_end_and_every_row_arrives() {
     let ticks: Vec<u32> = messages
         .iter()
         .filter_map(|message| if let FromDevice::Telemetry(t) = message { Some(t) } else { None })
-        .flat_map(|t| (0..t.values.len() as u32 / 4).map(|row| t.first_tick + row * u32::from(t.every_ticks)))
+        .flat_map(|t| {
+            (0..t.values.len() as u32 / u32::from(t.width)).map(|row| t.first_tick + row * u32::from(t.every_ticks))
+        })
         .collect();
     assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 5), "a gap");
     assert_eq!(ticks.first(), Some(&0));
@@ -168,7 +170,10 @@ fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
     assert_eq!(host.ask(Ask::Stop), Ok(Answer::Done));
     let stop = host.seq;
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::SetTelemetry { every_ticks: 10 }), Ok(Answer::Done));
+    assert_eq!(
+        host.ask(Ask::SetTelemetry { every_ticks: 10, signals: Default::default(), impacts: false }),
+        Ok(Answer::Done)
+    );
     host.grant(100);
     let last = std::mem::replace(&mut host.seq, stop);
     assert_eq!(host.repeat(Ask::Stop), Ok(Answer::Done));
@@ -219,7 +224,8 @@ fn a_damaged_frame_is_counted_and_changes_nothing() {
 fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let mut host = ready();
     let limits = Limits { structure_m: 3e-3, base_m: 0.08 };
-    assert_eq!(host.ask(Ask::SetLimits(limits)), Ok(Answer::Done));
+    let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
+    assert_eq!(host.ask(Ask::SetSafety(safety)), Ok(Answer::Done));
     let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
     assert_eq!(host.ask(Ask::Configure(resonance)), Ok(Answer::Done));
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
@@ -229,13 +235,19 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
         _ => None,
     });
     let fault = fault.expect("a fault");
-    assert_eq!(fault.cause, Cause::StructureDisplacement);
+    assert_eq!(fault.cause, Danger::StructureDisplacement);
     assert!(fault.value >= 3e-3 && fault.value < 3.1e-3, "{fault:?}");
     // A second later the base stands still.
     let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
     let row = last.unwrap().values.chunks(4).next_back().unwrap();
     assert_eq!(row[2], 0.0, "drive");
     assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { state: State::Faulted, .. })));
+    let Err(refused) = host.ask(Ask::ClearFault) else { panic!("it still rings") };
+    assert!(refused.to_string().contains("wait for rest"), "{refused}");
+    // 3 mm at ζω = 0.06 /s need 18 s to come below 1 mm.
+    host.grant(30_000);
+    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted));
     assert_eq!(host.ask(Ask::ClearFault), Ok(Answer::Done));
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
 }
@@ -243,13 +255,14 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
 #[test]
 fn nonsense_is_refused_with_the_parameter_and_what_is_allowed() {
     let mut host = Host::new();
+    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { .. })), "no experiment");
+    assert_eq!(host.ask(Ask::Configure(experiment())), Ok(Answer::Done));
     assert!(matches!(host.ask(Ask::Start), Err(Refused::NotHere { .. })), "no plant");
     let mut config = plant();
     config.set_up.structure.mass_kg = -1.0;
     let Err(refused) = host.ask(Ask::SetPlant(config)) else { panic!() };
     assert_eq!(refused.to_string(), "structure.mass_kg = -1 is not allowed: must be a finite number greater than 0");
     assert_eq!(host.ask(Ask::SetPlant(plant())), Ok(Answer::Done));
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { .. })), "no experiment");
     let too_fast = SteppedSine { frequencies_hz: [51.0].into_iter().collect(), ..experiment() };
     assert!(matches!(host.ask(Ask::Configure(too_fast)), Err(Refused::Invalid { .. })));
     let nan = SteppedSine { amplitude_m: f32::NAN, ..experiment() };

@@ -155,7 +155,8 @@ mod tests {
     #[test]
     fn the_longest_telemetry_fits() {
         let values = core::iter::repeat_n(1.5, crate::MOST_VALUES).collect();
-        let message = FromDevice::Telemetry(Telemetry { seq: u32::MAX, first_tick: u32::MAX, every_ticks: 9, values });
+        let (seq, first_tick) = (u32::MAX, u32::MAX);
+        let message = FromDevice::Telemetry(Telemetry { seq, first_tick, every_ticks: 9, width: 16, values });
         assert!(encode(&message, &mut [0; LONGEST]).is_some());
     }
 }

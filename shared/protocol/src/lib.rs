@@ -27,14 +27,14 @@
 //! let length = frame::encode(&ToDevice::Grant { until_tick: 1000 }, &mut out).unwrap();
 //! assert_eq!(out[..length], [0x08, 0x01, 0xe8, 0x07, 0x62, 0x5f, 0x40, 0xf6, 0x00]);
 //!
-//! // One telemetry row: body 02, seq 1, first tick ac 02 = 300, every 5 ticks, 2 values in IEEE 754 little endian
+//! // One telemetry row: body 02, seq 1, first tick ac 02 = 300, every 5 ticks, 2 wide, 2 values in IEEE 754 little endian
 //! use damprig_protocol::{FromDevice, Telemetry};
 //! let values = [1.5, -2.0].into_iter().collect();
-//! let row = FromDevice::Telemetry(Telemetry { seq: 1, first_tick: 300, every_ticks: 5, values });
+//! let row = FromDevice::Telemetry(Telemetry { seq: 1, first_tick: 300, every_ticks: 5, width: 2, values });
 //! let length = frame::encode(&row, &mut out).unwrap();
 //! let expected = [
-//!     0x07, 0x02, 0x01, 0xac, 0x02, 0x05, 0x02, 0x01, 0x03, 0xc0,
-//!     0x3f, 0x01, 0x01, 0x06, 0xc0, 0x26, 0x34, 0xf1, 0xa9, 0x00,
+//!     0x08, 0x02, 0x01, 0xac, 0x02, 0x05, 0x02, 0x02, 0x01, 0x03, 0xc0,
+//!     0x3f, 0x01, 0x01, 0x06, 0xc0, 0x2c, 0xbd, 0x66, 0x75, 0x00,
 //! ];
 //! assert_eq!(out[..length], expected);
 //! ```
@@ -50,7 +50,7 @@ mod message;
 pub use message::*;
 
 /// Changes when an older or newer other side could misread something that the schema does not show.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
 /// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
 pub const SCHEMA: [u8; 8] = schema();

@@ -1,17 +1,27 @@
 //! The message tables.
 
-use damprig_core::control::limits::{Fault, Limits};
+use damprig_core::control::friction_spring::{self as spring, SpringCommand, SpringConfig};
+use damprig_core::control::limits::Fault;
+use damprig_core::control::safety::SafetyConfig;
 use damprig_core::control::stepped_sine::SteppedSine;
+use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactRecord};
 use damprig_core::measure::point::PointResult;
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Refusal, State, Status};
+use damprig_core::twin::TwinConfig;
 use heapless::{String, Vec};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Most telemetry signals that a board may have.
-pub const MOST_SIGNALS: usize = 8;
+/// Most telemetry signals in a row.
+pub const MOST_SIGNALS: usize = 16;
+
+/// Signals of the table in one answer.
+pub const SIGNALS_TOLD: usize = 8;
+
+/// Samples of a snippet in one answer.
+pub const SAMPLES_TOLD: usize = 64;
 
 /// Most values (rows × signals) in one telemetry message.
 pub const MOST_VALUES: usize = 64;
@@ -51,15 +61,19 @@ pub enum Ask {
     /// State, tick and counters.
     Status,
     /// Set the interlocks.
-    SetLimits(Limits),
+    SetSafety(SafetyConfig),
     /// Set the simulated plant (simulated boards only).
     SetPlant(PlantConfig),
     /// Set the experiment.
     Configure(SteppedSine),
-    /// Send one row of telemetry every so many ticks; 0 for none.
+    /// Send one row of telemetry every so many ticks, and say when impacts happen.
     SetTelemetry {
-        /// Ticks from row to row.
+        /// Ticks from row to row; 0 for none.
         every_ticks: u16,
+        /// What a row holds: places in the signal table, in any order. Empty for the motion alone.
+        signals: Vec<u8, MOST_SIGNALS>,
+        /// Every impact is an event.
+        impacts: bool,
     },
     /// Begin the experiment: the tick restarts at 0, a simulated plant from its start.
     Start,
@@ -72,6 +86,26 @@ pub enum Ask {
     },
     /// Forget a latched fault.
     ClearFault,
+    /// A part of the signal table.
+    Signals {
+        /// The first place wanted.
+        from: u8,
+    },
+    /// Set the friction damper's drive.
+    SetSpring(SpringConfig),
+    /// Home, touch off, press, release, halt.
+    Spring(SpringCommand),
+    /// Set how impacts are found.
+    SetImpacts(ImpactConfig),
+    /// Let a twin of this set-up run along, or none.
+    SetTwin(Option<TwinConfig>),
+    /// Record the shape of the next impact.
+    ArmSnippet,
+    /// A part of the last recorded shape.
+    Snippet {
+        /// The first sample wanted.
+        from: u16,
+    },
 }
 
 /// From the device.
@@ -122,6 +156,19 @@ pub enum Answer {
     },
     /// To [`Ask::Result`].
     Result(PointResult),
+    /// To [`Ask::Signals`]: the table from there on, as much as fits.
+    Signals(Vec<Signal, SIGNALS_TOLD>),
+    /// To [`Ask::Snippet`].
+    Snippet {
+        /// What the samples mean.
+        scale: ForceScale,
+        /// +1 for the wall at +d, −1 for the one at −d.
+        side: i8,
+        /// Samples of the whole shape.
+        length: u16,
+        /// Counts from there on, as many as fit.
+        samples: Vec<u16, SAMPLES_TOLD>,
+    },
 }
 
 /// Who a device is. Its layout never changes.
@@ -177,11 +224,97 @@ pub struct Description {
     pub plant: PlantKind,
     /// Most frequencies in one experiment.
     pub most_points: u16,
-    /// Telemetry signals in order.
-    pub signals: Vec<Signal, MOST_SIGNALS>,
+    /// Length of the signal table ([`Ask::Signals`]).
+    pub signals: u8,
+    /// Most of them in a row.
+    pub most_signals: u8,
+    /// Samples of each wall force per second.
+    pub force_rate_hz: f32,
+    /// Where the ticks come from.
+    pub clock_source: ClockSource,
+    /// Revision of the firmware's source; empty where it is not known.
+    pub revision: String<16>,
+    /// How the firmware was built.
+    pub profile: String<8>,
+    /// Why the board started.
+    pub reset: Reset,
+    /// What ended an earlier run of the firmware.
+    pub last_crash: Option<Crash>,
 }
 
-/// What went wrong on the link, counted since power-on.
+/// What counts a real board's ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ClockSource {
+    /// The host's grants.
+    Granted,
+    /// The crystal, ± 50 ppm.
+    Crystal,
+    /// The internal oscillator, ± 1 %: the crystal did not start.
+    InternalOscillator,
+}
+
+/// Why a board started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Reset {
+    /// Nothing tells: a simulated board, or a cause that is none of these.
+    #[default]
+    Unknown,
+    /// The supply came on or had sagged.
+    Power,
+    /// The reset button, or the debugger.
+    Pin,
+    /// The firmware asked for it: after a panic or a fault of the processor.
+    Software,
+    /// The watchdog.
+    Watchdog,
+}
+
+/// What ended an earlier run of the firmware; it survives the reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Crash {
+    /// What.
+    pub cause: CrashCause,
+    /// The rig's tick.
+    pub tick: u32,
+    /// Where in the program; 0 where nothing tells.
+    pub program_counter: u32,
+    /// Crashes since the supply came on.
+    pub count: u32,
+}
+
+/// What can end the firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum CrashCause {
+    /// A panic.
+    Panic,
+    /// A fault of the processor.
+    HardFault,
+    /// The control tick did not come.
+    ControlStalled,
+    /// The line's tasks did not run.
+    CommunicationStalled,
+    /// The watchdog bit, and nothing says why.
+    Watchdog,
+    /// The crystal stopped.
+    ClockFailed,
+}
+
+impl CrashCause {
+    /// In words, for people.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Panic => "the firmware panicked",
+            Self::HardFault => "the processor met a fault",
+            Self::ControlStalled => "the control tick did not come",
+            Self::CommunicationStalled => "the line's tasks did not run",
+            Self::Watchdog => "the watchdog bit",
+            Self::ClockFailed => "the crystal stopped",
+        }
+    }
+}
+
+/// What went wrong on the link and in time, counted since power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Counters {
     /// Frames that were too long, did not decode or failed their checksum.
@@ -192,6 +325,23 @@ pub struct Counters {
     pub replies_dropped: u32,
     /// Telemetry rows that found no room.
     pub rows_dropped: u32,
+    /// Most replies and events that waited for the line at once.
+    pub most_replies_waiting: u8,
+    /// Most telemetry rows that waited for the line at once.
+    pub most_rows_waiting: u8,
+    /// The tick's time on the board.
+    pub timing: Timing,
+}
+
+/// How a board keeps its ticks; all 0 on a simulated one, whose ticks take no time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Timing {
+    /// Blocks of samples that were overwritten before a tick had read them.
+    pub overruns: u32,
+    /// Longest tick, µs.
+    pub longest_tick_us: u16,
+    /// Largest deviation of a tick's start from its place, µs.
+    pub largest_jitter_us: u16,
 }
 
 /// A batch of telemetry rows, evenly spaced.
@@ -203,6 +353,8 @@ pub struct Telemetry {
     pub first_tick: u32,
     /// Ticks from row to row.
     pub every_ticks: u16,
+    /// Signals in a row.
+    pub width: u8,
     /// Row after row, the signals of each in their order.
     pub values: Vec<f32, MOST_VALUES>,
 }
@@ -221,6 +373,10 @@ pub enum Happening {
     },
     /// An interlock ended the experiment.
     Fault(Fault),
+    /// The friction damper's spring has something to tell.
+    Spring(spring::Happening),
+    /// The particle hit a wall.
+    Impact(ImpactRecord),
 }
 
 /// Why a request was not carried out.
@@ -239,6 +395,13 @@ pub enum Refused {
     WrongState {
         /// The state.
         state: State,
+        /// What to do.
+        advice: String<48>,
+    },
+    /// It makes no sense at this stage of the friction damper's spring.
+    WrongStage {
+        /// The stage.
+        stage: spring::Stage,
         /// What to do.
         advice: String<48>,
     },
@@ -268,6 +431,7 @@ impl From<Refusal> for Refused {
                 Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
             }
             Refusal::WrongState { state, advice } => Self::WrongState { state, advice: clipped(advice) },
+            Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice: clipped(advice) },
             Refusal::NotHere(why) => Self::NotHere { why: clipped(why) },
         }
     }
@@ -280,6 +444,9 @@ impl core::fmt::Display for Refused {
                 write!(f, "{parameter} = {value} is not allowed: must be {allowed}")
             }
             Self::WrongState { state, advice } => write!(f, "not while the rig is {}: {advice}", state.text()),
+            Self::WrongStage { stage, advice } => {
+                write!(f, "not while the friction damper's spring is {}: {advice}", stage.text())
+            }
             Self::NotHere { why } => f.write_str(why),
         }
     }

@@ -129,7 +129,10 @@ pub struct BaseLoop {
     travel: Option<(f32, f32)>,
     half_travel: f32,
     held: u32,
+    /// In the last tick.
     saturated: bool,
+    /// Since last asked.
+    was_saturated: bool,
 }
 
 impl BaseLoop {
@@ -159,19 +162,17 @@ impl BaseLoop {
         let error = target_m * then.0 - z_m;
         self.sine -= self.step * error * then.1;
         self.cosine += self.step * error * then.0;
-        let amplitude = libm::sqrtf(self.sine * self.sine + self.cosine * self.cosine);
-        if amplitude > self.limit {
-            let scale = self.limit / amplitude;
+        let square = self.sine * self.sine + self.cosine * self.cosine;
+        let is_too_much = square > self.limit * self.limit;
+        if is_too_much {
+            let scale = self.limit / libm::sqrtf(square);
             self.sine *= scale;
             self.cosine *= scale;
-            self.saturated = true;
         }
         let drive = self.proportional * error + self.open(now);
-        if drive.abs() > self.limit {
-            self.saturated = true;
-            return drive.max(-self.limit).min(self.limit);
-        }
-        drive
+        self.saturated = is_too_much || drive.abs() > self.limit;
+        self.was_saturated |= self.saturated;
+        drive.max(-self.limit).min(self.limit)
     }
 
     /// The drive without feedback: as it last was, m.
@@ -185,7 +186,7 @@ impl BaseLoop {
         self.lock_in.end_cycle();
         // The nominal length: with z in phase with the sine, the tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
-        self.amplitude = self.lock_in.amplitude_and_phase(1).0 / samples;
+        self.amplitude = libm::sqrtf(self.lock_in.squared_amplitude(1)) / samples;
         self.lock_in = LockIn::default();
         self.half_travel = self.travel.take().map_or(0.0, |(low, high)| (high - low) * 0.5);
         let within = (self.amplitude - target_m).abs() <= self.tolerance * target_m;
@@ -204,9 +205,15 @@ impl BaseLoop {
         (self.half_travel >= RUNAWAY * target_m).then_some(self.half_travel)
     }
 
+    /// The drive was at its limit in the last tick.
+    #[must_use]
+    pub fn is_saturated(&self) -> bool {
+        self.saturated
+    }
+
     /// The drive was at its limit since this was last asked.
-    pub fn take_saturated(&mut self) -> bool {
-        core::mem::take(&mut self.saturated)
+    pub fn take_was_saturated(&mut self) -> bool {
+        core::mem::take(&mut self.was_saturated)
     }
 }
 

@@ -28,6 +28,7 @@
 mod correct;
 mod guards;
 mod joint;
+mod pieces;
 
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
@@ -36,6 +37,7 @@ use crate::model::{Initial, Invalid, SetUp, Wall, require};
 use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, Touch};
+pub use pieces::BegunStep;
 
 /// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -245,6 +247,19 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         sampled
     }
 
+    /// Starts again with everything at rest in its place, as from [`Initial::default`] but without a division.
+    pub fn rest(&mut self) {
+        self.state = State::default();
+        if let Some(link) = self.joint.link_mut() {
+            link.touch = Touch::Clear;
+            link.touched = false;
+        }
+        self.mode = None;
+        self.slide_released = false;
+        self.slip_released = false;
+        self.unresolved = 0;
+    }
+
     /// Starts again from `initial`.
     pub fn reset(&mut self, initial: &Initial) {
         let is_tuned = self.joint.link().is_some_and(Link::is_tuned);
@@ -302,51 +317,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// Advances by one step of base motion.
     pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
-        let mut base = *base;
-        let mut start = S::ZERO;
-        if self.mode.is_none() {
-            let slip = self.state.v - base.velocity();
-            self.mode = Some(self.resolve(&base, slip));
-        }
-        let mut events = 0;
-        while events < MOST_EVENTS_PER_STEP {
-            let mode = self.current_mode();
-            let flight = self.flight(mode, &base);
-            let rest = S::ONE - start;
-            let most = self.joint.link().map_or(rest, |link| link.longest(mode, rest));
-            let (length, event) = self.next_event(mode, &flight, &base, most);
-            observer.mode(mode);
-            observer.flight(start, length, &flight);
-            self.advance(mode, &flight, length);
-            if length > S::ZERO {
-                self.slide_released = false;
-                self.slip_released = false;
-                if let Some(link) = self.joint.link_mut() {
-                    link.touched = false;
-                }
-            }
-            let Some(event) = event else {
-                if self.joint.link().is_some() && most < rest {
-                    start += most;
-                    base = base.from(most);
-                    continue;
-                }
-                return;
-            };
-            events += 1;
-            start += length;
-            base = base.from(length);
-            self.handle(event, mode, &base, start, observer);
-        }
-        self.unresolved += 1;
-        let mode = self.current_mode();
-        let flight = self.flight(mode, &base);
-        observer.mode(mode);
-        observer.flight(start, S::ONE - start, &flight);
-        self.advance(mode, &flight, S::ONE - start);
-        if self.joint.link().is_none() {
-            self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
-        }
+        let mut begun = self.begin_step(base);
+        while !self.go_on(&mut begun, observer) {}
     }
 
     fn current_mode(&self) -> Mode {

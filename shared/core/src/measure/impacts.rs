@@ -10,19 +10,19 @@
 //!
 //! A hard wall rings: within the refractory time a new pulse must exceed a part of the last peak. A contact that does not
 //! end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset (charge
-//! amplifiers drift) is followed while nothing touches. Recording a pulse's shape is [`super::snippet`]'s business.
+//! amplifiers drift) is followed while nothing touches. Following one channel is `pulse`'s business, recording a
+//! pulse's shape [`super::snippet`]'s.
+//!
+//! Everything before a pulse's end is done in the converter's whole counts: fifty samples a tick and wall leave a
+//! controller no time to turn each into a force, and sums of whole numbers lose nothing.
 
+use super::pulse::{Channel, Ended, Finding, LONGEST_BLOCK, Paces, Ring};
+pub use super::pulse::{GUARD, HISTORY, Pair};
 use super::snippet::Snippet;
 use crate::model::{Invalid, positive, require};
-use crate::rig::{SUBSAMPLES, TICK_HZ};
+use crate::rig::{TICK_HZ, WALL_SUBSAMPLES};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
-
-/// Samples before the crossing and after the end that belong to a pulse.
-pub const GUARD: usize = 4;
-
-/// Samples of each channel that are kept: what a snippet shows from before its trigger.
-pub const HISTORY: usize = 64;
 
 /// Time constant with which the offset is followed, s.
 const OFFSET_S: f32 = 1.0;
@@ -43,9 +43,10 @@ pub struct ImpactConfig {
 }
 
 impl Default for ImpactConfig {
-    /// Assumed: 0.16 kg on a structure of up to 10 m/s² presses with 1.6 N; a wall rings for a millisecond or two.
+    /// Assumed: 0.16 kg on a structure of up to 10 m/s² presses with 1.6 N; a wall rings for a millisecond or two. Clipped
+    /// just below the end of [`ForceScale`]'s span.
     fn default() -> Self {
-        Self { threshold_n: 2.5, clip_n: 500.0, refractory_s: 2e-3, ringing: 0.3, longest_contact_s: 0.06 }
+        Self { threshold_n: 2.5, clip_n: 455.0, refractory_s: 2e-3, ringing: 0.3, longest_contact_s: 0.06 }
     }
 }
 
@@ -63,7 +64,7 @@ impl ImpactConfig {
         for (name, value) in
             [("impacts.refractory_s", self.refractory_s), ("impacts.longest_contact_s", self.longest_contact_s)]
         {
-            require((1e-5..=1.0).contains(&value), name, f64::from(value), "from 10 µs to 1 s")?;
+            require((1e-5..=0.5).contains(&value), name, f64::from(value), "from 10 µs to 0.5 s")?;
         }
         Ok(())
     }
@@ -111,171 +112,127 @@ impl ImpactCounts {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
-    Idle,
-    Pulse,
-    /// A contact that has been reported and has not ended.
-    Rest,
+/// Largest count on a wall's channel: twelve bits.
+pub const MOST_COUNTS: u16 = 4095;
+
+/// What a converter's count on a wall's channel means.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct ForceScale {
+    /// N per count; greater than 0.
+    pub newtons_per_count: f32,
+    /// Counts without a force, 0 to [`MOST_COUNTS`]; what drifts from there is followed.
+    pub zero_counts: f32,
 }
 
-/// A pulse as far as it has been seen. Its samples are numbered from the crossing.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pulse {
-    sum: f32,
-    moment: f32,
-    peak: f32,
-    /// The samples next to the highest.
-    neighbours: [f32; 2],
-    peak_is_last: bool,
-    last: f32,
-    count: u32,
-    below: u32,
-}
-
-impl Pulse {
-    #[inline]
-    fn push(&mut self, force: f32) {
-        self.sum += force;
-        self.moment += force * self.count as f32;
-        if self.peak_is_last {
-            self.neighbours[1] = force;
-            self.peak_is_last = false;
-        }
-        if force > self.peak {
-            self.peak = force;
-            self.neighbours[0] = self.last;
-            self.peak_is_last = true;
-        }
-        self.last = force;
-        self.count += 1;
-    }
-
-    /// The top of the parabola through the highest sample and its neighbours.
-    fn top(&self) -> f32 {
-        let [before, after] = self.neighbours;
-        let curvature = 2.0 * self.peak - before - after;
-        if curvature <= 0.0 {
-            return self.peak;
-        }
-        let slope = after - before;
-        self.peak + slope * slope / (8.0 * curvature)
+impl Default for ForceScale {
+    /// Assumed: a sensor of 460 N over a 12-bit converter, its zero set to a tenth of the span.
+    fn default() -> Self {
+        Self { newtons_per_count: 0.125, zero_counts: 410.0 }
     }
 }
 
-/// One wall's channel.
-#[derive(Clone, Debug)]
-struct Channel {
-    history: [f32; HISTORY],
-    at: usize,
-    offset: f32,
-    phase: Phase,
-    pulse: Pulse,
-    /// Samples since the last pulse ended.
-    since: u32,
-    last_peak: f32,
-}
-
-impl Channel {
-    fn new() -> Self {
-        Self {
-            history: [0.0; HISTORY],
-            at: 0,
-            offset: 0.0,
-            phase: Phase::Idle,
-            pulse: Pulse::default(),
-            since: u32::MAX,
-            last_peak: 0.0,
-        }
-    }
-
-    /// Takes a block in which nothing happens, which is nearly every one, at a fraction of the cost; false, and nothing is
-    /// taken, where something does.
-    #[inline]
-    fn is_idle(&mut self, block: &[f32], config: &ImpactConfig, paces: &Paces) -> bool {
-        let limit = config.threshold_n + self.offset;
-        let mut sum = 0.0;
-        let mut quiet = self.phase == Phase::Idle;
-        for &reading in block {
-            quiet &= reading < limit;
-            sum += reading;
-        }
-        // −∞ is below every limit.
-        if !quiet || !sum.is_finite() {
-            return false;
-        }
-        let count = block.len();
-        self.offset += (sum - count as f32 * self.offset) * paces.offset_gain;
-        self.since = self.since.saturating_add(count as u32);
-        let kept = &block[count.saturating_sub(HISTORY)..];
-        let (first, rest) = kept.split_at(kept.len().min(HISTORY - self.at));
-        self.history[self.at..self.at + first.len()].copy_from_slice(first);
-        self.history[..rest.len()].copy_from_slice(rest);
-        self.at = (self.at + kept.len()) % HISTORY;
-        true
-    }
-
-    fn begin(&mut self) {
-        self.phase = Phase::Pulse;
-        self.pulse = Pulse::default();
-        for back in (1..=GUARD).rev() {
-            let force = self.history[(self.at + HISTORY - back) % HISTORY] - self.offset;
-            self.pulse.push(force);
-        }
+impl ForceScale {
+    /// The counts nearest to a force, within those of `lowest` to `highest`.
+    #[must_use]
+    pub fn to_counts(&self, force_n: f32, lowest: u16, highest: u16) -> u16 {
+        // A cast drops the fraction and saturates.
+        ((force_n / self.newtons_per_count + self.zero_counts + 0.5) as u16).clamp(lowest, highest)
     }
 }
 
-/// The constants in samples.
+/// Checked constants in counts and samples.
 #[derive(Clone, Copy, Debug)]
-struct Paces {
+pub struct ImpactSettings {
+    scale: ForceScale,
     samples_per_tick: usize,
-    refractory: u32,
-    longest: u32,
-    offset_gain: f32,
+    paces: Paces,
+}
+
+impl ImpactSettings {
+    /// For channels of `samples_per_tick` samples a tick (1 to 64) on this scale.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
+        config.validate()?;
+        positive("impacts.newtons_per_count", f64::from(scale.newtons_per_count))?;
+        let zero = f64::from(scale.zero_counts);
+        require((0.0..=f64::from(MOST_COUNTS)).contains(&zero), "impacts.zero_counts", zero, "from 0 to 4095")?;
+        let within = (1..=LONGEST_BLOCK).contains(&usize::from(samples_per_tick));
+        require(within, "impacts.samples_per_tick", f64::from(samples_per_tick), "from 1 to 64")?;
+        Ok(Self::of(config, scale, samples_per_tick))
+    }
+
+    /// From checked constants.
+    fn of(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Self {
+        let rate_hz = TICK_HZ * f32::from(samples_per_tick);
+        let samples = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
+        let paces = Paces {
+            threshold: config.threshold_n / scale.newtons_per_count,
+            clip: config.clip_n / scale.newtons_per_count + scale.zero_counts,
+            ringing: config.ringing,
+            refractory: samples(config.refractory_s),
+            // Sums of this many counts stay within their whole numbers.
+            longest: samples(config.longest_contact_s).clamp(GUARD as u32 + 2, 1 << 15),
+            offset_gain: 1.0 / (OFFSET_S * rate_hz),
+        };
+        Self { scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
+    }
+}
+
+impl Default for ImpactSettings {
+    /// The default constants at the rig's rate.
+    fn default() -> Self {
+        Self::of(&ImpactConfig::default(), &ForceScale::default(), WALL_SUBSAMPLES as u8)
+    }
 }
 
 /// Finds impacts in both channels.
 #[derive(Clone, Debug)]
 pub struct ImpactMeter {
-    config: ImpactConfig,
-    paces: Paces,
+    settings: ImpactSettings,
     channels: [Channel; 2],
+    ring: Ring,
+    /// Highest reading of each wall in the last block, counts above its offset; 0 while nothing touches.
+    highest: [f32; 2],
     counts: ImpactCounts,
     counted_before_cycle: u32,
     snippet: Snippet,
 }
 
 impl Default for ImpactMeter {
-    /// The default constants at the rig's sampling rate.
     fn default() -> Self {
-        Self::of(&ImpactConfig::default(), SUBSAMPLES as u8)
+        Self::of(&ImpactSettings::default())
     }
 }
 
 impl ImpactMeter {
-    /// For channels of `samples_per_tick` samples a tick.
+    /// As [`ImpactSettings::new`], at once.
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    pub fn new(config: &ImpactConfig, samples_per_tick: u8) -> Result<Self, Invalid> {
-        config.validate()?;
-        require(samples_per_tick > 0, "impacts.samples_per_tick", f64::from(samples_per_tick), "at least 1")?;
-        Ok(Self::of(config, samples_per_tick))
+    pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
+        Ok(Self::of(&ImpactSettings::new(config, scale, samples_per_tick)?))
     }
 
-    /// From checked constants.
-    fn of(config: &ImpactConfig, samples_per_tick: u8) -> Self {
-        let rate_hz = TICK_HZ * f32::from(samples_per_tick);
-        let samples = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
-        let paces = Paces {
-            samples_per_tick: usize::from(samples_per_tick),
-            refractory: samples(config.refractory_s),
-            longest: samples(config.longest_contact_s).max(GUARD as u32 + 2),
-            offset_gain: 1.0 / (OFFSET_S * rate_hz),
-        };
-        let channels = [Channel::new(), Channel::new()];
-        let (counts, snippet) = (ImpactCounts::default(), Snippet::new());
-        Self { config: *config, paces, channels, counts, counted_before_cycle: 0, snippet }
+    /// Untouched walls.
+    #[must_use]
+    pub fn of(settings: &ImpactSettings) -> Self {
+        Self {
+            settings: *settings,
+            channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
+            ring: Ring::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
+            highest: [0.0; 2],
+            counts: ImpactCounts::default(),
+            counted_before_cycle: 0,
+            snippet: Snippet::new(),
+        }
+    }
+
+    /// Goes on under other settings; pulses in progress are forgotten.
+    pub fn adopt(&mut self, settings: &ImpactSettings) {
+        self.settings = *settings;
+        self.channels = [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces));
     }
 
     /// Counts since the last reset.
@@ -284,12 +241,21 @@ impl ImpactMeter {
         &self.counts
     }
 
+    /// What its counts mean.
+    #[must_use]
+    pub fn scale(&self) -> &ForceScale {
+        &self.settings.scale
+    }
+
+    /// Highest force on each wall in the last block above its offset, N; 0 while nothing touches.
+    #[must_use]
+    pub fn highest_n(&self) -> [f32; 2] {
+        self.highest.map(|counts| counts * self.settings.scale.newtons_per_count)
+    }
+
     /// Counts from zero again; pulses in progress are forgotten.
     pub fn reset(&mut self) {
-        for channel in &mut self.channels {
-            channel.phase = Phase::Idle;
-            channel.since = u32::MAX;
-        }
+        self.channels.iter_mut().for_each(Channel::reset);
         self.counts = ImpactCounts::default();
         self.counted_before_cycle = 0;
     }
@@ -311,94 +277,107 @@ impl ImpactMeter {
         self.snippet.arm();
     }
 
-    /// Takes one tick's blocks: the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. Blocks of another
-    /// length than announced are cut to the shorter.
-    pub fn push(&mut self, tick: u32, blocks: [&[f32]; 2], mut found: impl FnMut(&ImpactRecord)) {
-        for (wall, block) in blocks.into_iter().enumerate() {
-            let block = &block[..block.len().min(self.paces.samples_per_tick)];
-            if !self.snippet.is_filling(wall) && self.channels[wall].is_idle(block, &self.config, &self.paces) {
-                continue;
+    /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
+    /// longer than announced is cut. Whether either wall was not idle.
+    pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) -> bool {
+        let block = &block[..block.len().min(self.settings.samples_per_tick)];
+        let limits = [&self.channels[0], &self.channels[1]].map(Channel::limit);
+        let (reached, sums) = survey(block, limits);
+        self.ring.push(block);
+        let mut busy = false;
+        for wall in 0..2 {
+            let channel = &mut self.channels[wall];
+            if !reached[wall] && channel.is_idle() {
+                self.highest[wall] = 0.0;
+                channel.idle(sums[wall], block.len(), &self.settings.paces);
+            } else {
+                let highest = block.iter().map(|pair| pair.of(wall)).max().unwrap_or_default();
+                self.highest[wall] = f32::from(highest) - channel.offset();
+                self.follow(tick, wall, block, &mut found);
+                busy = true;
             }
-            for (n, &reading) in block.iter().enumerate() {
-                if let Some(record) = self.sample(wall, tick, n, reading) {
+        }
+        self.snippet.push(block);
+        busy
+    }
+
+    fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {
+        let mut from = 0;
+        while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.ring, &self.settings.paces) {
+            match finding {
+                Finding::Began(at) => self.snippet.trigger(wall, at, block.len(), &self.ring),
+                Finding::Rung => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
+                Finding::Ended(ended) => {
                     self.counts.impacts[wall] = self.counts.impacts[wall].wrapping_add(1);
-                    self.counts.clipped += u32::from(record.clipped);
-                    self.counts.held += u32::from(record.held);
-                    found(&record);
+                    self.counts.clipped += u32::from(ended.clipped);
+                    self.counts.held += u32::from(ended.held);
+                    found(&self.record(tick, wall, &ended));
                 }
             }
         }
     }
 
-    #[inline]
-    fn sample(&mut self, wall: usize, tick: u32, n: usize, reading: f32) -> Option<ImpactRecord> {
-        let channel = &mut self.channels[wall];
-        // What is no number is for the sensor watch: here the last reading stands in.
-        let before = channel.history[(channel.at + HISTORY - 1) % HISTORY];
-        let reading = if reading.is_finite() { reading } else { before };
-        let force = reading - channel.offset;
-        let mut record = None;
-        match channel.phase {
-            Phase::Idle => {
-                channel.since = channel.since.saturating_add(1);
-                if force >= self.config.threshold_n {
-                    channel.begin();
-                    channel.pulse.push(force);
-                    self.snippet.trigger(wall, &channel.history, channel.at);
-                } else {
-                    channel.offset += force * self.paces.offset_gain;
-                }
-            }
-            Phase::Pulse => {
-                channel.pulse.push(force);
-                let low = force < 0.5 * self.config.threshold_n;
-                channel.pulse.below = if low { channel.pulse.below + 1 } else { 0 };
-                let held = channel.pulse.count >= self.paces.longest;
-                if channel.pulse.below as usize >= GUARD || held {
-                    channel.phase = if held { Phase::Rest } else { Phase::Idle };
-                    record = self.end(wall, tick, n, held);
-                }
-            }
-            Phase::Rest => {
-                if force < 0.5 * self.config.threshold_n {
-                    channel.phase = Phase::Idle;
-                    channel.since = 0;
-                }
-            }
-        }
-        let channel = &mut self.channels[wall];
-        channel.history[channel.at] = reading;
-        channel.at = (channel.at + 1) % HISTORY;
-        self.snippet.push(wall, reading);
-        record
-    }
-
-    /// The pulse is complete with sample `n` of `tick`; `None` where it was ringing.
-    fn end(&mut self, wall: usize, tick: u32, n: usize, held: bool) -> Option<ImpactRecord> {
-        let channel = &mut self.channels[wall];
-        let pulse = &channel.pulse;
-        let ringing = channel.since < self.paces.refractory && pulse.peak < self.config.ringing * channel.last_peak;
-        channel.since = 0;
-        if ringing {
-            self.counts.suppressed = self.counts.suppressed.wrapping_add(1);
-            return None;
-        }
-        let clipped = pulse.peak + channel.offset >= self.config.clip_n;
-        let peak_n = if clipped { pulse.peak } else { pulse.top() };
-        channel.last_peak = peak_n;
-        let per_tick = self.paces.samples_per_tick as f32;
-        let impulse_n_s = pulse.sum / (per_tick * TICK_HZ);
-        let back = (pulse.count - 1) as f32 - pulse.moment / pulse.sum;
-        let side = if wall == 0 { -1 } else { 1 };
-        Some(ImpactRecord {
+    fn record(&self, tick: u32, wall: usize, ended: &Ended) -> ImpactRecord {
+        let per_tick = self.settings.samples_per_tick as f32;
+        let peak_n = ended.peak * self.settings.scale.newtons_per_count;
+        let impulse_n_s = ended.sum * self.settings.scale.newtons_per_count / (per_tick * TICK_HZ);
+        ImpactRecord {
             tick,
-            centre_ticks: ((n + 1) as f32 - back) / per_tick,
-            side,
+            centre_ticks: ended.centre / per_tick,
+            side: if wall == 0 { -1 } else { 1 },
             peak_n,
             impulse_n_s,
             contact_s: core::f32::consts::FRAC_PI_2 * impulse_n_s / peak_n,
-            clipped,
-            held,
-        })
+            clipped: ended.clipped,
+            held: ended.held,
+        }
+    }
+}
+
+/// Pairs that are added up before their two sums are taken apart: sixteen of twelve bits stay within sixteen bits.
+const TOGETHER: usize = 16;
+
+/// Whether a reading of each wall reaches its limit, and the sum of its readings: what nearly every block ends with. Both
+/// walls of a pair go through one word.
+#[inline]
+fn survey(block: &[Pair], limits: [u16; 2]) -> ([bool; 2], [u32; 2]) {
+    const TOP: u32 = 0x8000_8000;
+    // Added to a reading, it reaches the top bit from the limit on.
+    let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
+    let (mut reached, mut sums) = (0, [0; 2]);
+    for part in block.chunks(TOGETHER) {
+        let mut both = 0u32;
+        for pair in part {
+            both = both.wrapping_add(pair.0);
+            reached |= pair.0.wrapping_add(reach);
+        }
+        sums[0] += both & 0xffff;
+        sums[1] += both >> 16;
+    }
+    ([reached & 0x8000 != 0, reached & 0x8000_0000 != 0], sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_survey_finds_what_a_look_at_every_sample_finds() {
+        let mut random = 1u32;
+        let mut next = |most: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % most
+        };
+        for length in 1..=64usize {
+            let block: heapless::Vec<Pair, 64> =
+                (0..length).map(|_| Pair::new(next(4096) as u16, next(4096) as u16)).collect();
+            for limits in [[4000, 4000], [4090, 1], [0, 4095], [4096, 4096]] {
+                let (reached, sums) = survey(&block, limits);
+                for wall in 0..2 {
+                    assert_eq!(reached[wall], block.iter().any(|pair| pair.of(wall) >= limits[wall]));
+                    assert_eq!(sums[wall], block.iter().map(|pair| u32::from(pair.of(wall))).sum::<u32>());
+                }
+            }
+        }
     }
 }

@@ -1,13 +1,15 @@
 //! Amplitude and phase of a signal at the drive frequency.
 
+use super::sum::Sum;
+
 /// Correlates a signal with the drive's sine and cosine over whole cycles.
 ///
-/// Sums run in `f32` within a cycle and in `f64` over the cycles, so a long dwell loses nothing to rounding
+/// Sums run plainly within a cycle and with their rounding errors over the cycles ([`Sum`]), so a long dwell loses nothing
 /// while a tick costs two multiplications.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LockIn {
     cycle: (f32, f32),
-    total: (f64, f64),
+    total: (Sum, Sum),
 }
 
 impl LockIn {
@@ -20,8 +22,8 @@ impl LockIn {
 
     /// Closes a cycle.
     pub fn end_cycle(&mut self) {
-        self.total.0 += f64::from(self.cycle.0);
-        self.total.1 += f64::from(self.cycle.1);
+        self.total.0.push(self.cycle.0);
+        self.total.1.push(self.cycle.1);
         self.cycle = (0.0, 0.0);
     }
 
@@ -40,14 +42,13 @@ impl LockIn {
         sine * sine + cosine * cosine
     }
 
-    /// The parts in phase with the sine and the cosine. The sums are done: from here `f32` is precise enough, and the
-    /// controller has it in hardware.
+    /// The parts in phase with the sine and the cosine.
     fn components(&self, samples: u32) -> (f32, f32) {
         if samples == 0 {
             return (0.0, 0.0);
         }
         let scale = 2.0 / samples as f32;
-        (self.total.0 as f32 * scale, self.total.1 as f32 * scale)
+        (self.total.0.value() * scale, self.total.1.value() * scale)
     }
 }
 

@@ -5,5 +5,7 @@ pub mod amplitude;
 pub mod impacts;
 pub mod lock_in;
 pub mod point;
+mod pulse;
 pub mod snippet;
+pub mod sum;
 pub mod trend;

@@ -1,8 +1,9 @@
 //! Everything that is measured at one frequency of a stepped sine.
 
 use super::lock_in::LockIn;
+use super::sum::Sum;
 use super::trend::Trend;
-use crate::rig::Sensors;
+use crate::rig::Readings;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +58,8 @@ pub struct PointResult {
     pub cycles: u32,
     /// Both limits of [`SteadyLimits`] are met.
     pub steady: bool,
+    /// Measured impacts on both walls, per cycle.
+    pub impacts_per_cycle: f32,
     /// Tick of the first measured sample.
     pub start_tick: u32,
     /// Tick after the last measured sample.
@@ -71,9 +74,9 @@ pub struct PointMeter {
     drive: LockIn,
     z_harmonics: [LockIn; 4],
     cycle_squares: f32,
-    squares: f64,
+    squares: Sum,
     cycle_max: f32,
-    sum_of_maxima: f64,
+    sum_of_maxima: Sum,
     max: f32,
     last_max: f32,
     trend: Trend,
@@ -98,8 +101,8 @@ impl PointMeter {
 
     /// Takes one tick's samples and drive (m) with the drive's sine and cosine at that tick.
     #[inline]
-    pub fn push(&mut self, sensors: &Sensors, drive_m: f32, reference: (f32, f32)) {
-        let (x, z) = (sensors.mean_x_m(), sensors.mean_z_m());
+    pub fn push(&mut self, readings: &Readings, drive_m: f32, reference: (f32, f32)) {
+        let (x, z) = (readings.x.mean_m, readings.z.mean_m);
         self.x.push(x, reference);
         self.z.push(z, reference);
         self.drive.push(drive_m, reference);
@@ -112,7 +115,7 @@ impl PointMeter {
             lock_in.push(z, harmonic);
         }
         self.cycle_squares += x * x;
-        self.cycle_max = sensors.peak_x_m().max(self.cycle_max);
+        self.cycle_max = readings.x.peak_m.max(self.cycle_max);
         self.cycle_samples += 1;
     }
 
@@ -122,8 +125,8 @@ impl PointMeter {
         self.z.end_cycle();
         self.drive.end_cycle();
         self.z_harmonics.iter_mut().for_each(LockIn::end_cycle);
-        self.squares += f64::from(self.cycle_squares);
-        self.sum_of_maxima += f64::from(self.cycle_max);
+        self.squares.push(self.cycle_squares);
+        self.sum_of_maxima.push(self.cycle_max);
         self.max = self.max.max(self.cycle_max);
         self.last_max = self.cycle_max;
         if self.cycles >= self.trend_from {
@@ -136,46 +139,71 @@ impl PointMeter {
         self.cycle_samples = 0;
     }
 
-    /// The figures of the closed cycles.
+    /// The figures of the closed cycles, in two parts: a controller has no tick for both. First the amplitudes and phases.
     #[must_use]
-    pub fn result(
-        &self,
-        index: u16,
-        frequency_hz: f32,
-        start_tick: u32,
-        end_tick: u32,
-        limits: &SteadyLimits,
-    ) -> PointResult {
-        let (x_amplitude, x_phase) = self.x.amplitude_and_phase(self.samples);
-        let (z_amplitude, z_phase) = self.z.amplitude_and_phase(self.samples);
+    pub fn harmonic_figures(&self) -> HarmonicFigures {
+        let (x_amplitude_m, x_phase) = self.x.amplitude_and_phase(self.samples);
+        let (z_amplitude_m, z_phase) = self.z.amplitude_and_phase(self.samples);
+        HarmonicFigures { x_amplitude_m, z_amplitude_m, phase_rad: wrapped(x_phase - z_phase) }
+    }
+
+    /// Then all of them.
+    #[must_use]
+    pub fn result(&self, place: &Place, harmonic: &HarmonicFigures, limits: &SteadyLimits) -> PointResult {
+        let z_amplitude = harmonic.z_amplitude_m;
         let mut harmonics = 0.0;
         for lock_in in &self.z_harmonics {
             harmonics += lock_in.squared_amplitude(self.samples);
         }
         let distortion = if z_amplitude > 0.0 { libm::sqrtf(harmonics) / z_amplitude } else { 0.0 };
-        let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f64::MAX, f64::MAX));
-        let (change, scatter) = (change as f32, scatter as f32);
+        let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f32::MAX, f32::MAX));
         PointResult {
-            index,
-            frequency_hz,
+            index: place.index,
+            frequency_hz: place.frequency_hz,
             z_amplitude_m: z_amplitude,
             z_distortion: distortion,
             drive_amplitude_m: libm::sqrtf(self.drive.squared_amplitude(self.samples)),
-            drive_saturated: false,
-            x_amplitude_m: x_amplitude,
-            phase_rad: wrapped(x_phase - z_phase),
-            x_rms_m: libm::sqrt(self.squares / f64::from(self.samples.max(1))) as f32,
-            x_mean_cycle_max_m: (self.sum_of_maxima / f64::from(self.cycles.max(1))) as f32,
+            drive_saturated: place.drive_saturated,
+            x_amplitude_m: harmonic.x_amplitude_m,
+            phase_rad: harmonic.phase_rad,
+            x_rms_m: libm::sqrtf(self.squares.value() / self.samples.max(1) as f32),
+            x_mean_cycle_max_m: self.sum_of_maxima.value() / self.cycles.max(1) as f32,
             x_max_m: self.max,
             x_last_cycle_max_m: self.last_max,
             change_per_cycle: change,
             scatter,
             cycles: self.cycles,
             steady: libm::fabsf(change) <= limits.change_per_cycle && scatter <= limits.scatter,
-            start_tick,
-            end_tick,
+            impacts_per_cycle: place.impacts as f32 / self.cycles.max(1) as f32,
+            start_tick: place.start_tick,
+            end_tick: place.end_tick,
         }
     }
+}
+
+/// Where and when a point was measured, and what was counted meanwhile.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// In the whole experiment's frequency list.
+    pub index: u16,
+    /// Drive frequency, Hz.
+    pub frequency_hz: f32,
+    /// Tick of the first measured sample.
+    pub start_tick: u32,
+    /// Tick after the last measured sample.
+    pub end_tick: u32,
+    /// The drive was at its limit.
+    pub drive_saturated: bool,
+    /// Measured impacts.
+    pub impacts: u32,
+}
+
+/// Amplitudes and phase at the drive frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HarmonicFigures {
+    x_amplitude_m: f32,
+    z_amplitude_m: f32,
+    phase_rad: f32,
 }
 
 /// An angle brought into −π … π.
@@ -193,7 +221,7 @@ fn wrapped(angle: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::SUBSAMPLES;
+    use crate::rig::{Readings, SUBSAMPLES, Sensors};
     use crate::sine::Phase;
 
     #[test]
@@ -205,12 +233,12 @@ mod tests {
             let (first, second, fifth) = (multiple(1), multiple(2), multiple(5));
             let z = 1e-3 * (first.0 + 0.03 * second.1 + 0.04 * fifth.0) + 2e-4;
             let sensors = Sensors { z_m: [z; SUBSAMPLES], ..Sensors::default() };
-            meter.push(&sensors, 2e-3 * first.1, first);
+            meter.push(&Readings::of(&sensors), 2e-3 * first.1, first);
             if phase.advance(increment) {
                 meter.end_cycle();
             }
         }
-        let result = meter.result(0, 2.5, 0, 0, &SteadyLimits::default());
+        let result = meter.result(&Place::default(), &meter.harmonic_figures(), &SteadyLimits::default());
         // Cycles end on a tick: what one tick of 20 × 400 adds to a harmonic, 2 · 1.2/8000.
         assert!((result.z_distortion - 0.05).abs() < 3e-4, "{}", result.z_distortion);
         assert!((result.drive_amplitude_m / 2e-3 - 1.0).abs() < 3e-4, "{}", result.drive_amplitude_m);

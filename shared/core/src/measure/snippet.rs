@@ -1,6 +1,6 @@
 //! The shape of one impact: a fixed buffer of force samples from before its trigger until after its end.
 
-use super::impacts::HISTORY;
+use super::pulse::{HISTORY, Pair, Ring};
 
 /// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
 pub const SNIPPET: usize = 256;
@@ -9,6 +9,8 @@ pub const SNIPPET: usize = 256;
 enum Phase {
     Off,
     Armed,
+    /// From this sample of the present block on.
+    Triggered(usize),
     Filling,
     Full,
 }
@@ -16,7 +18,7 @@ enum Phase {
 /// Records once when armed, and keeps what it has until it is armed again.
 #[derive(Clone, Debug)]
 pub struct Snippet {
-    samples: [f32; SNIPPET],
+    samples: [u16; SNIPPET],
     filled: usize,
     wall: usize,
     phase: Phase,
@@ -24,7 +26,7 @@ pub struct Snippet {
 
 impl Snippet {
     pub(super) fn new() -> Self {
-        Self { samples: [0.0; SNIPPET], filled: 0, wall: 0, phase: Phase::Off }
+        Self { samples: [0; SNIPPET], filled: 0, wall: 0, phase: Phase::Off }
     }
 
     pub(super) fn arm(&mut self) {
@@ -32,38 +34,41 @@ impl Snippet {
         self.filled = 0;
     }
 
-    /// Force as read, N, oldest first, and the side (+1 or −1); `None` until it is full.
+    /// It waits for an impact, or for the end of one.
     #[must_use]
-    pub fn samples(&self) -> Option<(&[f32; SNIPPET], i8)> {
+    pub fn is_armed(&self) -> bool {
+        !matches!(self.phase, Phase::Off | Phase::Full)
+    }
+
+    /// Readings in counts, oldest first, and the side (+1 or −1); `None` until it is full.
+    #[must_use]
+    pub fn samples(&self) -> Option<(&[u16; SNIPPET], i8)> {
         (self.phase == Phase::Full).then_some((&self.samples, if self.wall == 0 { -1 } else { 1 }))
     }
 
-    /// It takes every sample of this wall.
-    #[inline]
-    pub(super) fn is_filling(&self, wall: usize) -> bool {
-        self.phase == Phase::Filling && self.wall == wall
-    }
-
-    /// A pulse has begun; `history` is the ring of the samples before, `at` its oldest.
-    pub(super) fn trigger(&mut self, wall: usize, history: &[f32; HISTORY], at: usize) {
+    /// A pulse has begun with sample `at` of a block of `length`, the newest in the ring.
+    pub(super) fn trigger(&mut self, wall: usize, at: usize, length: usize, ring: &Ring) {
         if self.phase != Phase::Armed {
             return;
         }
-        self.phase = Phase::Filling;
+        self.phase = Phase::Triggered(at);
         self.wall = wall;
-        let (newer, older) = history.split_at(at.min(HISTORY));
-        self.samples[..older.len()].copy_from_slice(older);
-        self.samples[older.len()..HISTORY].copy_from_slice(newer);
+        for (sample, pair) in self.samples[..HISTORY].iter_mut().zip(ring.before(length - at)) {
+            *sample = pair.of(wall);
+        }
         self.filled = HISTORY;
     }
 
-    #[inline]
-    pub(super) fn push(&mut self, wall: usize, reading: f32) {
-        if !self.is_filling(wall) {
-            return;
-        }
-        if let Some(sample) = self.samples.get_mut(self.filled) {
-            *sample = reading;
+    /// The block is over: what of it belongs to the snippet is kept.
+    pub(super) fn push(&mut self, block: &[Pair]) {
+        let from = match self.phase {
+            Phase::Triggered(from) => from,
+            Phase::Filling => 0,
+            _ => return,
+        };
+        self.phase = Phase::Filling;
+        for (sample, pair) in self.samples[self.filled..].iter_mut().zip(&block[from..]) {
+            *sample = pair.of(self.wall);
             self.filled += 1;
         }
         if self.filled == SNIPPET {

@@ -1,8 +1,9 @@
 //! The simulated rig: a plant and its sensors behind the same [`Sensors`] and [`Actuators`] as a real one.
 //!
 //! The base follows the drive exactly (prescribed motion) or is the table of a [`shaker`] that feels its load
-//! ([`table`]); the [`sensors`] are ideal or have a data sheet. The virtual rig runs it in `f64`, the emulated board in
-//! `f32`. What moves on the base is [`crate::integrator`]'s business.
+//! ([`table`]); the [`sensors`] are ideal or have a data sheet; the [`walls`] have force sensors and the friction damper
+//! its stepper and [`spring`] if so configured. The virtual rig runs it in `f64`, the emulated board in `f32`. What moves
+//! on the base is [`crate::integrator`]'s business.
 
 mod noise;
 pub mod sensors;
@@ -16,15 +17,21 @@ pub use shaker::{Amplifier, Shaker};
 
 use crate::integrator::base::{Segment, Track};
 use crate::integrator::polynomial;
-use crate::integrator::sampled::{Flight, Observer, Sampled, Units};
+use crate::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
 use crate::model::{Initial, Invalid, SetUp};
 use crate::rig::{Actuators, SUBSAMPLES, Sensors, TICK_HZ};
 use crate::scalar::Scalar;
+use heapless::Vec;
 use noise::Noise;
 use postcard_schema::Schema;
 use sensors::Channel;
 use serde::{Deserialize, Serialize};
+use spring::{SimulatedSpring, SpringPlant};
 use table::Table;
+use walls::{WallSensors, Walls};
+
+/// Impacts of one tick that the force sensors see; a chatter may have more, each weaker than the last.
+const MOST_IMPACTS: usize = 8;
 
 /// What moves the structure's base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
@@ -50,9 +57,27 @@ pub struct PlantConfig {
     pub sensors: SensorModel,
     /// What their data sheet admits; none for ideal sensors.
     pub data_sheet: Option<DataSheet>,
+    /// The walls' force sensors; none for walls that nobody listens to.
+    pub walls: Option<WallSensors>,
+    /// What presses the friction damper's block; its force takes the place of the set-up's. None for a constant force.
+    pub spring: Option<SpringPlant>,
 }
 
 impl PlantConfig {
+    /// A set-up with ideal sensors on a base that follows the drive, the particle in the middle of its cavity.
+    #[must_use]
+    pub fn ideal(set_up: SetUp) -> Self {
+        Self {
+            set_up,
+            particle_start_m: 0.0,
+            base: Base::Prescribed,
+            sensors: SensorModel::default(),
+            data_sheet: None,
+            walls: None,
+            spring: None,
+        }
+    }
+
     fn initial(&self) -> Initial {
         Initial { y_m: self.particle_start_m, ..Initial::default() }
     }
@@ -68,6 +93,12 @@ pub struct Plant<S> {
     channels: [Channel; 2],
     noise: Noise,
     impacts: u32,
+    walls: Option<Walls>,
+    spring: Option<SimulatedSpring>,
+    /// N·s per unit of the structure's change of velocity.
+    impulse_per_kick: f32,
+    /// Somebody presses the emergency stop.
+    pub emergency_stop: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -103,11 +134,38 @@ impl<S: Scalar> Plant<S> {
         let sheet = config.data_sheet.as_ref();
         let channels = [false, true].map(|late| Channel::new(&config.sensors, sheet, late));
         let noise = Noise::new(config.sensors.seed, 0);
-        Ok(Self { config: *config, motion, steps, base, channels, noise, impacts: 0 })
+        let seed = config.sensors.seed;
+        let mut plant = Self {
+            config: *config,
+            motion,
+            steps,
+            base,
+            channels,
+            noise,
+            impacts: 0,
+            walls: config.walls.as_ref().map(|walls| Walls::new(walls, seed)).transpose()?,
+            spring: config.spring.as_ref().map(SimulatedSpring::new).transpose()?,
+            impulse_per_kick: (config.set_up.structure.mass_kg * units.velocity_m_per_s()) as f32,
+            emergency_stop: false,
+        };
+        plant.press();
+        Ok(plant)
     }
 
-    /// Puts everything back to its start. `stream` chooses among independent noises of the same seed: a point's
-    /// noise is its own, whatever was measured before it.
+    /// The friction damper's force becomes what its spring gives.
+    fn press(&mut self) {
+        if let Some(spring) = &self.spring {
+            self.motion.set_damper_force_n(f64::from(spring.friction_force_n()), &self.config.set_up);
+        }
+    }
+
+    /// The friction damper's spring, to break it.
+    pub fn spring_mut(&mut self) -> Option<&mut SimulatedSpring> {
+        self.spring.as_mut()
+    }
+
+    /// Puts the motion back to its start; the friction damper's seat stays where it is. `stream` chooses among
+    /// independent noises of the same seed: a point's noise is its own, whatever was measured before it.
     pub fn restart(&mut self, stream: u16) {
         self.motion.reset(&self.config.initial());
         match &mut self.base {
@@ -118,6 +176,9 @@ impl<S: Scalar> Plant<S> {
             channel.reset();
         }
         self.noise = Noise::new(self.config.sensors.seed, stream);
+        if let Some(walls) = &mut self.walls {
+            walls.restart(self.config.sensors.seed, stream);
+        }
         self.impacts = 0;
     }
 
@@ -145,8 +206,17 @@ impl<S: Scalar> Plant<S> {
     /// One tick: what the actuators ask for in, what the sensors then read out.
     pub fn tick(&mut self, actuators: &Actuators) -> Sensors {
         let (x, z) = self.advance(actuators);
+        let mut sensors = Sensors { emergency_stop: self.emergency_stop, ..Sensors::default() };
+        if let Some(spring) = &mut self.spring {
+            (sensors.spring_n, sensors.at_limit) = spring.tick(actuators.motor);
+            if actuators.motor.steps != 0 {
+                self.press();
+            }
+        }
+        if let Some(walls) = &mut self.walls {
+            sensors.walls = walls.read();
+        }
         let [x_channel, z_channel] = &mut self.channels;
-        let mut sensors = Sensors::default();
         for n in 0..SUBSAMPLES {
             sensors.x_m[n] = x_channel.read(x[n].to_f64() as f32, &mut self.noise);
             sensors.z_m[n] = z_channel.read(z[n].to_f64() as f32, &mut self.noise);
@@ -162,8 +232,14 @@ impl<S: Scalar> Plant<S> {
         let drive = if actuators.drive_enabled { actuators.drive_m } else { 0.0 };
         let drive = S::from_f64(f64::from(drive));
         let tenth = S::ONE / S::from_u8(SUBSAMPLES as u8);
-        let mut sampler =
-            Sampler { x: [S::ZERO; SUBSAMPLES], taken: 0, step: S::ZERO, steps: S::from_u8(self.steps), impacts: 0 };
+        let mut sampler = Sampler {
+            x: [S::ZERO; SUBSAMPLES],
+            taken: 0,
+            step: S::ZERO,
+            steps: S::from_u8(self.steps),
+            impacts: 0,
+            hits: Vec::new(),
+        };
         let z = match &mut self.base {
             Moving::Prescribed(track) => {
                 let whole = track.push(drive);
@@ -195,6 +271,12 @@ impl<S: Scalar> Plant<S> {
             *sample = self.motion.state().x;
         }
         self.impacts = self.impacts.wrapping_add(sampler.impacts);
+        if let Some(walls) = &mut self.walls {
+            for hit in &sampler.hits {
+                let at = (hit.at / sampler.steps).to_f64() as f32;
+                walls.hit(at, hit.side, hit.kick.to_f64() as f32 * self.impulse_per_kick);
+            }
+        }
         (sampler.x, z)
     }
 }
@@ -210,6 +292,7 @@ struct Sampler<S> {
     step: S,
     steps: S,
     impacts: u32,
+    hits: Vec<Impact<S>, MOST_IMPACTS>,
 }
 
 impl<S: Scalar> Observer<S> for Sampler<S> {
@@ -226,7 +309,8 @@ impl<S: Scalar> Observer<S> for Sampler<S> {
         }
     }
 
-    fn impact(&mut self, _: &crate::integrator::sampled::Impact<S>) {
+    fn impact(&mut self, impact: &Impact<S>) {
         self.impacts += 1;
+        let _ = self.hits.push(Impact { at: self.step + impact.at, ..*impact });
     }
 }

@@ -22,6 +22,16 @@ impl Noise {
         const SCALE: f32 = 1.0 / 37_837.227;
         sum as f32 * SCALE
     }
+
+    /// Two numbers of a coarser noise of unit variance at a third of the cost: each the sum of two uniform 8-bit numbers,
+    /// so within ±2.45.
+    pub(super) fn next_pair(&mut self) -> [f32; 2] {
+        let bits = self.0.next_u32();
+        // Variance of the sum: 2 · (256² − 1)/12.
+        const SCALE: f32 = 1.0 / 104.511_56;
+        let of = |bits: u32| ((bits & 0xff) + (bits >> 8 & 0xff)) as f32 * SCALE - 255.0 * SCALE;
+        [of(bits), of(bits >> 16)]
+    }
 }
 
 #[cfg(test)]
@@ -29,10 +39,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_noise_has_unit_variance_and_no_mean() {
+    fn both_noises_have_unit_variance_and_no_mean() {
         let mut noise = Noise::new(7, 0);
+        check(|| noise.next());
+        let mut pairs = Noise::new(8, 0);
+        check(|| pairs.next_pair()[0]);
+        check(|| pairs.next_pair()[1]);
+    }
+
+    fn check(mut next: impl FnMut() -> f32) {
         let n = 100_000;
-        let values: heapless::Vec<f64, 100_000> = (0..n).map(|_| f64::from(noise.next())).collect();
+        let values: heapless::Vec<f64, 100_000> = (0..n).map(|_| f64::from(next())).collect();
         let mean = values.iter().sum::<f64>() / f64::from(n);
         let variance = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);
         // Standard errors: 1/√n = 0.0032, and about √(1.7/n) = 0.0041.

@@ -18,6 +18,8 @@ pub struct SpringPlant {
     pub touch_m: f32,
     /// k_s, N/m.
     pub stiffness_n_per_m: f32,
+    /// μ_e between block and structure.
+    pub friction_coefficient: f32,
     /// Force reading without contact, N.
     pub offset_n: f32,
     /// RMS of the white noise of one 10 kHz sample, N.
@@ -36,6 +38,7 @@ impl Default for SpringPlant {
             start_m: 3.3e-3,
             touch_m: 12.3456e-3,
             stiffness_n_per_m: 537.0,
+            friction_coefficient: 0.3,
             offset_n: 0.35,
             noise_rms_n: 0.01,
             lag_s: 2e-3,
@@ -52,6 +55,7 @@ impl SpringPlant {
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("spring_plant.step_m", f64::from(self.step_m))?;
         positive("spring_plant.stiffness_n_per_m", f64::from(self.stiffness_n_per_m))?;
+        positive("spring_plant.friction_coefficient", f64::from(self.friction_coefficient))?;
         not_negative("spring_plant.start_m", f64::from(self.start_m))?;
         not_negative("spring_plant.touch_m", f64::from(self.touch_m))?;
         not_negative("spring_plant.noise_rms_n", f64::from(self.noise_rms_n))?;
@@ -122,6 +126,12 @@ impl SimulatedSpring {
     pub fn normal_force_n(&self) -> f32 {
         let deflection_m = self.position_m() - self.plant.touch_m;
         if self.broken.nothing_there { 0.0 } else { self.plant.stiffness_n_per_m * deflection_m.max(0.0) }
+    }
+
+    /// True friction force on the structure while it slips, N.
+    #[must_use]
+    pub fn friction_force_n(&self) -> f32 {
+        self.plant.friction_coefficient * self.normal_force_n()
     }
 
     /// One tick: makes the steps; returns the block of force readings, N, and whether the limit switch is closed.

@@ -3,8 +3,10 @@
 //! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
 
 use super::Noise;
-use crate::model::{Invalid, not_negative, positive};
+use crate::measure::impacts::{ForceScale, MOST_COUNTS, Pair};
+use crate::model::{Invalid, finite, not_negative, positive, require};
 use crate::rig::TICK_HZ;
+use crate::scalar::Scalar;
 use core::f32::consts::PI;
 use heapless::Deque;
 use postcard_schema::Schema;
@@ -24,12 +26,23 @@ pub struct WallSensors {
     pub offset_n: f32,
     /// RMS of the white noise of one sample, N.
     pub noise_rms_n: f32,
+    /// What the converter's counts mean.
+    pub scale: ForceScale,
+    /// The converter's highest reading; at most 32767.
+    pub highest_counts: u16,
 }
 
 impl Default for WallSensors {
-    /// Assumed: contact of 2 ms, sensor of 500 N with 0.2 N of noise.
+    /// Assumed: contact of 2 ms, sensor of 500 N with 0.2 N of noise, 12 bits.
     fn default() -> Self {
-        Self { contact_s: 2e-3, range_n: 500.0, offset_n: 0.0, noise_rms_n: 0.2 }
+        Self {
+            contact_s: 2e-3,
+            range_n: 500.0,
+            offset_n: 0.0,
+            noise_rms_n: 0.2,
+            scale: ForceScale::default(),
+            highest_counts: MOST_COUNTS,
+        }
     }
 }
 
@@ -41,6 +54,11 @@ impl WallSensors {
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("walls.contact_s", f64::from(self.contact_s))?;
         positive("walls.range_n", f64::from(self.range_n))?;
+        finite("walls.offset_n", f64::from(self.offset_n))?;
+        positive("walls.scale.newtons_per_count", f64::from(self.scale.newtons_per_count))?;
+        finite("walls.scale.zero_counts", f64::from(self.scale.zero_counts))?;
+        let highest = f64::from(self.highest_counts);
+        require((1..=0x7fff).contains(&self.highest_counts), "walls.highest_counts", highest, "from 1 to 32767")?;
         not_negative("walls.noise_rms_n", f64::from(self.noise_rms_n))
     }
 }
@@ -85,27 +103,50 @@ impl Walls {
         let _ = self.pulses.push_back(Pulse { wall: usize::from(side > 0), start: at, peak_n });
     }
 
-    /// The tick's readings, N, in `N` samples a wall; the tick is then over.
-    pub fn read<const N: usize>(&mut self) -> [[f32; N]; 2] {
-        let mut blocks = [[self.sensors.offset_n; N]; 2];
-        for pulse in &self.pulses {
-            for (n, sample) in blocks[pulse.wall].iter_mut().enumerate() {
+    /// Nothing presses any more, and the noise begins again, of an independent `stream`.
+    pub fn restart(&mut self, seed: u64, stream: u16) {
+        self.pulses.clear();
+        self.noise = Noise::new(seed, u16::MAX - stream);
+    }
+
+    /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
+    pub fn read<const N: usize>(&mut self) -> [Pair; N] {
+        let readings = self.look();
+        self.pass();
+        readings
+    }
+
+    fn look<const N: usize>(&mut self) -> [Pair; N] {
+        let sensors = &self.sensors;
+        let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
+        let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
+        // A cast drops the fraction.
+        let counts = |force_n: f32| Scalar::min(force_n * per_newton + zero, highest) as u16;
+        core::array::from_fn(|n| {
+            let mut forces = [sensors.offset_n; 2];
+            for pulse in &self.pulses {
                 let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
                 if since > 0.0 && since < 1.0 {
-                    *sample += pulse.peak_n * libm::sinf(PI * since);
+                    forces[pulse.wall] += pulse.peak_n * libm::sinf(PI * since);
                 }
             }
-        }
-        let range = self.sensors.range_n;
-        for sample in blocks.iter_mut().flatten() {
-            *sample = (*sample + self.sensors.noise_rms_n * self.noise.next()).clamp(-range, range);
-        }
+            if sensors.noise_rms_n > 0.0 {
+                let noise = self.noise.next_pair();
+                forces[0] += sensors.noise_rms_n * noise[0];
+                forces[1] += sensors.noise_rms_n * noise[1];
+            }
+            let [low, high] = forces.map(|force_n| Scalar::min(Scalar::max(force_n, -range), range));
+            Pair::new(counts(low), counts(high))
+        })
+    }
+
+    /// The tick is over.
+    fn pass(&mut self) {
         for pulse in &mut self.pulses {
             pulse.start -= 1.0;
         }
         while self.pulses.front().is_some_and(|pulse| pulse.start + self.contact < 0.0) {
             self.pulses.pop_front();
         }
-        blocks
     }
 }

@@ -13,21 +13,36 @@
 //! The means of a tick's blocks go in, for z and x alike: the average delays both by the same time, so they match. The
 //! base's cubic needs one sample of the future, so predictions are one tick late, and are compared with the x of then.
 //! Pairing predictions with measurements is [`matching`]'s.
+//!
+//! A controller's tick has no time for everything at once. So the twin may lag: samples and measured impacts wait in
+//! queues, [`Twin::work`] does what the tick leaves room for, and what comes out does not depend on when it is done.
 
 pub mod matching;
 
-use crate::integrator::base::Track;
-use crate::integrator::sampled::{Impact, Observer, Sampled, Units};
+use crate::integrator::base::{Segment, Track};
+use crate::integrator::sampled::{BegunStep, Impact, Observer, Sampled, Units};
 use crate::measure::impacts::ImpactRecord;
 use crate::model::{Initial, Invalid, SetUp, Wall, positive, require};
 use crate::rig::{SUBSAMPLES, TICK_HZ};
-use heapless::Vec;
+use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// Predicted impacts of one tick that are kept; a chatter may have more, too weak to be measured.
 const MOST_IMPACTS: usize = 8;
+
+/// Ticks between two updates of the residual's RMS.
+const ROOT_EVERY: u32 = 8;
+
+/// Ticks that the twin may lag behind.
+pub const MOST_LAG: usize = 16;
+
+/// Measured impacts that wait for the twin to come to their tick.
+const DETECTIONS_WAITING: usize = 4;
+
+/// Steps of a tick's motion, at most: a faster structure's twin would never keep up.
+const MOST_STEPS: u8 = 2;
 
 /// Where the mean of a tick's block lies, in ticks from the tick's start.
 const MEAN_AT: f32 = (SUBSAMPLES as f32 + 1.0) / (2.0 * SUBSAMPLES as f32);
@@ -71,7 +86,7 @@ impl TwinConfig {
 pub struct TwinSignals {
     /// Predicted x one tick ago, m.
     pub x_m: f32,
-    /// RMS of measured minus predicted x, m.
+    /// RMS of measured minus predicted x, m; renewed every 8 ticks.
     pub residual_rms_m: f32,
     /// Predicted impacts that are strong enough to be measured.
     pub predicted: u32,
@@ -81,11 +96,50 @@ pub struct TwinSignals {
     pub missing: u32,
     /// As many in a row were missing as raise the alarm.
     pub alarm: bool,
+    /// Times that it lagged too far behind and began again.
+    pub lost: u32,
+}
+
+/// A tick's means.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    tick: u32,
+    x_m: f32,
+    z_m: f32,
+}
+
+/// A tick in progress.
+#[derive(Clone, Debug)]
+struct Present {
+    sample: Sample,
+    whole: Segment<f32>,
+    /// The step that comes next.
+    part: u8,
+    begun: Option<BegunStep<f32>>,
+    impacts: Impacts,
+    is_over: bool,
+}
+
+impl Default for Present {
+    fn default() -> Self {
+        Self {
+            sample: Sample { tick: 0, x_m: 0.0, z_m: 0.0 },
+            whole: Segment([0.0; 4]),
+            part: 0,
+            begun: None,
+            impacts: Impacts { step: 0.0, list: Vec::new() },
+            is_over: true,
+        }
+    }
 }
 
 /// The twin.
 #[derive(Clone, Debug)]
 pub struct Twin {
+    waiting: Deque<Sample, MOST_LAG>,
+    detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
+    present: Present,
+    signals: TwinSignals,
     motion: Sampled<f32>,
     steps: u8,
     track: Track<f32>,
@@ -114,6 +168,12 @@ impl Twin {
         let tick_s = 1.0 / f64::from(TICK_HZ);
         let set_up = &config.set_up;
         let steps = Sampled::<f32>::steps_per_sample(set_up, tick_s)?;
+        require(
+            steps <= MOST_STEPS,
+            "structure.stiffness_n_per_m",
+            set_up.structure.stiffness_n_per_m,
+            "low enough for a twin (natural frequency at most 31 Hz)",
+        )?;
         let step_s = tick_s / f64::from(steps);
         let motion = Sampled::new(set_up, Units::metres(step_s), &Initial::default())?;
         // x″ + 2ζω x′ + ω² x of the error, ζ = 0.7; the structure's own stiffness only adds to it.
@@ -128,6 +188,10 @@ impl Twin {
             approach_per_impulse = ((1.0 + ratio) / (particle.mass_kg * (1.0 + coefficient))) as f32;
         }
         Ok(Self {
+            waiting: Deque::new(),
+            detections: Deque::new(),
+            present: Present::default(),
+            signals: TwinSignals::default(),
             motion,
             steps,
             track: Track::default(),
@@ -146,10 +210,20 @@ impl Twin {
 
     /// Back to rest, counts and alarm too.
     pub fn restart(&mut self) {
-        self.motion.reset(&Initial::default());
-        self.track = Track::default();
+        self.put_back();
         self.matcher.restart();
         self.residual_square = 0.0;
+        self.signals = TwinSignals::default();
+    }
+
+    /// Back to rest with a simulated plant that is put back to its start; what was counted stays counted.
+    pub fn put_back(&mut self) {
+        self.waiting.clear();
+        self.detections.clear();
+        self.present.is_over = true;
+        self.present.begun = None;
+        self.motion.rest();
+        self.track = Track::default();
         self.measured_before_m = 0.0;
         self.ticks = 0;
     }
@@ -160,8 +234,77 @@ impl Twin {
         &self.motion
     }
 
-    /// A measured impact (its pulse ended in the present tick): pairs it, and learns from it where the particle is.
+    /// A measured impact, whose pulse ended in a tick that has not been handed in yet. It waits for the twin to come there;
+    /// one that finds no room is not counted as detected.
     pub fn detected(&mut self, record: &ImpactRecord) {
+        let _ = self.detections.push_back(*record);
+    }
+
+    /// Hands in a tick: the means of its x and z, m. Call [`Twin::detected`] for the tick's impacts first. Too far behind,
+    /// the twin begins again at rest.
+    pub fn take(&mut self, tick: u32, x_m: f32, z_m: f32) {
+        // A reading that is no number would never leave the state again.
+        let (x_m, z_m) = if x_m.is_finite() && z_m.is_finite() { (x_m, z_m) } else { (self.measured_before_m, 0.0) };
+        if self.waiting.push_back(Sample { tick, x_m, z_m }).is_err() {
+            self.put_back();
+            self.signals.lost = self.signals.lost.saturating_add(1);
+        }
+    }
+
+    /// The telemetry of the last tick that is done.
+    #[must_use]
+    pub fn signals(&self) -> &TwinSignals {
+        &self.signals
+    }
+
+    /// Goes on to the next event or to the end of a step; what that was.
+    pub fn work(&mut self) -> Work {
+        if self.present.is_over {
+            let Some(sample) = self.waiting.pop_front() else { return Work::Nothing };
+            self.begin(sample);
+        }
+        let Self { present, motion, .. } = self;
+        let begun = match &mut present.begun {
+            Some(begun) => begun,
+            none => {
+                present.impacts.step = f32::from(present.part);
+                none.insert(motion.begin_step(&present.whole.part(present.part, self.steps)))
+            }
+        };
+        if !motion.go_on(begun, &mut present.impacts) {
+            return Work::Event;
+        }
+        present.begun = None;
+        present.part += 1;
+        if present.part == self.steps {
+            self.end();
+        }
+        Work::Quiet
+    }
+
+    /// One tick at once: hands it in and works until nothing is left to do.
+    pub fn tick(&mut self, tick: u32, x_m: f32, z_m: f32) -> TwinSignals {
+        self.take(tick, x_m, z_m);
+        while self.work() != Work::Nothing {}
+        self.signals
+    }
+
+    fn begin(&mut self, sample: Sample) {
+        while let Some(record) = self.detections.front().copied()
+            && sample.tick.wrapping_sub(record.tick).cast_signed() >= 0
+        {
+            self.detections.pop_front();
+            self.learn(&record);
+        }
+        self.present.whole = self.track.push(sample.z_m);
+        self.present.sample = sample;
+        self.present.part = 0;
+        self.present.is_over = false;
+        self.present.impacts.list.clear();
+    }
+
+    /// A measured impact of the present tick: pairs it, and learns from it where the particle is.
+    fn learn(&mut self, record: &ImpactRecord) {
         let began = record.centre_ticks - 0.5 * record.contact_s * TICK_HZ;
         // The measurement's guards are part of a pulse too.
         let length = record.contact_s * TICK_HZ + 1.0;
@@ -181,18 +324,11 @@ impl Twin {
         self.motion.nudge(kick * since, kick);
     }
 
-    /// One tick: the means of the tick's x and z, m. Call [`Twin::detected`] for the tick's impacts first.
-    pub fn tick(&mut self, tick: u32, x_m: f32, z_m: f32) -> TwinSignals {
-        // A reading that is no number would never leave the state again.
-        let (x_m, z_m) = if x_m.is_finite() && z_m.is_finite() { (x_m, z_m) } else { (self.measured_before_m, 0.0) };
-        let whole = self.track.push(z_m);
+    fn end(&mut self) {
+        self.present.is_over = true;
+        let Sample { tick, x_m, .. } = self.present.sample;
         let steps = f32::from(self.steps);
-        let mut impacts = Impacts { step: 0.0, list: Vec::new() };
-        for part in 0..self.steps {
-            impacts.step = f32::from(part);
-            self.motion.step(&whole.part(part, self.steps), &mut impacts);
-        }
-        for impact in &impacts.list {
+        for impact in &self.present.impacts.list {
             let at = MEAN_AT - 2.0 + impact.at / steps;
             let kick = if impact.kick < 0.0 { -impact.kick } else { impact.kick };
             self.matcher.predict(tick, at, impact.side, kick * self.impulse_per_kick);
@@ -208,18 +344,37 @@ impl Twin {
             self.motion.nudge(self.gains.0 * residual, self.gains.1 * residual);
         }
         let counts = self.matcher.counts();
-        TwinSignals {
+        // It changes slowly, and a root is dear.
+        let residual_rms_m = if tick.is_multiple_of(ROOT_EVERY) {
+            libm::sqrtf(self.residual_square)
+        } else {
+            self.signals.residual_rms_m
+        };
+        self.signals = TwinSignals {
             x_m: predicted_m,
-            residual_rms_m: libm::sqrtf(self.residual_square),
+            residual_rms_m,
             predicted: counts.predicted,
             detected: counts.detected,
             missing: counts.missing,
             alarm: self.matcher.alarm(),
-        }
+            lost: self.signals.lost,
+        };
     }
 }
 
+/// What a piece of work was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Work {
+    /// There was nothing to do.
+    Nothing,
+    /// A step's end was reached without an event.
+    Quiet,
+    /// An event was found and handled: twice the work.
+    Event,
+}
+
 /// The impacts of one tick, counted from its first step.
+#[derive(Clone, Debug)]
 struct Impacts {
     step: f32,
     list: Vec<Impact<f32>, MOST_IMPACTS>,

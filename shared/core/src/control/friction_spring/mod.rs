@@ -102,6 +102,13 @@ pub struct FrictionSpring {
     fault: Option<SpringFault>,
 }
 
+impl Default for FrictionSpring {
+    /// At an unknown position, with the default constants.
+    fn default() -> Self {
+        Self::of(&SpringConfig::default())
+    }
+}
+
 impl FrictionSpring {
     /// At an unknown position, with the motor off.
     ///
@@ -109,6 +116,11 @@ impl FrictionSpring {
     /// Names the first parameter out of range.
     pub fn new(config: &SpringConfig) -> Result<Self, Invalid> {
         config.validate()?;
+        Ok(Self::of(config))
+    }
+
+    /// From checked constants.
+    fn of(config: &SpringConfig) -> Self {
         let ramp_limits = |rate| RampLimits::new(rate, config.acceleration_hz_per_s);
         let paces = Paces {
             fast: ramp_limits(config.rate_hz),
@@ -119,7 +131,7 @@ impl FrictionSpring {
             average: SpringConfig::ticks(config.average_s),
             quiet: SpringConfig::ticks(QUIET_HOLD_S),
         };
-        Ok(Self {
+        Self {
             config: *config,
             paces,
             ramp: Ramp::default(),
@@ -137,7 +149,7 @@ impl FrictionSpring {
             force_n: 0.0,
             quiet_ticks: 0,
             fault: None,
-        })
+        }
     }
 
     /// The constants.
@@ -160,6 +172,30 @@ impl FrictionSpring {
             Task::Stand if self.touch.is_none() => Stage::Homed,
             Task::Stand => Stage::Ready,
         }
+    }
+
+    /// Force reading without contact, N.
+    #[must_use]
+    pub fn bias_n(&self) -> f32 {
+        self.bias_n
+    }
+
+    /// Seat position from the limit switch, m.
+    #[must_use]
+    pub fn position_now_m(&self) -> f32 {
+        self.position_m(self.ramp.steps())
+    }
+
+    /// Force asked for at present, N; 0 without a target.
+    #[must_use]
+    pub fn target_force_n(&self) -> f32 {
+        self.target_force_n
+    }
+
+    /// It presses as a brake.
+    #[must_use]
+    pub fn is_braking(&self) -> bool {
+        self.braking
     }
 
     /// A summary.

@@ -11,9 +11,10 @@
 pub mod envelope;
 pub mod watch;
 
+use super::friction_spring::Cause as SpringCause;
 use super::limits::Limits;
 use crate::model::{Invalid, not_negative, positive, require};
-use crate::rig::{Sensors, TICK_HZ};
+use crate::rig::{Readings, TICK_HZ};
 use envelope::Envelope;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -49,14 +50,14 @@ pub struct SafetyConfig {
 }
 
 impl Default for SafetyConfig {
-    /// The lasers' ±80 mm; an assumed wall sensor of 500 N.
+    /// The lasers' ±80 mm; an assumed wall sensor of 460 N.
     fn default() -> Self {
         Self {
             limits: Limits::default(),
             half_cycles_ahead: 6.0,
             sensor_range_m: 0.085,
             frozen_s: 0.5,
-            wall_force_n: 500.0,
+            wall_force_n: 450.0,
             saturated_s: 0.5,
             host_silent_s: 0.0,
             restart_m: 1e-3,
@@ -117,6 +118,12 @@ pub enum Danger {
     DriveSaturated,
     /// Nothing was heard of the host for too long (s).
     HostSilent,
+    /// The structure did not come to rest in the time given (m).
+    RestTimeout,
+    /// The closed loop of the base amplitude swung up (m).
+    BaseRunaway,
+    /// The friction damper's spring faulted while the rig was driven.
+    Spring(SpringCause),
 }
 
 impl Danger {
@@ -134,13 +141,18 @@ impl Danger {
             Self::WallForce => "the force on a wall reached its limit",
             Self::DriveSaturated => "the drive was at its limit for too long: ask for less",
             Self::HostSilent => "nothing was heard of the host for too long",
+            Self::RestTimeout => "the structure did not come to rest in time",
+            Self::BaseRunaway => {
+                "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
+            }
+            Self::Spring(cause) => cause.text(),
         }
     }
 
     /// The drive stops within the tick: a fade would go on with what is already wrong.
     #[must_use]
     pub fn cuts_at_once(self) -> bool {
-        matches!(self, Self::EmergencyStop | Self::BaseDisplacement)
+        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway)
     }
 }
 
@@ -171,8 +183,10 @@ pub enum SafeStage {
 /// What the tick showed beside the displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Signs {
-    /// The drive is meant to move the base in this tick.
+    /// The drive is on in this tick.
     pub driving: bool,
+    /// It is strong enough to see both displacements move.
+    pub swinging: bool,
     /// Largest force on either wall, N.
     pub wall_force_n: f32,
     /// The drive is at its limit.
@@ -204,7 +218,7 @@ pub struct NotSafe {
 }
 
 /// The interlocks' state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Safety {
     config: SafetyConfig,
     x: Watch,
@@ -223,6 +237,13 @@ fn ticks(seconds: f32) -> u32 {
     (seconds * TICK_HZ + 0.5) as u32
 }
 
+impl Default for Safety {
+    /// Clear, with the default constants.
+    fn default() -> Self {
+        Self::of(SafetyConfig::default())
+    }
+}
+
 impl Safety {
     /// Clear.
     ///
@@ -230,8 +251,12 @@ impl Safety {
     /// Names the first parameter out of range.
     pub fn new(config: &SafetyConfig) -> Result<Self, Invalid> {
         config.validate()?;
-        Ok(Self {
-            config: *config,
+        Ok(Self::of(*config))
+    }
+
+    fn of(config: SafetyConfig) -> Self {
+        Self {
+            config,
             x: Watch::default(),
             z: Watch::default(),
             envelope: Envelope::default(),
@@ -241,7 +266,7 @@ impl Safety {
             trip: None,
             stage: SafeStage::Clear,
             fade: 1.0,
-        })
+        }
     }
 
     /// The latched cause.
@@ -266,8 +291,7 @@ impl Safety {
             SafeStage::Fading => "wait until the drive is silent",
             SafeStage::Ringing => "wait for rest; release the emergency stop",
             SafeStage::Safe => {
-                let config = self.config;
-                *self = Self { x: self.x, z: self.z, ..Self::new(&config).unwrap_or_else(|_| self.clone()) };
+                *self = Self { x: self.x, z: self.z, ..Self::of(self.config) };
                 return Ok(());
             }
         };
@@ -275,18 +299,11 @@ impl Safety {
     }
 
     /// One tick. Returns what is allowed, and the cause in the tick in which it is latched.
-    pub fn tick(&mut self, sensors: &Sensors, signs: &Signs) -> (Allowed, Option<Trip>) {
-        let found = self.look(sensors, signs);
-        let mut latched = None;
-        if self.trip.is_none()
-            && let Some(trip) = found
-        {
-            latched = Some(trip);
-            self.trip = latched;
-            self.stage = SafeStage::Fading;
-        }
+    pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Trip>) {
+        let found = self.look(readings, signs);
+        let latched = found.filter(|trip| self.latch(*trip));
         if self.trip.is_some() {
-            self.go_on(sensors, signs, found);
+            self.go_on(readings, signs, found);
         }
         let running = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
         let braking = self.trip.is_some() && self.config.brake_n > 0.0;
@@ -294,21 +311,42 @@ impl Safety {
         (Allowed { drive: if running { self.fade } else { 0.0 }, relay: running, brake_n }, latched)
     }
 
+    /// Latches a cause that another part found; false, and nothing changes, if one is latched already.
+    pub fn latch(&mut self, trip: Trip) -> bool {
+        let first = self.trip.is_none();
+        if first {
+            self.trip = Some(trip);
+            self.stage = SafeStage::Fading;
+        }
+        first
+    }
+
+    /// Goes on under other constants; what is latched stays latched.
+    pub fn adopt(&mut self, other: &Self) {
+        self.config = other.config;
+    }
+
+    /// The constants.
+    #[must_use]
+    pub fn config(&self) -> &SafetyConfig {
+        &self.config
+    }
+
     /// The first danger of this tick.
-    fn look(&mut self, sensors: &Sensors, signs: &Signs) -> Option<Trip> {
+    fn look(&mut self, readings: &Readings, signs: &Signs) -> Option<Trip> {
         let config = &self.config;
         let trip = |danger, value, limit| Some(Trip { danger, value, limit });
-        if !signs.driving {
+        if !signs.swinging {
             // What is not driven may stand.
             self.x.forgive();
             self.z.forgive();
         }
         let frozen = ticks(config.frozen_s);
         let defect = [
-            (self.x.push(&sensors.x_m, config.sensor_range_m, frozen), sensors.peak_x_m()),
-            (self.z.push(&sensors.z_m, config.sensor_range_m, frozen), sensors.peak_z_m()),
+            (self.x.push(&readings.x, config.sensor_range_m, frozen), readings.x.peak_m),
+            (self.z.push(&readings.z, config.sensor_range_m, frozen), readings.z.peak_m),
         ];
-        let foreseen = self.envelope.push(sensors.mean_x_m(), config.half_cycles_ahead);
+        let foreseen = self.envelope.push(readings.x.mean_m, config.half_cycles_ahead);
         self.saturated_ticks = if signs.saturated { self.saturated_ticks.saturating_add(1) } else { 0 };
         self.silent_ticks = if signs.host_heard { 0 } else { self.silent_ticks.saturating_add(1) };
         if signs.emergency_stop {
@@ -322,7 +360,7 @@ impl Safety {
                 Some(Defect::Frozen) => return trip(Danger::SensorFrozen, config.frozen_s, config.frozen_s),
             }
         }
-        let (x, z, limits) = (sensors.peak_x_m(), sensors.peak_z_m(), &config.limits);
+        let (x, z, limits) = (readings.x.peak_m, readings.z.peak_m, &config.limits);
         if z >= limits.base_m {
             return trip(Danger::BaseDisplacement, z, limits.base_m);
         }
@@ -345,7 +383,7 @@ impl Safety {
     }
 
     /// One tick of the way from a cause to the safe state.
-    fn go_on(&mut self, sensors: &Sensors, signs: &Signs, found: Option<Trip>) {
+    fn go_on(&mut self, readings: &Readings, signs: &Signs, found: Option<Trip>) {
         let at_once = |trip: Option<Trip>| trip.is_some_and(|trip| trip.danger.cuts_at_once());
         if self.stage == SafeStage::Fading {
             self.fade -= 1.0 / (FADE_S * TICK_HZ);
@@ -354,7 +392,7 @@ impl Safety {
                 self.stage = SafeStage::Ringing;
             }
         }
-        let x = sensors.peak_x_m();
+        let x = readings.x.peak_m;
         // A sensor that cannot be believed says nothing about rest.
         let calm = x < self.config.restart_m && found.is_none() && !signs.emergency_stop;
         self.calm_ticks = if calm { self.calm_ticks.saturating_add(1) } else { 0 };

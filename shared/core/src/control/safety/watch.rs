@@ -1,5 +1,7 @@
 //! Whether a sensor can be believed: numbers, within its range, and not the same number for ever.
 
+use crate::rig::Reading;
+
 /// What is wrong with a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Defect {
@@ -19,20 +21,17 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Takes one tick's block. `frozen_ticks` of identical samples make a frozen sensor; 0 never.
-    pub fn push(&mut self, block: &[f32], range: f32, frozen_ticks: u32) -> Option<Defect> {
-        let mut moved = false;
-        let mut beyond = false;
-        for &sample in block {
-            if sample.is_nan() {
-                return Some(Defect::NotANumber);
-            }
-            moved |= sample != self.last;
-            beyond |= sample >= range || sample <= -range;
-            self.last = sample;
+    /// Takes one tick's reading. `frozen_ticks` of identical samples make a frozen sensor; 0 never.
+    pub fn push(&mut self, reading: &Reading, range: f32, frozen_ticks: u32) -> Option<Defect> {
+        if reading.peak_m.is_nan() {
+            return Some(Defect::NotANumber);
         }
-        self.same_ticks = if moved { 0 } else { self.same_ticks.saturating_add(1) };
-        if beyond {
+        let same = reading.still_at.is_some_and(|at| at == self.last);
+        self.same_ticks = if same { self.same_ticks.saturating_add(1) } else { 0 };
+        if let Some(at) = reading.still_at {
+            self.last = at;
+        }
+        if reading.peak_m >= range {
             return Some(Defect::OutOfRange);
         }
         (frozen_ticks > 0 && self.same_ticks >= frozen_ticks).then_some(Defect::Frozen)
@@ -48,22 +47,41 @@ impl Watch {
 mod tests {
     use super::*;
 
+    const STILL: [f32; 10] = [0.2; 10];
+
+    /// A block whose last sample is this.
+    fn ending(at: f32) -> Reading {
+        let mut block = STILL;
+        block[9] = at;
+        Reading::of(&block)
+    }
+
     #[test]
     fn a_stale_reading_is_frozen_and_then_recovers() {
         let mut watch = Watch::default();
-        assert_eq!(watch.push(&[0.1, 0.2], 1.0, 3), None);
-        assert_eq!(watch.push(&[0.2, 0.2], 1.0, 3), None);
-        assert_eq!(watch.push(&[0.2, 0.2], 1.0, 3), None);
-        assert_eq!(watch.push(&[0.2, 0.2], 1.0, 3), Some(Defect::Frozen));
-        assert_eq!(watch.push(&[0.2, 0.3], 1.0, 3), None);
+        let still = Reading::of(&STILL);
+        assert_eq!(watch.push(&ending(0.1), 1.0, 3), None);
+        assert_eq!(watch.push(&still, 1.0, 3), None, "the first block of it");
+        assert_eq!(watch.push(&still, 1.0, 3), None);
+        assert_eq!(watch.push(&still, 1.0, 3), None);
+        assert_eq!(watch.push(&still, 1.0, 3), Some(Defect::Frozen));
+        assert_eq!(watch.push(&ending(0.3), 1.0, 3), None);
+    }
+
+    #[test]
+    fn steps_between_still_blocks_are_movement() {
+        let mut watch = Watch::default();
+        for n in 0..100u8 {
+            assert_eq!(watch.push(&Reading::of(&[f32::from(n % 2) * 0.1; 10]), 1.0, 2), None);
+        }
     }
 
     #[test]
     fn rails_and_no_numbers_are_told_apart() {
         let mut watch = Watch::default();
-        assert_eq!(watch.push(&[0.1, -1.0], 1.0, 0), Some(Defect::OutOfRange));
-        assert_eq!(watch.push(&[f32::INFINITY], 1.0, 0), Some(Defect::OutOfRange));
-        assert_eq!(watch.push(&[0.1, f32::NAN], 1.0, 0), Some(Defect::NotANumber));
-        assert_eq!(watch.push(&[0.1, 0.1], 1.0, 0), None);
+        assert_eq!(watch.push(&ending(-1.0), 1.0, 0), Some(Defect::OutOfRange));
+        assert_eq!(watch.push(&ending(f32::INFINITY), 1.0, 0), Some(Defect::OutOfRange));
+        assert_eq!(watch.push(&ending(f32::NAN), 1.0, 0), Some(Defect::NotANumber));
+        assert_eq!(watch.push(&ending(0.1), 1.0, 0), None);
     }
 }

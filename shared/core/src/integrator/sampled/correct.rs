@@ -1,7 +1,8 @@
 //! Corrections from outside: what an observer that follows a real structure may change between steps.
 
 use super::{Joint, Sampled};
-use crate::integrator::modes::Grip;
+use crate::integrator::modes::{Coefficients, Grip};
+use crate::model::{FrictionDamper, SetUp};
 use crate::scalar::Scalar;
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
@@ -20,6 +21,17 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         if self.has_particle {
             self.state.offset = offset.min(self.c.clearance).max(-self.c.clearance);
             self.state.slide = slide;
+            self.mode = None;
+        }
+    }
+
+    /// The friction damper's force becomes this, N; 0 or greater. `set_up` is the one that this motion is of. A structure
+    /// that sticks breaks free in the next step if the force no longer holds it.
+    pub fn set_damper_force_n(&mut self, force_n: f64, set_up: &SetUp) {
+        let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..*set_up };
+        self.c.damper_force = Coefficients::in_units(&set_up, &self.units).damper_force;
+        // Nothing was there to stick to.
+        if matches!(self.mode.map(|mode| mode.grip), Some(Grip::Slip(0))) {
             self.mode = None;
         }
     }

@@ -1,0 +1,275 @@
+//! The rig controller board: ST NUCLEO-G474RE (STM32G474RE, 170 MHz). Pins and peripherals only.
+//!
+//! | pin | peripheral | what |
+//! |---|---|---|
+//! | PA0 (A0) | ADC1 IN1 | structure displacement x |
+//! | PA1 (A1) | ADC1 IN2 | base displacement z |
+//! | PC0 (A5) | ADC1 IN6 | friction damper's spring force |
+//! | PC1 (A4) | ADC2 IN7 | force on the wall at −d |
+//! | PC2 (CN7-35) | ADC2 IN8 | force on the wall at +d |
+//! | PA2, PA3 | LPUART1 | the line: the debugger's serial port, 921 600 baud |
+//! | PA4 (A2) | DAC1 OUT1 | drive; the middle of its span is no drive |
+//! | PA5 | GPIO | the board's LED |
+//! | PC7 (D9) | GPIO | the drive's relay, high closes it |
+//! | PB4 (D5) | TIM16 CH1 | step |
+//! | PB5 (D4) | GPIO | direction, high towards the structure |
+//! | PB10 (D6) | GPIO | motor off (low switches it on) |
+//! | PA8 (D7) | GPIO, pull-up | limit switch, opens where the travel begins |
+//! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
+//!
+//! Switches open to tell, so a broken wire tells too. [`clock`] chooses what counts, [`sampling`] holds the converters,
+//! [`stepper`] the motor.
+
+mod clock;
+mod sampling;
+mod stepper;
+
+use damprig_core::rig::{Actuators, Sensors};
+use damprig_device::calibration::Calibration;
+use damprig_device::control::Birth;
+use damprig_protocol::{Reset, Timing};
+use embassy_stm32::adc::AdcChannel;
+use embassy_stm32::dac::{DacChannel, Value};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::mode::Blocking;
+use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals};
+use sampling::{Parts, Sampling};
+use static_cell::ConstStaticCell;
+use stepper::Stepper;
+
+use crate::crash;
+
+/// The board's name in the protocol.
+pub const NAME: &str = "nucleo-g474re";
+
+/// Bits per second of the line.
+const BAUD: u32 = damprig_device::outbox::BAUD;
+
+/// Sixteen 12-bit conversions added up.
+const INPUT_FULL_SCALE_COUNTS: u16 = 16 * 4_095;
+
+/// The output's 12 bits.
+const OUTPUT_FULL_SCALE_COUNTS: u16 = 4_095;
+
+/// The shaker's displacement at the ends of the output's span, ± m. Assumed.
+const DRIVE_RANGE_M: f32 = 0.005;
+
+const CALIBRATION: Calibration = Calibration::assumed(INPUT_FULL_SCALE_COUNTS, OUTPUT_FULL_SCALE_COUNTS, DRIVE_RANGE_M);
+
+/// Without being fed for this long the watchdog resets the board: relay open, motor off. µs; longer than the erasing of a
+/// flash page (22 ms), which holds up whatever fetches from the same bank.
+const WATCHDOG_US: u32 = 50_000;
+
+/// Room for 5 ms of received bytes while the thread executor is busy.
+const RECEIVE_BUFFER: usize = 512;
+
+/// Two telemetry messages.
+const TRANSMIT_BUFFER: usize = 1024;
+
+bind_interrupts!(struct Interrupts {
+    DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
+    DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
+    LPUART1 => usart::BufferedInterruptHandler<peripherals::LPUART1>;
+});
+
+/// What the board has, each part ready for the task that will own it.
+pub struct Board {
+    /// The converters and outputs of the control tick.
+    pub bench: Bench,
+    /// How the board came up.
+    pub birth: Birth,
+    /// From the host.
+    pub receiver: BufferedUartRx<'static>,
+    /// To the host.
+    pub transmitter: BufferedUartTx<'static>,
+    /// The board's LED.
+    pub led: Output<'static>,
+}
+
+/// Sets the clocks, takes the peripherals and starts sampling. To be called once.
+pub fn init() -> Board {
+    let reset = why_reset();
+    let mut config = Config::default();
+    let clock_source;
+    (config.rcc, clock_source) = clock::choose();
+    let p = embassy_stm32::init(config);
+    // First of all the relay: open.
+    let relay = Output::new(p.PC7, Level::Low, Speed::Low);
+    clock::watch(clock_source);
+
+    // A debugger that halts the core does not count as a stall.
+    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_iwdg(true));
+
+    // The line never delays the tick; the executor of the tick sits between them.
+    interrupt::LPUART1.set_priority(Priority::P8);
+
+    let drive = Drive::new(DacChannel::new_blocking(p.DAC1, p.PA4), relay);
+    let sampling = Sampling::new(Parts {
+        slow: (p.ADC1, p.DMA1_CH1, p.TIM3),
+        slow_pins: [p.PA0.degrade_adc(), p.PA1.degrade_adc(), p.PC0.degrade_adc()],
+        walls: (p.ADC2, p.DMA1_CH2, p.TIM4),
+        wall_pins: [p.PC1.degrade_adc(), p.PC2.degrade_adc()],
+    });
+
+    static TRANSMIT: ConstStaticCell<[u8; TRANSMIT_BUFFER]> = ConstStaticCell::new([0; TRANSMIT_BUFFER]);
+    static RECEIVE: ConstStaticCell<[u8; RECEIVE_BUFFER]> = ConstStaticCell::new([0; RECEIVE_BUFFER]);
+    let mut line = usart::Config::default();
+    line.baudrate = BAUD;
+    let line = BufferedUart::new(p.LPUART1, p.PA3, p.PA2, TRANSMIT.take(), RECEIVE.take(), Interrupts, line)
+        .expect("the LPUART's clock carries 921 600 baud");
+    let (transmitter, receiver) = line.split();
+
+    Board {
+        bench: Bench {
+            sampling,
+            drive,
+            stepper: Stepper::new(p.PB4, p.PB5, p.PB10, p.TIM16),
+            limit: Input::new(p.PA8, Pull::Up),
+            emergency_stop: Input::new(p.PA9, Pull::Up),
+            watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
+            timer: TickTimer::start(),
+        },
+        birth: Birth { clock_source, reset, last_crash: crash::at_start(reset) },
+        receiver,
+        transmitter,
+        led: Output::new(p.PA5, Level::Low, Speed::Low),
+    }
+}
+
+/// Reads the reset's flags, and clears them for the next.
+fn why_reset() -> Reset {
+    let flags = pac::RCC.csr().read();
+    pac::RCC.csr().modify(|flags| flags.set_rmvf(true));
+    // The pin's flag comes with every reset.
+    if flags.borrstf() {
+        Reset::Power
+    } else if flags.iwdgrstf() {
+        Reset::Watchdog
+    } else if flags.sftrstf() {
+        Reset::Software
+    } else if flags.pinrstf() {
+        Reset::Pin
+    } else {
+        Reset::Unknown
+    }
+}
+
+/// What the control tick reads and sets.
+pub struct Bench {
+    sampling: Sampling,
+    drive: Drive,
+    stepper: Stepper,
+    limit: Input<'static>,
+    emergency_stop: Input<'static>,
+    watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
+    timer: TickTimer,
+}
+
+impl Bench {
+    /// Starts sampling and the watchdog.
+    pub fn start(&mut self) {
+        self.sampling.start();
+        self.watchdog.unleash();
+    }
+
+    /// Waits for a tick's samples.
+    pub async fn next_block(&mut self) -> Sensors {
+        let sensors = self.sampling.next_block(&CALIBRATION).await;
+        sensors.at_limit = self.limit.is_high();
+        sensors.emergency_stop = self.emergency_stop.is_high();
+        let sensors = *sensors;
+        self.timer.begin();
+        sensors
+    }
+
+    /// Sets the outputs; the tick is over.
+    pub fn set(&mut self, actuators: &Actuators) {
+        self.drive.set(actuators.drive_m, actuators.drive_enabled);
+        self.stepper.go(actuators.motor);
+        self.timer.end();
+    }
+
+    /// Everything that must run has run.
+    pub fn feed_watchdog(&mut self) {
+        self.watchdog.pet();
+    }
+
+    /// How the ticks have been kept.
+    pub fn timing(&self) -> Timing {
+        Timing { overruns: self.sampling.overruns(), ..self.timer.timing }
+    }
+}
+
+/// The analogue output of the drive, and its relay.
+struct Drive {
+    output: DacChannel<'static, Blocking>,
+    relay: Output<'static>,
+}
+
+impl Drive {
+    /// The output comes on at 0 V, the negative end, and is set to no drive at once; the relay is open meanwhile.
+    fn new(output: DacChannel<'static, Blocking>, relay: Output<'static>) -> Self {
+        let mut drive = Self { output, relay };
+        drive.put(0.0);
+        drive
+    }
+
+    fn put(&mut self, demand_m: f32) {
+        self.output.set(Value::Bit12Right(CALIBRATION.drive.to_counts(demand_m, OUTPUT_FULL_SCALE_COUNTS)));
+    }
+
+    /// The relay closes on an output that has been at no drive for a tick, and opens at once.
+    fn set(&mut self, demand_m: f32, enabled: bool) {
+        if !enabled {
+            self.relay.set_low();
+            self.put(0.0);
+        } else if self.relay.is_set_low() {
+            self.put(0.0);
+            self.relay.set_high();
+        } else {
+            self.put(demand_m);
+        }
+    }
+}
+
+/// Measures the ticks with the core's cycle counter.
+struct TickTimer {
+    begun: u32,
+    is_running: bool,
+    timing: Timing,
+}
+
+const CYCLES_PER_US: u32 = clock::CORE_HZ / 1_000_000;
+const CYCLES_PER_TICK: u32 = clock::CORE_HZ / 1_000;
+
+impl TickTimer {
+    fn start() -> Self {
+        // SAFETY: nothing else uses the core's trace unit, and this runs once.
+        let mut core = unsafe { cortex_m::Peripherals::steal() };
+        core.DCB.enable_trace();
+        core.DWT.enable_cycle_counter();
+        Self { begun: 0, is_running: false, timing: Timing::default() }
+    }
+
+    fn begin(&mut self) {
+        let now = cortex_m::peripheral::DWT::cycle_count();
+        let between = now.wrapping_sub(self.begun);
+        self.begun = now;
+        if core::mem::replace(&mut self.is_running, true) {
+            keep_most(&mut self.timing.largest_jitter_us, between.abs_diff(CYCLES_PER_TICK));
+        }
+    }
+
+    fn end(&mut self) {
+        let took = cortex_m::peripheral::DWT::cycle_count().wrapping_sub(self.begun);
+        keep_most(&mut self.timing.longest_tick_us, took);
+    }
+}
+
+fn keep_most(most_us: &mut u16, cycles: u32) {
+    let us = (cycles / CYCLES_PER_US).min(u32::from(u16::MAX)) as u16;
+    *most_us = us.max(*most_us);
+}

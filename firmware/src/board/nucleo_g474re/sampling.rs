@@ -1,0 +1,104 @@
+//! The converters: x, z and spring force at 10 kHz on ADC1, oversampled; both wall forces at 50 kHz on ADC2, as they are.
+//!
+//! TIM3 starts ADC1's sequence every 100 µs, TIM4 ADC2's every 20 µs; DMA fills rings of two ticks each, and ADC1's half
+//! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
+//! block is there when the tick asks for it.
+
+use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_device::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK, lost_block};
+use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::timer::low_level::{MasterMode, RoundTo, Timer};
+use embassy_stm32::{Peri, peripherals, triggers};
+use static_cell::StaticCell;
+
+use super::Interrupts;
+
+/// The peripherals that sampling takes.
+pub struct Parts {
+    /// The slow converter, its DMA channel and its timer.
+    pub slow:
+        (Peri<'static, peripherals::ADC1>, Peri<'static, peripherals::DMA1_CH1>, Peri<'static, peripherals::TIM3>),
+    /// x, z and spring force.
+    pub slow_pins: [AnyAdcChannel<'static, peripherals::ADC1>; 3],
+    /// The walls' converter, its DMA channel and its timer.
+    pub walls:
+        (Peri<'static, peripherals::ADC2>, Peri<'static, peripherals::DMA1_CH2>, Peri<'static, peripherals::TIM4>),
+    /// The wall at −d, the wall at +d.
+    pub wall_pins: [AnyAdcChannel<'static, peripherals::ADC2>; 2],
+}
+
+/// Both converters.
+pub struct Sampling {
+    slow: RingBufferedAdc<'static, peripherals::ADC1>,
+    walls: RingBufferedAdc<'static, peripherals::ADC2>,
+    slow_trigger: Timer<'static, peripherals::TIM3>,
+    wall_trigger: Timer<'static, peripherals::TIM4>,
+    sensors: Sensors,
+    overruns: u32,
+}
+
+impl Sampling {
+    /// Sets the converters up; nothing is converted yet.
+    pub fn new(parts: Parts) -> Self {
+        let slow_trigger = Timer::new(parts.slow.2);
+        slow_trigger.set_frequency(Hertz((TICK_HZ * SUBSAMPLES as f32) as u32), RoundTo::Slower);
+        slow_trigger.set_master_mode(MasterMode::UPDATE);
+        let wall_trigger = Timer::new(parts.walls.2);
+        wall_trigger.set_frequency(Hertz((TICK_HZ * WALL_SUBSAMPLES as f32) as u32), RoundTo::Slower);
+        wall_trigger.set_master_mode(MasterMode::UPDATE);
+
+        let oversampling = AdcConfig {
+            oversampling_ratio: Some(3), // 16 conversions …
+            oversampling_shift: Some(0), // … added up
+            oversampling_mode: Some((adc::Rovsm::RESUMED, adc::Trovs::AUTOMATIC, true)),
+            ..AdcConfig::default()
+        };
+        static SLOW_RING: StaticCell<[u16; 2 * SLOW_BLOCK]> = StaticCell::new();
+        let slow = Adc::new(parts.slow.0, oversampling).into_ring_buffered(
+            parts.slow.1,
+            SLOW_RING.init([0; 2 * SLOW_BLOCK]),
+            Interrupts,
+            parts.slow_pins.into_iter().map(|pin| (pin, SampleTime::CYCLES47_5)),
+            triggers::TIM3_TRGO,
+            adc::Exten::RISING_EDGE,
+        );
+        static WALL_RING: StaticCell<[u16; 2 * WALL_BLOCK]> = StaticCell::new();
+        let walls = Adc::new(parts.walls.0, AdcConfig::default()).into_ring_buffered(
+            parts.walls.1,
+            WALL_RING.init([0; 2 * WALL_BLOCK]),
+            Interrupts,
+            parts.wall_pins.into_iter().map(|pin| (pin, SampleTime::CYCLES24_5)),
+            triggers::TIM4_TRGO,
+            adc::Exten::RISING_EDGE,
+        );
+        Self { slow, walls, slow_trigger, wall_trigger, sensors: Sensors::default(), overruns: 0 }
+    }
+
+    /// Starts both.
+    pub fn start(&mut self) {
+        self.walls.start();
+        self.slow.start();
+        self.wall_trigger.start();
+        self.slow_trigger.start();
+    }
+
+    /// Waits for a tick's blocks. Those that came too late to be read are no numbers.
+    pub async fn next_block(&mut self, calibration: &Calibration) -> &mut Sensors {
+        let (mut slow, mut walls) = ([0; SLOW_BLOCK], [0; WALL_BLOCK]);
+        let slow_read = self.slow.read(&mut slow).await;
+        let walls_read = self.walls.read(&mut walls).await;
+        if slow_read.is_ok() && walls_read.is_ok() {
+            calibration.fill(&slow, &walls, &mut self.sensors);
+        } else {
+            self.overruns = self.overruns.saturating_add(1);
+            self.sensors = lost_block();
+        }
+        &mut self.sensors
+    }
+
+    /// Blocks lost so far.
+    pub fn overruns(&self) -> u32 {
+        self.overruns
+    }
+}

@@ -1,0 +1,87 @@
+//! What ended the firmware, kept in memory that a reset leaves alone. What the words mean is the device code's; this is
+//! where they are, and who writes them: a panic, a fault of the processor, a crystal that stops, a task that stalls.
+
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m_rt::{ExceptionFrame, exception};
+use damprig_device::crash::Record;
+use damprig_protocol::{Crash, CrashCause, Reset};
+
+/// The words, and the last tick.
+struct Kept(UnsafeCell<MaybeUninit<(Record, u32)>>);
+
+// SAFETY: written by what ends the program alone, with interrupts masked, and read before any task runs.
+unsafe impl Sync for Kept {}
+
+#[unsafe(link_section = ".uninit.crash")]
+static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
+
+static TICK: AtomicU32 = AtomicU32::new(0);
+
+fn kept() -> (*mut Record, *mut u32) {
+    let kept = KEPT.0.get().cast::<(Record, u32)>();
+    // SAFETY: the addresses alone are taken.
+    unsafe { (&raw mut (*kept).0, &raw mut (*kept).1) }
+}
+
+/// The rig's tick, for the record.
+pub fn note_tick(tick: u32) {
+    TICK.store(tick, Ordering::Relaxed);
+    // SAFETY: the control tick alone writes it; whoever reads it has masked interrupts or runs before the tasks.
+    unsafe { kept().1.write_volatile(tick) };
+}
+
+/// At the start, before any task: what is to be told of earlier runs.
+pub fn at_start(reset: Reset) -> Option<Crash> {
+    let (record, tick) = kept();
+    // SAFETY: no task runs yet. Whatever memory holds is a sound value of either type: plain words.
+    unsafe {
+        let last_tick = tick.read_volatile();
+        let mut words = record.read_volatile();
+        let crash = words.at_start(reset, last_tick);
+        record.write_volatile(words);
+        crash
+    }
+}
+
+/// Records why, and leaves the rest to the watchdog.
+pub fn note(cause: CrashCause, program_counter: u32) {
+    cortex_m::interrupt::free(|_| {
+        let record = kept().0;
+        // SAFETY: interrupts are masked, and plain words are sound whatever they hold.
+        unsafe {
+            let mut words = record.read_volatile();
+            words.write(cause, TICK.load(Ordering::Relaxed), program_counter);
+            record.write_volatile(words);
+        }
+    });
+}
+
+/// Records why, and starts again: every output is off from the reset on.
+fn end(cause: CrashCause, program_counter: u32) -> ! {
+    note(cause, program_counter);
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    end(CrashCause::HardFault, frame.pc())
+}
+
+/// The crystal stopped: the hardware has gone back to the internal oscillator already, ten times too slow.
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    end(CrashCause::ClockFailed, 0)
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+    cortex_m::interrupt::disable();
+    // The text would take the formatting machinery of floating-point numbers with it: the place is enough.
+    if let Some(place) = info.location() {
+        defmt::error!("panic at {}:{}", place.file(), place.line());
+    }
+    end(CrashCause::Panic, info.location().map_or(0, core::panic::Location::line))
+}

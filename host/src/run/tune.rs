@@ -1,0 +1,113 @@
+//! Before an experiment with a friction damper whose spring the rig tunes: home, touch off, set.
+//!
+//! A friction ratio is set in two steps: first the normal force that it means at the demanded base amplitude, while nothing
+//! moves; then the ratio itself, which the rig keeps by the measured amplitude once it drives.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringConfig, SpringFault, Stage, Target};
+use damprig_protocol::{Ask, Happening as Event, PlantKind};
+
+use super::{Run, RunError, convert};
+use crate::campaign::{CampaignSetUp, SpringSpec, SpringTarget};
+use crate::session::Report;
+
+/// Longer than any of the steps takes, s: the whole travel there and back at the search rate, and the readings.
+const LONGEST_STEP: Duration = Duration::from_secs(300);
+
+impl Run<'_> {
+    /// Tunes the spring of a set-up that has one.
+    pub(super) fn tune(&mut self, set_up: &CampaignSetUp, spring: &SpringSpec) -> Result<(), RunError> {
+        let config = convert::spring(set_up, spring);
+        self.session.tell("take the spring's constants", Ask::SetSpring(config))?;
+        self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
+        self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, Happening::OnTarget { .. }))?;
+        let on_target = |happening: &Happening| matches!(happening, Happening::OnTarget { .. });
+        let stiffness = set_up.model().structure.stiffness_n_per_m;
+        let force_n = spring.normal_force_n(stiffness, set_up.base_amplitude_m) as f32;
+        match spring.target {
+            SpringTarget::Deflection(deflection) => {
+                let target = Target::Deflection { deflection_m: deflection as f32 };
+                self.step(set_up, SpringCommand::Set(target), on_target)
+            }
+            SpringTarget::NormalForce(_) => self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target),
+            SpringTarget::FrictionRatio(ratio) => {
+                self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target)?;
+                let target = Target::FrictionRatio { ratio: ratio as f32 };
+                Ok(self.session.tell("keep a friction ratio", Ask::Spring(SpringCommand::Set(target)))?)
+            }
+        }
+    }
+
+    /// Nothing presses on the structure of a set-up whose friction, if any, is none of the spring's.
+    pub(super) fn free(&mut self, set_up: &CampaignSetUp) -> Result<(), RunError> {
+        if self.session.description.plant != PlantKind::Real {
+            // The simulated plant is a new one, and so is its spring.
+            let new = Ask::SetSpring(SpringConfig::default());
+            return Ok(self.session.tell("forget the spring's position", new)?);
+        }
+        let begun = Instant::now();
+        let mut asked = false;
+        loop {
+            let (status, _) = self.session.status()?;
+            match status.spring.stage {
+                Stage::Ready | Stage::Setting | Stage::Holding if !asked => {
+                    asked = true;
+                    self.session.tell("release the spring", Ask::Spring(SpringCommand::Release))?;
+                }
+                Stage::Releasing | Stage::Ready if asked && begun.elapsed() > LONGEST_STEP => {
+                    return Err(RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage });
+                }
+                Stage::Releasing => {}
+                _ => return Ok(()),
+            }
+            self.session.next_report()?;
+        }
+    }
+
+    /// Asks the spring for something and waits until it is done.
+    fn step(
+        &mut self,
+        set_up: &CampaignSetUp,
+        command: SpringCommand,
+        is_done: impl Fn(&Happening) -> bool,
+    ) -> Result<(), RunError> {
+        self.session.tell("move the friction damper's spring", Ask::Spring(command))?;
+        let fault = |SpringFault { cause, value, limit }: SpringFault| RunError::Spring {
+            set_up: set_up.name.clone(),
+            cause,
+            value,
+            limit,
+        };
+        let begun = Instant::now();
+        loop {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            match self.session.next_report()? {
+                Some(Report::Event { event: Event::Spring(happening), .. }) => {
+                    self.watcher.spring(&happening);
+                    match happening {
+                        Happening::Fault(found) => return Err(fault(found)),
+                        done if is_done(&done) => return Ok(()),
+                        _ => {}
+                    }
+                }
+                Some(Report::Event { event: Event::Fault(found), .. }) => {
+                    return Err(convert::fault_error(set_up, found));
+                }
+                Some(_) => {}
+                // The word may have been lost.
+                None if begun.elapsed() > LONGEST_STEP => {
+                    let (status, _) = self.session.status()?;
+                    return Err(match status.spring.fault {
+                        Some(found) => fault(found),
+                        None => RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage },
+                    });
+                }
+                None => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The stepped sine: one frequency after another, each settled, measured over whole cycles and marked steady
+//! or not.
+//!
+//! A point runs through *rest* (only when it starts from rest), *settle* and *dwell*. The drive is phase-continuous
+//! from one frequency to the next when the motion is carried over; from rest it starts at phase zero, so the base
+//! leaves its place without a step in displacement. The drive comes and goes on a smooth ramp if one is asked for, and
+//! is constant, or whatever [`super::base_loop`] needs for a constant base amplitude.
+//!
+//! [`SteppedSine`] is what a host asks for, [`Plan`] what has been checked. A plan is made outside the control tick, which
+//! has no time to look at 201 frequencies; the [`Runner`] carries it out.
+
+mod runner;
+
+use crate::control::base_loop::ClosedLoop;
+use crate::measure::point::SteadyLimits;
+use crate::model::{Invalid, not_negative, positive, require};
+use crate::rig::TICK_HZ;
+use heapless::Vec;
+use postcard_schema::Schema;
+pub use runner::{Now, Outcome, Runner, Stage};
+use serde::{Deserialize, Serialize};
+
+/// Most frequencies in one experiment: what the controller's memory holds.
+pub const MOST_POINTS: usize = 201;
+
+/// Fewest ticks in a cycle of the drive, so the highest frequency is the tick rate over this.
+pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;
+
+/// Fewest whole cycles in a dwell: the trend of the cycle maxima needs three in its second half.
+pub const FEWEST_CYCLES: f32 = 6.0;
+
+/// Time over which the drive fades out after a stop or a fault, and at least before a rest, s.
+pub const FADE_S: f32 = 0.2;
+
+/// How long |x| must stay below the rest level, s.
+const REST_HOLD_S: f32 = 0.5;
+
+/// How long the structure may take to come to rest, s: a structure of ζ = 0.0038 needs about 80 s from 50 mm.
+const REST_TIMEOUT_S: f32 = 600.0;
+
+/// How a point begins.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Start {
+    /// The drive stops, and the next point begins once |x| has stayed below this level, m. A virtual rig puts
+    /// its plant back to the start.
+    FromRest {
+        /// |x| below which the structure counts as at rest, m.
+        level_m: f32,
+    },
+    /// The frequency changes while the drive runs on.
+    CarryOver,
+}
+
+/// What is held at the demanded amplitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Drive {
+    /// The drive, as in the source document: a base that feels its load sags near resonance.
+    #[default]
+    Constant,
+    /// The measured base displacement.
+    ClosedLoop(ClosedLoop),
+}
+
+/// A stepped-sine experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SteppedSine {
+    /// How each point begins.
+    pub start: Start,
+    /// Demanded base amplitude Z, m; greater than 0.
+    pub amplitude_m: f32,
+    /// What is held at that amplitude.
+    pub drive: Drive,
+    /// Time over which the drive rises from silence and, between points and at the end, fades, s; 0 (at once) to settle_s.
+    pub ramp_s: f32,
+    /// Time after a frequency begins before it is measured, s; 0 or more.
+    pub settle_s: f32,
+    /// Time measured at each frequency, s: its whole cycles are used.
+    pub dwell_s: f32,
+    /// When a point counts as steady.
+    pub steady: SteadyLimits,
+    /// Place of the first frequency in the whole experiment: above 0 when an interrupted one is taken up again. Results
+    /// and the virtual rig's noise go by the place in the whole, so both are the same as without the interruption.
+    pub first_index: u16,
+    /// Frequencies in order, Hz.
+    pub frequencies_hz: Vec<f32, MOST_POINTS>,
+}
+
+impl SteppedSine {
+    /// Checks every value against what a tick of `tick_hz` can carry.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    pub fn validate(&self, tick_hz: f32) -> Result<(), Invalid> {
+        positive("amplitude_m", f64::from(self.amplitude_m))?;
+        not_negative("settle_s", f64::from(self.settle_s))?;
+        positive("dwell_s", f64::from(self.dwell_s))?;
+        let longest_s = 1e6 / f64::from(tick_hz) * 1000.0;
+        require(f64::from(self.settle_s) <= longest_s, "settle_s", f64::from(self.settle_s), "at most 10⁹ ticks")?;
+        require(f64::from(self.dwell_s) <= longest_s, "dwell_s", f64::from(self.dwell_s), "at most 10⁹ ticks")?;
+        let ramp_s = f64::from(self.ramp_s);
+        not_negative("ramp_s", ramp_s)?;
+        require(self.ramp_s <= self.settle_s, "ramp_s", ramp_s, "at most settle_s: nothing is measured on the ramp")?;
+        if let Drive::ClosedLoop(parameters) = &self.drive {
+            parameters.validate()?;
+            require(
+                self.amplitude_m < parameters.drive_limit_m,
+                "drive.drive_limit_m",
+                f64::from(parameters.drive_limit_m),
+                "greater than amplitude_m",
+            )?;
+        }
+        if let Start::FromRest { level_m } = self.start {
+            positive("rest_level_m", f64::from(level_m))?;
+        }
+        positive("steady.change_per_cycle", f64::from(self.steady.change_per_cycle))?;
+        positive("steady.scatter", f64::from(self.steady.scatter))?;
+        require(
+            usize::from(self.first_index) + self.frequencies_hz.len() <= usize::from(u16::MAX),
+            "first_index",
+            f64::from(self.first_index),
+            "small enough for 65535 points in all",
+        )?;
+        require(!self.frequencies_hz.is_empty(), "frequencies_hz", 0.0, "a list with at least one frequency")?;
+        for &frequency in &self.frequencies_hz {
+            positive("frequencies_hz", f64::from(frequency))?;
+            require(
+                frequency * FEWEST_TICKS_PER_CYCLE <= tick_hz,
+                "frequencies_hz",
+                f64::from(frequency),
+                "at most a twentieth of the tick rate",
+            )?;
+            require(
+                frequency * self.dwell_s >= FEWEST_CYCLES,
+                "dwell_s",
+                f64::from(self.dwell_s),
+                "long enough for 6 cycles of every frequency",
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Ticks that the whole experiment takes when every rest is immediate, as on a virtual rig, and a closed loop never
+    /// waits for its base.
+    #[must_use]
+    pub fn expected_ticks(&self, tick_hz: f32) -> u64 {
+        let rest_s = match self.start {
+            Start::FromRest { .. } => self.ramp_s.max(FADE_S) + REST_HOLD_S,
+            Start::CarryOver => 0.0,
+        };
+        let point_s = f64::from(rest_s + self.settle_s + self.dwell_s);
+        (point_s * f64::from(tick_hz) * self.frequencies_hz.len() as f64) as u64
+    }
+}
+
+/// A checked experiment, its times in ticks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    sine: SteppedSine,
+    settle_ticks: u32,
+    /// Settling and the longest wait for a closed loop.
+    held_by_ticks: u32,
+    /// Changes of the ramp's place in a tick: driving, and fading.
+    rise: f32,
+    fall: f32,
+}
+
+impl Plan {
+    /// Checks an experiment against the rig's tick.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    pub fn new(sine: SteppedSine) -> Result<Self, Invalid> {
+        sine.validate(TICK_HZ)?;
+        let ticks = |seconds: f32| (f64::from(seconds) * f64::from(TICK_HZ) + 0.5) as u32;
+        let per_tick = |seconds: f32| if seconds > 0.0 { 1.0 / (seconds * TICK_HZ) } else { 1.0 };
+        let wait_s = match &sine.drive {
+            Drive::Constant => 0.0,
+            Drive::ClosedLoop(parameters) => parameters.wait_s,
+        };
+        Ok(Self {
+            settle_ticks: ticks(sine.settle_s),
+            held_by_ticks: ticks(sine.settle_s + wait_s),
+            rise: per_tick(sine.ramp_s),
+            fall: per_tick(sine.ramp_s.max(FADE_S)),
+            sine,
+        })
+    }
+
+    /// What was asked for.
+    #[must_use]
+    pub fn sine(&self) -> &SteppedSine {
+        &self.sine
+    }
+}

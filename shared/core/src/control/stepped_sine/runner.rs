@@ -1,0 +1,376 @@
+//! Carries a checked stepped sine out, a tick at a time.
+
+use super::{Drive, FADE_S, Plan, REST_HOLD_S, REST_TIMEOUT_S, Start};
+use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::limits::Fault;
+use crate::control::safety::Danger;
+use crate::measure::point::{HarmonicFigures, Place, PointMeter, PointResult};
+use crate::rig::{Readings, TICK_HZ};
+use crate::sine::Phase;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Where a point stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Stage {
+    /// Waiting for the structure to come to rest.
+    Rest,
+    /// Driving, not yet measuring.
+    Settle,
+    /// Driving and measuring.
+    Dwell,
+}
+
+/// What a tick of the experiment led to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// It goes on.
+    Running,
+    /// A point is complete.
+    Point(PointResult),
+    /// The last point is complete.
+    Finished(PointResult),
+    /// It cannot go on.
+    Failed(Fault),
+}
+
+/// What a tick of the experiment looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct Now<'a> {
+    /// The tick.
+    pub tick: u32,
+    /// Its readings.
+    pub readings: &'a Readings,
+    /// Impacts measured so far.
+    pub impacts: u32,
+}
+
+/// A point that has been measured and not yet evaluated.
+#[derive(Clone, Copy, Debug)]
+struct Measured {
+    meter: PointMeter,
+    place: Place,
+    harmonic: Option<HarmonicFigures>,
+    is_last: bool,
+}
+
+const REST_HOLD_TICKS: u32 = (REST_HOLD_S * TICK_HZ) as u32;
+const REST_TIMEOUT_TICKS: u32 = (REST_TIMEOUT_S * TICK_HZ) as u32;
+const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
+
+/// A stepped sine in progress. Its [`Plan`] is the caller's: every call wants the same one.
+#[derive(Clone, Debug)]
+pub struct Runner {
+    index: usize,
+    stage: Stage,
+    ticks_in_stage: u32,
+    /// Since the present frequency began.
+    driven_ticks: u32,
+    quiet_ticks: u32,
+    phase: Phase,
+    increment: u32,
+    frequency_hz: f32,
+    /// Place on the ramp, 0 to 1.
+    gain: f32,
+    fall: f32,
+    driving: bool,
+    /// Used by [`Drive::ClosedLoop`] alone.
+    base: BaseLoop,
+    meter: PointMeter,
+    measured: Option<Measured>,
+    cycles: u32,
+    cycle_ended: bool,
+    start_tick: u32,
+    impacts_before: u32,
+    put_back: Option<u16>,
+}
+
+impl Runner {
+    /// At the beginning of the first point.
+    #[must_use]
+    pub fn new(plan: &Plan) -> Self {
+        let mut runner = Self {
+            index: 0,
+            stage: Stage::Rest,
+            ticks_in_stage: 0,
+            driven_ticks: 0,
+            quiet_ticks: 0,
+            phase: Phase::default(),
+            increment: 0,
+            frequency_hz: 0.0,
+            gain: 0.0,
+            fall: FADE_PER_TICK,
+            driving: false,
+            base: BaseLoop::default(),
+            meter: PointMeter::default(),
+            measured: None,
+            cycles: 0,
+            cycle_ended: false,
+            start_tick: 0,
+            impacts_before: 0,
+            put_back: None,
+        };
+        runner.begin_point(plan);
+        runner
+    }
+
+    /// The present point's place in the list.
+    #[must_use]
+    pub fn index(&self) -> usize {
+        self.index
+    }
+
+    /// Where the present point stands.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// The present drive frequency, Hz; 0 while resting.
+    #[must_use]
+    pub fn frequency_hz(&self) -> f32 {
+        if self.stage == Stage::Rest { 0.0 } else { self.frequency_hz }
+    }
+
+    /// A measured point waits for its evaluation.
+    #[must_use]
+    pub fn is_evaluating(&self) -> bool {
+        self.measured.is_some()
+    }
+
+    /// A cycle of the drive ended in the last tick.
+    #[must_use]
+    pub fn cycle_ended(&self) -> bool {
+        self.cycle_ended
+    }
+
+    /// The base is meant to move visibly: the drive is on, and more than half up its ramp.
+    #[must_use]
+    pub fn is_swinging(&self) -> bool {
+        self.driving && self.gain > 0.5
+    }
+
+    /// The drive is on.
+    #[must_use]
+    pub fn is_driving(&self) -> bool {
+        self.driving
+    }
+
+    /// The closed loop was at its limit in the last tick.
+    #[must_use]
+    pub fn is_saturated(&self) -> bool {
+        self.base.is_saturated()
+    }
+
+    /// The point's place in the whole experiment.
+    fn place(&self, plan: &Plan) -> u16 {
+        plan.sine.first_index.wrapping_add(self.index as u16)
+    }
+
+    /// A simulated plant should be put back to its start in this tick, for the point of this place.
+    #[must_use]
+    pub fn wants_plant_put_back(&self) -> Option<u16> {
+        self.put_back
+    }
+
+    /// Lets the drive fade out, whatever comes after.
+    pub fn release_drive(&mut self) {
+        self.driving = false;
+        self.fall = FADE_PER_TICK;
+    }
+
+    /// The drive has faded out.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.gain == 0.0 && !self.driving
+    }
+
+    fn begin_point(&mut self, plan: &Plan) {
+        self.ticks_in_stage = 0;
+        match plan.sine.start {
+            Start::FromRest { .. } => {
+                self.stage = Stage::Rest;
+                self.end_driving(plan);
+                self.quiet_ticks = 0;
+            }
+            Start::CarryOver => self.begin_settling(plan),
+        }
+    }
+
+    fn end_driving(&mut self, plan: &Plan) {
+        self.driving = false;
+        self.fall = plan.fall;
+    }
+
+    fn begin_settling(&mut self, plan: &Plan) {
+        let frequency = plan.sine.frequencies_hz.get(self.index).copied().unwrap_or(0.0);
+        self.frequency_hz = frequency;
+        self.increment = Phase::increment(frequency, TICK_HZ);
+        self.cycles = (plan.sine.dwell_s * frequency) as u32;
+        self.stage = Stage::Settle;
+        self.driven_ticks = 0;
+        self.driving = true;
+        if let Drive::ClosedLoop(parameters) = &plan.sine.drive {
+            if self.gain == 0.0 {
+                self.base = BaseLoop::new(parameters);
+            }
+            self.base.tune(parameters, frequency, TICK_HZ);
+        }
+    }
+
+    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to begin anew.
+    fn base_slipped(&self, plan: &Plan) -> bool {
+        match &plan.sine.drive {
+            Drive::Constant => false,
+            Drive::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= plan.held_by_ticks,
+        }
+    }
+
+    /// Settled: measuring may begin at the next cycle.
+    fn is_settled(&self, plan: &Plan) -> bool {
+        self.driven_ticks > plan.settle_ticks
+            && match &plan.sine.drive {
+                Drive::Constant => true,
+                Drive::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > plan.held_by_ticks,
+            }
+    }
+
+    fn begin_dwelling(&mut self, now: &Now) {
+        self.stage = Stage::Dwell;
+        self.start_tick = now.tick;
+        self.impacts_before = now.impacts;
+        self.meter = PointMeter::new(self.cycles);
+        self.base.take_was_saturated();
+    }
+
+    /// The drive for this tick, m, without measuring: for the fade after a stop. A point that was measured before it is
+    /// evaluated still.
+    pub fn fade(&mut self, plan: &Plan) -> (f32, Outcome) {
+        let outcome = self.evaluate(plan);
+        let drive = self.drive_m(plan, None).0;
+        self.cycle_ended = self.phase.advance(self.increment);
+        (drive, outcome)
+    }
+
+    /// The drive at the present phase, m, and a fault of the closed loop. Fades while the drive is released: then, and
+    /// without readings, the loop is open.
+    fn drive_m(&mut self, plan: &Plan, now: Option<&Now>) -> (f32, Option<Fault>) {
+        let step = if self.driving { plan.rise } else { -self.fall };
+        self.gain = (self.gain + step).clamp(0.0, 1.0);
+        // Without a corner at either end.
+        let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
+        let wave = self.phase.sin_cos();
+        let amplitude = plan.sine.amplitude_m;
+        let (Drive::ClosedLoop(_), Some(now), true) = (&plan.sine.drive, now, self.driving) else {
+            let full = match plan.sine.drive {
+                Drive::Constant => amplitude * wave.0,
+                Drive::ClosedLoop(_) => self.base.open(wave),
+            };
+            return (ramp * full, None);
+        };
+        let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
+        let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, then.sin_cos(), wave);
+        if then.0.checked_add(self.increment).is_none() {
+            self.base.end_cycle(amplitude);
+            if let Some(value) = self.base.runaway(amplitude) {
+                let limit = RUNAWAY * amplitude;
+                return (drive, Some(Fault { cause: Danger::BaseRunaway, tick: now.tick, value, limit }));
+            }
+        }
+        (drive, None)
+    }
+
+    /// One tick: this tick's readings in, the demanded base displacement (m) out.
+    pub fn tick(&mut self, plan: &Plan, now: &Now) -> (f32, Outcome) {
+        let mut outcome = self.evaluate(plan);
+        self.put_back = None;
+        self.ticks_in_stage += 1;
+        self.driven_ticks = self.driven_ticks.saturating_add(1);
+        if self.stage == Stage::Rest
+            && let Some(fault) = self.rest(plan, now)
+        {
+            outcome = Outcome::Failed(fault);
+        }
+        // A dwell begins at the start of a cycle, and so does a drive from rest.
+        if self.stage == Stage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
+            self.begin_dwelling(now);
+        }
+        let (drive, fault) = self.drive_m(plan, Some(now));
+        if let Some(fault) = fault {
+            outcome = Outcome::Failed(fault);
+        }
+        // Once the last point is measured, only the drive goes on, fading.
+        let measuring = self.stage == Stage::Dwell && self.index < plan.sine.frequencies_hz.len();
+        if measuring {
+            self.meter.push(now.readings, drive, self.phase.sin_cos());
+        }
+        self.cycle_ended = self.phase.advance(self.increment);
+        if self.cycle_ended && measuring {
+            self.meter.end_cycle();
+            if self.base_slipped(plan) {
+                self.stage = Stage::Settle;
+            }
+            if self.meter.cycles() == self.cycles && !matches!(outcome, Outcome::Failed(_)) {
+                self.end_point(plan, now);
+            }
+        }
+        (drive, outcome)
+    }
+
+    fn rest(&mut self, plan: &Plan, now: &Now) -> Option<Fault> {
+        if self.gain > 0.0 {
+            // The drive is still fading out: resting has not begun.
+            self.ticks_in_stage = 0;
+            return None;
+        }
+        let level = match plan.sine.start {
+            Start::FromRest { level_m } => level_m,
+            Start::CarryOver => f32::MAX,
+        };
+        // The samples of the tick in which a plant is put back are still of the motion before.
+        self.put_back = (self.ticks_in_stage == 1).then(|| self.place(plan));
+        let value = now.readings.x.peak_m;
+        let quiet = value < level && self.put_back.is_none();
+        self.quiet_ticks = if quiet { self.quiet_ticks + 1 } else { 0 };
+        if self.quiet_ticks >= REST_HOLD_TICKS {
+            self.phase = Phase::default();
+            self.begin_settling(plan);
+            self.driven_ticks = 1;
+        } else if self.ticks_in_stage > REST_TIMEOUT_TICKS {
+            return Some(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit: level });
+        }
+        None
+    }
+
+    fn end_point(&mut self, plan: &Plan, now: &Now) {
+        let place = Place {
+            index: self.place(plan),
+            frequency_hz: self.frequency_hz,
+            start_tick: self.start_tick,
+            end_tick: now.tick + 1,
+            drive_saturated: self.base.take_was_saturated(),
+            impacts: now.impacts.wrapping_sub(self.impacts_before),
+        };
+        self.index += 1;
+        let is_last = self.index == plan.sine.frequencies_hz.len();
+        self.measured = Some(Measured { meter: self.meter, place, harmonic: None, is_last });
+        if is_last {
+            self.end_driving(plan);
+        } else {
+            self.begin_point(plan);
+        }
+    }
+
+    /// A measured point's figures, over the two ticks after its end: the tick that ends it has enough to do.
+    fn evaluate(&mut self, plan: &Plan) -> Outcome {
+        let Some(measured) = &mut self.measured else { return Outcome::Running };
+        let Some(harmonic) = &measured.harmonic else {
+            measured.harmonic = Some(measured.meter.harmonic_figures());
+            return Outcome::Running;
+        };
+        let result = measured.meter.result(&measured.place, harmonic, &plan.sine.steady);
+        let is_last = measured.is_last;
+        self.measured = None;
+        if is_last { Outcome::Finished(result) } else { Outcome::Point(result) }
+    }
+}

@@ -1,0 +1,401 @@
+//! The rig's one decision maker: samples and commands in, actuator values, replies and events out.
+//!
+//! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
+//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. [`sensors`] holds what goes in and comes out, [`words`] the
+//! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
+//! a host is in `damprig-protocol`.
+
+pub mod damper;
+pub mod sensors;
+pub mod signals;
+pub mod words;
+
+use crate::control::friction_spring::{SpringCommand, Stage as SpringStage};
+use crate::control::limits::Fault;
+use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
+use crate::control::stepped_sine::{Now, Outcome, Plan, Runner, Stage};
+use crate::measure::point::PointResult;
+use crate::measure::snippet::Snippet;
+use damper::Dampers;
+use heapless::Deque;
+pub use sensors::{Actuators, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
+pub use words::{Command, Event, Refusal, State, Status};
+
+/// Results that the rig keeps for a host that missed one.
+pub const KEPT_RESULTS: usize = 8;
+
+/// The rig.
+#[derive(Clone, Debug)]
+pub struct Rig {
+    plan: Option<Plan>,
+    runner: Option<Runner>,
+    safety: Safety,
+    dampers: Dampers,
+    state: State,
+    tick: u32,
+    points: u16,
+    results: Deque<PointResult, KEPT_RESULTS>,
+    fault: Option<Fault>,
+    finishing: bool,
+    host_heard: bool,
+    waiting: Option<Event>,
+    signals: Signals,
+}
+
+impl Default for Rig {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Rig {
+    /// An idle rig without an experiment.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            plan: None,
+            runner: None,
+            safety: Safety::default(),
+            dampers: Dampers::default(),
+            state: State::Idle,
+            tick: 0,
+            points: 0,
+            results: Deque::new(),
+            fault: None,
+            finishing: false,
+            host_heard: false,
+            waiting: None,
+            signals: [0.0; SIGNALS.len()],
+        }
+    }
+
+    /// The present state.
+    #[must_use]
+    pub fn status(&self) -> Status {
+        Status {
+            state: self.state,
+            tick: self.tick,
+            points: self.points,
+            fault: self.fault,
+            safe: self.safety.stage(),
+            spring: self.dampers.spring.status(),
+            events_lost: self.dampers.lost(),
+        }
+    }
+
+    /// What the rig is doing.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// The tick that comes next, counted from the last start.
+    #[must_use]
+    pub fn next_tick(&self) -> u32 {
+        self.tick
+    }
+
+    /// The last tick's telemetry, in the order of [`SIGNALS`].
+    #[must_use]
+    pub fn signals(&self) -> &Signals {
+        &self.signals
+    }
+
+    /// A result of the present experiment by its place in the whole, while it is kept.
+    #[must_use]
+    pub fn result(&self, index: u16) -> Option<&PointResult> {
+        self.results.iter().find(|result| result.index == index)
+    }
+
+    /// The recorder of an impact's shape, and what its counts mean.
+    #[must_use]
+    pub fn snippet(&self) -> (&Snippet, &crate::measure::impacts::ForceScale) {
+        (self.dampers.meter.snippet(), self.dampers.meter.scale())
+    }
+
+    /// Something was heard of the host.
+    pub fn hear_host(&mut self) {
+        self.host_heard = true;
+    }
+
+    /// Refuses what may only be done while nothing moves.
+    ///
+    /// # Errors
+    /// The rig is not idle: says which state it is in and what to do.
+    pub fn must_be_idle(&self) -> Result<(), Refusal> {
+        let state = self.state;
+        match state {
+            State::Idle => Ok(()),
+            State::Faulted => Err(Refusal::WrongState { state, advice: "clear the fault first" }),
+            _ => Err(Refusal::WrongState { state, advice: "stop the experiment first" }),
+        }
+    }
+
+    /// Carries out a command.
+    ///
+    /// # Errors
+    /// A parameter out of range, or a command that makes no sense now; the rig is as it was.
+    pub fn handle(&mut self, command: &Command) -> Result<(), Refusal> {
+        match command {
+            Command::SetSafety(safety) => {
+                // What latched a fault may be a limit that was set wrong.
+                if self.state != State::Faulted || self.runner.is_some() {
+                    self.must_be_idle()?;
+                }
+                self.safety.adopt(safety);
+            }
+            Command::SetSpring(spring) => {
+                self.must_be_idle()?;
+                self.dampers.spring.clone_from(spring);
+            }
+            Command::SetImpacts(settings) => {
+                self.must_be_idle()?;
+                self.dampers.meter.adopt(settings);
+            }
+            Command::SetTwin(twin) => {
+                self.must_be_idle()?;
+                self.dampers.twin.clone_from(twin);
+                self.dampers.twin_signals = Default::default();
+            }
+            Command::Configure(plan) => {
+                self.must_be_idle()?;
+                self.plan = Some(plan.clone());
+            }
+            Command::Start => self.start()?,
+            Command::Stop => {
+                if let Some(runner) = &mut self.runner {
+                    runner.release_drive();
+                    if self.state != State::Faulted {
+                        self.state = State::Stopping;
+                    }
+                }
+            }
+            Command::ClearFault => self.clear_fault()?,
+            Command::Spring(command) => self.ask_spring(*command)?,
+            Command::ArmSnippet => self.dampers.meter.arm_snippet(),
+        }
+        Ok(())
+    }
+
+    /// Whether an experiment could begin now.
+    ///
+    /// # Errors
+    /// As [`Rig::handle`] of a start.
+    pub fn could_start(&self) -> Result<(), Refusal> {
+        self.must_be_idle()?;
+        if self.plan.is_none() {
+            return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
+        }
+        match self.dampers.spring.stage() {
+            SpringStage::Faulted => {
+                Err(Refusal::WrongStage { stage: SpringStage::Faulted, advice: "clear the spring's fault first" })
+            }
+            stage @ (SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing) => {
+                Err(Refusal::WrongStage { stage, advice: "wait until it is done, or halt" })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn start(&mut self) -> Result<(), Refusal> {
+        self.could_start()?;
+        self.runner = self.plan.as_ref().map(Runner::new);
+        self.state = State::Running(Stage::Rest);
+        self.tick = 0;
+        self.points = 0;
+        self.results.clear();
+        self.finishing = false;
+        self.dampers.restart();
+        Ok(())
+    }
+
+    fn clear_fault(&mut self) -> Result<(), Refusal> {
+        let state = self.state;
+        self.safety.clear().map_err(|not_safe| Refusal::WrongState { state, advice: not_safe.advice })?;
+        self.fault = None;
+        if self.state == State::Faulted {
+            self.state = State::Idle;
+            self.dampers.let_go();
+        }
+        Ok(())
+    }
+
+    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
+        let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
+        let moves = searches || matches!(command, SpringCommand::Set(_));
+        match self.state {
+            State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
+            State::Faulted if moves => self.must_be_idle()?,
+            _ => {}
+        }
+        Ok(self.dampers.spring.handle(command)?)
+    }
+
+    /// One control tick. At most one event results.
+    pub fn tick(&mut self, sensors: &Sensors) -> (Actuators, Option<Event>) {
+        let tick = self.tick;
+        let readings = Readings::of(sensors);
+        let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
+        let served = self.host_heard;
+        let pulses = self.dampers.measure(tick, sensors, &readings, frequency_hz);
+        let (motor, spring_fault) = self.dampers.tick_spring(sensors, &readings);
+        let mut event = None;
+        if let Some((cause, value, limit)) = spring_fault
+            && self.runner.is_some()
+            && self.safety.latch(Trip { danger: Danger::Spring(cause), value, limit })
+        {
+            event = Some(self.trip(Fault { cause: Danger::Spring(cause), tick, value, limit }));
+        }
+        let signs = self.signs(sensors);
+        let (allowed, trip) = self.safety.tick(&readings, &signs);
+        if let Some(Trip { danger: cause, value, limit }) = trip {
+            event = Some(self.trip(Fault { cause, tick, value, limit }));
+        }
+        let mut actuators = Actuators { motor, ..Actuators::default() };
+        let now = Now { tick, readings: &readings, impacts: self.dampers.impacts() };
+        let mut outcome = Outcome::Running;
+        if let (Some(runner), Some(plan)) = (&mut self.runner, &self.plan) {
+            let drive;
+            if let State::Running(_) = self.state {
+                (drive, outcome) = runner.tick(plan, &now);
+                actuators.put_plant_back = runner.wants_plant_put_back();
+                self.state = State::Running(runner.stage());
+            } else {
+                (drive, outcome) = runner.fade(plan);
+            }
+            actuators.drive_enabled = allowed.relay;
+            actuators.drive_m = drive * allowed.drive;
+            if runner.cycle_ended() {
+                self.dampers.end_cycle();
+            }
+            let is_over = !matches!(self.state, State::Running(_)) && runner.is_silent();
+            if is_over || !allowed.relay {
+                self.runner = None;
+                actuators.drive_enabled = false;
+                if event.is_none() {
+                    event = self.come_to_rest();
+                }
+            }
+        }
+        if actuators.put_plant_back.is_some() {
+            self.dampers.put_back();
+        }
+        // The rest of what is dear in a tick: the twin waits for one without.
+        let evaluates = self.runner.as_ref().is_some_and(Runner::is_evaluating) || !matches!(outcome, Outcome::Running);
+        self.dampers.follow(!served && !pulses && !evaluates);
+        if !matches!(outcome, Outcome::Running)
+            && let Some(recorded) = self.record(outcome)
+        {
+            self.waiting = event.replace(recorded);
+        }
+        // Events are large: looked at before they are moved about.
+        if event.is_none() && self.waiting.is_some() {
+            event = self.waiting.take();
+        } else if event.is_none() && self.dampers.has_news() {
+            event = self.dampers.pop();
+        }
+        self.fill_signals(&readings, &actuators, frequency_hz);
+        self.tick = self.tick.wrapping_add(1);
+        (actuators, event)
+    }
+
+    fn signs(&mut self, sensors: &Sensors) -> Signs {
+        let [low, high] = self.dampers.meter.highest_n();
+        let runner = self.runner.as_ref();
+        Signs {
+            driving: runner.is_some_and(Runner::is_driving),
+            swinging: runner.is_some_and(Runner::is_swinging),
+            wall_force_n: if low > high { low } else { high },
+            saturated: runner.is_some_and(Runner::is_saturated),
+            emergency_stop: sensors.emergency_stop,
+            host_heard: core::mem::take(&mut self.host_heard),
+        }
+    }
+
+    /// The cause is latched already: the drive is let go, the brake closes.
+    fn trip(&mut self, fault: Fault) -> Event {
+        self.fault = Some(fault);
+        self.state = State::Faulted;
+        if let Some(runner) = &mut self.runner {
+            runner.release_drive();
+        }
+        let brake_n = self.safety.config().brake_n;
+        if brake_n > 0.0 {
+            // Without a zero reading it cannot.
+            let _ = self.dampers.spring.brake(brake_n);
+        }
+        Event::Fault(fault)
+    }
+
+    fn record(&mut self, outcome: Outcome) -> Option<Event> {
+        match outcome {
+            Outcome::Running => None,
+            Outcome::Failed(fault) => {
+                let Fault { cause: danger, value, limit, .. } = fault;
+                self.safety.latch(Trip { danger, value, limit }).then(|| self.trip(fault))
+            }
+            Outcome::Point(result) | Outcome::Finished(result) => {
+                self.points += 1;
+                if self.results.is_full() {
+                    self.results.pop_front();
+                }
+                // Cannot fail: room was made above.
+                let _ = self.results.push_back(result);
+                if matches!(outcome, Outcome::Finished(_)) {
+                    self.finishing = true;
+                    if self.state != State::Faulted {
+                        self.state = State::Stopping;
+                    }
+                }
+                Some(Event::Point(result))
+            }
+        }
+    }
+
+    /// The drive has become silent: back to idle, unless a fault is latched.
+    fn come_to_rest(&mut self) -> Option<Event> {
+        if self.state == State::Faulted {
+            return None;
+        }
+        self.state = State::Idle;
+        core::mem::take(&mut self.finishing).then_some(Event::Finished { points: self.points })
+    }
+
+    fn fill_signals(&mut self, readings: &Readings, actuators: &Actuators, frequency_hz: f32) {
+        let dampers = &self.dampers;
+        let spring = &dampers.spring;
+        let twin = &dampers.twin_signals;
+        let [low, high] = dampers.meter.highest_n();
+        let number = |flag: bool| if flag { 1.0 } else { 0.0 };
+        self.signals = [
+            readings.x.mean_m,
+            readings.z.mean_m,
+            actuators.drive_m,
+            frequency_hz,
+            readings.x.peak_m,
+            dampers.base_amplitude_m.unwrap_or(0.0),
+            readings.spring_n - spring.bias_n(),
+            spring.position_now_m(),
+            spring.target_force_n(),
+            f32::from(spring.stage() as u8),
+            low,
+            high,
+            dampers.impacts() as f32,
+            dampers.impacts_in_cycle as f32,
+            twin.x_m,
+            twin.residual_rms_m,
+            twin.predicted as f32,
+            twin.detected as f32,
+            twin.missing as f32,
+            number(twin.alarm),
+            f32::from(self.safety.stage() as u8),
+        ];
+    }
+
+    /// How far the way to the safe state has been gone.
+    #[must_use]
+    pub fn safe_stage(&self) -> SafeStage {
+        self.safety.stage()
+    }
+}

@@ -1,0 +1,151 @@
+//! What may be asked of the rig, and what it answers and reports.
+
+use super::TICK_HZ;
+use crate::control::friction_spring::{self as spring, FrictionSpring, SpringCommand, SpringStatus};
+use crate::control::limits::Fault;
+use crate::control::safety::{SafeStage, Safety};
+use crate::control::stepped_sine::{Plan, Stage};
+use crate::measure::impacts::{ImpactRecord, ImpactSettings};
+use crate::measure::point::PointResult;
+use crate::model::Invalid;
+use crate::twin::Twin;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// What the rig is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum State {
+    /// Nothing; the drive is off.
+    Idle,
+    /// An experiment, at this stage of its present point.
+    Running(Stage),
+    /// The drive is fading out after a stop or the last point.
+    Stopping,
+    /// Stopped by an interlock until the fault is cleared.
+    Faulted,
+}
+
+impl State {
+    /// In words, for people.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::Running(Stage::Rest) => "waiting for rest",
+            Self::Running(Stage::Settle) => "settling",
+            Self::Running(Stage::Dwell) => "measuring",
+            Self::Stopping => "stopping",
+            Self::Faulted => "faulted",
+        }
+    }
+}
+
+/// What a host may ask of the rig. Settings come checked and made, so that taking them is a copy: the tick that takes one
+/// has no time to look at it.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+pub enum Command {
+    /// Set the interlocks. Idle or faulted only.
+    SetSafety(Safety),
+    /// Set the friction damper's drive; it has to be homed again. Idle only.
+    SetSpring(FrictionSpring),
+    /// Set how impacts are found. Idle only.
+    SetImpacts(ImpactSettings),
+    /// Let a twin run along, or none. Idle only.
+    SetTwin(Option<Twin>),
+    /// Set the experiment. Idle only.
+    Configure(Plan),
+    /// Begin the configured experiment at tick 0. Idle only.
+    Start,
+    /// End the experiment: the drive fades out.
+    Stop,
+    /// Forget a latched fault, once the rig is safe.
+    ClearFault,
+    /// For the friction damper's spring.
+    Spring(SpringCommand),
+    /// Record the shape of the next impact.
+    ArmSnippet,
+}
+
+/// Why a command was not carried out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refusal {
+    /// A parameter is out of range.
+    Invalid(Invalid),
+    /// The command makes no sense in this state.
+    WrongState {
+        /// The state.
+        state: State,
+        /// What to do, in words.
+        advice: &'static str,
+    },
+    /// The command makes no sense at this stage of the friction damper's spring.
+    WrongStage {
+        /// The stage.
+        stage: spring::Stage,
+        /// What to do, in words.
+        advice: &'static str,
+    },
+    /// This board cannot do it; why, in words.
+    NotHere(&'static str),
+}
+
+impl From<Invalid> for Refusal {
+    fn from(invalid: Invalid) -> Self {
+        Self::Invalid(invalid)
+    }
+}
+
+impl From<spring::Refusal> for Refusal {
+    fn from(refusal: spring::Refusal) -> Self {
+        match refusal {
+            spring::Refusal::Invalid(invalid) => Self::Invalid(invalid),
+            spring::Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
+        }
+    }
+}
+
+/// What a host should hear of without asking.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// A point is complete.
+    Point(PointResult),
+    /// The experiment is complete and the drive is silent.
+    Finished {
+        /// Points completed.
+        points: u16,
+    },
+    /// An interlock ended the experiment.
+    Fault(Fault),
+    /// The friction damper's spring has something to tell.
+    Spring(spring::Happening),
+    /// The particle hit a wall.
+    Impact(ImpactRecord),
+}
+
+/// A summary of the state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Status {
+    /// What the rig is doing.
+    pub state: State,
+    /// Ticks since the last start.
+    pub tick: u32,
+    /// Points completed since the last start.
+    pub points: u16,
+    /// The latched fault.
+    pub fault: Option<Fault>,
+    /// How far the way to the safe state has been gone.
+    pub safe: SafeStage,
+    /// The friction damper's spring.
+    pub spring: SpringStatus,
+    /// Events that found no room, since power-on.
+    pub events_lost: u32,
+}
+
+impl Status {
+    /// Time since the last start, s.
+    #[must_use]
+    pub fn time_s(&self) -> f64 {
+        f64::from(self.tick) / f64::from(TICK_HZ)
+    }
+}

@@ -1,0 +1,148 @@
+//! Requests made ready for the control tick: what they carry is checked, and what must be made of it is made.
+//!
+//! Looking at 201 frequencies, or making a twin, takes longer than a tick has. So it is done where requests come in, by a
+//! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
+
+use damprig_core::control::friction_spring::FrictionSpring;
+use damprig_core::control::safety::Safety;
+use damprig_core::control::stepped_sine::Plan;
+use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
+use damprig_core::model::Invalid;
+use damprig_core::plant::PlantConfig;
+use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
+use damprig_core::twin::Twin;
+use damprig_protocol::{Ask, MOST_SIGNALS, Request};
+use heapless::Vec;
+
+/// A request as the control tick takes it.
+#[derive(Clone, Debug)]
+pub struct Order {
+    /// The request's number.
+    pub seq: u16,
+    /// On a simulated board: the tick before which it is carried out.
+    pub at_tick: Option<u32>,
+    /// What to do.
+    pub work: Work,
+}
+
+/// What rows of telemetry hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// Ticks from row to row; 0 for none.
+    pub every_ticks: u16,
+    /// Places in the signal table.
+    pub signals: Vec<u8, MOST_SIGNALS>,
+    /// Every impact is an event.
+    pub impacts: bool,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self { every_ticks: 0, signals: (0..MOTION_SIGNALS as u8).collect(), impacts: false }
+    }
+}
+
+/// What an order is for.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+pub enum Work {
+    /// Who is there?
+    Identify,
+    /// Bounds, clock, health of the last run.
+    Describe,
+    /// State and counters.
+    Status,
+    /// A part of the signal table.
+    Signals {
+        /// The first place wanted.
+        from: u8,
+    },
+    /// A result that did not arrive.
+    Result {
+        /// Its place.
+        index: u16,
+    },
+    /// A part of the recorded shape.
+    Snippet {
+        /// The first sample wanted.
+        from: u16,
+    },
+    /// What to send.
+    SetTelemetry(Selection),
+    /// A simulated plant.
+    SetPlant(PlantConfig),
+    /// For the rig.
+    Command(Command),
+    /// Out of range.
+    Refuse(Invalid),
+}
+
+impl Order {
+    /// Checks and makes what the request asks for. Takes its time: not for the control tick.
+    #[must_use]
+    pub fn prepare(request: Request) -> Self {
+        let work = Work::prepare(request.ask).unwrap_or_else(Work::Refuse);
+        Self { seq: request.seq, at_tick: request.at_tick, work }
+    }
+
+    /// It begins an experiment.
+    #[must_use]
+    pub fn is_start(&self) -> bool {
+        matches!(self.work, Work::Command(Command::Start))
+    }
+}
+
+impl Work {
+    fn prepare(ask: Ask) -> Result<Self, Invalid> {
+        Ok(Self::Command(match ask {
+            Ask::Identify => return Ok(Self::Identify),
+            Ask::Describe => return Ok(Self::Describe),
+            Ask::Status => return Ok(Self::Status),
+            Ask::Signals { from } => return Ok(Self::Signals { from }),
+            Ask::Result { index } => return Ok(Self::Result { index }),
+            Ask::Snippet { from } => return Ok(Self::Snippet { from }),
+            Ask::SetPlant(config) => return Ok(Self::SetPlant(config)),
+            Ask::SetTelemetry { every_ticks, signals, impacts } => {
+                return Ok(Self::SetTelemetry(select(every_ticks, signals, impacts)?));
+            }
+            Ask::SetSafety(config) => Command::SetSafety(Safety::new(&config)?),
+            Ask::SetSpring(config) => Command::SetSpring(FrictionSpring::new(&config)?),
+            Ask::SetImpacts(config) => {
+                // The scale is the board's.
+                Command::SetImpacts(ImpactSettings::new(&config, &ForceScale::default(), WALL_SUBSAMPLES as u8)?)
+            }
+            Ask::SetTwin(None) => Command::SetTwin(None),
+            Ask::SetTwin(Some(config)) => Command::SetTwin(Some(Twin::new(&config)?)),
+            Ask::Configure(sine) => Command::Configure(Plan::new(sine)?),
+            Ask::Start => Command::Start,
+            Ask::Stop => Command::Stop,
+            Ask::ClearFault => Command::ClearFault,
+            Ask::Spring(command) => Command::Spring(command),
+            Ask::ArmSnippet => Command::ArmSnippet,
+        }))
+    }
+
+    /// It has no effect: a repetition is carried out afresh.
+    pub(crate) fn is_question(&self) -> bool {
+        matches!(
+            self,
+            Self::Identify
+                | Self::Describe
+                | Self::Status
+                | Self::Signals { .. }
+                | Self::Result { .. }
+                | Self::Snippet { .. }
+        )
+    }
+}
+
+fn select(every_ticks: u16, signals: Vec<u8, MOST_SIGNALS>, impacts: bool) -> Result<Selection, Invalid> {
+    for &place in &signals {
+        if usize::from(place) >= SIGNALS.len() {
+            let allowed = "a place in the signal table";
+            return Err(Invalid { parameter: "telemetry.signals", value: f64::from(place), allowed });
+        }
+    }
+    let signals = if signals.is_empty() { Selection::default().signals } else { signals };
+    Ok(Selection { every_ticks, signals, impacts })
+}

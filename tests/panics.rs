@@ -1,0 +1,44 @@
+//! What is left in the controller image that could end it, by name, each with the reason why no input leads there.
+//!
+//! A panic on the board is recorded and ends in a reset: relay open, motor off. It must not be reachable from bytes on the
+//! line or from sensor values; `fuzz/` and the tests of damaged frames look for such a way on the host, with the same code.
+
+use damprig_tests::support::images::find;
+use object::{Object, ObjectSymbol, SymbolKind};
+
+/// Part of the symbol's name, and why it may stay.
+const JUSTIFIED: [(&str, &str); 11] = [
+    ("rust_begin_unwind", "the handler itself: records the place and resets"),
+    ("panic_fmt", "what the others call"),
+    ("panicking5panic", "what the others call"),
+    ("panic_bounds_check", "indices are counted within their arrays; positions of rings and lists are taken modulo"),
+    ("slice_index_fail", "lengths are cut to the slice first: blocks, frames, rings"),
+    ("panic_const", "divisors are constants or checked; a finished future is not polled again by its executor"),
+    ("clamp8do_panic", "bounds are constants, or ± a positive acceleration"),
+    ("unwrap_failed", "taking the peripherals and spawning the tasks, once, at the start"),
+    ("panic_already_borrowed", "embassy's queues: borrowed within a critical section only"),
+    ("_defmt_panic", "embassy's own assertions on clocks and peripherals, all at the start"),
+    ("__defmt_default_panic", "what `_defmt_panic` calls"),
+];
+
+fn may_end_it(name: &str) -> bool {
+    ["panic", "unwrap_failed", "expect_failed", "_fail", "rust_begin_unwind"].iter().any(|part| name.contains(part))
+}
+
+#[test]
+fn every_panic_left_in_the_controller_image_is_known() {
+    let Some(image) = find("nucleo-g474re") else { return };
+    let bytes = std::fs::read(image).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    let code = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::Text);
+    let left: Vec<_> = code.filter_map(|symbol| symbol.name().ok()).filter(|name| may_end_it(name)).collect();
+    assert!(left.len() > 3, "too few symbols to be an image's: {left:?}");
+    for name in &left {
+        let known = JUSTIFIED.iter().find(|(part, _)| name.contains(part));
+        let (_, why) = known.unwrap_or_else(|| panic!("{name} is new in the image: can any input lead to it?"));
+        println!("{name}: {why}");
+    }
+    for (part, _) in JUSTIFIED {
+        assert!(left.iter().any(|name| name.contains(part)), "{part} is gone: take it off the list");
+    }
+}
