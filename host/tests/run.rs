@@ -301,3 +301,21 @@ signals = ["x", "spring_force", "impacts", "twin_residual", "twin_alarm"]
     assert!(column("impacts").last().is_some_and(|impacts| *impacts > 20.0));
     assert!(column("twin_residual_m").iter().skip(100).all(|residual| *residual < 1e-2));
 }
+
+#[test]
+fn every_impact_that_was_felt_is_a_row_and_the_walls_take_turns() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let path = folder.path().join("out/impacts.parquet");
+    let table = &read_parquet(path)[0];
+    let numbers = |name| damprig::runs::columns::numbers(table, name).unwrap();
+    let (side, t_s, peak_n, impulse_n_s) = (numbers("side"), numbers("t_s"), numbers("peak_n"), numbers("impulse_n_s"));
+    // Three points of 5 s near 2.5 Hz with about two impacts a cycle.
+    assert!(side.len() > 40, "{} impacts", side.len());
+    assert!(side.iter().all(|s| s.abs() == 1.0));
+    let turns = side.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(turns * 10 > side.len() * 7, "{turns} changes of side in {} impacts", side.len());
+    assert!(t_s.windows(2).all(|pair| pair[1] > pair[0]), "one segment, in the order of time");
+    assert!(peak_n.iter().chain(&impulse_n_s).all(|value| *value > 0.0));
+    assert_eq!(table.schema().field_with_name("impulse_n_s").unwrap().metadata()["unit"], "N·s");
+}

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checksum::FileRecord;
 use super::clock::{ClockFit, Pair};
+use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
 use super::{ResultRow, Signal, StorageError};
 
@@ -28,6 +29,8 @@ pub enum Entry {
     Segment(Segment),
     /// A point is measured.
     Result(Box<ResultRow>),
+    /// The particle hit its walls.
+    Impacts(Box<Impacts>),
     /// A part of the samples is closed.
     Sealed(Sealed),
     /// The device has finished what it was started with.

@@ -17,6 +17,7 @@
 pub mod checksum;
 pub mod clock;
 pub mod folder;
+pub mod impacts;
 pub mod journal;
 pub mod manifest;
 mod number;

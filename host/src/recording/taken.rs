@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use super::ResultRow;
+use super::impacts::Impacts;
 use super::journal::{Begin, Ended, Entry, Finished, Sealed, Segment};
 use super::manifest::Counters;
 
@@ -26,6 +27,8 @@ pub struct Taken {
     pub ended: Vec<Ended>,
     /// Links that were lost or came back, in words.
     pub link: Vec<String>,
+    /// Impacts as they were reported.
+    pub impacts: Vec<Impacts>,
     rows: Vec<ResultRow>,
     superseded: Vec<ResultRow>,
 }
@@ -59,6 +62,7 @@ impl Taken {
                     self.rows.push((**row).clone());
                 }
             }
+            Entry::Impacts(some) => self.impacts.push((**some).clone()),
             Entry::Sealed(sealed) => {
                 self.sealed.retain(|s| s.part != sealed.part);
                 self.sealed.push(sealed.clone());

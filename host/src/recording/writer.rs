@@ -8,13 +8,14 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::impacts::IMPACTS;
 use super::journal::{Entry, Journal, Sealed};
 use super::parquet::write_results;
 use super::part::{MOST_ROWS, OpenPart, open_parts, salvage, seal_salvaged};
 use super::recorder::{Message, Rows, Sink};
 use super::samples::{self, Label};
 use super::taken::Taken;
-use super::{Signal, StorageError, checksum};
+use super::{Signal, StorageError, checksum, impacts};
 
 /// What a writer has to know of its run.
 #[derive(Clone, Debug, PartialEq)]
@@ -211,6 +212,9 @@ impl Writer {
     pub fn close(&mut self) -> Result<(), StorageError> {
         self.seal()?;
         self.has_new_results = true;
+        if !self.taken.impacts.is_empty() {
+            impacts::write(&self.folder.join(IMPACTS), &self.taken.impacts, self.plan.tick_hz)?;
+        }
         self.sync()
     }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::rig::{State, TICK_HZ};
 use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
@@ -15,6 +16,7 @@ use super::track::Track;
 use super::{Run, RunError};
 use crate::campaign::{CampaignSetUp, SteppedSine};
 use crate::recording::clock::{ClockPairs, Pair};
+use crate::recording::impacts::Impacts;
 use crate::recording::journal::{Entry, Finished, Segment as Started};
 use crate::recording::recorder::Rows;
 use crate::recording::samples::Label;
@@ -22,6 +24,13 @@ use crate::session::{Report, SessionError};
 
 /// Wall time without an event after which the device is asked whether it is still running.
 const ASK_AFTER: Duration = Duration::from_secs(2);
+
+/// Impacts wait so long, or until so many are there, before they go into the journal together.
+const HOLD_IMPACTS: Duration = Duration::from_millis(250);
+const MOST_IMPACTS_HELD: usize = 256;
+
+/// Latest impacts among which a copy is looked for.
+const COPIES_AMONG: usize = 16;
 
 /// What is to be done.
 pub(super) struct Task<'c> {
@@ -56,6 +65,10 @@ pub(super) struct Segment<'r, 'a, 'c> {
     /// Place of the drive frequency among them, and its value in the last row.
     frequency_at: Option<usize>,
     frequency_hz: f32,
+    /// The latest impacts, of which so many are in the journal since then.
+    impacts: Vec<ImpactRecord>,
+    impacts_noted: usize,
+    impacts_noted_at: Instant,
 }
 
 impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
@@ -75,8 +88,21 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         let frequency_at = places.iter().position(|&place| Some(place) == frequency);
         let clock = ClockPairs::default();
-        let mut segment = Self { run, task, track, label, clock, places, frequency_at, frequency_hz: 0.0 };
+        let mut segment = Self {
+            run,
+            task,
+            track,
+            label,
+            clock,
+            places,
+            frequency_at,
+            frequency_hz: 0.0,
+            impacts: Vec::new(),
+            impacts_noted: 0,
+            impacts_noted_at: Instant::now(),
+        };
         let end = segment.start().and_then(|()| segment.follow(before_s));
+        segment.note_impacts();
         segment.run.tally.counters.missing_records += segment.track.missing_messages();
         end
     }
@@ -161,6 +187,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     return Ok(End::Forgotten);
                 }
             }
+            if self.impacts_noted_at.elapsed() > HOLD_IMPACTS {
+                self.note_impacts();
+            }
             self.run.tally.rig_s = before_s + f64::from(self.track.latest_tick()) / f64::from(TICK_HZ);
             self.run.watcher.progress(self.run.tally.rig_s);
         }
@@ -206,6 +235,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
             Report::Event { event: Happening::Impact(impact), .. } => {
                 self.run.watcher.impact(&impact);
+                // A copy of one that was late on the way is not another one.
+                if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
+                    self.impacts.push(impact);
+                }
+                if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
+                    self.note_impacts();
+                }
                 Ok(())
             }
             Report::Event { event: Happening::Spring(happening), .. } => {
@@ -213,6 +249,19 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 Ok(())
             }
         }
+    }
+
+    /// The impacts since the last time go into the journal.
+    fn note_impacts(&mut self) {
+        let new = &self.impacts[self.impacts_noted..];
+        if !new.is_empty() {
+            let (set_up, experiment) = (self.task.set_up.name.clone(), self.task.experiment.name.clone());
+            let some = Impacts { set_up, experiment, segment: self.task.number, impacts: new.to_vec() };
+            self.run.note(Entry::Impacts(Box::new(some)));
+        }
+        self.impacts.drain(..self.impacts.len().saturating_sub(COPIES_AMONG));
+        self.impacts_noted = self.impacts.len();
+        self.impacts_noted_at = Instant::now();
     }
 
     /// Device time and host time belong together, for a board with a clock of its own.
