@@ -116,10 +116,10 @@ impl Case {
         self.settings().iter().map(run).sum()
     }
 
-    /// A and D: the last impact's approach speed, m/s (summed over D). B and C: the mean of the cycles' largest |x|
-    /// over the second half, m.
+    /// C: the mean of the cycles' largest |x| over the second half, m. Else the last impact's approach speed, m/s (summed
+    /// over D).
     pub fn exact(self) -> f64 {
-        if matches!(self, Self::B | Self::C) {
+        if self == Self::C {
             return self.mean_cycle_maximum(0.0);
         }
         self.sum(|setting| {
