@@ -27,12 +27,14 @@ pub enum BadFrame {
 }
 
 /// Writes `message` as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST`].
+#[inline(never)]
 pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usize> {
     let mut body = [0; LONGEST_BODY];
     wrap(postcard::to_slice(message, &mut body).ok()?, out)
 }
 
 /// Writes any body as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST_BODY`].
+#[inline(never)]
 pub fn wrap(body: &[u8], out: &mut [u8; LONGEST]) -> Option<usize> {
     let mut checked = [0; LONGEST_BODY + CHECKSUM];
     if body.len() > LONGEST_BODY {
@@ -79,6 +81,7 @@ impl Reader {
         (length > 0).then(|| Self::decode(&mut self.buffer[..length]))
     }
 
+    #[inline(never)]
     fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<T, BadFrame> {
         let length = cobs::decode_in_place(frame).map_err(|_| BadFrame::Malformed)?;
         let (body, checksum) =
