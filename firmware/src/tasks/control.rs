@@ -3,6 +3,7 @@
 //! Runs above every other task and never waits for one.
 
 use damprig_device::control::{Birth, Control, Name, RealPlant};
+use damprig_device::orders::Order;
 use damprig_protocol::CrashCause;
 
 use crate::board::nucleo_g474re::{self, Bench};
@@ -23,11 +24,11 @@ pub async fn run(mut bench: Bench, birth: Birth) -> ! {
     bench.start();
     loop {
         let sensors = bench.next_block().await;
-        if let Ok(order) = ORDERS.try_receive() {
+        let mut order = ORDERS.try_receive().ok();
+        if let Some(starts) = order.as_ref().map(Order::is_start) {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
             control.note_timing(bench.timing());
-            let starts = order.is_start();
-            control.serve(&order, &mut RealPlant, &mut Outgoing);
+            control.serve(&mut order, &mut RealPlant, &mut Outgoing);
             if starts && control.next_tick() == 0 {
                 // Rows of the old count of ticks would follow the reply.
                 ROWS.clear();

@@ -70,9 +70,9 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
         saturated_s: 1e6,
         ..SafetyConfig::default()
     };
-    rig.handle(&Command::SetSafety(Safety::new(&safety).unwrap())).unwrap();
-    rig.handle(&Command::Configure(Plan::new(plan.clone()).unwrap())).unwrap();
-    rig.handle(&Command::Start).unwrap();
+    rig.handle(&mut Command::SetSafety(Safety::new(&safety).unwrap())).unwrap();
+    rig.handle(&mut Command::Configure(Some(Plan::new(plan.clone()).unwrap()))).unwrap();
+    rig.handle(&mut Command::Start).unwrap();
     let (mut outcome, mut sensors) = (Outcome::default(), Sensors::default());
     let (mut low, mut high, mut since) = (0.0f32, 0.0f32, 0);
     loop {
@@ -194,11 +194,11 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
         let plan =
             SteppedSine { drive: Drive::Constant, ramp_s, frequencies_hz: [2.5].into_iter().collect(), ..plan(1e-3) };
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
-        rig.handle(&Command::Configure(Plan::new(plan).unwrap())).unwrap();
+        rig.handle(&mut Command::Configure(Some(Plan::new(plan).unwrap()))).unwrap();
         // Nothing moves here: that is not to be taken for a broken sensor.
         let safety = Safety::new(&SafetyConfig { frozen_s: 0.0, ..SafetyConfig::default() }).unwrap();
-        rig.handle(&Command::SetSafety(safety)).unwrap();
-        rig.handle(&Command::Start).unwrap();
+        rig.handle(&mut Command::SetSafety(safety)).unwrap();
+        rig.handle(&mut Command::Start).unwrap();
         for _ in 0..20_000 {
             let drive = rig.tick(&Sensors::default()).0.drive_m;
             steepest = steepest.max((drive - last - slope).abs());

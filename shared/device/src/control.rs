@@ -177,15 +177,17 @@ impl Control {
         self.counters.timing = timing;
     }
 
-    /// Takes one order: answers it, or keeps it for its tick. One order at most waits for its tick.
-    pub fn serve(&mut self, order: &Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    /// Takes one order, if there is one: answers it, or moves it out of its place to keep it for its tick. One order at most
+    /// waits for its tick. What is left in the place has been served.
+    pub fn serve(&mut self, place: &mut Option<Order>, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        let Some(order) = place else { return };
         self.rig.hear_host();
         if order.at_tick.is_none_or(|at| at <= self.next_tick()) {
             self.carry_out(order, bench, lanes);
             return;
         }
         match &self.scheduled {
-            None => self.scheduled = Some(order.clone()),
+            None => self.scheduled = place.take(),
             Some(waiting) if waiting.seq == order.seq => {}
             Some(_) => {
                 let why = Refusal::NotHere("another request already waits for its tick");
@@ -197,14 +199,16 @@ impl Control {
     /// Carries out the order that waited for this tick, if there is one.
     pub fn serve_scheduled(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
         let tick = self.next_tick();
-        if let Some(order) = self.scheduled.take_if(|order| order.at_tick.is_none_or(|at| at <= tick)) {
-            self.carry_out(&order, bench, lanes);
+        if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
+            && let Some(mut order) = self.scheduled.take()
+        {
+            self.carry_out(&mut order, bench, lanes);
         }
     }
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
     /// have been lost, nor one before it, of which a copy was late on the way.
-    fn carry_out(&mut self, order: &Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    fn carry_out(&mut self, order: &mut Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
         // Not by `==`: comparing whole questions costs 3.5 KB of flash.
         if matches!(order.work, Work::Identify) {
             // A conversation begins, and counts its requests anew.
@@ -220,7 +224,7 @@ impl Control {
             // Nobody waits for this answer any more.
             Ok(Answer::Done)
         } else {
-            self.answer(&order.work, bench).map_err(Refused::from)
+            self.answer(&mut order.work, bench)
         };
         if !repeated {
             if self.served.is_full() {
@@ -228,12 +232,16 @@ impl Control {
             }
             // Cannot fail: room was made above.
             let _ = self.served.push_back(order.seq);
-            self.last_refused = answer.as_ref().err().cloned();
+            // Large, and nearly always nothing.
+            match &answer {
+                Ok(_) => self.last_refused = None,
+                Err(refused) => self.last_refused = Some(refused.clone()),
+            }
         }
         self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
     }
 
-    fn answer(&mut self, work: &Work, bench: &mut impl Bench) -> Result<Answer, Refusal> {
+    fn answer(&mut self, work: &mut Work, bench: &mut impl Bench) -> Result<Answer, Refused> {
         match work {
             Work::Identify => Ok(Answer::Identity(self.identity())),
             Work::Describe => Ok(Answer::Description(self.describe(bench))),
@@ -241,7 +249,7 @@ impl Control {
             Work::Signals { from } => Ok(Answer::Signals(signals(*from))),
             Work::Result { index } => match self.rig.result(*index) {
                 Some(result) => Ok(Answer::Result(*result)),
-                None => Err(Refusal::NotHere("that result is not kept (any more)")),
+                None => Err(Refusal::NotHere("that result is not kept (any more)").into()),
             },
             Work::Snippet { from } => self.snippet(*from),
             Work::SetTelemetry(selection) => {
@@ -264,18 +272,19 @@ impl Control {
                 self.rig.handle(command)?;
                 Ok(Answer::Done)
             }
-            Work::Refuse(invalid) => Err((*invalid).into()),
+            Work::Refuse(invalid) => Err(Refusal::Invalid(*invalid).into()),
         }
     }
 
-    fn snippet(&self, from: u16) -> Result<Answer, Refusal> {
+    fn snippet(&self, from: u16) -> Result<Answer, Refused> {
         let (snippet, scale) = self.rig.snippet();
         let Some((samples, side)) = snippet.samples() else {
             return Err(Refusal::NotHere(if snippet.is_armed() {
                 "no impact has come since the snippet was armed"
             } else {
                 "no snippet was armed"
-            }));
+            })
+            .into());
         };
         let rest = samples.get(usize::from(from)..).unwrap_or_default();
         let length = samples.len() as u16;

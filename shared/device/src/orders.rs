@@ -78,8 +78,10 @@ pub enum Work {
 }
 
 impl Order {
-    /// Checks and makes what the request asks for. Takes its time: not for the control tick.
+    /// Checks and makes what the request asks for. Takes its time: not for the control tick. A function of its own, as are
+    /// those that make the parts: inlined into one, they would carry their large results about word by word.
     #[must_use]
+    #[inline(never)]
     pub fn prepare(request: Request) -> Self {
         let work = Work::prepare(request.ask).unwrap_or_else(Work::Refuse);
         Self { seq: request.seq, at_tick: request.at_tick, work }
@@ -113,7 +115,7 @@ impl Work {
             }
             Ask::SetTwin(None) => Command::SetTwin(None),
             Ask::SetTwin(Some(config)) => Command::SetTwin(Some(Twin::new(&config)?)),
-            Ask::Configure(sine) => Command::Configure(Plan::new(sine)?),
+            Ask::Configure(sine) => Command::Configure(Some(Plan::new(sine)?)),
             Ask::Start => Command::Start,
             Ask::Stop => Command::Stop,
             Ask::ClearFault => Command::ClearFault,

@@ -33,6 +33,19 @@ impl PlantScalar for f64 {
 #[derive(Debug, Default)]
 struct SimulatedBench<S> {
     plant: Option<Plant<S>>,
+    /// A start wants the plant back at its start: see [`SimulatedBench::settle`].
+    restarts: bool,
+}
+
+impl<S: PlantScalar> SimulatedBench<S> {
+    /// Does what a start has asked for. Apart from serving it: no board has a plant to put back within its tick.
+    fn settle(&mut self) {
+        if core::mem::take(&mut self.restarts)
+            && let Some(plant) = &mut self.plant
+        {
+            plant.restart(0);
+        }
+    }
 }
 
 impl<S: PlantScalar> Bench for SimulatedBench<S> {
@@ -45,10 +58,10 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
     }
 
     fn restart(&mut self) -> Result<(), Refusal> {
-        let Some(plant) = &mut self.plant else {
+        if self.plant.is_none() {
             return Err(Refusal::NotHere("this board is simulated: set its plant before starting"));
-        };
-        plant.restart(0);
+        }
+        self.restarts = true;
         Ok(())
     }
 }
@@ -72,8 +85,8 @@ impl Slots {
         true
     }
 
-    fn front(&self) -> Option<&Order> {
-        self.slots[self.first].as_ref()
+    fn front(&mut self) -> &mut Option<Order> {
+        &mut self.slots[self.first]
     }
 
     fn drop_front(&mut self) {
@@ -131,7 +144,7 @@ impl<S: PlantScalar> Simulated<S> {
     pub fn new(name: Name) -> Self {
         Self {
             control: Control::new(name, Birth::default()),
-            bench: SimulatedBench { plant: None },
+            bench: SimulatedBench { plant: None, restarts: false },
             intake: Intake::default(),
             orders: Slots::default(),
             requests_dropped: 0,
@@ -159,6 +172,7 @@ impl<S: PlantScalar> Simulated<S> {
                     }
                     if self.stands() {
                         self.serve_next();
+                        self.bench.settle();
                     }
                 }
             }
@@ -199,6 +213,7 @@ impl<S: PlantScalar> Simulated<S> {
                 self.serve_next();
                 actuators = self.control.tick(&self.sensors, &mut self.waiting);
             });
+            self.bench.settle();
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
             }
@@ -222,7 +237,9 @@ impl<S: PlantScalar> Simulated<S> {
             while let Some(message) = self.next_message() {
                 write(&message, frame, out);
             }
-            if !self.serve_next() {
+            let served = self.serve_next();
+            self.bench.settle();
+            if !served {
                 break;
             }
         }
@@ -239,9 +256,10 @@ impl<S: PlantScalar> Simulated<S> {
     /// Serves the request at the head of the queue, and one that waited for this tick.
     fn serve_next(&mut self) -> bool {
         self.control.serve_scheduled(&mut self.bench, &mut self.waiting);
-        let Some(order) = self.orders.front() else { return false };
+        let order = self.orders.front();
+        let Some(starts) = order.as_ref().map(Order::is_start) else { return false };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
-        let starts = order.is_start() && self.control.rig().state() == State::Idle;
+        let starts = starts && self.control.rig().state() == State::Idle;
         self.control.serve(order, &mut self.bench, &mut self.waiting);
         self.orders.drop_front();
         if starts && self.control.rig().state() != State::Idle {

@@ -11,7 +11,13 @@ const CHECKSUM: usize = 4;
 /// Longest frame with its final zero, bytes: COBS adds one byte for every 254 begun.
 pub const LONGEST: usize = LONGEST_BODY + CHECKSUM + (LONGEST_BODY + CHECKSUM).div_ceil(254) + 1;
 
-const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+/// A controller has better uses for the table's 1 KiB of flash: its line is slow.
+#[cfg(target_os = "none")]
+type Table = crc::NoTable;
+#[cfg(not(target_os = "none"))]
+type Table = crc::Table<1>;
+
+const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// Why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,21 +33,25 @@ pub enum BadFrame {
 }
 
 /// Writes `message` as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST`].
+#[inline(never)]
 pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usize> {
-    let mut body = [0; LONGEST_BODY];
-    wrap(postcard::to_slice(message, &mut body).ok()?, out)
+    let mut checked = [0; LONGEST_BODY + CHECKSUM];
+    let length = postcard::to_slice(message, &mut checked[..LONGEST_BODY]).ok()?.len();
+    seal(&mut checked, length, out)
 }
 
 /// Writes any body as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST_BODY`].
 pub fn wrap(body: &[u8], out: &mut [u8; LONGEST]) -> Option<usize> {
     let mut checked = [0; LONGEST_BODY + CHECKSUM];
-    if body.len() > LONGEST_BODY {
-        return None;
-    }
-    let (start, end) = checked.split_at_mut(body.len());
-    start.copy_from_slice(body);
+    checked[..LONGEST_BODY].get_mut(..body.len())?.copy_from_slice(body);
+    seal(&mut checked, body.len(), out)
+}
+
+/// Adds the checksum to a body of this length, and makes a frame of both.
+fn seal(checked: &mut [u8; LONGEST_BODY + CHECKSUM], length: usize, out: &mut [u8; LONGEST]) -> Option<usize> {
+    let (body, end) = checked.split_at_mut_checked(length)?;
     end.first_chunk_mut::<CHECKSUM>()?.copy_from_slice(&CRC.checksum(body).to_le_bytes());
-    let length = cobs::encode(&checked[..body.len() + CHECKSUM], out);
+    let length = cobs::encode(checked.get(..length + CHECKSUM)?, out);
     *out.get_mut(length)? = 0;
     Some(length + 1)
 }
@@ -79,6 +89,7 @@ impl Reader {
         (length > 0).then(|| Self::decode(&mut self.buffer[..length]))
     }
 
+    #[inline(never)]
     fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<T, BadFrame> {
         let length = cobs::decode_in_place(frame).map_err(|_| BadFrame::Malformed)?;
         let (body, checksum) =

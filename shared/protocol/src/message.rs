@@ -415,16 +415,18 @@ pub enum Refused {
 /// As much of `text` as fits.
 #[must_use]
 pub fn clipped<const N: usize>(text: &str) -> String<N> {
-    let mut clipped = String::new();
-    for character in text.chars() {
-        if clipped.push(character).is_err() {
-            break;
-        }
-    }
-    clipped
+    String::try_from(start_of(text, N)).unwrap_or_default()
+}
+
+/// The whole characters of `text` within its first `most` bytes.
+#[inline(never)]
+fn start_of(text: &str, most: usize) -> &str {
+    let end = (0..=most.min(text.len())).rev().find(|&end| text.is_char_boundary(end));
+    end.and_then(|end| text.get(..end)).unwrap_or_default()
 }
 
 impl From<Refusal> for Refused {
+    #[inline(never)]
     fn from(refusal: Refusal) -> Self {
         match refusal {
             Refusal::Invalid(Invalid { parameter, value, allowed }) => {

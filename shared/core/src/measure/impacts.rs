@@ -153,6 +153,7 @@ impl ImpactSettings {
     ///
     /// # Errors
     /// Names the first parameter out of range.
+    #[inline(never)]
     pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
         config.validate()?;
         positive("impacts.newtons_per_count", f64::from(scale.newtons_per_count))?;

@@ -120,6 +120,7 @@ impl PointMeter {
     }
 
     /// Closes a cycle.
+    #[inline(never)]
     pub fn end_cycle(&mut self) {
         self.x.end_cycle();
         self.z.end_cycle();

@@ -29,7 +29,7 @@ impl Pair {
     #[must_use]
     #[inline]
     pub fn of(self, wall: usize) -> u16 {
-        (if wall == 0 { self.0 } else { self.0 >> 16 }) as u16
+        (self.0 >> (16 * wall)) as u16
     }
 }
 
@@ -52,10 +52,12 @@ impl Ring {
         self.at = (self.at + block.len()) % RING;
     }
 
-    /// The [`HISTORY`] samples before the last `newest` ones, oldest first.
-    pub(super) fn before(&self, newest: usize) -> impl Iterator<Item = Pair> {
-        let (newer, older) = self.samples.split_at(self.at);
-        older.iter().chain(newer).skip(RING - HISTORY - newest.min(RING - HISTORY)).take(HISTORY).copied()
+    /// The [`HISTORY`] samples before the last `newest` ones, oldest first, in two parts.
+    pub(super) fn before(&self, newest: usize) -> [&[Pair]; 2] {
+        let start = (self.at + RING - HISTORY - newest.min(RING - HISTORY)) % RING;
+        let (newer, older) = self.samples.split_at(start);
+        let first = &older[..older.len().min(HISTORY)];
+        [first, &newer[..HISTORY - first.len()]]
     }
 
     /// The sample taken `back` samples ago, 1 for the newest.

@@ -1,8 +1,8 @@
 //! The shape of one impact: a fixed buffer of force samples from before its trigger until after its end.
 
-use super::pulse::{HISTORY, Pair, Ring};
+use super::pulse::{Pair, Ring};
 
-/// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
+/// Samples in a snippet, of which the first [`HISTORY`](super::pulse::HISTORY) are from before the trigger.
 pub const SNIPPET: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,10 +53,20 @@ impl Snippet {
         }
         self.phase = Phase::Triggered(at);
         self.wall = wall;
-        for (sample, pair) in self.samples[..HISTORY].iter_mut().zip(ring.before(length - at)) {
+        self.filled = 0;
+        for part in ring.before(length - at) {
+            self.take(part);
+        }
+    }
+
+    /// As many of the wall's readings as there is room for.
+    fn take(&mut self, pairs: &[Pair]) {
+        let wall = self.wall;
+        let room = &mut self.samples[self.filled..];
+        for (sample, pair) in room.iter_mut().zip(pairs) {
             *sample = pair.of(wall);
         }
-        self.filled = HISTORY;
+        self.filled += pairs.len().min(room.len());
     }
 
     /// The block is over: what of it belongs to the snippet is kept.
@@ -67,10 +77,7 @@ impl Snippet {
             _ => return,
         };
         self.phase = Phase::Filling;
-        for (sample, pair) in self.samples[self.filled..].iter_mut().zip(&block[from..]) {
-            *sample = pair.of(self.wall);
-            self.filled += 1;
-        }
+        self.take(&block[from..]);
         if self.filled == SNIPPET {
             self.phase = Phase::Full;
         }

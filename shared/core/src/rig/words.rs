@@ -40,7 +40,7 @@ impl State {
     }
 }
 
-/// What a host may ask of the rig. Settings come checked and made, so that taking them is a copy: the tick that takes one
+/// What a host may ask of the rig. Settings come checked and made, so that taking them is a move: the tick that takes one
 /// has no time to look at it.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
@@ -53,8 +53,8 @@ pub enum Command {
     SetImpacts(ImpactSettings),
     /// Let a twin run along, or none. Idle only.
     SetTwin(Option<Twin>),
-    /// Set the experiment. Idle only.
-    Configure(Plan),
+    /// Set the experiment, or none. Idle only.
+    Configure(Option<Plan>),
     /// Begin the configured experiment at tick 0. Idle only.
     Start,
     /// End the experiment: the drive fades out.

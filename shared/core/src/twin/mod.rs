@@ -71,6 +71,7 @@ impl TwinConfig {
     ///
     /// # Errors
     /// Names the first parameter out of range.
+    #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
         self.set_up.validate()?;
         let follow = f64::from(self.follow_hz);
@@ -163,6 +164,7 @@ impl Twin {
     ///
     /// # Errors
     /// Names a value that is not physical, or a part that the sampled driver has no equations for.
+    #[inline(never)]
     pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
         config.validate()?;
         let tick_s = 1.0 / f64::from(TICK_HZ);

@@ -342,6 +342,7 @@ impl Runner {
         None
     }
 
+    #[inline(never)]
     fn end_point(&mut self, plan: &Plan, now: &Now) {
         let place = Place {
             index: self.place(plan),
