@@ -9,7 +9,9 @@
 //! read back and compared before it gets its name.
 
 use std::collections::hash_map::DefaultHasher;
+use std::fs::File;
 use std::hash::{Hash, Hasher};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use arrow_array::RecordBatch;
@@ -242,8 +244,27 @@ fn facts(run: &RunFolder) -> MatVariable {
 
 type Sums = [(Table, Vec<(String, Option<(usize, u64)>)>)];
 
+/// Whether the variables' lengths, in the tags of 8 bytes before them, lead from the end of the header of 128 bytes to
+/// that of the file.
+fn is_whole(path: &str) -> std::io::Result<bool> {
+    let mut file = File::open(path)?;
+    let length = file.metadata()?.len();
+    let mut place = 128;
+    while place + 8 <= length {
+        let mut tag = [0; 8];
+        file.seek(SeekFrom::Start(place))?;
+        file.read_exact(&mut tag)?;
+        place += 8 + u64::from(u32::from_le_bytes([tag[4], tag[5], tag[6], tag[7]]));
+    }
+    Ok(place == length)
+}
+
 /// Whether the file holds the numbers that were to be written.
 fn compare(path: &str, expected: &Sums) -> Result<(), String> {
+    // First of all: the reader panics on a file that was cut.
+    if !is_whole(path).map_err(|e| format!("it could not be read back: {e}"))? {
+        return Err("it was cut short; is the disk full?".into());
+    }
     let mut mat = load_matfile(path).map_err(|e| format!("it could not be read back: {e}"))?;
     for (table, columns) in expected {
         let table = table.word();
