@@ -1,6 +1,6 @@
 //! Runs in other formats. One exporter a file, behind [`Exporter`]; reading the run is [`crate::runs`]'s.
 //!
-//! A file appears under its name only when it is whole ([`whole`]). What cannot be read of a damaged run does not hold
+//! A file appears under its name only when it is whole (`whole.rs`). What cannot be read of a damaged run does not hold
 //! up the rest: it is told in [`Exported::missing`].
 
 pub mod csv;

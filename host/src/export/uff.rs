@@ -1,5 +1,5 @@
 //! Universal files (UFF, UNV) with dataset 58, what modal-analysis software reads: time histories and frequency responses.
-//! How a record is written is [`super::uff_record`]'s.
+//! How a record is written is `uff_record`'s.
 //!
 //! - A **time response** per signal and stretch of even spacing: of one set-up, experiment, segment and point, cut where
 //!   rows are missing or a value is no number. Rows keep single precision (12 digits are printed).
