@@ -65,3 +65,21 @@ find_emulator() {
     command -v qemu-system-arm >/dev/null || install qemu-system-arm
 }
 firmware_output=target
+
+# A Python with what users read exports with (tests/python/requirements.txt), in target/python.
+find_python() {
+    local wanted=tests/python/requirements.txt
+    if ! cmp -s "$wanted" target/python/requirements.txt; then
+        if ! command -v python3 >/dev/null || ! python3 -c 'import ensurepip' 2>/dev/null; then
+            install python3 python3-venv || return 1
+        fi
+        rm -rf target/python
+        python3 -m venv target/python
+        if ! target/python/bin/pip install --quiet --disable-pip-version-check -r "$wanted" </dev/null; then
+            echo "could not install $(grep -v '^#' "$wanted" | tr '\n' ' ')from PyPI into target/python" >&2
+            return 1
+        fi
+        cp "$wanted" target/python/requirements.txt
+    fi
+    target/python/bin/python --version
+}

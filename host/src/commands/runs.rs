@@ -8,6 +8,8 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 use super::{Failure, Outcome};
 use crate::export::csv::Csv;
+use crate::export::mat::Mat;
+use crate::export::uff::Uff;
 use crate::export::{Exporter, Part, Table};
 use crate::input::near;
 use crate::runs::columns::{Value, column, texts};
@@ -38,8 +40,44 @@ enum Action {
         /// Folder of the run, its name, or the short id at the end of it
         run: PathBuf,
     },
-    /// Write a run in another format
+    /// Write a run in another format: CSV, MATLAB, UFF/UNV
+    #[command(after_help = EXPORT_HELP)]
     Export(Export),
+}
+
+const EXPORT_HELP: &str = "\
+What the formats hold:
+  csv  one table, samples unless --what says otherwise; of any length
+  mat  structs run, results, samples and units; columns are double vectors (at most 40 million numbers)
+  uff  dataset 58: x/z as a frequency response, and a time history per signal, point and stretch without gaps
+
+Examples:
+  damprig runs export k3x9 --format mat                  writes <run>.mat here
+  damprig runs export k3x9 --format uff --what results   the frequency responses only
+  damprig runs export k3x9 --format csv --set-up hybrid --from-s 10 --to-s 20 --out hybrid.csv
+
+Parquet needs no export: samples.parquet and results.parquet are in the run folder.
+Exit code 1 also when a part of a damaged run is not in the file; each such part is named.";
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Format {
+    /// Comma-separated values, RFC 4180
+    Csv,
+    /// MATLAB, version 7
+    Mat,
+    /// Universal file (UNV), dataset 58: for modal-analysis software
+    #[value(alias = "unv")]
+    Uff,
+}
+
+impl Format {
+    fn exporter(self) -> &'static dyn Exporter {
+        match self {
+            Self::Csv => &Csv,
+            Self::Mat => &Mat,
+            Self::Uff => &Uff,
+        }
+    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -47,15 +85,15 @@ struct Export {
     /// Folder of the run, its name, or the short id at the end of it
     run: PathBuf,
     /// The format
-    #[arg(long, value_parser = ["csv"])]
-    format: String,
-    /// The table
-    #[arg(long, value_enum, default_value = "samples")]
-    what: Table,
+    #[arg(long, value_enum)]
+    format: Format,
+    /// Only this table [default: samples for csv, both for the others]
+    #[arg(long, value_enum)]
+    what: Option<Table>,
     /// Only this set-up
     #[arg(long, value_name = "NAME")]
     set_up: Option<String>,
-    /// The new file [default: <run>-<table>.csv here]
+    /// The new file [default: <run>.<format> here, with the table in the name when it is one]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Samples from this time of their experiment on, s
@@ -217,10 +255,25 @@ fn export(args: &Export) -> Outcome {
         let message = format!("--from-s {} must be less than --to-s {}", args.from_s, args.to_s);
         return Err(Failure::Input(message));
     }
-    let word = if args.what == Table::Samples { "samples" } else { "results" };
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}-{word}.{}", run.id(), args.format)));
-    let part = Part { table: args.what, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
-    let rows = Csv.export(&run, &part, &out).map_err(failed)?;
-    println!("{rows} rows of {word} in {}", out.display());
-    Ok(())
+    let exporter = args.format.exporter();
+    let tables = args.what.map_or_else(|| exporter.usual_tables().to_vec(), |table| vec![table]);
+    let out = args.out.clone().unwrap_or_else(|| {
+        let one = if args.what.is_some() || exporter.holds_one_table() { tables.first() } else { None };
+        let word = one.map_or(String::new(), |table| format!("-{}", table.word()));
+        PathBuf::from(format!("{}{word}.{}", run.id(), exporter.extension()))
+    });
+    let words: Vec<&str> = tables.iter().map(|t| t.word()).collect();
+    let part = Part { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
+    let exported = exporter.export(&run, &part, &out).map_err(failed)?;
+    println!("{} rows of {} in {}", exported.rows, words.join(" and "), out.display());
+    exported.notes.iter().for_each(|note| println!("{note}"));
+    if run.manifest().status != "complete" {
+        println!("the run is not complete ({}); what there is of it was taken", run.manifest().ending());
+    }
+    if exported.missing.is_empty() {
+        return Ok(());
+    }
+    let missing = exported.missing.join("\n  not in the file: ");
+    let rest = format!("a part of the run cannot be read; the rest is in {}", out.display());
+    Err(Failure::Failed(format!("{rest}\n  not in the file: {missing}")))
 }

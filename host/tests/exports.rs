@@ -1,0 +1,180 @@
+//! `damprig runs export`: what the files hold, read with what users have, and what becomes of a failed or partial export.
+//!
+//! The readers are scipy, pandas and pyuff, driven by `tests/python/check_exports.py`. `DAMPRIG_PYTHON` names the Python
+//! that has them (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was
+//! left out.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use arrow_array::{BooleanArray, RecordBatch};
+use arrow_select::filter::filter_record_batch;
+use common::{damprig, folder_with, read_parquet, short};
+use parquet::arrow::ArrowWriter;
+use predicates::prelude::*;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+fn with_run() -> (TempDir, PathBuf) {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = folder.path().join("out");
+    (folder, run)
+}
+
+fn export(folder: &TempDir, rest: &[&str]) -> assert_cmd::assert::Assert {
+    damprig(folder).args(["runs", "export", "out", "--format"]).args(rest).assert()
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A Python with the readers; none when it may be left out.
+fn python() -> Option<PathBuf> {
+    let own = root().join("target/python/bin/python");
+    match std::env::var("DAMPRIG_PYTHON") {
+        Ok(word) if word == "required" => {
+            assert!(own.exists(), "{} is missing: tests/run makes it", own.display());
+            Some(own)
+        }
+        Ok(path) => Some(path.into()),
+        Err(_) => own.exists().then_some(own),
+    }
+}
+
+/// Exports everything and lets the readers compare it with the Parquet files.
+fn readers_agree(folder: &TempDir, run: &Path) {
+    let files = ["samples.csv", "results.csv", "run.mat", "run.uff"];
+    for (file, format, what) in [
+        (files[0], "csv", Some("samples")),
+        (files[1], "csv", Some("results")),
+        (files[2], "mat", None),
+        (files[3], "uff", None),
+    ] {
+        let _ = std::fs::remove_file(folder.path().join(file));
+        let table = what.map_or(vec![], |what| vec!["--what", what]);
+        export(folder, &[&[format, "--out", file][..], &table].concat()).success();
+    }
+    let Some(python) = python() else {
+        println!("left out: no Python with scipy, pandas and pyuff (tests/run makes one; DAMPRIG_PYTHON names one)");
+        return;
+    };
+    let checked = Command::new(python)
+        .current_dir(folder.path())
+        .arg(root().canonicalize().unwrap().join("tests/python/check_exports.py"))
+        .arg(run)
+        .args(files)
+        .output()
+        .expect("Python starts");
+    let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(checked.status.success(), "{}{}", said(&checked.stdout), said(&checked.stderr));
+    println!("{}", said(&checked.stdout));
+}
+
+/// Takes rows out of the samples, as a link does that loses them.
+fn lose(run: &Path, is_kept: impl Fn(usize) -> bool) {
+    let path = run.join("samples.parquet");
+    let batches = read_parquet(path.clone());
+    let mut writer = ArrowWriter::try_new(std::fs::File::create(&path).unwrap(), batches[0].schema(), None).unwrap();
+    let mut row = 0;
+    for batch in batches {
+        let kept: BooleanArray = (row..row + batch.num_rows()).map(|i| Some(is_kept(i))).collect();
+        row += batch.num_rows();
+        writer.write(&filter_record_batch(&batch, &kept).unwrap()).unwrap();
+    }
+    writer.close().unwrap();
+}
+
+#[test]
+fn what_users_read_is_what_was_recorded() {
+    let (folder, run) = with_run();
+    readers_agree(&folder, &run);
+    // Rows lost: at the very beginning, two gaps in one point, a lonely row between them.
+    lose(&run, |row| row != 0 && !(100..140).contains(&row) && row != 141);
+    readers_agree(&folder, &run);
+}
+
+#[test]
+fn a_history_never_reaches_over_a_gap() {
+    let (folder, run) = with_run();
+    let count = |file: &str| {
+        export(&folder, &["uff", "--what", "samples", "--out", file]).success();
+        let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
+        assert!(text.lines().all(|line| line.len() <= 80), "no line is longer than 80 columns");
+        text.lines().filter(|line| line.trim_end() == "    58").count()
+    };
+    assert_eq!(count("whole.uff"), 2 * 6, "two signals at six points");
+    lose(&run, |row| row != 100);
+    assert_eq!(count("gap.uff"), 2 * 7);
+}
+
+#[test]
+fn an_unknown_format_is_answered_with_the_known_ones() {
+    let (folder, _) = with_run();
+    export(&folder, &["matlab"]).code(2).stderr(contains("csv, mat, uff").and(contains("--format")));
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_named_and_nothing_is_left_there() {
+    let (folder, _) = with_run();
+    let before = std::fs::read_dir(folder.path()).unwrap().count();
+    for format in ["csv", "mat", "uff"] {
+        export(&folder, &[format, "--out", "nowhere/run.x"]).code(1).stderr(contains("there is no folder nowhere"));
+        export(&folder, &[format, "--out", "test.toml"]).code(1).stderr(contains("cannot write test.toml: it exists"));
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before);
+    assert_eq!(std::fs::read_to_string(folder.path().join("test.toml")).unwrap(), short());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_fills_up_leaves_no_file_that_looks_whole() {
+    let (folder, _) = with_run();
+    let before = std::fs::read_dir(folder.path()).unwrap().count();
+    for format in ["csv", "mat", "uff"] {
+        // A limit on the length of files: writes beyond it fail, as on a full disk.
+        let damprig = assert_cmd::cargo::cargo_bin("damprig");
+        let line = format!(
+            "trap '' XFSZ; ulimit -f 8; exec '{}' runs export out --format {format} --out full.x",
+            damprig.display()
+        );
+        let done = Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), Some(1), "{format}: {said}");
+        assert!(said.contains("cannot write full.x"), "{format}: {said}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before, "{format}: no file is left");
+    }
+}
+
+#[test]
+fn a_damaged_run_gives_what_can_be_read_and_names_the_rest() {
+    let (folder, run) = with_run();
+    let path = run.join("samples.parquet");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    for format in ["mat", "uff"] {
+        let file = format!("part.{format}");
+        let answer = export(&folder, &[format, "--out", &file]).code(1);
+        answer.stdout(contains("6 rows of")).stderr(contains("not in the file").and(contains("cut off or damaged")));
+        assert!(folder.path().join(file).exists());
+    }
+    export(&folder, &["csv", "--out", "part.csv"]).code(1).stderr(contains("nothing was exported"));
+    assert!(!folder.path().join("part.csv").exists());
+}
+
+#[test]
+fn only_the_chosen_rows_are_exported() {
+    let (folder, run) = with_run();
+    let is_bare = |batch: &RecordBatch| {
+        let names = damprig::runs::columns::texts(batch, "set_up").unwrap();
+        names.iter().filter(|n| *n == "bare").count()
+    };
+    let expected: usize = read_parquet(run.join("samples.parquet")).iter().map(is_bare).sum();
+    let rest = ["uff", "--what", "samples", "--set-up", "bare", "--out", "bare.uff"];
+    export(&folder, &rest).success().stdout(contains(format!("{expected} rows of samples")));
+    let text = std::fs::read_to_string(folder.path().join("bare.uff")).unwrap();
+    assert!(text.contains("bare, sweep, 2.4 Hz") && !text.contains("hybrid, sweep"));
+}

@@ -1,0 +1,157 @@
+"""Reads the exports of a run with what users have and compares them with the run's Parquet files.
+
+    check_exports.py RUN CSV_SAMPLES CSV_RESULTS MAT UFF
+
+Numbers of .mat and CSV must be the same bits; those of UFF the same in the digits that the format prints (12 for values,
+6 for the abscissa). What a history or response should hold is worked out here from the Parquet files alone. Exits with
+a message at the first difference.
+"""
+
+import json
+import pathlib
+import sys
+
+import numpy as np
+import pandas as pd
+import pyuff
+import scipy.io
+
+
+def same_bits(read, expected, what):
+    read = np.ascontiguousarray(read, dtype=np.float64).ravel()
+    expected = np.ascontiguousarray(expected, dtype=np.float64).ravel()
+    if read.shape != expected.shape:
+        sys.exit(f"{what}: {read.shape[0]} values instead of {expected.shape[0]}")
+    different = (read.view(np.uint64) != expected.view(np.uint64)) & ~(np.isnan(read) & np.isnan(expected))
+    if different.any():
+        first = int(np.argmax(different))
+        sys.exit(f"{what}, row {first}: {read[first]!r} instead of {expected[first]!r}")
+
+
+def same_digits(read, expected, digits, what):
+    # A number printed to n significant digits is off by at most half a unit of the last.
+    read, expected = np.atleast_1d(read), np.atleast_1d(expected)
+    if read.shape != expected.shape:
+        sys.exit(f"{what}: {read.shape} values instead of {expected.shape}")
+    allowed = 0.5 * 10.0 ** (1 - digits) * np.abs(expected) * (1 + 1e-9)
+    if (np.abs(read - expected) > allowed).any():
+        sys.exit(f"{what}: off by {np.max(np.abs(read - expected))}")
+
+
+def is_text(column):
+    return not (pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column))
+
+
+def check_csv(path, table):
+    read = pd.read_csv(path, float_precision="round_trip", keep_default_na=False, na_values=["NaN"])
+    names = [name.split(" [")[0] for name in read.columns]
+    if names != list(table.columns):
+        sys.exit(f"{path}: columns {names} instead of {list(table.columns)}")
+    for name, column in zip(names, read.columns):
+        expected = table[name]
+        if is_text(expected):
+            if list(read[column].astype(str)) != list(expected.astype(str)):
+                sys.exit(f"{path}: {name} differs")
+        elif pd.api.types.is_bool_dtype(expected):
+            if list(read[column]) != list(expected):
+                sys.exit(f"{path}: {name} differs")
+        elif expected.dtype == np.float32:
+            # The shortest text of the single value: read as double it rounds back to that value.
+            same_bits(read[column].to_numpy().astype(np.float32), expected, f"{path}: {name}")
+        else:
+            same_bits(read[column], expected, f"{path}: {name}")
+
+
+def check_mat(path, samples, results, manifest):
+    read = scipy.io.loadmat(path, simplify_cells=True)
+    if read["run"]["campaign"] != manifest["campaign"] or read["run"]["started"] != manifest["started"]:
+        sys.exit(f"{path}: run differs from the manifest")
+    if read["run"]["tick_hz"] != manifest["device"]["tick_hz"]:
+        sys.exit(f"{path}: tick_hz differs")
+    for word, table in (("samples", samples), ("results", results)):
+        for name in table.columns:
+            values, expected, what = read[word][name], table[name], f"{path}: {word}.{name}"
+            if not is_text(expected):
+                same_bits(values, expected.astype(np.float64), what)
+            else:
+                if word == "samples":
+                    names = np.atleast_1d(read[word][f"{name}_names"])
+                    values = [names[int(place) - 1] for place in np.atleast_1d(values)]
+                if list(np.atleast_1d(values)) != list(expected.astype(str)):
+                    sys.exit(f"{what} differs")
+            if name not in read["units"][word]:
+                sys.exit(f"{what}: no unit")
+    raw = scipy.io.loadmat(path)["samples"]["t_s"][0, 0]
+    if raw.shape != (len(samples), 1) or raw.dtype != np.float64:
+        sys.exit(f"{path}: t_s is no column of doubles but {raw.dtype} {raw.shape}")
+    for signal in manifest["signals"]:
+        if read["units"]["samples"][signal["name"]] != signal["unit"]:
+            sys.exit(f"{path}: unit of {signal['name']}")
+
+
+def expected_histories(samples, manifest):
+    every = round(manifest["device"]["tick_hz"] / manifest["telemetry_rate_hz"])
+    keys = ["set_up", "experiment", "segment", "point_index"]
+    new = (samples[keys].astype(str) != samples[keys].astype(str).shift()).any(axis=1)
+    new |= samples["tick"].astype(np.int64).diff() != every
+    for _, rows in samples.groupby(new.cumsum()):
+        for signal in manifest["signals"]:
+            yield rows, signal, every / manifest["device"]["tick_hz"]
+
+
+def check_uff(path, samples, results, manifest):
+    file = pyuff.UFF(str(path))
+    kinds = list(file.get_set_types())
+    if kinds[:2] != [151, 164] or set(kinds[2:]) != {58}:
+        sys.exit(f"{path}: datasets {kinds}")
+    units = file.read_sets(1)
+    if (units["units_code"], units["length"], units["force"], units["temp"]) != (1, 1.0, 1.0, 1.0):
+        sys.exit(f"{path}: units {units}")
+    functions = [file.read_sets(i) for i in range(2, len(kinds))]
+    responses = [f for f in functions if f["func_type"] == 4]
+    histories = [f for f in functions if f["func_type"] == 1]
+    pairs = list(results.groupby(["set_up", "experiment"], sort=False, observed=True))
+    if len(responses) != len(pairs):
+        sys.exit(f"{path}: {len(responses)} responses instead of {len(pairs)}")
+    for response, ((set_up, experiment), rows) in zip(responses, pairs):
+        what = f"{path}: x/z of {set_up}"
+        if response["id4"].strip() != f"{set_up}, {experiment}":
+            sys.exit(f"{what}: ID line 4 is {response['id4']!r}")
+        ratio = rows["x_amplitude_m"].astype(np.float64) / rows["z_amplitude_m"].astype(np.float64)
+        expected = ratio.to_numpy() * np.exp(1j * rows["phase_rad"].astype(np.float64).to_numpy())
+        same_digits(response["x"], rows["frequency_hz"].to_numpy(), 6, what)
+        # Sine and cosine of two libraries may differ in their last bit: a digit less than is printed.
+        same_digits(response["data"].real, expected.real, 11, what)
+        same_digits(response["data"].imag, expected.imag, 11, what)
+        if (response["rsp_node"], response["ref_node"]) != (1, 2):
+            sys.exit(f"{what}: nodes")
+    expected = list(expected_histories(samples, manifest))
+    if len(histories) != len(expected):
+        sys.exit(f"{path}: {len(histories)} histories instead of {len(expected)}")
+    for history, (rows, signal, step) in zip(histories, expected):
+        first = rows.iloc[0]
+        what = f"{path}: {signal['name']} of {first['set_up']} from {first['t_s']} s"
+        if history["id1"].strip() != signal["name"] or history["ordinate_axis_units_lab"].strip() != signal["unit"]:
+            sys.exit(f"{what}: labels {history['id1']!r}, {history['ordinate_axis_units_lab']!r}")
+        if (history["num_pts"], history["abscissa_spacing"]) != (len(rows), 1):
+            sys.exit(f"{what}: {history['num_pts']} points instead of {len(rows)}")
+        same_digits(history["abscissa_min"], first["t_s"], 6, what)
+        same_digits(history["abscissa_inc"], step, 6, what)
+        same_digits(history["z_axis_value"], first["point_frequency_hz"], 6, what)
+        same_digits(history["data"], rows[signal["name"]].astype(np.float64).to_numpy(), 12, what)
+    return len(responses), len(histories)
+
+
+def main():
+    run, csv_samples, csv_results, mat, uff = map(pathlib.Path, sys.argv[1:])
+    manifest = json.loads((run / "manifest.json").read_text())
+    samples = pd.read_parquet(run / "samples.parquet")
+    results = pd.read_parquet(run / "results.parquet")
+    check_csv(csv_samples, samples)
+    check_csv(csv_results, results)
+    check_mat(mat, samples, results, manifest)
+    responses, histories = check_uff(uff, samples, results, manifest)
+    print(f"the same: {len(samples)} samples, {len(results)} points, {responses} responses, {histories} histories")
+
+
+main()
