@@ -137,7 +137,7 @@ mod unix {
                     Ok(count) => {
                         for &byte in &bytes[..count] {
                             if let Some(ToDevice::Request(request)) = intake.push(byte) {
-                                control.serve(&mut Order::prepare(request), &mut RealPlant, &mut lanes);
+                                control.serve(&mut Some(Order::prepare(request)), &mut RealPlant, &mut lanes);
                             }
                         }
                     }
