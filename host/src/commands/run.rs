@@ -29,7 +29,7 @@ use crate::session::Session;
 /// Before anything moves the campaign is checked, and every set-up is simulated to see that it stays within
 /// the sensors' range.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = AFTER_HELP)]
+#[command(override_usage = USAGE, after_help = AFTER_HELP)]
 pub struct Args {
     /// Campaign file (TOML); host/campaigns/hybrid.toml shows what can be said
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
@@ -66,6 +66,8 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_none)]
     reconnect_s: f64,
 }
+
+const USAGE: &str = "damprig run [OPTIONS] <CAMPAIGN.toml>\n       damprig run [OPTIONS] --resume <DIR>";
 
 const AFTER_HELP: &str = "\
 Examples:

@@ -44,10 +44,13 @@ pub enum Entry {
         /// Host time with its zone.
         at: String,
     },
-    /// All parts are in `samples.parquet`.
+    /// The parts are in `samples.parquet`.
     Joined {
         /// Its rows.
         rows: u64,
+        /// Parts that were damaged and are not in it; they stay where they are.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        left: Vec<u32>,
     },
     /// The program has ended in an orderly way.
     Ended(Ended),
@@ -248,7 +251,7 @@ mod tests {
     use super::*;
 
     fn joined(rows: u64) -> Entry {
-        Entry::Joined { rows }
+        Entry::Joined { rows, left: Vec::new() }
     }
 
     #[test]

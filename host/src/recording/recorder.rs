@@ -236,7 +236,7 @@ mod tests {
         held.recv().unwrap();
         // The disk has the first row in hand and does not move.
         (1..100).for_each(|tick| recorder.rows(rows(tick), &stop));
-        (0..100).for_each(|rows| recorder.note(Entry::Joined { rows }));
+        (0..100).for_each(|rows| recorder.note(Entry::Joined { rows, left: Vec::new() }));
         assert_eq!(recorder.dropped_rows(), 90);
         drop(give);
         let (sink, outcome) = recorder.finish();

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::impacts::IMPACTS;
 use super::journal::{Entry, Journal, Sealed};
 use super::parquet::write_results;
-use super::part::{MOST_ROWS, OpenPart, open_parts, salvage, seal_salvaged};
+use super::part::{MOST_ROWS, OpenPart, Stream, open_parts, read_stream, salvage, seal_salvaged};
 use super::recorder::{Message, Rows, Sink};
 use super::samples::{self, Label};
 use super::taken::Taken;
@@ -100,6 +100,10 @@ impl Writer {
 
     fn close_what_was_open(&mut self) -> Result<(), StorageError> {
         for (part, open) in open_parts(&self.folder) {
+            if read_stream(&open) == Stream::Unreadable {
+                // Whatever it is, it is not this program's to remove.
+                continue;
+            }
             let is_sealed = self.taken.sealed.iter().any(|s| s.part == part);
             let mut pending = Pending { part, rows: 0, lost_rows: 0, open };
             if !is_sealed {
@@ -224,11 +228,12 @@ impl Writer {
     /// When the joined file cannot be written; the parts stay then.
     pub fn join(&mut self) -> Result<(), StorageError> {
         if self.taken.joined.is_none() {
-            let rows = samples::join(&self.folder, &self.plan.signals)?;
-            self.note(&Entry::Joined { rows })?;
+            let samples::Join { rows, left } = samples::join(&self.folder, &self.plan.signals, &self.taken.sealed)?;
+            self.note(&Entry::Joined { rows, left })?;
             self.sync()?;
         }
-        samples::remove_parts(&self.folder)
+        self.rows = self.taken.joined.unwrap_or(self.rows);
+        samples::remove_parts(&self.folder, self.taken.sealed.iter().filter(|s| !self.taken.left.contains(&s.part)))
     }
 }
 

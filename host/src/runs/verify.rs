@@ -100,6 +100,14 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
         found.push(Finding::Wrong(format!("{name}: line {} is damaged", list.join(", "))));
     }
+    for part in taken.left_parts() {
+        found.push(Finding::Wrong(format!(
+            "{}: was damaged when the samples were joined; its {} rows are lost to {}, what there is of it was left",
+            part.file.name,
+            part.rows,
+            crate::recording::samples::JOINED
+        )));
+    }
     if taken.joined.is_some() || run.is_some_and(|r| !r.manifest().files.is_empty()) {
         return;
     }
