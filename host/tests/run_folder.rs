@@ -164,3 +164,35 @@ fn both_a_folder_and_a_campaign_are_refused_with_a_usage_that_works() {
     let right = contains("damprig run [OPTIONS] --resume <DIR>\n");
     answer.stderr(right.and(contains("--resume <DIR> [CAMPAIGN.toml]").not()));
 }
+
+#[test]
+fn a_line_torn_by_a_kill_is_no_damage_once_the_run_has_come_through() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let mut lines = journal_lines(&run);
+    // Killed in the middle of noting how it ended.
+    let last = lines.last_mut().unwrap();
+    assert!(last.contains("\"entry\":\"ended\""));
+    last.truncate(last.len() / 2);
+    write_journal(&run, &lines);
+    as_if_killed(&run);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+    answer.stdout(contains(format!("line {} was torn by a kill", lines.len())).and(contains("WRONG").not()));
+}
+
+#[test]
+fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_is_named() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let all = sample_rows(&run) as u64;
+    let sealed = &Taken::of(&journal::read(&run).unwrap().entries).sealed[0];
+    std::fs::write(run.join(&sealed.file.name), "cut").unwrap();
+    let arguments = ["runs", "export", "out", "--format", "csv", "--out", "rest.csv"];
+    let answer = damprig(&folder).args(arguments).assert().code(1);
+    answer.stdout(contains(format!("{} rows of samples", all - sealed.rows))).stderr(contains("000001.parquet"));
+    let changed = short().replace("noise_seed = 7", "noise_seed = 8");
+    std::fs::write(run.join("campaign.toml"), changed).unwrap();
+    let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
+    answer.stdout(contains("rig.noise_seed: 7 when it was begun, 8 now"));
+}

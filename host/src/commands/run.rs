@@ -234,11 +234,18 @@ impl Job<'_> {
         let mut progress = Progress::new(self.campaign, self.args.yes);
         let mut recorder = Recorder::start(writer, is_patient);
         let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
-        let (tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
         progress.end();
+        let accepted = recorder.accepted_rows();
         let (writer, stored) = recorder.finish();
-        let Some(writer) = writer else { return Err(failed("the recorder's thread has died; the run is incomplete")) };
-        self.end(writer, manifest, tally, result.and(stored.map_err(RunError::from)), wall.elapsed())
+        let Some(mut writer) = writer else {
+            return Err(failed("the recorder's thread has died; the run is incomplete"));
+        };
+        let closed = stored.and(writer.close());
+        let unwritten = writer.unwritten_rows(accepted);
+        tally.counters.dropped_rows_host += unwritten;
+        tally.counters.lost_rows += unwritten;
+        self.end(writer, manifest, tally, result.and(closed.map_err(RunError::from)), wall.elapsed())
     }
 
     fn reconnect(&self) -> Option<Reconnect<'_>> {
@@ -261,7 +268,7 @@ impl Job<'_> {
         manifest
     }
 
-    /// Closes the files, says what came of it, and draws the figure.
+    /// Joins the samples, says what came of it, and draws the figure.
     fn end(
         &self,
         mut writer: Writer,
@@ -270,8 +277,6 @@ impl Job<'_> {
         result: Result<(), RunError>,
         wall: Duration,
     ) -> Outcome {
-        let closed = writer.close();
-        let result = result.and(closed.map_err(RunError::from));
         let result = result.and_then(|()| Ok(writer.join()?));
         let reason = result.as_ref().err().map(ToString::to_string);
         let ended = Ended {
@@ -280,11 +285,17 @@ impl Job<'_> {
             counters: tally.counters,
             wall_s: wall.as_secs_f64(),
         };
-        let noted = writer.note(&Entry::Ended(ended));
+        let ended = Entry::Ended(ended);
+        let noted = writer.note(&ended);
+        let mut taken = writer.taken().clone();
+        if noted.is_err() {
+            // What the journal has no room for is told all the same.
+            taken.add(&ended);
+        }
         let rows = writer.results();
-        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: writer.taken().wall_s() };
-        manifest.counters = writer.taken().counters();
-        manifest.note(writer.taken(), writer.rows());
+        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: taken.wall_s() };
+        manifest.counters = taken.counters();
+        manifest.note(&taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
         let drawn = report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"));

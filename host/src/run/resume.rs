@@ -207,7 +207,7 @@ fn damaged_parts(folder: &Path, taken: &Taken) -> Vec<String> {
 }
 
 /// The values in which two campaigns differ, one a line; their comments and their layout do not count.
-fn campaign_differences(then: &str, now: &str) -> Vec<String> {
+pub(crate) fn campaign_differences(then: &str, now: &str) -> Vec<String> {
     let mut list = Vec::new();
     match (toml::from_str::<toml::Table>(then), toml::from_str::<toml::Table>(now)) {
         (Ok(then), Ok(now)) => differ("", &toml::Value::Table(then), &toml::Value::Table(now), &mut list),

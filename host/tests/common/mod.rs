@@ -203,6 +203,10 @@ pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
         if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
     });
     let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"];
-    damprig(&folder).args(arguments).assert().code(1).stderr(predicates::str::contains("`damprig run --resume out` goes on"));
+    damprig(&folder)
+        .args(arguments)
+        .assert()
+        .code(1)
+        .stderr(predicates::str::contains("`damprig run --resume out` goes on"));
     (folder, rig)
 }
