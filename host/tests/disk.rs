@@ -55,11 +55,14 @@ mod linux {
         let board = Served::start(|_| Fate::Pass);
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "disk/run"];
         let answer = damprig(&folder).args(arguments).assert().code(1);
-        answer.stderr(contains("No space left on device").and(contains("points are kept in disk/run")));
+        let answer = answer.stderr(contains("No space left on device").and(contains("points are kept in disk/run")));
+        let said = String::from_utf8(answer.get_output().stdout.clone()).unwrap();
         assert!(board.was_left_standing(), "the rig was left driving");
         let run = folder.path().join("disk/run");
         let (points, samples) = (result_rows(&run), sample_rows(&run));
         assert!(points >= 1 && samples > 5000, "{points} points, {samples} rows");
+        assert!(said.contains(&format!(" {samples} sample rows, ")), "{samples} rows can be read: {said}");
+        assert!(!said.contains(" 0 lost") && !said.contains("inf") && !said.contains("-0.00 s"), "{said}");
         disk.remount("size=30m");
         let rig = Served::again_and_again(|_| Fate::Pass);
         damprig(&folder).args(["run", "--resume", "disk/run", "--rig", &rig]).assert().success();

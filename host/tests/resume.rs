@@ -8,7 +8,9 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use arrow_array::RecordBatch;
-use common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, sample_rows, short};
+use common::{
+    Fate, Served, cut_off, damprig, folder_with, is_point, manifest, read_parquet, result_rows, sample_rows, short,
+};
 use damprig::recording::journal;
 use damprig::recording::taken::Taken;
 use predicates::prelude::*;
@@ -141,19 +143,6 @@ fn a_complete_run_says_so_and_is_left_alone() {
     assert_eq!(std::fs::read(folder.path().join("out/manifest.json")).unwrap(), before);
 }
 
-/// A run of the short campaign that was cut off when its fourth point came by.
-fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
-    let folder = folder_with(campaign);
-    let mut points = 0;
-    let rig = Served::again_and_again(move |message| {
-        points += usize::from(is_point(message));
-        if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
-    });
-    let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"];
-    damprig(&folder).args(arguments).assert().code(1).stderr(contains("`damprig run --resume out` goes on"));
-    (folder, rig)
-}
-
 #[test]
 fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
     let (folder, _) = cut_off(&short());
@@ -214,8 +203,18 @@ fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
     let bytes = std::fs::read(&part).unwrap();
     std::fs::write(&part, &bytes[..bytes.len() / 2]).unwrap();
     damprig(&folder).args(["runs", "verify", "out"]).assert().code(1).stdout(contains("cut off or damaged"));
-    let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
-    resumed.stdout(contains("WRONG  samples.parts/000001.parquet: changed since it was closed"));
+    let lost = taken(&run).sealed[0].rows;
+    let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    resumed.stdout(
+        contains("WRONG  samples.parts/000001.parquet: changed since it was closed")
+            .and(contains(format!("{lost} lost (dropped 0)"))),
+    );
+    assert_eq!(manifest(&run)["counters"]["lost_rows"], lost);
+    assert_eq!(manifest(&run)["sample_rows"], sample_rows(&run));
+    let verify = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
+    verify.stdout(contains(format!(
+        "samples.parts/000001.parquet: was damaged when the samples were joined; its {lost} rows"
+    )));
     assert_eq!(result_rows(&run), 6);
     assert_eq!(std::fs::read(&part).unwrap().len(), bytes.len() / 2, "nothing is rewritten");
     // Without a journal nobody knows what is taken.

@@ -85,13 +85,15 @@ pub fn summary(manifest: &Manifest) -> String {
     let clock = manifest.clock;
     let tick_hz = manifest.device.as_ref().map_or(0.0, |d| d.tick_hz);
     let counters = manifest.counters;
+    let speed = clock.rig_s / clock.wall_s;
+    // Nothing was timed: a run whose end could not be noted.
+    let speed = if speed.is_finite() { format!(" ({speed:.0} times real time)") } else { String::new() };
     format!(
-        "{} of {} points; {:.0} s of rig time in {:.2} s ({:.0} times real time) at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}",
+        "{} of {} points; {:.0} s of rig time in {:.2} s{speed} at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}",
         manifest.points_taken,
         manifest.points_planned,
         clock.rig_s,
         clock.wall_s,
-        clock.rig_s / clock.wall_s,
         manifest.sample_rows,
         counters.lost_rows,
         counters.dropped_records + counters.dropped_rows_host,

@@ -29,7 +29,7 @@ use crate::session::Session;
 /// Before anything moves the campaign is checked, and every set-up is simulated to see that it stays within
 /// the sensors' range.
 #[derive(Debug, ClapArgs)]
-#[command(after_help = AFTER_HELP)]
+#[command(override_usage = USAGE, after_help = AFTER_HELP)]
 pub struct Args {
     /// Campaign file (TOML); host/campaigns/hybrid.toml shows what can be said
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
@@ -66,6 +66,8 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_none)]
     reconnect_s: f64,
 }
+
+const USAGE: &str = "damprig run [OPTIONS] <CAMPAIGN.toml>\n       damprig run [OPTIONS] --resume <DIR>";
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -232,11 +234,18 @@ impl Job<'_> {
         let mut progress = Progress::new(self.campaign, self.args.yes);
         let mut recorder = Recorder::start(writer, is_patient);
         let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
-        let (tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
         progress.end();
+        let accepted = recorder.accepted_rows();
         let (writer, stored) = recorder.finish();
-        let Some(writer) = writer else { return Err(failed("the recorder's thread has died; the run is incomplete")) };
-        self.end(writer, manifest, tally, result.and(stored.map_err(RunError::from)), wall.elapsed())
+        let Some(mut writer) = writer else {
+            return Err(failed("the recorder's thread has died; the run is incomplete"));
+        };
+        let closed = stored.and(writer.close());
+        let unwritten = writer.unwritten_rows(accepted);
+        tally.counters.dropped_rows_host += unwritten;
+        tally.counters.lost_rows += unwritten;
+        self.end(writer, manifest, tally, result.and(closed.map_err(RunError::from)), wall.elapsed())
     }
 
     fn reconnect(&self) -> Option<Reconnect<'_>> {
@@ -259,7 +268,7 @@ impl Job<'_> {
         manifest
     }
 
-    /// Closes the files, says what came of it, and draws the figure.
+    /// Joins the samples, says what came of it, and draws the figure.
     fn end(
         &self,
         mut writer: Writer,
@@ -268,8 +277,6 @@ impl Job<'_> {
         result: Result<(), RunError>,
         wall: Duration,
     ) -> Outcome {
-        let closed = writer.close();
-        let result = result.and(closed.map_err(RunError::from));
         let result = result.and_then(|()| Ok(writer.join()?));
         let reason = result.as_ref().err().map(ToString::to_string);
         let ended = Ended {
@@ -278,11 +285,17 @@ impl Job<'_> {
             counters: tally.counters,
             wall_s: wall.as_secs_f64(),
         };
-        let noted = writer.note(&Entry::Ended(ended));
+        let ended = Entry::Ended(ended);
+        let noted = writer.note(&ended);
+        let mut taken = writer.taken().clone();
+        if noted.is_err() {
+            // What the journal has no room for is told all the same.
+            taken.add(&ended);
+        }
         let rows = writer.results();
-        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: writer.taken().wall_s() };
-        manifest.counters = writer.taken().counters();
-        manifest.note(writer.taken(), writer.rows());
+        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: taken.wall_s() };
+        manifest.counters = taken.counters();
+        manifest.note(&taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
         let drawn = report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"));

@@ -44,10 +44,13 @@ pub enum Entry {
         /// Host time with its zone.
         at: String,
     },
-    /// All parts are in `samples.parquet`.
+    /// The parts are in `samples.parquet`.
     Joined {
         /// Its rows.
         rows: u64,
+        /// Parts that were damaged and are not in it; they stay where they are.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        left: Vec<u32>,
     },
     /// The program has ended in an orderly way.
     Ended(Ended),
@@ -206,6 +209,8 @@ pub struct Lines {
     pub entries: Vec<Entry>,
     /// Numbers (from 1) of the lines that are no entries.
     pub damaged: Vec<usize>,
+    /// Numbers of the lines that were torn when the program was killed; they count as nothing.
+    pub torn: Vec<usize>,
 }
 
 /// Reads the journal of a run folder.
@@ -217,12 +222,30 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     let bytes = std::fs::read(&path).map_err(|e| StorageError::new("read", &path, e))?;
     let mut lines = Lines::default();
     let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+    // A torn line stops in mid-entry, and the next thing that the program did was to begin again (and, just before, to
+    // close the parts that were open).
+    let mut cut_short: Option<usize> = None;
     for (n, line) in bytes[..whole].split(|b| *b == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
         match serde_json::from_slice(line) {
-            Ok(entry) => lines.entries.push(entry),
-            Err(_) => lines.damaged.push(n + 1),
+            Ok(entry) => {
+                match (&entry, cut_short) {
+                    (Entry::Begin(_), Some(torn)) => lines.torn.push(torn),
+                    (Entry::Sealed(_), _) | (_, None) => {}
+                    (_, Some(damaged)) => lines.damaged.push(damaged),
+                }
+                if !matches!(entry, Entry::Sealed(_)) {
+                    cut_short = None;
+                }
+                lines.entries.push(entry);
+            }
+            Err(error) => {
+                lines.damaged.extend(cut_short.take());
+                if error.is_eof() { cut_short = Some(n + 1) } else { lines.damaged.push(n + 1) }
+            }
         }
     }
+    // Killed again before it had begun.
+    lines.torn.extend(cut_short);
     Ok(lines)
 }
 
@@ -248,7 +271,7 @@ mod tests {
     use super::*;
 
     fn joined(rows: u64) -> Entry {
-        Entry::Joined { rows }
+        Entry::Joined { rows, left: Vec::new() }
     }
 
     #[test]
@@ -262,7 +285,7 @@ mod tests {
         let second = bytes.len() / 2;
         for cut in second..bytes.len() {
             std::fs::write(&path, &bytes[..cut]).unwrap();
-            assert_eq!(read(folder.path()).unwrap(), Lines { entries: vec![joined(1)], damaged: vec![] }, "{cut}");
+            assert_eq!(read(folder.path()).unwrap(), Lines { entries: vec![joined(1)], ..Lines::default() }, "{cut}");
             Journal::open(folder.path()).unwrap().append(&joined(3)).unwrap();
             let lines = read(folder.path()).unwrap();
             // Cut before its end of line alone, the entry is whole after all.
@@ -270,6 +293,28 @@ mod tests {
                 if cut == bytes.len() - 1 { vec![joined(1), joined(2), joined(3)] } else { vec![joined(1), joined(3)] };
             assert_eq!(lines.entries, kept, "{cut}");
         }
+    }
+
+    #[test]
+    fn a_line_torn_by_a_kill_is_told_from_a_damaged_one_by_what_follows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(JOURNAL);
+        let device = r#"{"link":"","board":"","firmware":"","protocol_version":1,"protocol_schema":"","simulated":true,"plant":"","clock":"","tick_hz":1.0}"#;
+        let begin = format!(
+            r#"{{"entry":"begin","at":"","damprig":"","device":{device},"signals":[],"every_ticks":1,"campaign":""}}"#
+        );
+        let sealed = r#"{"entry":"sealed","part":1,"file":{"name":"","bytes":0,"sha256":""},"rows":1,"lost_rows":0}"#;
+        let joined = r#"{"entry":"joined","rows":1}"#;
+        let of = |lines: &[&str]| {
+            std::fs::write(&path, lines.join("\n") + "\n").unwrap();
+            let lines = read(folder.path()).unwrap();
+            (lines.torn, lines.damaged)
+        };
+        let torn = &joined[..9];
+        assert_eq!(of(&[&begin, torn, sealed, &begin, joined]), (vec![2], vec![]));
+        assert_eq!(of(&[&begin, torn, joined, &begin]), (vec![], vec![2]));
+        assert_eq!(of(&[&begin, "no JSON", &begin]), (vec![], vec![2]));
+        assert_eq!(of(&[&begin, torn, torn, &begin, torn]), (vec![3, 5], vec![2]));
     }
 
     #[test]

@@ -12,13 +12,15 @@
 //! ```
 //! A run that ends badly, or is killed, leaves all of it up to the last quarter of a second, readable. The
 //! [`recorder`] keeps the disk away from the link, the [`writer`] is its thread's work: the [`journal`], the open
-//! [`part`], the [`samples`]. What a journal adds up to is [`taken`]'s, whole tables are [`parquet`]'s.
+//! [`part`], the [`samples`]. What a journal adds up to is [`taken`]'s, what it
+//! does not know [`known`]'s, whole tables are [`parquet`]'s.
 
 pub mod checksum;
 pub mod clock;
 pub mod folder;
 pub mod impacts;
 pub mod journal;
+pub mod known;
 pub mod manifest;
 mod number;
 pub mod parquet;

@@ -212,6 +212,29 @@ pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
     Ok(salvaged)
 }
 
+/// What the head of an open part says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stream {
+    /// Whose rows it holds.
+    Of(Label),
+    /// The file is empty: the program ended before it wrote anything.
+    Empty,
+    /// There is something, and none of it is a stream of samples.
+    Unreadable,
+}
+
+/// Reads the head of an open part.
+#[must_use]
+pub fn read_stream(path: &Path) -> Stream {
+    let Ok(bytes) = fs::read(path) else { return Stream::Unreadable };
+    if bytes.is_empty() {
+        return Stream::Empty;
+    }
+    let reader = StreamReader::try_new(&bytes[..sound_length(&bytes)], None).ok();
+    let label = reader.and_then(|reader| read_label(reader.schema().metadata()));
+    label.map_or(Stream::Unreadable, |(label, _)| Stream::Of(label))
+}
+
 fn read_label(metadata: &Metadata) -> Option<(Label, f64)> {
     let get = |key: &str| metadata.get(key);
     let label = Label {

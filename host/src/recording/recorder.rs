@@ -80,6 +80,7 @@ pub struct Recorder<S> {
     thread: Option<JoinHandle<S>>,
     is_patient: bool,
     dropped_rows: u64,
+    accepted_rows: u64,
     most_waiting: usize,
 }
 
@@ -95,7 +96,15 @@ impl<S: Sink> Recorder<S> {
         let shared = Arc::new(Shared::default());
         let theirs = Arc::clone(&shared);
         let thread = std::thread::spawn(move || work(sink, &messages, &theirs));
-        Self { queue: Some(queue), shared, thread: Some(thread), is_patient, dropped_rows: 0, most_waiting }
+        Self {
+            queue: Some(queue),
+            shared,
+            thread: Some(thread),
+            is_patient,
+            dropped_rows: 0,
+            accepted_rows: 0,
+            most_waiting,
+        }
     }
 
     /// The disk's failure, if there was one.
@@ -141,6 +150,7 @@ impl<S: Sink> Recorder<S> {
         }
         *waiting += size;
         drop(waiting);
+        self.accepted_rows += rows.ticks.len() as u64;
         self.send(Message::Rows(rows));
     }
 
@@ -148,6 +158,12 @@ impl<S: Sink> Recorder<S> {
     #[must_use]
     pub fn dropped_rows(&self) -> u64 {
         self.dropped_rows
+    }
+
+    /// Rows that were let into the queue, whether or not the disk took them later.
+    #[must_use]
+    pub fn accepted_rows(&self) -> u64 {
+        self.accepted_rows
     }
 
     /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
@@ -236,7 +252,7 @@ mod tests {
         held.recv().unwrap();
         // The disk has the first row in hand and does not move.
         (1..100).for_each(|tick| recorder.rows(rows(tick), &stop));
-        (0..100).for_each(|rows| recorder.note(Entry::Joined { rows }));
+        (0..100).for_each(|rows| recorder.note(Entry::Joined { rows, left: Vec::new() }));
         assert_eq!(recorder.dropped_rows(), 90);
         drop(give);
         let (sink, outcome) = recorder.finish();

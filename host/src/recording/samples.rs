@@ -4,6 +4,7 @@
 //! become a Parquet file of `samples.parts/` when their point is over, and one file when the run is complete.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,11 +15,15 @@ use arrow_array::{
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
+use super::journal::Sealed;
 use super::parquet::{Kept, field, write_whole};
-use super::{Signal, StorageError};
+use super::{Signal, StorageError, checksum};
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";
+
+/// The joined samples once more, to compare them with a file that has their name.
+const AGAIN: &str = "samples.again.parquet";
 
 /// Folder of the closed parts of a run that is not complete. Parquet readers take it as one data set.
 pub const PARTS: &str = "samples.parts";
@@ -112,28 +117,69 @@ pub fn parts(folder: &Path) -> Vec<(u32, PathBuf)> {
     parts
 }
 
-/// Joins the closed parts into `samples.parquet`; gives the number of rows. The parts stay.
-///
-/// # Errors
-/// When a part cannot be read or the file cannot be written.
-pub fn join(folder: &Path, signals: &[Signal]) -> Result<u64, StorageError> {
-    let mut rows = 0;
-    let batches = parts(folder).into_iter().flat_map(|(_, path)| read(&path).unwrap_or_else(|e| vec![Err(e)]));
-    let counted = batches.inspect(|batch| rows += batch.as_ref().map_or(0, |b| b.num_rows() as u64));
-    write_whole(&folder.join(JOINED), &schema(signals), counted, Kept::OnTheDisk)?;
-    Ok(rows)
+/// What came of joining.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Join {
+    /// Rows of the joined file.
+    pub rows: u64,
+    /// Numbers of the parts that are not as the journal says, so that they are not in it.
+    pub left: Vec<u32>,
 }
 
-/// Takes the parts away, once they are joined and the journal says so.
+/// Joins the parts that the journal knows into `samples.parquet`. The parts stay. One that is not what it was when it
+/// was closed is left out, and costs its own rows alone.
+///
+/// # Errors
+/// When the file cannot be written; or another one has its name that is not what the parts join into.
+pub fn join(folder: &Path, signals: &[Signal], sealed: &[Sealed]) -> Result<Join, StorageError> {
+    let is_sound = |s: &&Sealed| {
+        let is_same = checksum::of_file(folder, &s.file.name).is_ok_and(|now| now == s.file);
+        is_same && read(&folder.join(&s.file.name)).is_ok_and(|batches| batches.iter().all(Result::is_ok))
+    };
+    let (mut sound, left): (Vec<&Sealed>, Vec<&Sealed>) = sealed.iter().partition(is_sound);
+    sound.sort_by_key(|s| s.part);
+    let mut join = Join { rows: 0, left: left.iter().map(|s| s.part).collect() };
+    let batches = sound.iter().flat_map(|s| read(&folder.join(&s.file.name)).unwrap_or_else(|e| vec![Err(e)]));
+    let counted = batches.inspect(|batch| join.rows += batch.as_ref().map_or(0, |b| b.num_rows() as u64));
+    let path = folder.join(JOINED);
+    if !path.exists() {
+        write_whole(&path, &schema(signals), counted, Kept::OnTheDisk)?;
+        return Ok(join);
+    }
+    // A kill came between the joined file and its line in the journal, or somebody put a file there.
+    let again = folder.join(AGAIN);
+    write_whole(&again, &schema(signals), counted, Kept::ByTheSystem)?;
+    let sum = |name: &str| checksum::of_file(folder, name).map(|f| f.sha256);
+    let is_own = matches!((sum(JOINED), sum(AGAIN)), (Ok(there), Ok(own)) if there == own);
+    fs::remove_file(&again).map_err(|e| StorageError::new("remove", &again, e))?;
+    if is_own {
+        return Ok(join);
+    }
+    let message =
+        format!("a file of this name is there, and it is not what {PARTS} join into; move it elsewhere and resume");
+    Err(StorageError::new("write", &path, message))
+}
+
+/// Takes away the parts that are joined, once the journal says so. Whatever else stands beside them stays.
 ///
 /// # Errors
 /// When they cannot be removed.
-pub fn remove_parts(folder: &Path) -> Result<(), StorageError> {
+pub fn remove_parts<'a>(folder: &Path, joined: impl Iterator<Item = &'a Sealed>) -> Result<(), StorageError> {
+    for part in joined {
+        let path = folder.join(&part.file.name);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(StorageError::new("remove", &path, error));
+            }
+            _ => {}
+        }
+    }
     let path = folder.join(PARTS);
-    match fs::remove_dir_all(&path) {
-        Ok(()) => Ok(()),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(StorageError::new("remove", &path, error)),
+    match fs::remove_dir(&path) {
+        Err(error) if !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::DirectoryNotEmpty) => {
+            Err(StorageError::new("remove", &path, error))
+        }
+        _ => Ok(()),
     }
 }
 

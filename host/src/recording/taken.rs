@@ -23,6 +23,8 @@ pub struct Taken {
     pub sealed: Vec<Sealed>,
     /// Rows in `samples.parquet`, once the parts are joined in it.
     pub joined: Option<u64>,
+    /// Numbers of the parts that were damaged when the others were joined.
+    pub left: Vec<u32>,
     /// Each orderly end of the program.
     pub ended: Vec<Ended>,
     /// Links that were lost or came back, in words.
@@ -70,7 +72,10 @@ impl Taken {
             Entry::Finished(finished) => self.finished.push(finished.clone()),
             Entry::Clock(_) => {}
             Entry::Link { what, at } => self.link.push(format!("{at}: {what}")),
-            Entry::Joined { rows } => self.joined = Some(*rows),
+            Entry::Joined { rows, left } => {
+                self.joined = Some(*rows);
+                self.left.clone_from(left);
+            }
             Entry::Ended(ended) => self.ended.push(ended.clone()),
         }
     }
@@ -127,8 +132,14 @@ impl Taken {
     pub fn counters(&self) -> Counters {
         let mut sum = Counters::default();
         self.ended.iter().for_each(|e| sum += e.counters);
-        sum.lost_rows = self.sealed.iter().map(|s| s.lost_rows).chain(self.finished.iter().map(|f| f.lost_rows)).sum();
+        let missing = self.sealed.iter().map(|s| s.lost_rows).chain(self.finished.iter().map(|f| f.lost_rows));
+        sum.lost_rows += missing.chain(self.left_parts().map(|s| s.rows)).sum::<u64>();
         sum
+    }
+
+    /// Parts that were damaged when the others were joined: their rows are in no file that can be relied on.
+    pub fn left_parts(&self) -> impl Iterator<Item = &Sealed> {
+        self.sealed.iter().filter(|s| self.left.contains(&s.part))
     }
 
     /// Wall time of the runs of the program that ended in an orderly way, s.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::impacts::IMPACTS;
 use super::journal::{Entry, Journal, Sealed};
 use super::parquet::write_results;
-use super::part::{MOST_ROWS, OpenPart, open_parts, salvage, seal_salvaged};
+use super::part::{MOST_ROWS, OpenPart, Stream, open_parts, read_stream, salvage, seal_salvaged};
 use super::recorder::{Message, Rows, Sink};
 use super::samples::{self, Label};
 use super::taken::Taken;
@@ -51,6 +51,10 @@ pub struct Writer {
     /// Tick of the last row of the present segment.
     last_tick: Option<u64>,
     rows: u64,
+    /// Rows that were there when this program began.
+    earlier_rows: u64,
+    /// Rows that came more than once.
+    repeated_rows: u64,
     is_synced: bool,
     has_new_results: bool,
 }
@@ -67,6 +71,8 @@ impl Writer {
             plan,
             journal,
             rows: 0,
+            earlier_rows: 0,
+            repeated_rows: 0,
             taken,
             open: None,
             next_part: last.map_or(1, |n| n + 1),
@@ -77,6 +83,7 @@ impl Writer {
         };
         writer.close_what_was_open()?;
         writer.rows = writer.taken.sealed.iter().map(|s| s.rows).sum();
+        writer.earlier_rows = writer.rows;
         Ok(writer)
     }
 
@@ -100,6 +107,10 @@ impl Writer {
 
     fn close_what_was_open(&mut self) -> Result<(), StorageError> {
         for (part, open) in open_parts(&self.folder) {
+            if read_stream(&open) == Stream::Unreadable {
+                // Whatever it is, it is not this program's to remove.
+                continue;
+            }
             let is_sealed = self.taken.sealed.iter().any(|s| s.part == part);
             let mut pending = Pending { part, rows: 0, lost_rows: 0, open };
             if !is_sealed {
@@ -152,6 +163,7 @@ impl Writer {
             let expected = self.last_tick.map_or(0, |last| last + every);
             if tick < expected {
                 // It came twice.
+                self.repeated_rows += 1;
                 continue;
             }
             let gap_ticks = tick - expected;
@@ -218,17 +230,28 @@ impl Writer {
         self.sync()
     }
 
+    /// Of `accepted` rows that the recorder has let in, those that are in no file: the disk has failed. From here on
+    /// [`Writer::rows`] is what can be read.
+    pub fn unwritten_rows(&mut self, accepted: u64) -> u64 {
+        let sealed = &self.taken.sealed;
+        let open = open_parts(&self.folder).into_iter().filter(|(n, _)| sealed.iter().all(|s| s.part != *n));
+        let in_streams = open.filter_map(|(_, path)| salvage(&path).ok()).map(|s| s.rows);
+        self.rows = sealed.iter().map(|s| s.rows).chain(in_streams).sum();
+        (self.earlier_rows + accepted).saturating_sub(self.repeated_rows + self.rows)
+    }
+
     /// Joins the parts of a complete run and takes them away. Does nothing when that has been done before.
     ///
     /// # Errors
     /// When the joined file cannot be written; the parts stay then.
     pub fn join(&mut self) -> Result<(), StorageError> {
         if self.taken.joined.is_none() {
-            let rows = samples::join(&self.folder, &self.plan.signals)?;
-            self.note(&Entry::Joined { rows })?;
+            let samples::Join { rows, left } = samples::join(&self.folder, &self.plan.signals, &self.taken.sealed)?;
+            self.note(&Entry::Joined { rows, left })?;
             self.sync()?;
         }
-        samples::remove_parts(&self.folder)
+        self.rows = self.taken.joined.unwrap_or(self.rows);
+        samples::remove_parts(&self.folder, self.taken.sealed.iter().filter(|s| !self.taken.left.contains(&s.part)))
     }
 }
 

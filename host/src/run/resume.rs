@@ -6,7 +6,9 @@ use crate::campaign::{Campaign, Start};
 use crate::input::Source;
 use crate::recording::checksum;
 use crate::recording::journal::{self, Begin, Lines};
+use crate::recording::known;
 use crate::recording::taken::Taken;
+use crate::runs::folder::manifest_of;
 
 /// Why a run cannot be taken up again. The text names what is wrong, what is still good, and what can be done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -64,6 +66,7 @@ impl Earlier {
             return Err(CannotResume(message));
         }
         let campaign = Campaign::parse(source).map_err(|e| CannotResume(e.to_string()))?;
+        is_one_run(folder, &campaign, &taken)?;
         let mut warnings: Vec<String> = Vec::new();
         if !lines.damaged.is_empty() {
             let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
@@ -71,6 +74,12 @@ impl Earlier {
             warnings.push(format!("{name}: line {} cannot be read; what it held is measured again", list.join(", ")));
         }
         warnings.extend(damaged_parts(folder, &taken));
+        let unknown = known::unknown(folder, &taken, taken.rows().len() >= campaign.points());
+        if !unknown.data.is_empty() {
+            return Err(CannotResume(not_in_the_journal(folder, &unknown.data, &taken)));
+        }
+        warnings
+            .extend(unknown.unreadable.iter().map(|name| format!("{name}: not a word of it can be read; left there")));
         Ok(Self { campaign, taken, warnings })
     }
 
@@ -134,6 +143,53 @@ impl Earlier {
     }
 }
 
+/// Whether manifest and journal are of one run, in a format that this program writes. A manifest that is missing is made
+/// anew: it follows from the journal.
+fn is_one_run(folder: &Path, campaign: &Campaign, taken: &Taken) -> Result<(), CannotResume> {
+    if !folder.join("manifest.json").exists() {
+        return Ok(());
+    }
+    let manifest = manifest_of(folder).map_err(|e| CannotResume(format!("{e}\n  nothing was changed")))?;
+    let shown = folder.display();
+    let file = format!("{shown}/manifest.json");
+    if manifest.campaign != campaign.name {
+        let message = format!(
+            "{file} is of another run: its campaign is {:?}, that of campaign.toml {:?}\n  put the run's own back, or take it away: it follows from {}",
+            manifest.campaign,
+            campaign.name,
+            journal::JOURNAL
+        );
+        return Err(CannotResume(message));
+    }
+    if let Some(begin) = taken.begun.first().filter(|begin| begin.at != manifest.started) {
+        let message = format!(
+            "{file} is of another run: it was started {}, the run of {} {}\n  put the run's own back, or take it away: it follows from {}",
+            manifest.started,
+            journal::JOURNAL,
+            begin.at,
+            journal::JOURNAL
+        );
+        return Err(CannotResume(message));
+    }
+    let known = taken.rows().len() + taken.superseded().len();
+    if manifest.points_taken > known {
+        let points = format!("manifest.json: {} points taken", manifest.points_taken);
+        return Err(CannotResume(not_in_the_journal(folder, &[points], taken)));
+    }
+    Ok(())
+}
+
+/// What to say of a folder that holds more than its journal knows.
+fn not_in_the_journal(folder: &Path, data: &[String], taken: &Taken) -> String {
+    let (shown, name) = (folder.display(), journal::JOURNAL);
+    let more = if data.len() > 8 { format!("\n  and {} more", data.len() - 8) } else { String::new() };
+    let list = data.iter().take(8).map(String::as_str).collect::<Vec<_>>().join("\n  ");
+    format!(
+        "{shown} holds what its {name} ({} points) does not know:\n  {list}{more}\n  {name} was cut or replaced, or these are files of another run; going on would write over them, so nothing was changed\n  all files can still be read (`damprig runs verify {shown}` tells which): keep this folder and begin a new run with `damprig run {shown}/campaign.toml`,\n  or, if the files are not of this run, move them elsewhere and resume again",
+        taken.rows().len()
+    )
+}
+
 /// Closed parts of the samples that are not as the journal says.
 fn damaged_parts(folder: &Path, taken: &Taken) -> Vec<String> {
     if taken.joined.is_some() {
@@ -151,7 +207,7 @@ fn damaged_parts(folder: &Path, taken: &Taken) -> Vec<String> {
 }
 
 /// The values in which two campaigns differ, one a line; their comments and their layout do not count.
-fn campaign_differences(then: &str, now: &str) -> Vec<String> {
+pub(crate) fn campaign_differences(then: &str, now: &str) -> Vec<String> {
     let mut list = Vec::new();
     match (toml::from_str::<toml::Table>(then), toml::from_str::<toml::Table>(now)) {
         (Ok(then), Ok(now)) => differ("", &toml::Value::Table(then), &toml::Value::Table(now), &mut list),

@@ -101,21 +101,7 @@ impl RunFolder {
         if !is_run(path) {
             return Err(no_run(path));
         }
-        let file = path.join("manifest.json");
-        let failed = |message: String| ReadError(format!("{}: {message}", file.display()));
-        let text = fs::read_to_string(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
-        let value: serde_json::Value = serde_json::from_str(&text)
-            .map_err(|e| failed(format!("the manifest is damaged, it is not JSON from this place on: {e}")))?;
-        // The number first: a later format may hold what this reader cannot take.
-        if let Some(format) = value.get("format").and_then(serde_json::Value::as_u64).filter(|f| *f > u64::from(FORMAT))
-        {
-            let by = value.get("damprig").and_then(serde_json::Value::as_str).unwrap_or("a later version");
-            let message =
-                format!("the run has format {format}, written by {by}; {} reads up to {FORMAT}", crate::VERSION_LINE);
-            return Err(failed(format!("{message}\n  read it with that version or a later one")));
-        }
-        let mut manifest: Manifest =
-            serde_json::from_value(value).map_err(|e| failed(format!("the manifest is damaged: {e}")))?;
+        let mut manifest = manifest_of(path)?;
         if manifest.status == "running"
             && let Ok(lines) = journal::read(path)
         {
@@ -188,6 +174,26 @@ impl RunFolder {
         }
         size(&self.path)
     }
+}
+
+/// The manifest of a run folder as it was last written.
+///
+/// # Errors
+/// A missing or damaged manifest, or a format of a later version.
+pub fn manifest_of(path: &Path) -> Result<Manifest, ReadError> {
+    let file = path.join("manifest.json");
+    let failed = |message: String| ReadError(format!("{}: {message}", file.display()));
+    let text = fs::read_to_string(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
+    let value: serde_json::Value = serde_json::from_str(&text)
+        .map_err(|e| failed(format!("the manifest is damaged, it is not JSON from this place on: {e}")))?;
+    // The number first: a later format may hold what this reader cannot take.
+    if let Some(format) = value.get("format").and_then(serde_json::Value::as_u64).filter(|f| *f > u64::from(FORMAT)) {
+        let by = value.get("damprig").and_then(serde_json::Value::as_str).unwrap_or("a later version");
+        let message =
+            format!("the run has format {format}, written by {by}; {} reads up to {FORMAT}", crate::VERSION_LINE);
+        return Err(failed(format!("{message}\n  read it with that version or a later one")));
+    }
+    serde_json::from_value(value).map_err(|e| failed(format!("the manifest is damaged: {e}")))
 }
 
 /// The files that hold samples, in order.

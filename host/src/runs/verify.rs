@@ -9,6 +9,7 @@ use crate::campaign::Campaign;
 use crate::input::Source;
 use crate::recording::taken::Taken;
 use crate::recording::{checksum, journal};
+use crate::run::resume::campaign_differences;
 
 /// One thing found.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -99,6 +100,27 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
     if !lines.damaged.is_empty() {
         let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
         found.push(Finding::Wrong(format!("{name}: line {} is damaged", list.join(", "))));
+    }
+    if !lines.torn.is_empty() {
+        let list: Vec<String> = lines.torn.iter().map(usize::to_string).collect();
+        let text = format!("{name}: line {} was torn by a kill and counts as nothing", list.join(", "));
+        found.push(Finding::Good(text));
+    }
+    if let (Some(begin), Ok(now)) = (taken.begun.first(), std::fs::read_to_string(path.join("campaign.toml"))) {
+        let different = campaign_differences(&begin.campaign, &now);
+        if !different.is_empty() {
+            let list = different.join("\n  ");
+            let text = format!("campaign.toml is not the campaign that the run was begun with ({name}):\n  {list}");
+            found.push(Finding::Wrong(text));
+        }
+    }
+    for part in taken.left_parts() {
+        found.push(Finding::Wrong(format!(
+            "{}: was damaged when the samples were joined; its {} rows are lost to {}, what there is of it was left",
+            part.file.name,
+            part.rows,
+            crate::recording::samples::JOINED
+        )));
     }
     if taken.joined.is_some() || run.is_some_and(|r| !r.manifest().files.is_empty()) {
         return;

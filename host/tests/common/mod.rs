@@ -193,3 +193,20 @@ pub fn is_point(message: &FromDevice) -> bool {
 
 /// Long enough for a loaded machine, short enough to fail.
 pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A run of the short campaign that was cut off when its fourth point came by.
+pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
+    let folder = folder_with(campaign);
+    let mut points = 0;
+    let rig = Served::again_and_again(move |message| {
+        points += usize::from(is_point(message));
+        if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
+    });
+    let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"];
+    damprig(&folder)
+        .args(arguments)
+        .assert()
+        .code(1)
+        .stderr(predicates::str::contains("`damprig run --resume out` goes on"));
+    (folder, rig)
+}

@@ -1,0 +1,198 @@
+//! Run folders that somebody or something has changed before a run is taken up again: what cannot be told apart from the
+//! run's own is refused, and nothing that the journal does not know is joined, written over or removed.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use common::{cut_off, damprig, manifest, result_rows, sample_rows, short};
+use damprig::recording::journal::{self, JOURNAL};
+use damprig::recording::taken::Taken;
+use predicates::prelude::*;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+/// Every file of a folder with what it holds.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+        if entry.is_dir() {
+            all.extend(contents(&entry));
+        } else {
+            let bytes = std::fs::read(&entry).unwrap();
+            all.insert(entry, bytes);
+        }
+    }
+    all
+}
+
+/// Resuming is refused with these words and has changed nothing.
+fn refuses(folder: &TempDir, words: &[&str]) {
+    let run = folder.path().join("out");
+    let before = contents(&run);
+    let mut answer = damprig(folder).args(["run", "--resume", "out"]).assert().code(2);
+    for word in words {
+        answer = answer.stderr(contains(*word));
+    }
+    assert!(contents(&run) == before, "a refusal changed the folder");
+}
+
+fn journal_lines(run: &Path) -> Vec<String> {
+    std::fs::read_to_string(run.join(JOURNAL)).unwrap().lines().map(|l| format!("{l}\n")).collect()
+}
+
+fn write_journal(run: &Path, lines: &[String]) {
+    std::fs::write(run.join(JOURNAL), lines.concat()).unwrap();
+}
+
+/// As a kill leaves the manifest.
+fn as_if_killed(run: &Path) {
+    let mut value = manifest(run);
+    value["status"] = "running".into();
+    value["points_taken"] = 0.into();
+    value["files"] = serde_json::json!([]);
+    std::fs::write(run.join("manifest.json"), value.to_string()).unwrap();
+}
+
+#[test]
+fn a_journal_that_was_emptied_or_cut_is_refused_and_nothing_is_written_over() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let lines = journal_lines(&run);
+    let to_do = "keep this folder and begin a new run";
+    write_journal(&run, &[]);
+    refuses(&folder, &["manifest.json: 3 points taken", to_do]);
+    as_if_killed(&run);
+    refuses(&folder, &["samples.parts/000001.parquet", "results.parquet: 3 of its 3 points", to_do]);
+    let half = lines.iter().position(|l| l.contains("\"entry\":\"result\"")).unwrap() + 1;
+    write_journal(&run, &lines[..half]);
+    refuses(&folder, &["results.parquet: 2 of its 3 points", "(1 points)"]);
+    std::fs::remove_file(run.join("results.parquet")).unwrap();
+    refuses(&folder, &["samples.parts/000003.parquet: a part of the samples"]);
+    std::fs::remove_file(run.join("manifest.json")).unwrap();
+    std::fs::remove_dir_all(run.join("samples.parts")).unwrap();
+    std::fs::remove_file(run.join(JOURNAL)).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out", "--rig", "virtual"]).assert().success();
+    answer.stdout(contains("0 of 6 points are kept"));
+}
+
+#[test]
+fn what_is_not_of_the_run_is_neither_joined_nor_written_over_nor_removed() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let part = run.join("samples.parts/000001.parquet");
+    let stranger = run.join("samples.parts/000099.parquet");
+    std::fs::copy(&part, &stranger).unwrap();
+    refuses(&folder, &["samples.parts/000099.parquet: a part of the samples", "move them elsewhere"]);
+    std::fs::rename(&stranger, run.join("samples.parquet")).unwrap();
+    refuses(&folder, &["samples.parquet: samples of a complete run"]);
+    std::fs::remove_file(run.join("samples.parquet")).unwrap();
+    let unreadable = run.join("samples-000099.open.arrows");
+    std::fs::write(&unreadable, "no stream").unwrap();
+    let beside = run.join("samples.parts/notes.txt");
+    std::fs::write(&beside, "mine").unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    answer.stdout(contains("WRONG  samples-000099.open.arrows: not a word of it can be read"));
+    assert_eq!(std::fs::read(&unreadable).unwrap(), b"no stream");
+    assert_eq!(std::fs::read(&beside).unwrap(), b"mine");
+    assert_eq!((result_rows(&run), part.exists()), (6, false));
+}
+
+#[test]
+fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_that_is_not_its_own() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let parts = folder.path().join("parts");
+    std::fs::create_dir(&parts).unwrap();
+    // Complete, joined; then the parts are put back and the journal's last lines taken away.
+    let kept = contents(&run.join("samples.parts"));
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let rows = sample_rows(&run);
+    let taken = Taken::of(&journal::read(&run).unwrap().entries);
+    let lines = journal_lines(&run);
+    let joined = lines.iter().position(|l| l.contains("\"entry\":\"joined\"")).unwrap();
+    let known: Vec<String> = lines[..joined]
+        .iter()
+        .filter(|l| {
+            !l.contains("\"entry\":\"sealed\"")
+                || kept.keys().any(|p| l.contains(p.file_name().unwrap().to_str().unwrap()))
+        })
+        .cloned()
+        .collect();
+    assert!(taken.sealed.len() > kept.len());
+    write_journal(&run, &known);
+    std::fs::create_dir(run.join("samples.parts")).unwrap();
+    kept.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
+    as_if_killed(&run);
+    // The parts join into fewer rows than the file there has: it is not theirs.
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
+    answer.stderr(contains("it is not what samples.parts join into"));
+    assert_eq!(sample_rows(&run), rows, "it was written over");
+    // Once that is elsewhere the parts are joined; a second kill at the same place then finds its own file.
+    std::fs::remove_file(run.join("samples.parquet")).unwrap();
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let own = std::fs::read(run.join("samples.parquet")).unwrap();
+    write_journal(&run, &known);
+    std::fs::create_dir(run.join("samples.parts")).unwrap();
+    kept.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
+    as_if_killed(&run);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    assert_eq!(std::fs::read(run.join("samples.parquet")).unwrap(), own);
+    assert!(!run.join("samples.parts").exists());
+}
+
+#[test]
+fn a_manifest_of_a_later_format_or_of_another_run_is_refused() {
+    let (folder, _) = cut_off(&short());
+    let path = folder.path().join("out/manifest.json");
+    let own = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, own.replace("\"format\": 1", "\"format\": 99")).unwrap();
+    refuses(&folder, &["the run has format 99", "nothing was changed"]);
+    let mut other: serde_json::Value = serde_json::from_str(&own).unwrap();
+    other["started"] = "2020-01-01T00:00:00+00:00[UTC]".into();
+    std::fs::write(&path, other.to_string()).unwrap();
+    refuses(&folder, &["is of another run", "2020-01-01T00:00:00"]);
+    std::fs::write(&path, own.replace("\"campaign\": \"", "\"campaign\": \"other-")).unwrap();
+    refuses(&folder, &["is of another run: its campaign is \"other-"]);
+}
+
+#[test]
+fn both_a_folder_and_a_campaign_are_refused_with_a_usage_that_works() {
+    let folder = common::folder_with(&short());
+    let answer = damprig(&folder).args(["run", "--resume", "out", "test.toml"]).assert().code(2);
+    let right = contains("damprig run [OPTIONS] --resume <DIR>\n");
+    answer.stderr(right.and(contains("--resume <DIR> [CAMPAIGN.toml]").not()));
+}
+
+#[test]
+fn a_line_torn_by_a_kill_is_no_damage_once_the_run_has_come_through() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let mut lines = journal_lines(&run);
+    // Killed in the middle of noting how it ended.
+    let last = lines.last_mut().unwrap();
+    assert!(last.contains("\"entry\":\"ended\""));
+    last.truncate(last.len() / 2);
+    write_journal(&run, &lines);
+    as_if_killed(&run);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+    answer.stdout(contains(format!("line {} was torn by a kill", lines.len())).and(contains("WRONG").not()));
+}
+
+#[test]
+fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_is_named() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let all = sample_rows(&run) as u64;
+    let sealed = &Taken::of(&journal::read(&run).unwrap().entries).sealed[0];
+    std::fs::write(run.join(&sealed.file.name), "cut").unwrap();
+    let arguments = ["runs", "export", "out", "--format", "csv", "--out", "rest.csv"];
+    let answer = damprig(&folder).args(arguments).assert().code(1);
+    answer.stdout(contains(format!("{} rows of samples", all - sealed.rows))).stderr(contains("000001.parquet"));
+    let changed = short().replace("noise_seed = 7", "noise_seed = 8");
+    std::fs::write(run.join("campaign.toml"), changed).unwrap();
+    let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
+    answer.stdout(contains("rig.noise_seed: 7 when it was begun, 8 now"));
+}
