@@ -104,11 +104,7 @@ impl Case {
 }
 
 fn read(source: &Source, name: &str) -> Option<Case> {
-    let text = if source.text().trim_start().starts_with('{') {
-        from_json::to_toml(source)?
-    } else {
-        source.text().to_string()
-    };
+    let text = if is_json(source) { from_json::to_toml(source)? } else { source.text().to_string() };
     let document = match DeTable::parse(&text) {
         Ok(document) => document,
         Err(error) => {
@@ -192,6 +188,12 @@ fn read(source: &Source, name: &str) -> Option<Case> {
         report_invalid(source, &root, initial_section.as_ref(), &invalid);
     }
     Some(Case { name, set_up, excitation, record, initial, run })
+}
+
+/// Whether it is JSON, by how it begins; `[{` and `[]` head no table of TOML.
+fn is_json(source: &Source) -> bool {
+    let text = source.text().trim_start();
+    text.starts_with('{') || text.strip_prefix('[').is_some_and(|rest| rest.trim_start().starts_with(['{', ']']))
 }
 
 /// An absent table is fine, one with a problem is not.

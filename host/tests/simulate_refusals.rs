@@ -1,0 +1,127 @@
+//! What `damprig simulate` must not do: destroy what it reads, misread a unit, drop a wish in silence, run without end.
+
+mod common;
+
+use std::process::Output;
+
+use common::damprig;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
+const RECORD: &str = "base = { kind = \"record\", file = \"shake.csv\", quantity = \"acceleration\", unit = \"g\" }\n";
+const SHAKE: &str = "t,a\n0.0,0.1\n0.1,0.2\n0.2,-0.1\n";
+const PARTICLE: &str =
+    "particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }\n";
+
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for (name, text) in files {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+fn simulate(folder: &TempDir, arguments: &[&str]) -> Output {
+    damprig(folder).arg("simulate").args(arguments).output().unwrap()
+}
+
+/// The command must be refused with all of `words`, and every file be as it was.
+fn refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
+    let folder = folder(files);
+    let output = simulate(&folder, arguments);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}\n{told}");
+    for word in words {
+        assert!(told.contains(word), "no {word:?} in:\n{told}");
+    }
+    for (name, text) in files {
+        assert_eq!(&std::fs::read_to_string(folder.path().join(name)).unwrap(), text, "{name} was changed");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), files.len(), "a file was left behind");
+}
+
+#[test]
+fn an_output_never_takes_the_place_of_what_is_read_or_of_another_output() {
+    let case = format!("{STRUCTURE}{RECORD}{PARTICLE}");
+    let with_run = format!("{case}run = {{ duration_s = 1 }}\n");
+    let impacts = with_run.replace("shake.csv", "motion.impacts.csv");
+    let record = ("shake.csv", SHAKE);
+    let of_the_record = ["--out", "shake.csv", "the record that the case plays"];
+    refused(&[("case.toml", &with_run), record], &["case.toml", "--out", "shake.csv"], &of_the_record);
+    refused(&[("case.csv", &with_run), record], &["case.csv", "--out", "./case.csv"], &["the case itself"]);
+    let of_impacts = ["the table of impacts of --out", "motion.impacts.csv", "the record that the case plays"];
+    refused(
+        &[("case.toml", &impacts), ("motion.impacts.csv", SHAKE)],
+        &["case.toml", "--out", "motion.csv"],
+        &of_impacts,
+    );
+    refused(&[("case.svg", &with_run), record], &["case.svg", "--plot", "case.svg"], &["--plot", "the case itself"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_to_the_record_is_the_record() {
+    let case = format!("{STRUCTURE}{RECORD}run = {{ duration_s = 1 }}\n");
+    let folder = folder(&[("case.toml", &case), ("shake.csv", SHAKE)]);
+    std::os::unix::fs::symlink("shake.csv", folder.path().join("link.csv")).unwrap();
+    let output = simulate(&folder, &["case.toml", "--out", "link.csv"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(std::fs::read_to_string(folder.path().join("shake.csv")).unwrap(), SHAKE);
+}
+
+/// An AT2 file whose third line is `words` and whose values are in that unit.
+fn at2(words: &str, values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(|v| format!("{v:.15e}")).collect();
+    format!("PEER STRONG MOTION\nNowhere\n{words}\nNPTS= {}, DT= .0500 SEC\n{}\n", values.len(), values.join("\n"))
+}
+
+fn largest_m(words: &str, per_g: f64) -> f64 {
+    let values = [0.01, -0.02, 0.3, 0.15, -0.4].map(|g| g * per_g);
+    let case = format!("{STRUCTURE}run = {{ duration_s = 1 }}\nbase = {{ kind = \"record\", file = \"shake.at2\" }}\n");
+    let folder = folder(&[("case.toml", &case), ("shake.at2", &at2(words, &values))]);
+    let output = simulate(&folder, &["case.toml", "--json"]);
+    assert!(output.status.success(), "{words}: {}", String::from_utf8_lossy(&output.stderr));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    answer["summary"]["max_abs_x_minus_z_m"].as_f64().unwrap()
+}
+
+#[test]
+fn the_unit_in_an_at2_header_is_the_unit_of_its_values() {
+    let in_g = largest_m("ACCELERATION TIME HISTORY IN UNITS OF G. FILTER POINTS: HP=0.1 Hz", 1.0);
+    for (unit, per_g) in [("M/S2", 9.80665), ("cm/s/s", 980.665), ("CM/SEC**2", 980.665), ("GAL", 980.665)] {
+        let off = largest_m(&format!("ACCELERATION TIME SERIES IN UNITS OF {unit}"), per_g) / in_g - 1.0;
+        assert!(off.abs() < 1e-12, "{unit}: {off:e}");
+    }
+}
+
+#[test]
+fn an_at2_file_of_velocities_or_of_an_unknown_unit_is_refused() {
+    let case = format!("{STRUCTURE}run = {{ duration_s = 1 }}\nbase = {{ kind = \"record\", file = \"shake.at2\" }}\n");
+    let told = |words: &str, expected: &[&str]| {
+        refused(&[("case.toml", &case), ("shake.at2", &at2(words, &[1.0, 2.0]))], &["case.toml"], expected);
+    };
+    told("VELOCITY TIME SERIES IN UNITS OF CM/S", &["line 3", "VELOCITY", "must be an ACCELERATION series"]);
+    told("DISPLACEMENT TIME HISTORY IN UNITS OF CM", &["line 3", "DISPLACEMENT"]);
+    told("ACCELERATION TIME SERIES IN UNITS OF CM/S", &["line 3", "\"CM/S\" is not allowed", "CM/S2"]);
+}
+
+#[test]
+fn steady_cycles_that_the_run_does_not_have_are_refused() {
+    let told = |run: &str, expected: &[&str]| {
+        refused(&[("case.toml", &format!("{STRUCTURE}run = {run}\n"))], &["case.toml"], expected);
+    };
+    let without = ["`run.steady_from_cycle` = 2 is not allowed", "give `cycle_s`"];
+    told("{ duration_s = 4, steady_from_cycle = 2 }", &without);
+    let beyond = ["`run.steady_from_cycle` = 10 is not allowed", "the run has 10"];
+    told("{ duration_s = 4, cycle_s = 0.4, steady_from_cycle = 10 }", &beyond);
+    let case = format!("{STRUCTURE}run = {{ duration_s = 4, cycle_s = 0.4, steady_from_cycle = 9 }}\n");
+    assert!(simulate(&folder(&[("case.toml", &case)]), &["case.toml"]).status.success(), "the last cycle is one");
+}
+
+#[test]
+fn a_list_of_json_is_called_json() {
+    let told = |text: &str, expected: &[&str]| refused(&[("case.json", text)], &["case.json"], expected);
+    told("[{\"structure\": {}}]", &["this JSON is not an object", "a file of its own"]);
+    told(" [ ]", &["this JSON is not an object"]);
+}
