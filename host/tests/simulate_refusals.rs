@@ -125,3 +125,73 @@ fn a_list_of_json_is_called_json() {
     told("[{\"structure\": {}}]", &["this JSON is not an object", "a file of its own"]);
     told(" [ ]", &["this JSON is not an object"]);
 }
+
+#[test]
+fn values_beyond_any_rig_are_refused_with_the_range_of_their_unit() {
+    let run = "run = { duration_s = 1 }\n";
+    let told = |case: &str, expected: &[&str]| refused(&[("case.toml", case)], &["case.toml"], expected);
+    let force = ["`friction_damper.force_n` = 1e300 is not allowed", "at most 1e12 N in magnitude"];
+    told(&format!("{STRUCTURE}{run}friction_damper = {{ force_n = 1e300 }}\n"), &force);
+    let base = ["`base.amplitude_m` = 1e100 is not allowed", "at most 1e6 m"];
+    told(
+        &format!("{STRUCTURE}{run}base = {{ kind = \"sine\", amplitude_m = 1e100, frequency_hz = 2 }}\n{PARTICLE}"),
+        &base,
+    );
+    let friction = ["`particle.friction_coefficient` = 1e308 is not allowed", "at most 1e2 in magnitude"];
+    let particle = PARTICLE.replace("clearance_m", "friction_coefficient = 1e308, clearance_m");
+    told(&format!("{STRUCTURE}{run}{particle}"), &friction);
+    let mass = ["`structure.mass_kg` = 1e-300 is not allowed", "at least 1e-12 kg"];
+    told(&format!("{}{run}", STRUCTURE.replace("1.6", "1e-300")), &mass);
+    let cycle = ["`run.cycle_s` = 1e-10 is not allowed", "a millionth of the period"];
+    told(&format!("{STRUCTURE}run = {{ duration_s = 1, cycle_s = 1e-10 }}\n"), &cycle);
+}
+
+/// The ends of the ranges taken together.
+#[test]
+fn values_at_the_bounds_still_come_to_an_end_with_finite_figures() {
+    for more in [
+        "friction_damper = { force_n = 1e12 }\nbase = { kind = \"sine\", amplitude_m = 1e6, frequency_hz = 2.3 }\n",
+        "initial = { x_m = 1e6 }\nfriction_damper = { force_n = 1e-300 }\n",
+        "particle = { mass_ratio = 1e-9, clearance_m = 1e6, friction_coefficient = 100, \
+         wall = { kind = \"restitution\", coefficient = 0.5 } }\ninitial = { v_m_per_s = 1e6 }\n",
+    ] {
+        let case = format!("{STRUCTURE}{more}run = {{ duration_s = 0.5 }}\n");
+        let output = simulate(&folder(&[("case.toml", &case)]), &["case.toml", "--json"]);
+        assert!(output.status.success(), "{more}\n{}", String::from_utf8_lossy(&output.stderr));
+        let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(answer["summary"]["max_abs_x_m"].as_f64().is_some_and(f64::is_finite), "{answer}");
+    }
+}
+
+/// A case whose impacts are so many that simulated time hardly passes.
+const FLOOD: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n\
+     particle = { mass_ratio = 0.1, clearance_m = 1e-12, wall = { kind = \"restitution\", coefficient = 1 } }\n\
+     initial = { x_m = 0.01, y_m = 0.01, v_m_per_s = 0, u_m_per_s = 1 }\n\
+     run = { duration_s = 40 }\n";
+
+#[cfg(unix)]
+#[test]
+fn a_flood_of_impacts_is_announced_and_obeys_ctrl_c() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+
+    let folder = folder(&[("case.toml", FLOOD)]);
+    let mut process = Command::new(assert_cmd::cargo::cargo_bin("damprig"))
+        .current_dir(folder.path())
+        .args(["simulate", "case.toml", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = BufReader::new(process.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains("Ctrl-C keeps what is done") {
+        line.clear();
+        assert!(told.read_line(&mut line).unwrap() > 0, "it ended before it warned");
+    }
+    assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(answer["stopped_at_s"].as_f64().is_some_and(|t_s| t_s < 40.0), "{answer}");
+}

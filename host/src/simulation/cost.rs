@@ -13,8 +13,11 @@ use super::run::{Request, simulate};
 /// How long the trial may take.
 const TRIAL: Duration = Duration::from_millis(30);
 
-/// Shortest arcs between two looks at the clock.
-const ARCS_A_LOOK: f64 = 2_000.0;
+/// Arcs of the trial between two looks at the clock.
+const ARCS_A_CLOCK: u64 = 1_000;
+
+/// Steps of a record between them.
+const STEPS_A_CLOCK: f64 = 1_000.0;
 
 /// Runs with fewer arcs than this are not worth a trial: they take less than a second.
 const FEW_ARCS: f64 = 200_000.0;
@@ -36,9 +39,19 @@ pub struct Cost {
 #[derive(Default)]
 struct Count(u64);
 
-impl exact::Observer for Count {
+/// Counts arcs until the trial is over.
+struct Trial {
+    count: Count,
+    start: Instant,
+}
+
+impl exact::Observer for Trial {
     fn arc(&mut self, _: &exact::Arc<'_>) {
-        self.0 += 1;
+        self.count.0 += 1;
+    }
+
+    fn goes_on(&mut self, _: f64) -> bool {
+        !self.count.0.is_multiple_of(ARCS_A_CLOCK) || self.start.elapsed() < TRIAL
     }
 }
 
@@ -59,24 +72,25 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     let is_stiff = case.has_soft_wall() && arc_s * STIFF < case.natural_period_s();
     let stiff_arc_s = is_stiff.then_some(arc_s);
     let least_s = case.record.as_ref().map_or(arc_s, |record| record.step_s.min(arc_s));
-    if duration_s / least_s < FEW_ARCS {
+    // Impacts may be more than all arcs without them.
+    if duration_s / least_s < FEW_ARCS && case.set_up.particle.is_none() {
         return Ok(Cost { stiff_arc_s, ..Cost::default() });
     }
-    let (start, mut count) = (Instant::now(), Count::default());
-    let mut until_s = 0.0;
-    if case.record.is_some() {
-        let mut trial = case.clone();
-        trial.run = RunSpec { duration_s: (2.0 * ARCS_A_LOOK * least_s).min(duration_s), ..RunSpec::default() };
-        until_s = trial.run.duration_s;
-        let request = Request { keep: false, longest_part_s: f64::INFINITY, go_on: &mut |_| true };
-        simulate(&trial, &mut count, request)?;
-    }
-    while case.record.is_none() && start.elapsed() < TRIAL && until_s < duration_s {
-        until_s = (until_s + ARCS_A_LOOK * arc_s).min(duration_s);
-        motion.run(until_s, &mut count);
-    }
-    let whole = duration_s / until_s;
-    Ok(Cost { arcs: count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
+    let start = Instant::now();
+    let mut trial = Trial { count: Count::default(), start };
+    let reached_s = if case.record.is_some() {
+        let mut case = case.clone();
+        case.run = RunSpec { duration_s, ..RunSpec::default() };
+        let request =
+            Request { keep: false, longest_part_s: STEPS_A_CLOCK * least_s, go_on: &mut |_| start.elapsed() < TRIAL };
+        simulate(&case, &mut trial.count, request)?.summary.simulated_s
+    } else {
+        motion.run(duration_s, &mut trial);
+        motion.time_s()
+    };
+    // A flood of impacts at the very start may not have let time pass at all.
+    let whole = duration_s / reached_s.max(duration_s * 1e-30);
+    Ok(Cost { arcs: trial.count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
 }
 
 /// How often a run looks up from its work, s of simulated time: about two thousand times, but not after each of a few
