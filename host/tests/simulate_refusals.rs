@@ -195,3 +195,18 @@ fn a_flood_of_impacts_is_announced_and_obeys_ctrl_c() {
     let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(answer["stopped_at_s"].as_f64().is_some_and(|t_s| t_s < 40.0), "{answer}");
 }
+
+#[test]
+fn arcs_that_stay_short_after_a_pulse_are_in_the_cost() {
+    use damprig::input::Source;
+    use damprig::simulation::{Case, cost};
+
+    let case = |duration_s: &str| {
+        let base = format!("base = {{ kind = \"half_sine\", amplitude_m = 0.003, duration_s = {duration_s} }}\n");
+        let text = format!("{STRUCTURE}{base}run = {{ duration_s = 1000 }}\n");
+        cost::estimate(&Case::parse(&Source::new("case.toml", text), "case").unwrap()).unwrap()
+    };
+    let short = case("1e-6");
+    assert!(short.arcs > 1e8, "{short:?}");
+    assert!(case("1").arcs < 1e6);
+}

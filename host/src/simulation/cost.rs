@@ -2,21 +2,17 @@
 
 use std::time::{Duration, Instant};
 
-use damprig_core::integrator::exact::{self, Exact};
+use damprig_core::integrator::exact::Exact;
 use damprig_core::model::Invalid;
 
 use super::Case;
-use super::case::RunSpec;
 use super::motion::{Piece, Viewer};
 use super::run::{Request, simulate};
 
 /// How long the trial may take.
 const TRIAL: Duration = Duration::from_millis(30);
 
-/// Arcs of the trial between two looks at the clock.
-const ARCS_A_CLOCK: u64 = 1_000;
-
-/// Steps of a record between them.
+/// Arcs or steps of a record between two looks at the clock, unless events crowd.
 const STEPS_A_CLOCK: f64 = 1_000.0;
 
 /// Runs with fewer arcs than this are not worth a trial: they take less than a second.
@@ -36,24 +32,9 @@ pub struct Cost {
     pub stiff_arc_s: Option<f64>,
 }
 
+/// Counts arcs.
 #[derive(Default)]
 struct Count(u64);
-
-/// Counts arcs until the trial is over.
-struct Trial {
-    count: Count,
-    start: Instant,
-}
-
-impl exact::Observer for Trial {
-    fn arc(&mut self, _: &exact::Arc<'_>) {
-        self.count.0 += 1;
-    }
-
-    fn goes_on(&mut self, _: f64) -> bool {
-        !self.count.0.is_multiple_of(ARCS_A_CLOCK) || self.start.elapsed() < TRIAL
-    }
-}
 
 impl Viewer for Count {
     fn piece(&mut self, _: &impl Piece) {
@@ -67,7 +48,7 @@ impl Viewer for Count {
 /// Names a value that is not physical.
 pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     // Of a case on a record it knows the set-up only, which is what makes a wall stiff.
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+    let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let (arc_s, duration_s) = (motion.shortest_arc_s(), case.run.duration_s);
     let is_stiff = case.has_soft_wall() && arc_s * STIFF < case.natural_period_s();
     let stiff_arc_s = is_stiff.then_some(arc_s);
@@ -76,21 +57,15 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     if duration_s / least_s < FEW_ARCS && case.set_up.particle.is_none() {
         return Ok(Cost { stiff_arc_s, ..Cost::default() });
     }
-    let start = Instant::now();
-    let mut trial = Trial { count: Count::default(), start };
-    let reached_s = if case.record.is_some() {
-        let mut case = case.clone();
-        case.run = RunSpec { duration_s, ..RunSpec::default() };
-        let request =
-            Request { keep: false, longest_part_s: STEPS_A_CLOCK * least_s, go_on: &mut |_| start.elapsed() < TRIAL };
-        simulate(&case, &mut trial.count, request)?.summary.simulated_s
-    } else {
-        motion.run(duration_s, &mut trial);
-        motion.time_s()
-    };
+    let (start, mut count) = (Instant::now(), Count::default());
+    let mut trial = case.clone();
+    trial.run.sample_times_s.clear();
+    let request =
+        Request { keep: false, longest_part_s: STEPS_A_CLOCK * least_s, go_on: &mut |_| start.elapsed() < TRIAL };
+    let reached_s = simulate(&trial, &mut count, request)?.summary.simulated_s;
     // A flood of impacts at the very start may not have let time pass at all.
     let whole = duration_s / reached_s.max(duration_s * 1e-30);
-    Ok(Cost { arcs: trial.count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
+    Ok(Cost { arcs: count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
 }
 
 /// How often a run looks up from its work, s of simulated time: about two thousand times, but not after each of a few
