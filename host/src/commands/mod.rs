@@ -10,6 +10,7 @@ mod report;
 mod run;
 mod runs;
 mod simulate;
+mod simulate_files;
 mod simulate_report;
 
 use std::process::ExitCode;

@@ -120,6 +120,7 @@ pub fn run(args: &Args) -> Outcome {
     let input = |e: &dyn std::fmt::Display| Failure::Input(e.to_string());
     let failed = |e: &dyn std::fmt::Display| Failure::Failed(e.to_string());
     let case = Case::read(&args.case).map_err(|e| input(&e))?;
+    super::simulate_files::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref())?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
     let outlines = outlines(args, &case)?;
     let cost = cost::estimate(&case).map_err(|e| input(&e))?;

@@ -4,6 +4,7 @@
 //! [`section`] walks a TOML table; this module holds the text and renders the answer. Which keys there
 //! are and which values are physical is said by the readers ([`crate::campaign`]) and the model.
 
+mod range;
 pub mod section;
 mod suggest;
 

@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Problem, Source, Span, suggest};
+use super::{Problem, Source, Span, range, suggest};
 
 /// A number and where it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,7 +114,7 @@ impl<'a> Section<'a> {
         self.missing.borrow_mut().push((key, problem));
     }
 
-    /// A finite number, if the key is there.
+    /// A finite number within what its unit may measure, if the key is there.
     pub fn number(&self, key: &'static str) -> Option<Number> {
         let value = self.value(key)?;
         let span = value.span();
@@ -124,7 +124,13 @@ impl<'a> Section<'a> {
             _ => None,
         };
         match number {
-            Some(number) if f64::is_finite(number) => Some(Number { value: number, span }),
+            Some(number) if f64::is_finite(number) => {
+                if let Some(allowed) = range::excess(key, number) {
+                    self.refuse(key, &span, allowed, None);
+                    return None;
+                }
+                Some(Number { value: number, span })
+            }
             _ => {
                 self.refuse(key, &span, "must be a finite number", None);
                 None

@@ -104,11 +104,7 @@ impl Case {
 }
 
 fn read(source: &Source, name: &str) -> Option<Case> {
-    let text = if source.text().trim_start().starts_with('{') {
-        from_json::to_toml(source)?
-    } else {
-        source.text().to_string()
-    };
+    let text = if is_json(source) { from_json::to_toml(source)? } else { source.text().to_string() };
     let document = match DeTable::parse(&text) {
         Ok(document) => document,
         Err(error) => {
@@ -191,7 +187,31 @@ fn read(source: &Source, name: &str) -> Option<Case> {
     for invalid in checks.into_iter().filter_map(Result::err) {
         report_invalid(source, &root, initial_section.as_ref(), &invalid);
     }
-    Some(Case { name, set_up, excitation, record, initial, run })
+    let case = Case { name, set_up, excitation, record, initial, run };
+    check_cycle(&root, &case);
+    Some(case)
+}
+
+/// The shortest cycle that makes sense, as a share of the period of structure or drive.
+const LEAST_CYCLE: f64 = 1e-6;
+
+/// Refuses a cycle so short that closing empty cycles would be all the work.
+fn check_cycle(root: &Section, case: &Case) {
+    let drive_s = TAU / case.excitation.angular_frequency_rad_per_s();
+    let least_s = LEAST_CYCLE * case.natural_period_s().min(drive_s);
+    if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s)
+        && let Some(run) = root.table("run", None)
+        && let Some(cycle) = run.number("cycle_s")
+    {
+        let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
+        run.refuse("cycle_s", &cycle.span, allowed, None);
+    }
+}
+
+/// Whether it is JSON, by how it begins; `[{` and `[]` head no table of TOML.
+fn is_json(source: &Source) -> bool {
+    let text = source.text().trim_start();
+    text.starts_with('{') || text.strip_prefix('[').is_some_and(|rest| rest.trim_start().starts_with(['{', ']']))
 }
 
 /// An absent table is fine, one with a problem is not.

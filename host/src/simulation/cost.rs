@@ -2,19 +2,18 @@
 
 use std::time::{Duration, Instant};
 
-use damprig_core::integrator::exact::{self, Exact};
+use damprig_core::integrator::exact::Exact;
 use damprig_core::model::Invalid;
 
 use super::Case;
-use super::case::RunSpec;
 use super::motion::{Piece, Viewer};
 use super::run::{Request, simulate};
 
 /// How long the trial may take.
 const TRIAL: Duration = Duration::from_millis(30);
 
-/// Shortest arcs between two looks at the clock.
-const ARCS_A_LOOK: f64 = 2_000.0;
+/// Arcs or steps of a record between two looks at the clock, unless events crowd.
+const STEPS_A_CLOCK: f64 = 1_000.0;
 
 /// Runs with fewer arcs than this are not worth a trial: they take less than a second.
 const FEW_ARCS: f64 = 200_000.0;
@@ -33,14 +32,9 @@ pub struct Cost {
     pub stiff_arc_s: Option<f64>,
 }
 
+/// Counts arcs.
 #[derive(Default)]
 struct Count(u64);
-
-impl exact::Observer for Count {
-    fn arc(&mut self, _: &exact::Arc<'_>) {
-        self.0 += 1;
-    }
-}
 
 impl Viewer for Count {
     fn piece(&mut self, _: &impl Piece) {
@@ -54,28 +48,23 @@ impl Viewer for Count {
 /// Names a value that is not physical.
 pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     // Of a case on a record it knows the set-up only, which is what makes a wall stiff.
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+    let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let (arc_s, duration_s) = (motion.shortest_arc_s(), case.run.duration_s);
     let is_stiff = case.has_soft_wall() && arc_s * STIFF < case.natural_period_s();
     let stiff_arc_s = is_stiff.then_some(arc_s);
     let least_s = case.record.as_ref().map_or(arc_s, |record| record.step_s.min(arc_s));
-    if duration_s / least_s < FEW_ARCS {
+    // Impacts may be more than all arcs without them.
+    if duration_s / least_s < FEW_ARCS && case.set_up.particle.is_none() {
         return Ok(Cost { stiff_arc_s, ..Cost::default() });
     }
     let (start, mut count) = (Instant::now(), Count::default());
-    let mut until_s = 0.0;
-    if case.record.is_some() {
-        let mut trial = case.clone();
-        trial.run = RunSpec { duration_s: (2.0 * ARCS_A_LOOK * least_s).min(duration_s), ..RunSpec::default() };
-        until_s = trial.run.duration_s;
-        let request = Request { keep: false, longest_part_s: f64::INFINITY, go_on: &mut |_| true };
-        simulate(&trial, &mut count, request)?;
-    }
-    while case.record.is_none() && start.elapsed() < TRIAL && until_s < duration_s {
-        until_s = (until_s + ARCS_A_LOOK * arc_s).min(duration_s);
-        motion.run(until_s, &mut count);
-    }
-    let whole = duration_s / until_s;
+    let mut trial = case.clone();
+    trial.run.sample_times_s.clear();
+    let request =
+        Request { keep: false, longest_part_s: STEPS_A_CLOCK * least_s, go_on: &mut |_| start.elapsed() < TRIAL };
+    let reached_s = simulate(&trial, &mut count, request)?.summary.simulated_s;
+    // A flood of impacts at the very start may not have let time pass at all.
+    let whole = duration_s / reached_s.max(duration_s * 1e-30);
     Ok(Cost { arcs: count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
 }
 

@@ -21,6 +21,16 @@ pub(super) fn to_toml(source: &Source) -> Option<String> {
         });
         return None;
     }
+    if !text.trim_start().starts_with('{') {
+        let start = text.len() - text.trim_start().len();
+        source.report(Problem {
+            title: "this JSON is not an object".into(),
+            span: start..text[start..].find('\n').map_or(text.len(), |end| start + end),
+            allowed: "a case is one object of tables, {\"structure\": {…}, \"run\": {…}}".into(),
+            help: text[start..].starts_with('[').then(|| "of a list of cases, put each in a file of its own".into()),
+        });
+        return None;
+    }
     let (mut depth, mut in_string, mut escaped) = (0u32, false, false);
     let convert = |c: char| {
         if in_string {

@@ -182,6 +182,24 @@ pub(super) fn run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
             return None;
         }
     }
+    if let Some(first) = &steady {
+        let Some(cycle) = cycle.as_ref() else {
+            s.refuse(
+                "steady_from_cycle",
+                &first.span,
+                "without `cycle_s` there are no cycles to count",
+                Some("give `cycle_s`, or leave out `steady_from_cycle`".into()),
+            );
+            return None;
+        };
+        if (first.value + 1.0) * cycle.value > duration_s * (1.0 + 1e-12) {
+            let cycles = (duration_s / cycle.value * (1.0 + 1e-12)).floor();
+            let allowed = format!("no whole cycle is left: the run has {cycles}, the first of which is 0");
+            let help = Some("make `duration_s` longer, or `steady_from_cycle` smaller".into());
+            s.refuse("steady_from_cycle", &first.span, allowed, help);
+            return None;
+        }
+    }
     Some(RunSpec {
         duration_s,
         sample_times_s: times.iter().map(|n| n.value).collect(),

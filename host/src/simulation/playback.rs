@@ -49,7 +49,7 @@ fn play<V: Viewer, J: Joint<f64>>(
     let mut at =
         Place { step_s, duration_s: case.run.duration_s, wall: SoftWall::of(case, step_s), ..Place::default() };
     let mut interval = 0_u64;
-    parts(case.run.duration_s, request, gathered, |until_s, gathered| {
+    parts(case.run.duration_s, request, gathered, |until_s, gathered, _| {
         let mut viewer = (&mut figures, gathered.viewer());
         while interval as f64 * record.step_s < until_s {
             let segment = play.next_segment();

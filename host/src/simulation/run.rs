@@ -1,8 +1,8 @@
 //! A case put into motion: samples, impacts and figures, stopped in good order when asked to.
 
-use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::{self, Exact};
 use damprig_core::model::Invalid;
 use serde::Serialize;
 
@@ -102,7 +102,8 @@ pub struct Request<'a> {
     pub keep: bool,
     /// Longest stretch between two calls of `go_on`, s.
     pub longest_part_s: f64,
-    /// Called with the instant reached after each part; `false` ends the run there.
+    /// Called with the instant reached, s, after each part and each few thousand arcs inside one; `false`, which must
+    /// stay so, ends the run there.
     pub go_on: &'a mut dyn FnMut(f64) -> bool,
 }
 
@@ -159,6 +160,29 @@ pub fn simulate<V: Viewer>(case: &Case, also: &mut V, request: Request) -> Resul
     })
 }
 
+/// Arcs between two looks up from the work.
+const ARCS_A_LOOK: u32 = 4_096;
+
+/// Ends a part from inside, however many events are crowded into it.
+struct Watch<'a> {
+    arcs: u32,
+    is_over: bool,
+    go_on: &'a mut dyn FnMut(f64) -> bool,
+}
+
+impl exact::Observer for Watch<'_> {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        self.arcs += 1;
+        if self.arcs >= ARCS_A_LOOK && !self.is_over {
+            self.arcs = 0;
+            self.is_over = !(self.go_on)(time_s);
+        }
+        !self.is_over
+    }
+}
+
 /// By the exact driver.
 fn closed_form<V: Viewer>(
     case: &Case,
@@ -168,8 +192,9 @@ fn closed_form<V: Viewer>(
 ) -> Result<(Summary, State), Invalid> {
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(wanted);
-    parts(case.run.duration_s, request, gathered, |until_s, gathered| {
-        motion.run(until_s, &mut (&mut response, Shown(gathered.viewer())));
+    parts(case.run.duration_s, request, gathered, |until_s, gathered, go_on| {
+        let watch = Watch { arcs: 0, is_over: false, go_on };
+        motion.run(until_s, &mut ((&mut response, Shown(gathered.viewer())), watch));
         motion.time_s()
     });
     response.finish(motion.time_s());
@@ -197,14 +222,14 @@ pub(super) fn parts<V: Viewer>(
     duration_s: f64,
     request: Request,
     gathered: &mut Gathered<'_, V>,
-    mut advance: impl FnMut(f64, &mut Gathered<'_, V>) -> f64,
+    mut advance: impl FnMut(f64, &mut Gathered<'_, V>, &mut dyn FnMut(f64) -> bool) -> f64,
 ) {
     let count = (duration_s / request.longest_part_s).ceil().max(1.0);
     let mut part = 0.0;
     while part < count {
         part += 1.0;
         let until_s = if part >= count { duration_s } else { duration_s * (part / count) };
-        let reached_s = advance(until_s, gathered);
+        let reached_s = advance(until_s, gathered, request.go_on);
         if gathered.also.is_done() || (part < count && !(request.go_on)(reached_s)) {
             return;
         }

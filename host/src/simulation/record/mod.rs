@@ -11,6 +11,7 @@
 //!
 //! Reading the files is [`read`]'s business.
 
+mod at2;
 pub mod read;
 
 use std::path::PathBuf;

@@ -6,11 +6,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::at2::at2;
 use super::{Quantity, Record};
 use crate::input::near;
 
 /// Standard gravity by definition, m/s²: what "g" means in a record.
-const STANDARD_GRAVITY: f64 = 9.806_65;
+pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
 
 /// A time step may differ by this share from the mean one: printing times with few decimals does that.
 const UNEVEN: f64 = 0.1;
@@ -72,8 +73,8 @@ pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
         if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
             return Err(answer("an AT2 file holds accelerations; leave out `quantity`".into()));
         }
-        let (step_s, samples) = at2(&text).map_err(answer)?;
-        (Quantity::Acceleration, spec.unit_si.unwrap_or(STANDARD_GRAVITY), spec.time_step_s.unwrap_or(step_s), samples)
+        let at2 = at2(&text, spec.unit_si).map_err(answer)?;
+        (Quantity::Acceleration, at2.unit_si, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
     } else {
         let quantity = spec.quantity.ok_or_else(|| {
             answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
@@ -108,54 +109,8 @@ fn beside(path: &Path) -> String {
     if found.is_empty() { String::new() } else { format!("\n  did you mean {}?", found.join(" or ")) }
 }
 
-fn finite(text: &str) -> Option<f64> {
+pub(super) fn finite(text: &str) -> Option<f64> {
     text.trim().parse::<f64>().ok().filter(|v| v.is_finite())
-}
-
-/// The time step, s, and the values of an AT2 file.
-fn at2(text: &str) -> Result<(f64, Vec<f64>), String> {
-    let mut lines = text.lines().enumerate();
-    let (at, header) = lines
-        .by_ref()
-        .take(6)
-        .find(|(_, line)| line.to_ascii_uppercase().contains("NPTS"))
-        .ok_or("line 4 of an AT2 file gives `NPTS= …, DT= …`, and none of the first six does")?;
-    let upper = header.to_ascii_uppercase();
-    let (count, step_s) = counts(&upper).ok_or_else(|| {
-        format!(
-            "line {}: {:?} must give the number of samples and the step, `NPTS= 5372, DT= .0100 SEC`",
-            at + 1,
-            header.trim()
-        )
-    })?;
-    let mut values = Vec::new();
-    for (n, line) in lines {
-        for word in line.split_whitespace() {
-            let value = finite(word)
-                .ok_or_else(|| format!("line {}: {word:?} is not allowed: must be a finite number", n + 1))?;
-            values.push(value);
-        }
-    }
-    if values.len() != count {
-        let cut = if values.len() < count { "the file is cut short, or " } else { "" };
-        return Err(format!(
-            "{} values, but line {} says NPTS = {count}: {cut}one of the two is wrong",
-            values.len(),
-            at + 1
-        ));
-    }
-    Ok((step_s, values))
-}
-
-/// NPTS and DT of an AT2 header in either of its forms: `NPTS= 5372, DT= .0100 SEC`, `5372 0.0100 NPTS, DT`.
-fn counts(header: &str) -> Option<(usize, f64)> {
-    let numbers: Vec<&str> = header
-        .split(|c: char| c.is_whitespace() || c == ',' || c == '=')
-        .filter(|word| word.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
-        .collect();
-    let [count, step, ..] = numbers[..] else { return None };
-    let step_s = finite(step).filter(|s| *s > 0.0)?;
-    Some((count.parse().ok()?, step_s))
 }
 
 /// The rows of a table: the line and its fields.

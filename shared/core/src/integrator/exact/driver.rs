@@ -219,7 +219,7 @@ impl Exact {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Moves on to `until_s`; nothing happens when that is past.
+    /// Moves on to `until_s`, or to where the observer does not go on; nothing happens when that is past.
     pub fn run<O: Observer>(&mut self, until_s: f64, observer: &mut O) {
         if !self.started {
             self.started = true;
@@ -228,6 +228,9 @@ impl Exact {
         loop {
             let limit_s = until_s.min(self.next_break_s);
             if self.time.until(limit_s) > 0.0 {
+                if !observer.goes_on(self.time.seconds()) {
+                    return;
+                }
                 self.advance(limit_s, observer);
             } else if self.time.until(until_s) > 0.0 {
                 self.pass_break(observer);

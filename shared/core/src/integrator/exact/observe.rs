@@ -127,6 +127,12 @@ pub trait Observer {
     fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
         let _ = (time_s, side, energy_j);
     }
+
+    /// Asked before each arc, `time_s` being where the motion is: `false` ends the run there.
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        let _ = time_s;
+        true
+    }
 }
 
 impl Observer for () {
@@ -161,6 +167,11 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
         self.0.rest(time_s, side, energy_j);
         self.1.rest(time_s, side, energy_j);
     }
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        let first = self.0.goes_on(time_s);
+        self.1.goes_on(time_s) && first
+    }
 }
 
 impl<O: Observer> Observer for &mut O {
@@ -184,5 +195,9 @@ impl<O: Observer> Observer for &mut O {
 
     fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
         (**self).rest(time_s, side, energy_j);
+    }
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        (**self).goes_on(time_s)
     }
 }
