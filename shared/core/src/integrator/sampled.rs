@@ -270,20 +270,13 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let (length, velocity) = (self.units.length_m, self.units.velocity_m_per_s());
         let d = self.c.clearance;
         let offset = S::from_f64(offset / length);
+        self.rest();
         self.state = State {
             x: S::from_f64(initial.x_m / length),
             v: S::from_f64(initial.v_m_per_s / velocity),
             offset: if is_tuned { offset } else { offset.min(d).max(-d) },
             slide: S::from_f64(slide / velocity),
         };
-        if let Some(link) = self.joint.link_mut() {
-            link.touch = Touch::Clear;
-            link.touched = false;
-        }
-        self.mode = None;
-        self.slide_released = false;
-        self.slip_released = false;
-        self.unresolved = 0;
     }
 
     /// The state at the end of the last step.

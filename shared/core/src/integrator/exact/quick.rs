@@ -73,7 +73,7 @@ impl Exact {
         let h = table.step_s;
         let (mut state, mut wave, mut time, mut arcs) = (self.state, self.wave, self.time, self.arcs_since_anchor);
         let (mut meets, mut proved, mut sines) = (None, 0, 0);
-        while time.until(limit_s) > h {
+        while time.until(limit_s) > h && observer.goes_on(time.seconds()) {
             let full = Full::new(table, self.leg.structure_acceleration, &state, &wave);
             let end = self.after(&full, &state);
             let end_wave = wave.turned_by(table.turn.0, table.turn.1);
