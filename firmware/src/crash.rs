@@ -7,7 +7,9 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::{ExceptionFrame, exception};
 use damprig_device::crash::Record;
-use damprig_protocol::{Crash, CrashCause, Reset};
+use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
+
+use crate::callers;
 
 /// The words, and the last tick.
 struct Kept(UnsafeCell<MaybeUninit<(Record, u32)>>);
@@ -47,41 +49,39 @@ pub fn at_start(reset: Reset) -> Option<Crash> {
 }
 
 /// Records why, and leaves the rest to the watchdog.
-pub fn note(cause: CrashCause, program_counter: u32) {
+pub fn note(cause: CrashCause, calls: [u32; CALLS_TOLD]) {
     cortex_m::interrupt::free(|_| {
         let record = kept().0;
         // SAFETY: interrupts are masked, and plain words are sound whatever they hold.
         unsafe {
             let mut words = record.read_volatile();
-            words.write(cause, TICK.load(Ordering::Relaxed), program_counter);
+            words.write(cause, TICK.load(Ordering::Relaxed), calls);
             record.write_volatile(words);
         }
     });
 }
 
 /// Records why, and starts again: every output is off from the reset on.
-fn end(cause: CrashCause, program_counter: u32) -> ! {
-    note(cause, program_counter);
+fn end(cause: CrashCause, calls: [u32; CALLS_TOLD]) -> ! {
+    note(cause, calls);
     cortex_m::peripheral::SCB::sys_reset()
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end(CrashCause::HardFault, frame.pc())
+    end(CrashCause::HardFault, [frame.pc(), frame.lr(), 0, 0, 0, 0])
 }
 
 /// The crystal stopped: the hardware has gone back to the internal oscillator already, ten times too slow.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    end(CrashCause::ClockFailed, 0)
+    end(CrashCause::ClockFailed, [0; CALLS_TOLD])
 }
 
+/// A panic's text and place would take 8 KB of flash with them, paths of the machine that built the image among it: the calls
+/// are enough, `addr2line` makes places of them.
 #[panic_handler]
-fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
-    // The text would take the formatting machinery of floating-point numbers with it: the place is enough.
-    if let Some(place) = info.location() {
-        defmt::error!("panic at {}:{}", place.file(), place.line());
-    }
-    end(CrashCause::Panic, info.location().map_or(0, core::panic::Location::line))
+    end(CrashCause::Panic, callers::of_here())
 }

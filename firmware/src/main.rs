@@ -6,6 +6,8 @@
 #![cfg_attr(feature = "count-instructions", allow(dead_code))]
 
 mod board;
+#[cfg(any(feature = "board-nucleo-g474re", feature = "count-instructions"))]
+mod callers;
 #[cfg(feature = "board-nucleo-g474re")]
 mod crash;
 mod tasks;

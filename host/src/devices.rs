@@ -40,6 +40,8 @@ pub enum Answer {
         board: String,
         /// Its firmware's version.
         firmware: String,
+        /// What ended an earlier run of its firmware.
+        last_crash: Option<String>,
     },
     /// Something else, or nothing: in words.
     None(String),
@@ -89,6 +91,7 @@ pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
             Ok(session) => Answer::Device {
                 board: session.identity.board.to_string(),
                 firmware: session.identity.firmware.to_string(),
+                last_crash: session.description.last_crash.map(|crash| crash.to_string()),
             },
             Err(error) => Answer::None(error.to_string()),
         };
@@ -150,7 +153,7 @@ mod tests {
     }
 
     fn device(path: &str) -> Found {
-        found(path, Answer::Device { board: "nucleo".into(), firmware: "0.1.0".into() })
+        found(path, Answer::Device { board: "nucleo".into(), firmware: "0.1.0".into(), last_crash: None })
     }
 
     #[test]

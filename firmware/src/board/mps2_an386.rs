@@ -156,6 +156,6 @@ pub fn exit(success: bool) -> ! {
 fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
     defmt::error!("{}", defmt::Display2Format(info));
     #[cfg(feature = "count-instructions")]
-    cortex_m_semihosting::hprintln!("{}", info);
+    cortex_m_semihosting::hprintln!("{}, called by {:#010x?}", info, crate::callers::of_here());
     exit(false)
 }

@@ -4,7 +4,7 @@
 
 use damprig_device::control::{Birth, Control, Name, RealPlant};
 use damprig_device::orders::Order;
-use damprig_protocol::CrashCause;
+use damprig_protocol::{CALLS_TOLD, CrashCause};
 
 use crate::board::nucleo_g474re::{self, Bench};
 use crate::crash;
@@ -42,7 +42,7 @@ pub async fn run(mut bench: Bench, birth: Birth) -> ! {
         if line.is_alive() {
             bench.feed_watchdog();
         } else if line.has_just_died() {
-            crash::note(CrashCause::CommunicationStalled, 0);
+            crash::note(CrashCause::CommunicationStalled, [0; CALLS_TOLD]);
         }
     }
 }

@@ -47,7 +47,10 @@ fn table(found: &[Found]) -> Table {
             usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
             usb.map_or("–".into(), |usb| usb.serial_number.clone()),
             match &f.answer {
-                Answer::Device { board, firmware } => format!("{board}, firmware {firmware}"),
+                Answer::Device { board, firmware, last_crash } => {
+                    let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
+                    format!("{board}, firmware {firmware}{crash}")
+                }
                 Answer::None(why) => why.clone(),
                 Answer::NotAsked => "not asked (no USB device; --all asks)".into(),
             },

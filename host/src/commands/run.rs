@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
+use damprig_protocol::ClockSource;
 
 use super::devices::Rig;
 use super::progress::Progress;
@@ -177,7 +178,16 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
-    Session::open(rig, Duration::from_secs_f64(args.timeout)).map_err(failed)
+    let session = Session::open(rig, Duration::from_secs_f64(args.timeout)).map_err(failed)?;
+    if let Some(crash) = session.description.last_crash {
+        eprintln!(
+            "note: the board began anew after a crash: {crash}\n  addr2line -f -e IMAGE with these addresses tells the lines"
+        );
+    }
+    if session.description.clock_source == ClockSource::InternalOscillator {
+        eprintln!("note: the board's crystal did not start: its ticks, and every frequency, are off by up to 1 %");
+    }
+    Ok(session)
 }
 
 fn input(error: impl std::fmt::Display) -> Failure {

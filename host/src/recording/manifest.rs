@@ -47,6 +47,16 @@ pub struct Device {
     pub clock: String,
     /// Ticks in a second.
     pub tick_hz: f64,
+    /// Revision of the firmware's source and how it was built; empty where they are not known.
+    #[serde(default)]
+    pub build: String,
+    /// What counts the board's ticks: `crystal`, or `internal oscillator` when the crystal did not start; `host` under a
+    /// granted clock.
+    #[serde(default)]
+    pub clock_source: String,
+    /// What ended an earlier run of the firmware since its supply came on.
+    #[serde(default)]
+    pub last_crash: Option<String>,
 }
 
 /// What got lost on the way; zeros unless something is wrong.

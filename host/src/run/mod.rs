@@ -19,7 +19,7 @@ use std::time::Instant;
 use damprig_core::control::friction_spring;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::rig::TICK_HZ;
-use damprig_protocol::{Ask, PlantKind};
+use damprig_protocol::{Ask, ClockSource, PlantKind};
 
 use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::Refusal;
@@ -155,6 +155,14 @@ pub fn device_record(session: &Session) -> Device {
         .to_string(),
         clock: if session.is_granted() { "granted" } else { "real time" }.to_string(),
         tick_hz: f64::from(session.description.tick_hz),
+        build: format!("{} {}", session.description.revision, session.description.profile).trim().to_string(),
+        clock_source: match session.description.clock_source {
+            ClockSource::Granted => "host",
+            ClockSource::Crystal => "crystal",
+            ClockSource::InternalOscillator => "internal oscillator",
+        }
+        .to_string(),
+        last_crash: session.description.last_crash.map(|crash| crash.to_string()),
     }
 }
 

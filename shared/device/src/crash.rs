@@ -1,7 +1,7 @@
 //! The record of what ended the firmware: a few words in memory that a reset leaves alone, and a checksum that tells them
 //! from what memory holds when the supply has just come on.
 
-use damprig_protocol::{Crash, CrashCause, Reset};
+use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 
 const MAGIC: u32 = 0x6461_6d70;
 
@@ -12,7 +12,7 @@ pub struct Record {
     magic: u32,
     cause: u32,
     tick: u32,
-    program_counter: u32,
+    calls: [u32; CALLS_TOLD],
     count: u32,
     /// 1 until the next start has seen it.
     is_new: u32,
@@ -32,12 +32,15 @@ impl Record {
     /// Nothing is recorded.
     #[must_use]
     pub const fn none() -> Self {
-        Self { magic: 0, cause: 0, tick: 0, program_counter: 0, count: 0, is_new: 0, checksum: 0 }
+        Self { magic: 0, cause: 0, tick: 0, calls: [0; CALLS_TOLD], count: 0, is_new: 0, checksum: 0 }
     }
 
     fn sum(&self) -> u32 {
-        let words = [self.magic, self.cause, self.tick, self.program_counter, self.count, self.is_new];
-        words.iter().fold(0x9e37_79b9, |sum: u32, word| (sum ^ word).rotate_left(5).wrapping_mul(0x0100_0193))
+        let words = [self.magic, self.cause, self.tick, self.count, self.is_new];
+        words
+            .iter()
+            .chain(&self.calls)
+            .fold(0x9e37_79b9, |sum: u32, word| (sum ^ word).rotate_left(5).wrapping_mul(0x0100_0193))
     }
 
     /// What it says, if it is a record.
@@ -45,15 +48,15 @@ impl Record {
     pub fn read(&self) -> Option<Crash> {
         let cause = CAUSES.get(self.cause as usize)?;
         let sound = self.magic == MAGIC && self.checksum == self.sum();
-        let Self { tick, program_counter, count, .. } = *self;
-        sound.then_some(Crash { cause: *cause, tick, program_counter, count })
+        let Self { tick, calls, count, .. } = *self;
+        sound.then_some(Crash { cause: *cause, tick, calls, count })
     }
 
-    /// Records a crash, on top of those before it.
-    pub fn write(&mut self, cause: CrashCause, tick: u32, program_counter: u32) {
+    /// Records a crash, on top of those before it; `calls` as in [`Crash`].
+    pub fn write(&mut self, cause: CrashCause, tick: u32, calls: [u32; CALLS_TOLD]) {
         let count = self.read().map_or(0, |crash| crash.count).saturating_add(1);
         let cause = CAUSES.iter().position(|known| *known == cause).unwrap_or_default() as u32;
-        *self = Self { magic: MAGIC, cause, tick, program_counter, count, is_new: 1, checksum: 0 };
+        *self = Self { magic: MAGIC, cause, tick, calls, count, is_new: 1, checksum: 0 };
         self.checksum = self.sum();
     }
 
@@ -65,7 +68,7 @@ impl Record {
         }
         let said_why = self.read().is_some() && self.is_new == 1;
         if reset == Reset::Watchdog && !said_why {
-            self.write(CrashCause::Watchdog, last_tick, 0);
+            self.write(CrashCause::Watchdog, last_tick, [0; CALLS_TOLD]);
         }
         let crash = self.read();
         if crash.is_some() {
@@ -80,15 +83,17 @@ impl Record {
 mod tests {
     use super::*;
 
+    const CALLS: [u32; CALLS_TOLD] = [0x0800_1235, 0x0800_2345, 0, 0, 0, 0];
+
     #[test]
     fn a_record_survives_and_counts_until_the_supply_goes() {
         let mut record = Record::none();
         assert_eq!(record.at_start(Reset::Power, 7), None);
-        record.write(CrashCause::HardFault, 123, 0x0800_1234);
+        record.write(CrashCause::HardFault, 123, CALLS);
         let told = record.at_start(Reset::Software, 0).unwrap();
-        assert_eq!(told, Crash { cause: CrashCause::HardFault, tick: 123, program_counter: 0x0800_1234, count: 1 });
+        assert_eq!(told, Crash { cause: CrashCause::HardFault, tick: 123, calls: CALLS, count: 1 });
         assert_eq!(record.at_start(Reset::Pin, 0), Some(told), "told until the supply goes");
-        record.write(CrashCause::Panic, 5, 0);
+        record.write(CrashCause::Panic, 5, CALLS);
         assert_eq!(record.at_start(Reset::Software, 0).unwrap().count, 2);
         assert_eq!(record.at_start(Reset::Power, 0), None);
     }
@@ -98,7 +103,7 @@ mod tests {
         let mut record = Record::none();
         let told = record.at_start(Reset::Watchdog, 99).unwrap();
         assert_eq!((told.cause, told.tick, told.count), (CrashCause::Watchdog, 99, 1));
-        record.write(CrashCause::CommunicationStalled, 200, 0);
+        record.write(CrashCause::CommunicationStalled, 200, CALLS);
         let told = record.at_start(Reset::Watchdog, 201).unwrap();
         assert_eq!((told.cause, told.tick, told.count), (CrashCause::CommunicationStalled, 200, 2));
         assert_eq!(record.at_start(Reset::Watchdog, 300).unwrap().cause, CrashCause::Watchdog, "the next is another");
@@ -107,13 +112,16 @@ mod tests {
     #[test]
     fn what_memory_holds_by_chance_is_no_record() {
         let mut record = Record::none();
-        record.write(CrashCause::Panic, 1, 2);
+        record.write(CrashCause::Panic, 1, CALLS);
         for bit in 0..32 {
             let mut damaged = record;
             damaged.tick ^= 1 << bit;
             assert_eq!(damaged.read(), None);
             let mut damaged = record;
             damaged.cause ^= 1 << bit;
+            assert_eq!(damaged.read(), None);
+            let mut damaged = record;
+            damaged.calls[CALLS_TOLD - 1] ^= 1 << bit;
             assert_eq!(damaged.read(), None);
         }
     }

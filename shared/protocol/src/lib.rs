@@ -50,7 +50,7 @@ mod message;
 pub use message::*;
 
 /// Changes when an older or newer other side could misread something that the schema does not show.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
 pub const SCHEMA: [u8; 8] = schema();

@@ -23,6 +23,9 @@ pub const SIGNALS_TOLD: usize = 8;
 /// Samples of a snippet in one answer.
 pub const SAMPLES_TOLD: usize = 64;
 
+/// Calls of a [`Crash`].
+pub const CALLS_TOLD: usize = 6;
+
 /// Most values (rows × signals) in one telemetry message.
 pub const MOST_VALUES: usize = 64;
 
@@ -276,10 +279,21 @@ pub struct Crash {
     pub cause: CrashCause,
     /// The rig's tick.
     pub tick: u32,
-    /// Where in the program; 0 where nothing tells.
-    pub program_counter: u32,
+    /// Where in the program: addresses of the calls that led there, the innermost first; 0 where nothing tells.
+    pub calls: [u32; CALLS_TOLD],
     /// Crashes since the supply came on.
     pub count: u32,
+}
+
+impl core::fmt::Display for Crash {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { cause, tick, calls, count } = self;
+        write!(f, "{} in tick {tick} ({count} since the supply came on)", cause.text())?;
+        for (n, call) in calls.iter().take_while(|call| **call != 0).enumerate() {
+            write!(f, "{} 0x{call:08x}", if n == 0 { ", at" } else { "," })?;
+        }
+        Ok(())
+    }
 }
 
 /// What can end the firmware.
