@@ -10,6 +10,7 @@ mod board;
 mod callers;
 #[cfg(feature = "board-nucleo-g474re")]
 mod crash;
+mod memory;
 mod tasks;
 
 use defmt_rtt as _;

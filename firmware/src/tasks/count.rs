@@ -66,6 +66,7 @@ fn deepest(bottom: *const u32) -> usize {
 /// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
 pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     counter.check();
+    crate::memory::check();
     let stack = paint_stack();
     let mut host = Host { counter, device, seq: 0, now: 0 };
     let mut orders = Tally::default();

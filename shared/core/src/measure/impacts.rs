@@ -194,7 +194,7 @@ pub struct ImpactMeter {
     settings: ImpactSettings,
     channels: [Channel; 2],
     ring: Ring,
-    /// Highest reading of each wall in the last block, counts above its offset; 0 while nothing touches.
+    /// Highest reading of each wall in the last block while it was touched, counts above its offset; 0 if it was not.
     highest: [f32; 2],
     counts: ImpactCounts,
     counted_before_cycle: u32,
@@ -248,7 +248,7 @@ impl ImpactMeter {
         &self.settings.scale
     }
 
-    /// Highest force on each wall in the last block above its offset, N; 0 while nothing touches.
+    /// Highest force on each wall in the last block while it was touched, above its offset, N; 0 if it was not.
     #[must_use]
     pub fn highest_n(&self) -> [f32; 2] {
         self.highest.map(|counts| counts * self.settings.scale.newtons_per_count)
@@ -292,9 +292,8 @@ impl ImpactMeter {
                 self.highest[wall] = 0.0;
                 channel.idle(sums[wall], block.len(), &self.settings.paces);
             } else {
-                let highest = block.iter().map(|pair| pair.of(wall)).max().unwrap_or_default();
-                self.highest[wall] = f32::from(highest) - channel.offset();
                 self.follow(tick, wall, block, &mut found);
+                self.highest[wall] = self.channels[wall].take_highest();
                 busy = true;
             }
         }
@@ -348,7 +347,13 @@ fn survey(block: &[Pair], limits: [u16; 2]) -> ([bool; 2], [u32; 2]) {
     let (mut reached, mut sums) = (0, [0; 2]);
     for part in block.chunks(TOGETHER) {
         let mut both = 0u32;
-        for pair in part {
+        let (fours, rest) = part.as_chunks::<4>();
+        for [a, b, c, d] in fours {
+            both = both.wrapping_add(a.0).wrapping_add(b.0).wrapping_add(c.0).wrapping_add(d.0);
+            reached |= a.0.wrapping_add(reach) | b.0.wrapping_add(reach);
+            reached |= c.0.wrapping_add(reach) | d.0.wrapping_add(reach);
+        }
+        for pair in rest {
             both = both.wrapping_add(pair.0);
             reached |= pair.0.wrapping_add(reach);
         }

@@ -100,26 +100,98 @@ struct Pulse {
     peak_is_last: bool,
     last: i32,
     count: u32,
-    low: u32,
+    /// Samples below half the threshold at its end, at most [`GUARD`].
+    low: usize,
+}
+
+/// Two sums and the highest of some samples: one pass, few instructions a sample.
+struct Totals {
+    /// Σ r.
+    sum: u32,
+    /// Σ k·r.
+    moment: u32,
+    highest: u16,
+    /// The first that is as high.
+    highest_at: usize,
+}
+
+impl Totals {
+    /// Of at most [`LONGEST_BLOCK`] samples: the sums stay within their words.
+    #[inline(always)]
+    fn of(samples: &[Pair], wall: usize) -> Self {
+        let (mut sum, mut sums, mut best) = (0u32, 0u32, 0u32);
+        let mut left = samples.len() as u32;
+        for pair in samples {
+            let reading = u32::from(pair.of(wall));
+            // The sums so far add up to Σ (n − k)·r.
+            sum = sum.wrapping_add(reading);
+            sums = sums.wrapping_add(sum);
+            // The higher reading, of equal ones the one with more left behind it.
+            best = best.max((reading << 16) + left);
+            left -= 1;
+        }
+        let n = samples.len() as u32;
+        let highest_at = n.saturating_sub(best & 0xffff) as usize;
+        Self { sum, moment: n.wrapping_mul(sum).wrapping_sub(sums), highest: (best >> 16) as u16, highest_at }
+    }
 }
 
 impl Pulse {
-    #[inline]
-    fn push(&mut self, reading: u16) {
-        let height = i32::from(reading) - self.above;
-        self.sum = self.sum.wrapping_add(height);
-        self.moment = self.moment.wrapping_add(i64::from(height) * i64::from(self.count.cast_signed()));
-        if self.peak_is_last {
-            self.after_peak = height;
+    /// Takes the next samples of the wall; the highest reading among them.
+    #[inline(always)]
+    fn push(&mut self, samples: &[Pair], wall: usize) -> u16 {
+        let Some(last) = samples.last() else { return 0 };
+        let totals = Totals::of(samples, wall);
+        let n = samples.len() as i32;
+        let height = |at: usize| samples.get(at).map_or(self.last, |pair| i32::from(pair.of(wall)) - self.above);
+        let sum = totals.sum.cast_signed() - n * self.above;
+        let moment = totals.moment.cast_signed() - self.above * (n * (n - 1) / 2);
+        let highest = i32::from(totals.highest) - self.above;
+        if highest > self.peak {
+            let at = totals.highest_at;
+            self.peak = highest;
+            // Before the first sample comes the last one of the samples before these.
+            self.before_peak = height(at.wrapping_sub(1));
+            self.peak_is_last = at + 1 == samples.len();
+            self.after_peak = if self.peak_is_last { highest } else { height(at + 1) };
+        } else if self.peak_is_last {
+            self.after_peak = height(0);
             self.peak_is_last = false;
         }
-        if height > self.peak {
-            self.peak = height;
-            self.before_peak = self.last;
-            self.peak_is_last = true;
+        self.sum = self.sum.wrapping_add(sum);
+        self.moment += i64::from(moment) + i64::from(self.count) * i64::from(sum);
+        self.last = i32::from(last.of(wall)) - self.above;
+        self.count += samples.len() as u32;
+        totals.highest
+    }
+
+    /// How many of `rest` belong to it: up to the sample with which [`GUARD`] in a row were below `low`, and whether there
+    /// is one. Looks at every fourth sample where the force is high: none of the four before it can be the last.
+    fn extent(&mut self, rest: &[Pair], wall: usize, low: i32) -> (usize, bool) {
+        let is_low = |pair: &Pair| i32::from(pair.of(wall)) < low;
+        // The run of low samples that the ones before these ended with counts on.
+        let (mut run, mut next) = (self.low, 0);
+        loop {
+            let candidate = next + GUARD - run;
+            let Some(part) = rest.get(next..candidate) else { break };
+            match part.iter().rposition(|pair| !is_low(pair)) {
+                None => {
+                    self.low = GUARD;
+                    return (candidate, true);
+                }
+                Some(high) => {
+                    run = candidate - next - high - 1;
+                    next = candidate;
+                }
+            }
         }
-        self.last = height;
-        self.count += 1;
+        // What is left is shorter than what is missing.
+        let tail = &rest[next..];
+        self.low = match tail.iter().rposition(|pair| !is_low(pair)) {
+            None => run + tail.len(),
+            Some(high) => tail.len() - high - 1,
+        };
+        (rest.len(), false)
     }
 
     /// The top of the parabola through the highest sample and its neighbours, counts.
@@ -166,6 +238,8 @@ pub(super) struct Channel {
     /// Samples since the last pulse ended.
     since: u32,
     last_peak: f32,
+    /// Highest reading in the present block while something touches.
+    highest: u16,
 }
 
 /// The smallest whole number that is not below; counts are far within an `i32`.
@@ -188,6 +262,7 @@ impl Channel {
             pulse: Pulse::default(),
             since: u32::MAX,
             last_peak: 0.0,
+            highest: 0,
         }
     }
 
@@ -197,8 +272,12 @@ impl Channel {
         self.since = u32::MAX;
     }
 
-    pub(super) fn offset(&self) -> f32 {
-        self.offset
+    /// The highest reading since it was last asked, above the offset: 0 if nothing touched.
+    pub(super) fn take_highest(&mut self) -> f32 {
+        match core::mem::take(&mut self.highest) {
+            0 => 0.0,
+            highest => f32::from(highest) - self.offset,
+        }
     }
 
     /// Nothing is in progress.
@@ -232,28 +311,22 @@ impl Channel {
             match self.phase {
                 Phase::Idle => {
                     let crossing = rest.iter().position(|pair| pair.of(wall) >= self.limit);
-                    let quiet = &rest[..crossing.unwrap_or(rest.len())];
-                    let sum = quiet.iter().map(|pair| u32::from(pair.of(wall))).sum();
-                    self.idle(sum, quiet.len(), paces);
-                    *from += quiet.len();
+                    let quiet = crossing.unwrap_or(rest.len());
+                    // The offset is followed in blocks without a pulse.
+                    self.since = self.since.saturating_add(quiet as u32);
+                    *from += quiet;
                     crossing?;
                     self.begin(wall, block.len() - *from, ring);
                     return Some(Finding::Began(*from));
                 }
                 Phase::Pulse => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
-                    let mut pulse = self.pulse;
-                    let mut over = false;
-                    for pair in rest {
-                        pulse.push(pair.of(wall));
-                        *from += 1;
-                        pulse.low = if i32::from(pair.of(wall)) < low { pulse.low + 1 } else { 0 };
-                        over = pulse.low as usize >= GUARD || pulse.count >= paces.longest;
-                        if over {
-                            break;
-                        }
-                    }
-                    self.pulse = pulse;
+                    let room = (paces.longest.saturating_sub(self.pulse.count) as usize).clamp(1, rest.len());
+                    let (length, mut over) = self.pulse.extent(&rest[..room], wall, low);
+                    let top = self.pulse.push(&rest[..length], wall);
+                    self.highest = self.highest.max(top);
+                    *from += length;
+                    over |= self.pulse.count >= paces.longest;
                     if over {
                         return Some(self.end(*from, paces));
                     }
@@ -261,7 +334,9 @@ impl Channel {
                 Phase::Rest => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
                     let free = rest.iter().position(|pair| i32::from(pair.of(wall)) < low);
-                    *from += free.map_or(rest.len(), |free| free + 1);
+                    let length = free.map_or(rest.len(), |free| free + 1);
+                    self.highest = self.highest.max(Totals::of(&rest[..length], wall).highest);
+                    *from += length;
                     if free.is_some() {
                         self.phase = Phase::Idle;
                         self.since = 0;
@@ -276,15 +351,14 @@ impl Channel {
     fn begin(&mut self, wall: usize, back: usize, ring: &Ring) {
         self.phase = Phase::Pulse;
         self.pulse = Pulse { above: self.offset as i32, ..Pulse::default() };
-        for guard in (1..=GUARD).rev() {
-            self.pulse.push(ring.back(back + guard).of(wall));
-        }
+        let guards: [Pair; GUARD] = core::array::from_fn(|n| ring.back(back + GUARD - n));
+        self.pulse.push(&guards, wall);
     }
 
     /// The pulse has ended with the sample before `end`.
     fn end(&mut self, end: usize, paces: &Paces) -> Finding {
         let pulse = &self.pulse;
-        let held = (pulse.low as usize) < GUARD;
+        let held = pulse.low < GUARD;
         self.phase = if held { Phase::Rest } else { Phase::Idle };
         // What the whole number that was taken off leaves of the offset.
         let fraction = self.offset - pulse.above as f32;
@@ -301,5 +375,73 @@ impl Channel {
         self.last_peak = peak;
         let centre = end as f32 - (count - 1.0 - moment / sum);
         Finding::Ended(Ended { sum, centre, peak, clipped, held })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a look at one sample after the other makes of them.
+    fn one_by_one(readings: &[u16], above: i32, low: i32) -> Option<(usize, Pulse)> {
+        let mut pulse = Pulse { above, ..Pulse::default() };
+        for (n, reading) in readings.iter().enumerate() {
+            let height = i32::from(*reading) - above;
+            pulse.sum += height;
+            pulse.moment += i64::from(height) * n as i64;
+            if pulse.peak_is_last {
+                (pulse.after_peak, pulse.peak_is_last) = (height, false);
+            }
+            if height > pulse.peak {
+                (pulse.peak, pulse.before_peak, pulse.peak_is_last) = (height, pulse.last, true);
+            }
+            pulse.last = height;
+            pulse.count += 1;
+            pulse.low = if i32::from(*reading) < low { pulse.low + 1 } else { 0 };
+            if pulse.low == GUARD {
+                return Some((n + 1, pulse));
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn a_pulse_is_the_same_however_its_samples_are_cut_into_blocks() {
+        let mut random = 7u32;
+        let mut next = |most: u32| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 8) % most
+        };
+        let (mut ended, above, low) = (0, 400, 410);
+        for round in 0..2000 {
+            let wall = round % 2;
+            let length = 5 + next(300) as usize;
+            // Above the middle it stays mostly, below it falls, so ends come early and late.
+            let readings: heapless::Vec<u16, 320> =
+                (0..length).map(|_| if next(10) < 4 { 380 + next(29) } else { 380 + next(3700) } as u16).collect();
+            let pairs: heapless::Vec<Pair, 320> =
+                readings.iter().map(|r| if wall == 0 { Pair::new(*r, 4095) } else { Pair::new(4095, *r) }).collect();
+            let (mut pulse, mut at, mut over) = (Pulse { above, ..Pulse::default() }, 0, false);
+            while at < length && !over {
+                let block = &pairs[at..(at + 1 + next(LONGEST_BLOCK as u32) as usize).min(length)];
+                let extent;
+                (extent, over) = pulse.extent(block, wall, low);
+                let top = pulse.push(&block[..extent], wall);
+                assert_eq!(Some(top), block[..extent].iter().map(|pair| pair.of(wall)).max());
+                at += extent;
+            }
+            let expected = one_by_one(&readings, above, low);
+            assert_eq!(over, expected.is_some());
+            let Some((end, mut expected)) = expected else { continue };
+            if expected.peak_is_last {
+                // Nothing came after it: taken as level.
+                expected.after_peak = expected.peak;
+            }
+            ended += 1;
+            assert_eq!(at, end);
+            let all = |p: &Pulse| (p.sum, p.moment, p.count, p.peak, p.before_peak, p.after_peak, p.last, p.low);
+            assert_eq!(all(&pulse), all(&expected));
+        }
+        assert!(ended > 500, "{ended} ended");
     }
 }
