@@ -77,7 +77,8 @@ impl Dampers {
     pub fn follow(&mut self, has_time: bool) {
         let Some(twin) = &mut self.twin else { return };
         let mut done = if has_time { 0 } else { SHARE };
-        while done < SHARE {
+        // What may be an impact has a tick for itself.
+        while done < SHARE && (done == 0 || !twin.is_near()) {
             done += match twin.work() {
                 Work::Nothing => break,
                 Work::Quiet => 1,

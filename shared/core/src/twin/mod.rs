@@ -259,6 +259,12 @@ impl Twin {
         &self.signals
     }
 
+    /// The particle may meet a wall in the next step: that may be twice the work.
+    #[must_use]
+    pub fn is_near(&self) -> bool {
+        self.motion.is_near()
+    }
+
     /// Goes on to the next event or to the end of a step; what that was.
     pub fn work(&mut self) -> Work {
         if self.present.is_over {
