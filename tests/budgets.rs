@@ -19,15 +19,13 @@ fn check(image: &str, what: &str, measured: u64) {
 }
 
 #[test]
-fn the_controller_image_keeps_its_size_budgets() {
+fn the_controller_image_keeps_its_flash_budget() {
     let Some(image) = find("nucleo-g474re") else { return };
-    let size = size(&image);
-    check("nucleo-g474re", "flash_bytes", size.flash_bytes);
-    check("nucleo-g474re", "static_ram_bytes", size.static_ram_bytes);
+    check("nucleo-g474re", "flash_bytes", size(&image).flash_bytes);
 }
 
 #[test]
-fn a_control_tick_keeps_its_instruction_budgets() {
+fn a_control_tick_and_the_memory_keep_their_budgets() {
     let Some(image) = find("mps2-an386-count") else { return };
     let printed = run_counting(&image);
     let count = |name: &str| -> u64 {
@@ -38,4 +36,11 @@ fn a_control_tick_keeps_its_instruction_budgets() {
         check("mps2-an386", what, count(what));
     }
     println!("mps2-an386: with the simulated plant and the line {}", count("instructions_per_simulated_tick_mean"));
+    let parts = ["stack_of_a_tick", "stack_of_receiving", "stack_of_sending"].map(|name| format!("{name} {}", count(name)));
+    println!("mps2-an386: {}", parts.join(", "));
+    let Some(image) = find("nucleo-g474re") else { return };
+    let (still, deep) = (size(&image).static_ram_bytes, count("stack_bytes_worst"));
+    let interrupts = budget("nucleo-g474re", "interrupts_bytes");
+    println!("nucleo-g474re: static RAM {still}, stack {deep}, interrupts {interrupts}");
+    check("nucleo-g474re", "ram_and_stack_bytes", still + deep + interrupts);
 }

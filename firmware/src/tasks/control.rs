@@ -3,17 +3,16 @@
 //! Runs above every other task and never waits for one.
 
 use damprig_device::control::{Birth, Control, Name, RealPlant};
-use damprig_device::orders::Order;
 use damprig_protocol::{CALLS_TOLD, CrashCause};
 
 use crate::board::nucleo_g474re::{self, Bench};
 use crate::crash;
 use crate::tasks::alive;
-use crate::tasks::lanes::{BAD_FRAMES, ORDERS, Outgoing, REQUESTS_DROPPED, ROWS, counted};
+use crate::tasks::lanes::{BAD_FRAMES, OrdersOut, Outgoing, REQUESTS_DROPPED, ROWS, counted};
 
 /// Owns the rig.
 #[embassy_executor::task]
-pub async fn run(mut bench: Bench, birth: Birth) -> ! {
+pub async fn run(mut bench: Bench, birth: Birth, mut orders: OrdersOut) -> ! {
     let name = Name {
         revision: option_env!("DAMPRIG_REVISION").unwrap_or_default(),
         profile: if cfg!(debug_assertions) { "dev" } else { "release" },
@@ -24,17 +23,17 @@ pub async fn run(mut bench: Bench, birth: Birth) -> ! {
     bench.start();
     loop {
         let sensors = bench.next_block().await;
-        let mut order = ORDERS.try_receive().ok();
-        if let Some(starts) = order.as_ref().map(Order::is_start) {
+        if let Some(order) = orders.try_receive() {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
             control.note_timing(bench.timing());
-            control.serve(&mut order, &mut RealPlant, &mut Outgoing);
+            let starts = order.is_start();
+            control.serve(order, &mut RealPlant, &mut Outgoing);
+            orders.receive_done();
             if starts && control.next_tick() == 0 {
                 // Rows of the old count of ticks would follow the reply.
                 ROWS.clear();
             }
         }
-        control.serve_scheduled(&mut RealPlant, &mut Outgoing);
         let actuators = control.tick(&sensors, &mut Outgoing);
         bench.set(&actuators);
         crash::note_tick(control.next_tick());

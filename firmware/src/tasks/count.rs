@@ -23,7 +23,7 @@ use damprig_core::twin::TwinConfig;
 use damprig_device::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK};
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{Answer, Ask, FromDevice, Request, Signal, Telemetry, ToDevice};
 
 use crate::board::mps2_an386::{InstructionCounter, exit};
 
@@ -41,34 +41,42 @@ struct Tally {
 }
 
 /// Bytes below the stack's present end that are watched.
-const STACK_WATCHED: usize = 32 * 1024;
+const STACK_WATCHED: usize = 16 * 1024;
 const PAINT: u32 = 0x5a5a_a5a5;
+/// What the measuring itself lies on.
+const OWN: usize = 64;
 
-/// Marks the unused stack, to see later how deep it has been used.
+/// What `work` returns, and how deep the stack was used below here, bytes.
 #[inline(never)]
-fn paint_stack() -> *mut u32 {
-    let top = cortex_m::register::msp::read() as usize - 256;
+fn depth<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let top = cortex_m::register::msp::read() as usize - OWN;
     let bottom = (top - STACK_WATCHED) as *mut u32;
     for n in 0..STACK_WATCHED / 4 {
         // SAFETY: below the stack's end lie megabytes of memory that nothing uses.
         unsafe { bottom.add(n).write_volatile(PAINT) };
     }
-    bottom
+    let result = work();
+    // SAFETY: as above.
+    let untouched = (0..STACK_WATCHED / 4).take_while(|&n| unsafe { bottom.add(n).read_volatile() } == PAINT).count();
+    (result, STACK_WATCHED + OWN - 4 * untouched)
 }
 
-/// The deepest use since [`paint_stack`], bytes.
-fn deepest(bottom: *const u32) -> usize {
-    // SAFETY: as in `paint_stack`.
-    let untouched = (0..STACK_WATCHED / 4).take_while(|&n| unsafe { bottom.add(n).read_volatile() } == PAINT).count();
-    STACK_WATCHED + 256 - 4 * untouched
+/// The deepest uses of the stack by the parts of a board, bytes.
+#[derive(Default)]
+struct Depths {
+    /// A tick with its samples and outputs.
+    tick: usize,
+    /// Received bytes to an order.
+    receive: usize,
+    /// A message to a frame.
+    send: usize,
 }
 
 /// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
 pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     counter.check();
     crate::memory::check();
-    let stack = paint_stack();
-    let mut host = Host { counter, device, seq: 0, now: 0 };
+    let mut host = Host { counter, device, seq: 0, now: 0, depths: Depths::default() };
     let mut orders = Tally::default();
     // The plant is no part of a board: it is set while the clock stands.
     host.send(Ask::SetPlant(plant()));
@@ -111,9 +119,26 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     hprintln!("worst_while_set_up = {}", orders.worst);
     hprintln!("worst_while_set_up_at = {}", orders.worst_at);
     hprintln!("instructions_per_simulated_tick_mean = {}", tally.plant / u64::from(tally.ticks));
-    // Receiving, preparing, the tick and the line, one after the other on one stack: the board runs them on one, too.
-    hprintln!("stack_bytes_worst = {}", deepest(stack));
+    let Depths { tick, receive, send } = Depths { send: depth_of_sending(), ..host.depths };
+    hprintln!("stack_of_a_tick = {}", tick);
+    hprintln!("stack_of_receiving = {}", receive);
+    hprintln!("stack_of_sending = {}", send);
+    // The line's tasks take turns; the tick interrupts either.
+    hprintln!("stack_bytes_worst = {}", tick + receive.max(send));
     exit(true)
+}
+
+/// Of the message with the most numbers, and of the one with the most texts.
+fn depth_of_sending() -> usize {
+    let values = (0..64u8).map(f32::from).collect();
+    let telemetry = Telemetry { seq: 1, first_tick: 2, every_ticks: 1, width: 16, values };
+    let signal = || Signal { name: "signal".try_into().unwrap_or_default(), unit: "m".try_into().unwrap_or_default() };
+    let signals = Answer::Signals((0..8).map(|_| signal()).collect());
+    let mut out = [0; LONGEST];
+    [FromDevice::Telemetry(telemetry), FromDevice::Reply { seq: 3, answer: Ok(signals) }]
+        .iter()
+        .map(|message| depth(|| frame::encode(black_box(message), &mut out)).1)
+        .fold(0, usize::max)
 }
 
 struct Host<'a> {
@@ -122,6 +147,7 @@ struct Host<'a> {
     seq: u16,
     /// The tick granted.
     now: u32,
+    depths: Depths,
 }
 
 impl Host<'_> {
@@ -130,7 +156,11 @@ impl Host<'_> {
         let mut out = [0; LONGEST];
         let message = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
         let length = frame::encode(&message, &mut out).expect("every message fits a frame");
-        self.device.receive(&out[..length]);
+        let ((), depth) = depth(|| self.device.receive(&out[..length]));
+        if self.now > 0 {
+            // Before, the clock stands and what is received is served at once, which no board does.
+            self.depths.receive = self.depths.receive.max(depth);
+        }
     }
 
     /// Asks while the clock runs, so that the order is served within a counted tick.
@@ -160,7 +190,7 @@ impl Host<'_> {
         let (mut reader, mut sensors) = (Reader::default(), Sensors::default());
         while self.device.control().next_tick() < self.now {
             let before = self.device.control().next_tick();
-            let mut within = 0;
+            let (mut within, mut watched, mut deep) = (0, 0, 0);
             let counter = self.counter;
             let (_, whole) = counter.count(|| {
                 self.device.run_watched(
@@ -174,18 +204,18 @@ impl Host<'_> {
                         }
                     },
                     |tick| {
-                        within = counter
-                            .count(|| {
-                                calibration.fill(black_box(&slow), black_box(&walls), black_box(&mut sensors));
-                                tick();
-                                black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
-                            })
-                            .1;
+                        let work = || {
+                            calibration.fill(black_box(&slow), black_box(&walls), black_box(&mut sensors));
+                            tick();
+                            black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                        };
+                        ((((), within), deep), watched) = counter.count(|| depth(|| counter.count(work)));
                     },
                 )
             });
             tally.sum += u64::from(within);
-            tally.plant += u64::from(whole - within);
+            tally.plant += u64::from(whole - watched);
+            self.depths.tick = self.depths.tick.max(deep);
             tally.ticks += 1;
             if within > tally.worst {
                 (tally.worst, tally.worst_at) = (within, before);

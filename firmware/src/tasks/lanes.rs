@@ -3,14 +3,30 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use damprig_device::control::{Lanes, Row};
-use damprig_device::orders::Order;
+use damprig_device::orders::{Order, Work};
 use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_protocol::FromDevice;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
+use embassy_sync::zerocopy_channel;
+use static_cell::StaticCell;
 
-/// Orders on their way from the line to control.
-pub static ORDERS: Channel<CriticalSectionRawMutex, Order, REQUESTS_WAITING> = Channel::new();
+/// The ends of the queue of orders on their way from the line to control. Orders are large: they are made and served where
+/// they lie.
+pub type OrdersIn = zerocopy_channel::Sender<'static, CriticalSectionRawMutex, Order>;
+
+/// Control's end.
+pub type OrdersOut = zerocopy_channel::Receiver<'static, CriticalSectionRawMutex, Order>;
+
+/// Makes the queue of orders. To be called once.
+pub fn orders() -> (OrdersIn, OrdersOut) {
+    // Filled here: as a constant it would lie in flash as a whole.
+    static PLACES: StaticCell<[Order; REQUESTS_WAITING]> = StaticCell::new();
+    let places =
+        PLACES.init_with(|| [const { Order { seq: 0, at_tick: None, work: Work::Identify } }; REQUESTS_WAITING]);
+    static QUEUE: StaticCell<zerocopy_channel::Channel<'static, CriticalSectionRawMutex, Order>> = StaticCell::new();
+    QUEUE.init(zerocopy_channel::Channel::new(places)).split()
+}
 
 /// Replies and events on their way to the line.
 pub static URGENT: Channel<CriticalSectionRawMutex, FromDevice, REPLIES_WAITING> = Channel::new();

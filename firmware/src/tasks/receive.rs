@@ -8,11 +8,11 @@ use damprig_protocol::ToDevice;
 use embassy_stm32::usart::BufferedUartRx;
 use embedded_io_async::Read;
 
-use crate::tasks::lanes::{BAD_FRAMES, ORDERS, REQUESTS_DROPPED, counted};
+use crate::tasks::lanes::{BAD_FRAMES, OrdersIn, REQUESTS_DROPPED, counted};
 
 /// Owns the line's receiving side.
 #[embassy_executor::task]
-pub async fn run(mut receiver: BufferedUartRx<'static>) -> ! {
+pub async fn run(mut receiver: BufferedUartRx<'static>, mut orders: OrdersIn) -> ! {
     let mut intake = Intake::default();
     let mut bytes = [0; 64];
     loop {
@@ -20,9 +20,11 @@ pub async fn run(mut receiver: BufferedUartRx<'static>) -> ! {
         let Ok(length) = receiver.read(&mut bytes).await else { continue };
         for &byte in &bytes[..length] {
             // A real board's clock is its own: grants are passed over.
-            if let Some(ToDevice::Request(request)) = intake.push(byte)
-                && ORDERS.try_send(Order::prepare(request)).is_err()
-            {
+            let Some(ToDevice::Request(request)) = intake.push(byte) else { continue };
+            if let Some(place) = orders.try_send() {
+                *place = Order::prepare(request);
+                orders.send_done();
+            } else {
                 REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
             }
         }

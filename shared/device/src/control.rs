@@ -128,7 +128,6 @@ pub struct Control {
     birth: Birth,
     rig: Rig,
     selection: Selection,
-    scheduled: Option<Order>,
     served: Deque<u16, SERVED_KEPT>,
     last_refused: Option<Refused>,
     event_seq: u16,
@@ -145,7 +144,6 @@ impl Control {
             birth,
             rig: Rig::new(),
             selection: Selection::default(),
-            scheduled: None,
             served: Deque::new(),
             last_refused: None,
             event_seq: 0,
@@ -177,33 +175,24 @@ impl Control {
         self.counters.timing = timing;
     }
 
-    /// Takes one order, if there is one: answers it, or moves it out of its place to keep it for its tick. One order at most
-    /// waits for its tick. What is left in the place has been served.
-    pub fn serve(&mut self, place: &mut Option<Order>, bench: &mut impl Bench, lanes: &mut impl Lanes) {
-        let Some(order) = place else { return };
-        self.rig.hear_host();
-        if order.at_tick.is_none_or(|at| at <= self.next_tick()) {
-            self.carry_out(order, bench, lanes);
+    /// Takes one order: answers it. What is left in its place has been served.
+    pub fn serve(&mut self, order: &mut Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        self.hear();
+        if order.at_tick.is_some_and(|at| at > self.next_tick()) {
+            self.refuse(order.seq, Refusal::NotHere("only a simulated board lets a request wait for its tick"), lanes);
             return;
         }
-        match &self.scheduled {
-            None => self.scheduled = place.take(),
-            Some(waiting) if waiting.seq == order.seq => {}
-            Some(_) => {
-                let why = Refusal::NotHere("another request already waits for its tick");
-                self.say(FromDevice::Reply { seq: order.seq, answer: Err(why.into()) }, lanes);
-            }
-        }
+        self.carry_out(order, bench, lanes);
     }
 
-    /// Carries out the order that waited for this tick, if there is one.
-    pub fn serve_scheduled(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
-        let tick = self.next_tick();
-        if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
-            && let Some(mut order) = self.scheduled.take()
-        {
-            self.carry_out(&mut order, bench, lanes);
-        }
+    /// Something was heard of the host.
+    pub(crate) fn hear(&mut self) {
+        self.rig.hear_host();
+    }
+
+    /// Answers that a request is not carried out.
+    pub(crate) fn refuse(&mut self, seq: u16, why: Refusal, lanes: &mut impl Lanes) {
+        self.say(FromDevice::Reply { seq, answer: Err(why.into()) }, lanes);
     }
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
@@ -265,8 +254,6 @@ impl Control {
                 if matches!(command, Command::Start) {
                     self.rig.could_start()?;
                     bench.restart()?;
-                    // It waited for a tick of the count that ends here.
-                    self.scheduled = None;
                     self.rows_dropped_before_start = self.counters.rows_dropped;
                 }
                 self.rig.handle(command)?;

@@ -25,7 +25,9 @@ pub mod outbox;
 pub mod simulated;
 
 /// Telemetry rows waiting for the line, at most.
-pub const ROWS_WAITING: usize = 64;
+///
+/// While the longest replies and events go out (four frames of 300 bytes, 13 ms), rows of every tick wait.
+pub const ROWS_WAITING: usize = 32;
 
 /// Replies and events waiting for the line, at most.
 pub const REPLIES_WAITING: usize = 4;

@@ -1,6 +1,6 @@
 //! Requests made ready for the control tick: what they carry is checked, and what must be made of it is made.
 //!
-//! Looking at 201 frequencies, or making a twin, takes longer than a tick has. So it is done where requests come in, by a
+//! Looking at a hundred frequencies, or making a twin, takes longer than a tick has. So it is done where requests come in, by a
 //! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
 
 use damprig_core::control::friction_spring::FrictionSpring;
@@ -10,7 +10,7 @@ use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
-use damprig_core::twin::Twin;
+use damprig_core::twin::TwinPlan;
 use damprig_protocol::{Ask, MOST_SIGNALS, Request};
 use heapless::Vec;
 
@@ -114,7 +114,7 @@ impl Work {
                 Command::SetImpacts(ImpactSettings::new(&config, &ForceScale::default(), WALL_SUBSAMPLES as u8)?)
             }
             Ask::SetTwin(None) => Command::SetTwin(None),
-            Ask::SetTwin(Some(config)) => Command::SetTwin(Some(Twin::new(&config)?)),
+            Ask::SetTwin(Some(config)) => Command::SetTwin(Some(TwinPlan::new(&config)?)),
             Ask::Configure(sine) => Command::Configure(Some(Plan::new(sine)?)),
             Ask::Start => Command::Start,
             Ask::Stop => Command::Stop,

@@ -52,6 +52,7 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
     const PLANT: PlantKind = S::KIND;
     const CLOCK: Clock = Clock::Granted;
 
+    #[inline(never)] // A plant is large, and no board serves this.
     fn set_plant(&mut self, config: &PlantConfig) -> Result<(), Refusal> {
         self.plant = Some(Plant::new(config)?);
         Ok(())
@@ -129,6 +130,8 @@ pub struct Simulated<S> {
     bench: SimulatedBench<S>,
     intake: Intake,
     orders: Slots,
+    /// An order that waits for its tick.
+    scheduled: Option<Order>,
     requests_dropped: u32,
     waiting: Waiting,
     batch: Batch,
@@ -147,6 +150,7 @@ impl<S: PlantScalar> Simulated<S> {
             bench: SimulatedBench { plant: None, restarts: false },
             intake: Intake::default(),
             orders: Slots::default(),
+            scheduled: None,
             requests_dropped: 0,
             waiting: Waiting::default(),
             batch: Batch::default(),
@@ -255,15 +259,34 @@ impl<S: PlantScalar> Simulated<S> {
 
     /// Serves the request at the head of the queue, and one that waited for this tick.
     fn serve_next(&mut self) -> bool {
-        self.control.serve_scheduled(&mut self.bench, &mut self.waiting);
-        let order = self.orders.front();
-        let Some(starts) = order.as_ref().map(Order::is_start) else { return false };
+        let tick = self.control.next_tick();
+        if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
+            && let Some(mut order) = self.scheduled.take()
+        {
+            self.control.serve(&mut order, &mut self.bench, &mut self.waiting);
+        }
+        let place = self.orders.front();
+        let Some(order) = place else { return false };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
-        let starts = starts && self.control.rig().state() == State::Idle;
+        if order.at_tick.is_some_and(|at| at > tick) {
+            self.control.hear();
+            match &self.scheduled {
+                None => self.scheduled = place.take(),
+                Some(waiting) if waiting.seq == order.seq => {}
+                Some(_) => {
+                    let why = Refusal::NotHere("another request already waits for its tick");
+                    self.control.refuse(order.seq, why, &mut self.waiting);
+                }
+            }
+            self.orders.drop_front();
+            return true;
+        }
+        let starts = order.is_start() && self.control.rig().state() == State::Idle;
         self.control.serve(order, &mut self.bench, &mut self.waiting);
         self.orders.drop_front();
         if starts && self.control.rig().state() != State::Idle {
-            // A new count of ticks: credit of the old one means nothing.
+            // A new count of ticks: credit of the old one means nothing, nor does an order for a tick of it.
+            self.scheduled = None;
             self.until_tick = 0;
             self.clock_told = true;
             // The plant is at its start; the friction damper's seat stays where it is.

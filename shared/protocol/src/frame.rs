@@ -3,8 +3,8 @@
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest body, bytes: a stepped sine of 201 frequencies and room to grow.
-pub const LONGEST_BODY: usize = 1024;
+/// Longest body, bytes: a stepped sine of 101 frequencies and some room.
+pub const LONGEST_BODY: usize = 512;
 
 const CHECKSUM: usize = 4;
 

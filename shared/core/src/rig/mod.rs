@@ -16,6 +16,7 @@ use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
 use crate::control::stepped_sine::{Now, Outcome, Plan, Runner, Stage};
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
+use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
 pub use sensors::{Actuators, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
@@ -156,7 +157,7 @@ impl Rig {
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
-                self.dampers.twin = twin.take();
+                self.dampers.twin = twin.take().map(Twin::of);
                 self.dampers.twin_signals = Default::default();
             }
             Command::Configure(plan) => {

@@ -8,7 +8,7 @@ use crate::control::stepped_sine::{Plan, Stage};
 use crate::measure::impacts::{ImpactRecord, ImpactSettings};
 use crate::measure::point::PointResult;
 use crate::model::Invalid;
-use crate::twin::Twin;
+use crate::twin::TwinPlan;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +52,7 @@ pub enum Command {
     /// Set how impacts are found. Idle only.
     SetImpacts(ImpactSettings),
     /// Let a twin run along, or none. Idle only.
-    SetTwin(Option<Twin>),
+    SetTwin(Option<TwinPlan>),
     /// Set the experiment, or none. Idle only.
     Configure(Option<Plan>),
     /// Begin the configured experiment at tick 0. Idle only.

@@ -134,33 +134,25 @@ impl Default for Present {
     }
 }
 
-/// The twin.
+/// What a twin is made from: checked, and worked out where there is time for it.
 #[derive(Clone, Debug)]
-pub struct Twin {
-    waiting: Deque<Sample, MOST_LAG>,
-    detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
-    present: Present,
-    signals: TwinSignals,
+pub struct TwinPlan {
     motion: Sampled<f32>,
     steps: u8,
-    track: Track<f32>,
-    matcher: Matcher,
     /// Gains on x (1) and v (1/step).
     gains: (f32, f32),
     residual_gain: f32,
-    residual_square: f32,
-    measured_before_m: f32,
-    ticks: u32,
     restitution: f32,
     step_s: f32,
     /// Approach speed per measured impulse, m/s per N·s.
     approach_per_impulse: f32,
     /// Impulse per change of the structure's velocity in m per step, N·s.
     impulse_per_kick: f32,
+    matching: MatcherConfig,
 }
 
-impl Twin {
-    /// A twin at rest.
+impl TwinPlan {
+    /// For a twin that begins at rest.
     ///
     /// # Errors
     /// Names a value that is not physical, or a part that the sampled driver has no equations for.
@@ -190,24 +182,59 @@ impl Twin {
             approach_per_impulse = ((1.0 + ratio) / (particle.mass_kg * (1.0 + coefficient))) as f32;
         }
         Ok(Self {
-            waiting: Deque::new(),
-            detections: Deque::new(),
-            present: Present::default(),
-            signals: TwinSignals::default(),
             motion,
             steps,
-            track: Track::default(),
-            matcher: Matcher::new(&config.matching),
             gains,
             residual_gain: 1.0 / (config.residual_s * TICK_HZ).max(1.0),
-            residual_square: 0.0,
-            measured_before_m: 0.0,
-            ticks: 0,
             restitution,
             step_s: step_s as f32,
             approach_per_impulse,
             impulse_per_kick: (set_up.structure.mass_kg / step_s) as f32,
+            matching: config.matching,
         })
+    }
+}
+
+/// The twin.
+#[derive(Clone, Debug)]
+pub struct Twin {
+    waiting: Deque<Sample, MOST_LAG>,
+    detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
+    present: Present,
+    signals: TwinSignals,
+    /// Its motion is the one under way.
+    plan: TwinPlan,
+    track: Track<f32>,
+    matcher: Matcher,
+    residual_square: f32,
+    measured_before_m: f32,
+    ticks: u32,
+}
+
+impl Twin {
+    /// A twin at rest.
+    ///
+    /// # Errors
+    /// As [`TwinPlan::new`].
+    pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
+        Ok(Self::of(TwinPlan::new(config)?))
+    }
+
+    /// A twin at rest.
+    #[must_use]
+    pub fn of(plan: TwinPlan) -> Self {
+        Self {
+            waiting: Deque::new(),
+            detections: Deque::new(),
+            present: Present::default(),
+            signals: TwinSignals::default(),
+            track: Track::default(),
+            matcher: Matcher::new(&plan.matching),
+            residual_square: 0.0,
+            measured_before_m: 0.0,
+            ticks: 0,
+            plan,
+        }
     }
 
     /// Back to rest, counts and alarm too.
@@ -224,7 +251,7 @@ impl Twin {
         self.detections.clear();
         self.present.is_over = true;
         self.present.begun = None;
-        self.motion.rest();
+        self.plan.motion.rest();
         self.track = Track::default();
         self.measured_before_m = 0.0;
         self.ticks = 0;
@@ -233,7 +260,7 @@ impl Twin {
     /// The motion itself.
     #[must_use]
     pub fn motion(&self) -> &Sampled<f32> {
-        &self.motion
+        &self.plan.motion
     }
 
     /// A measured impact, whose pulse ended in a tick that has not been handed in yet. It waits for the twin to come there;
@@ -262,7 +289,7 @@ impl Twin {
     /// The particle may meet a wall in the next step: that may be twice the work.
     #[must_use]
     pub fn is_near(&self) -> bool {
-        self.motion.is_near()
+        self.plan.motion.is_near()
     }
 
     /// Goes on to the next event or to the end of a step; what that was.
@@ -271,20 +298,20 @@ impl Twin {
             let Some(sample) = self.waiting.pop_front() else { return Work::Nothing };
             self.begin(sample);
         }
-        let Self { present, motion, .. } = self;
+        let Self { present, plan, .. } = self;
         let begun = match &mut present.begun {
             Some(begun) => begun,
             none => {
                 present.impacts.step = f32::from(present.part);
-                none.insert(motion.begin_step(&present.whole.part(present.part, self.steps)))
+                none.insert(plan.motion.begin_step(&present.whole.part(present.part, plan.steps)))
             }
         };
-        if !motion.go_on(begun, &mut present.impacts) {
+        if !plan.motion.go_on(begun, &mut present.impacts) {
             return Work::Event;
         }
         present.begun = None;
         present.part += 1;
-        if present.part == self.steps {
+        if present.part == self.plan.steps {
             self.end();
         }
         Work::Quiet
@@ -319,37 +346,37 @@ impl Twin {
         let expected = self.matcher.detect(record.tick, began, record.side, length);
         // The sum of a shared pulse, a clipped or an unfinished one is not an impact's impulse.
         let sure = expected.count < 2 && !record.clipped && !record.held;
-        if !sure || self.approach_per_impulse == 0.0 {
+        if !sure || self.plan.approach_per_impulse == 0.0 {
             return;
         }
         let side = f32::from(record.side);
         // In the twin's time, which ends one tick ago at the mean of its block; in ticks, then in steps.
-        let since = (MEAN_AT - 1.0 - began) * f32::from(self.steps);
-        let leaving = self.restitution * self.approach_per_impulse * record.impulse_n_s * self.step_s;
-        let clearance = self.motion.coefficients().clearance;
-        self.motion.place_particle(side * (clearance - leaving * since), -side * leaving);
-        let kick = side * (record.impulse_n_s - expected.impulse_n_s) / self.impulse_per_kick;
-        self.motion.nudge(kick * since, kick);
+        let since = (MEAN_AT - 1.0 - began) * f32::from(self.plan.steps);
+        let leaving = self.plan.restitution * self.plan.approach_per_impulse * record.impulse_n_s * self.plan.step_s;
+        let clearance = self.plan.motion.coefficients().clearance;
+        self.plan.motion.place_particle(side * (clearance - leaving * since), -side * leaving);
+        let kick = side * (record.impulse_n_s - expected.impulse_n_s) / self.plan.impulse_per_kick;
+        self.plan.motion.nudge(kick * since, kick);
     }
 
     fn end(&mut self) {
         self.present.is_over = true;
         let Sample { tick, x_m, .. } = self.present.sample;
-        let steps = f32::from(self.steps);
+        let steps = f32::from(self.plan.steps);
         for impact in &self.present.impacts.list {
             let at = MEAN_AT - 2.0 + impact.at / steps;
             let kick = if impact.kick < 0.0 { -impact.kick } else { impact.kick };
-            self.matcher.predict(tick, at, impact.side, kick * self.impulse_per_kick);
+            self.matcher.predict(tick, at, impact.side, kick * self.plan.impulse_per_kick);
         }
         self.matcher.expire(tick);
-        let predicted_m = self.motion.state().x;
+        let predicted_m = self.plan.motion.state().x;
         let residual = self.measured_before_m - predicted_m;
         self.measured_before_m = x_m;
         self.ticks = self.ticks.saturating_add(1);
         // The first block has no x before it.
         if self.ticks > 1 {
-            self.residual_square += (residual * residual - self.residual_square) * self.residual_gain;
-            self.motion.nudge(self.gains.0 * residual, self.gains.1 * residual);
+            self.residual_square += (residual * residual - self.residual_square) * self.plan.residual_gain;
+            self.plan.motion.nudge(self.plan.gains.0 * residual, self.plan.gains.1 * residual);
         }
         let counts = self.matcher.counts();
         // It changes slowly, and a root is dear.

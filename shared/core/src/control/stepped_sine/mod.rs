@@ -7,7 +7,7 @@
 //! is constant, or whatever [`super::base_loop`] needs for a constant base amplitude.
 //!
 //! [`SteppedSine`] is what a host asks for, [`Plan`] what has been checked. A plan is made outside the control tick, which
-//! has no time to look at 201 frequencies; the [`Runner`] carries it out.
+//! has no time to look at a hundred frequencies; the [`Runner`] carries it out.
 
 mod runner;
 
@@ -20,8 +20,8 @@ use postcard_schema::Schema;
 pub use runner::{Now, Outcome, Runner, Stage};
 use serde::{Deserialize, Serialize};
 
-/// Most frequencies in one experiment: what the controller's memory holds.
-pub const MOST_POINTS: usize = 201;
+/// Most frequencies in one experiment, as 2 to 3 Hz in steps of 0.01: each costs the controller 4 bytes in many places.
+pub const MOST_POINTS: usize = 101;
 
 /// Fewest ticks in a cycle of the drive, so the highest frequency is the tick rate over this.
 pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;
