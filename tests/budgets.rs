@@ -36,7 +36,8 @@ fn a_control_tick_and_the_memory_keep_their_budgets() {
         check("mps2-an386", what, count(what));
     }
     println!("mps2-an386: with the simulated plant and the line {}", count("instructions_per_simulated_tick_mean"));
-    let parts = ["stack_of_a_tick", "stack_of_receiving", "stack_of_sending"].map(|name| format!("{name} {}", count(name)));
+    let parts =
+        ["stack_of_a_tick", "stack_of_receiving", "stack_of_sending"].map(|name| format!("{name} {}", count(name)));
     println!("mps2-an386: {}", parts.join(", "));
     let Some(image) = find("nucleo-g474re") else { return };
     let (still, deep) = (size(&image).static_ram_bytes, count("stack_bytes_worst"));
