@@ -8,7 +8,7 @@ mod unix {
     use std::net::TcpListener;
     use std::time::{Duration, Instant};
 
-    use damprig_core::rig::{SUBSAMPLES, Sensors};
+    use damprig_core::rig::{Reading, Sensors};
     use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
     use damprig_device::intake::Intake;
     use damprig_device::orders::Order;
@@ -137,7 +137,7 @@ mod unix {
                     Ok(count) => {
                         for &byte in &bytes[..count] {
                             if let Some(ToDevice::Request(request)) = intake.push(byte) {
-                                control.serve(&mut Some(Order::prepare(request)), &mut RealPlant, &mut lanes);
+                                control.serve(&mut Order::prepare(request), &mut RealPlant, &mut lanes);
                             }
                         }
                     }
@@ -145,8 +145,8 @@ mod unix {
                 }
                 while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
                     let drive_m = control.tick(&sensors, &mut lanes).drive_m;
-                    sensors =
-                        Sensors { x_m: [2.0 * drive_m; SUBSAMPLES], z_m: [drive_m; SUBSAMPLES], ..Sensors::default() };
+                    sensors.readings.x = Reading::still(2.0 * drive_m);
+                    sensors.readings.z = Reading::still(drive_m);
                     ticks += 1.0;
                 }
                 for message in lanes.urgent.drain(..).chain(lanes.full.drain(..)) {

@@ -8,7 +8,7 @@ use damprig_core::control::stepped_sine::{Drive, Plan, Stage, Start, SteppedSine
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
-use damprig_core::rig::{Command, Event, Reading, Rig, Sensors, State};
+use damprig_core::rig::{Command, Event, Rig, Sensors, State};
 
 fn bare() -> SetUp {
     SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038))
@@ -78,7 +78,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     loop {
         let (actuators, event) = rig.tick(&sensors);
         sensors = plant.tick(&actuators);
-        let z = Reading::of(&sensors.z_m).mean_m;
+        let z = sensors.readings.z.mean_m;
         if !matches!(rig.status().state, State::Running(Stage::Settle | Stage::Dwell)) {
             (low, high, since) = (z, z, 0);
         }

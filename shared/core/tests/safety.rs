@@ -2,7 +2,7 @@
 
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
-use damprig_core::rig::{Readings, SUBSAMPLES, Sensors};
+use damprig_core::rig::{Reading, Readings, SUBSAMPLES, Sensors};
 
 struct Bench {
     safety: Safety,
@@ -28,12 +28,12 @@ impl Bench {
         let sine = |n: usize| libm::sin(15.708e-3 * (tick + n as f64 / SUBSAMPLES as f64)) as f32;
         self.tick += 1;
         let block = |amplitude: f32| std::array::from_fn(|n| amplitude * sine(n));
-        Sensors { x_m: block(self.x_m), z_m: block(self.z_m), ..Sensors::default() }
+        Sensors { readings: Readings::of(&block(self.x_m), &block(self.z_m), &[0.0; SUBSAMPLES]), ..Sensors::default() }
     }
 
     fn tick(&mut self) -> (Allowed, Option<Danger>) {
         let sensors = self.sensors();
-        let (allowed, trip) = self.safety.tick(&Readings::of(&sensors), &self.signs);
+        let (allowed, trip) = self.safety.tick(&sensors.readings, &self.signs);
         (allowed, trip.map(|trip| trip.danger))
     }
 
@@ -151,9 +151,9 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
             let mut found = None;
             for _ in 0..600 {
                 let mut sensors = bench.sensors();
-                let block = if channel == 0 { &mut sensors.x_m } else { &mut sensors.z_m };
-                *block = [broken; SUBSAMPLES];
-                let (allowed, trip) = bench.safety.tick(&Readings::of(&sensors), &bench.signs);
+                let Readings { x, z, .. } = &mut sensors.readings;
+                *(if channel == 0 { x } else { z }) = Reading::of(&[broken; SUBSAMPLES]);
+                let (allowed, trip) = bench.safety.tick(&sensors.readings, &bench.signs);
                 found = found.or(trip.map(|trip| trip.danger));
                 assert!(allowed.drive.is_finite());
             }
@@ -161,8 +161,8 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
             // Still broken, "at rest": that is not to be believed.
             if danger != Danger::SensorFrozen {
                 for _ in 0..2000 {
-                    let sensors = Sensors { x_m: [broken; SUBSAMPLES], ..Sensors::default() };
-                    bench.safety.tick(&Readings::of(&sensors), &bench.signs);
+                    let readings = Readings { x: Reading::of(&[broken; SUBSAMPLES]), ..Sensors::default().readings };
+                    bench.safety.tick(&readings, &bench.signs);
                     assert!(bench.safety.clear().is_err());
                 }
             }

@@ -219,7 +219,7 @@ fn the_amplifier_and_the_stroke_have_ends_and_the_plant_tells() {
     let push = |shaker: Shaker, drive_m: f32| {
         let mut plant = Plant::<f64>::new(&config(shaker)).unwrap();
         let actuators = Actuators { drive_m, drive_enabled: true, ..Actuators::default() };
-        let z = (0..2000).map(|_| plant.tick(&actuators).z_m[9]).collect::<Vec<_>>();
+        let z = (0..2000).map(|_| plant.tick(&actuators).readings.z.mean_m).collect::<Vec<_>>();
         (z, plant.limited())
     };
     // A steady 0.1 V·s/m worth of drive stays free of every limit; the amplifier's 20 V are 20/(30 · 2π · 2.5) = 42 mm.

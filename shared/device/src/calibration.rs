@@ -4,7 +4,7 @@
 //! what theirs mean is the core's `ForceScale`.
 
 use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::{SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
+use damprig_core::rig::{CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
 
 /// Channels of the slow converter: x, z and the friction damper's spring.
 pub const SLOW_CHANNELS: usize = 3;
@@ -41,7 +41,11 @@ impl Channel {
     /// The displacement, m, or the force, N.
     #[must_use]
     pub fn to_si(&self, counts: u16) -> f32 {
-        (f32::from(counts) - self.zero_counts) * self.per_count
+        self.line(f32::from(counts))
+    }
+
+    fn line(&self, counts: f32) -> f32 {
+        (counts - self.zero_counts) * self.per_count
     }
 
     /// The counts nearest to a displacement, at most `most`; what lies beyond either end stays there.
@@ -86,11 +90,17 @@ impl Calibration {
     /// A tick's blocks as the converters leave them, oldest first: x, z, spring, x, z, …, and low wall, high wall, low
     /// wall, …; forces and displacements in SI units, wall forces in counts. The switches are the caller's.
     pub fn fill(&self, slow: &[u16; SLOW_BLOCK], walls: &[u16; WALL_BLOCK], sensors: &mut Sensors) {
-        for (n, triple) in slow.as_chunks::<SLOW_CHANNELS>().0.iter().enumerate() {
-            sensors.x_m[n] = self.x.to_si(triple[0]);
-            sensors.z_m[n] = self.z.to_si(triple[1]);
-            sensors.spring_n[n] = self.spring.to_si(triple[2]);
+        let ([mut x, mut z], mut spring) = ([CountedBlock::default(); 2], 0);
+        for triple in slow.as_chunks::<SLOW_CHANNELS>().0 {
+            x.push(triple[0]);
+            z.push(triple[1]);
+            spring += u32::from(triple[2]);
         }
+        sensors.readings = Readings {
+            x: x.reading(self.x.zero_counts, self.x.per_count),
+            z: z.reading(self.z.zero_counts, self.z.per_count),
+            spring_n: self.spring.line(spring as f32 * (1.0 / SUBSAMPLES as f32)),
+        };
         for (pair, counts) in sensors.walls.iter_mut().zip(walls.as_chunks::<2>().0) {
             *pair = Pair::new(counts[0], counts[1]);
         }
@@ -100,7 +110,8 @@ impl Calibration {
 /// A block that could not be taken: not numbers, so an experiment under way ends with a sensor fault.
 #[must_use]
 pub fn lost_block() -> Sensors {
-    Sensors { x_m: [f32::NAN; SUBSAMPLES], z_m: [f32::NAN; SUBSAMPLES], ..Sensors::default() }
+    let none = Reading { mean_m: f32::NAN, peak_m: f32::NAN, still_at: None };
+    Sensors { readings: Readings { x: none, z: none, spring_n: 0.0 }, ..Sensors::default() }
 }
 
 #[cfg(test)]
@@ -148,11 +159,11 @@ mod tests {
         let walls = core::array::from_fn(|n| n as u16);
         let mut sensors = Sensors::default();
         RIG.fill(&slow, &walls, &mut sensors);
-        for n in 0..SUBSAMPLES {
-            assert_eq!(sensors.x_m[n], 3.0 * n as f32 * RIG.x.per_count);
-            assert_eq!(sensors.z_m[n], -(3.0 * n as f32 + 1.0) * RIG.z.per_count);
-            assert_eq!(sensors.spring_n[n], (3.0 * n as f32 + 2.0) * RIG.spring.per_count);
-        }
+        // Triple k holds 3k, −(3k + 1) and 3k + 2 counts: their means over k from 0 to 9, and their farthest.
+        let Readings { x, z, spring_n } = sensors.readings;
+        assert_eq!((x.mean_m, x.peak_m), (13.5 * RIG.x.per_count, 27.0 * RIG.x.per_count));
+        assert_eq!((z.mean_m, z.peak_m), (-14.5 * RIG.z.per_count, 28.0 * RIG.z.per_count));
+        assert_eq!(spring_n, 15.5 * RIG.spring.per_count);
         for n in 0..WALL_SUBSAMPLES as u16 {
             assert_eq!(sensors.walls[usize::from(n)], Pair::new(2 * n, 2 * n + 1));
         }
@@ -160,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_lost_block_is_no_number() {
-        let readings = damprig_core::rig::Readings::of(&lost_block());
+        let readings = lost_block().readings;
         assert!(readings.x.peak_m.is_nan() && readings.z.mean_m.is_nan());
     }
 }

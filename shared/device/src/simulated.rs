@@ -10,7 +10,7 @@ use crate::orders::Order;
 use crate::outbox::{Batch, Pace};
 use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
-use damprig_core::rig::{Actuators, Refusal, Sensors, State};
+use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, State};
 use damprig_core::scalar::Scalar;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{Clock, FromDevice, PlantKind, ToDevice};
@@ -290,8 +290,9 @@ impl<S: PlantScalar> Simulated<S> {
             self.until_tick = 0;
             self.clock_told = true;
             // The plant is at its start; the friction damper's seat stays where it is.
-            let Sensors { spring_n, at_limit, .. } = self.sensors;
-            self.sensors = Sensors { spring_n, at_limit, ..Sensors::default() };
+            let Sensors { readings: Readings { spring_n, .. }, at_limit, .. } = self.sensors;
+            self.sensors = Sensors { at_limit, ..Sensors::default() };
+            self.sensors.readings.spring_n = spring_n;
             self.pace = Pace::default();
             self.batch = Batch::default();
             self.waiting.rows.clear();

@@ -222,7 +222,7 @@ fn wrapped(angle: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::{Readings, SUBSAMPLES, Sensors};
+    use crate::rig::{Reading, Readings};
     use crate::sine::Phase;
 
     #[test]
@@ -233,8 +233,8 @@ mod tests {
             let multiple = |n: u32| Phase(phase.0.wrapping_mul(n)).sin_cos();
             let (first, second, fifth) = (multiple(1), multiple(2), multiple(5));
             let z = 1e-3 * (first.0 + 0.03 * second.1 + 0.04 * fifth.0) + 2e-4;
-            let sensors = Sensors { z_m: [z; SUBSAMPLES], ..Sensors::default() };
-            meter.push(&Readings::of(&sensors), 2e-3 * first.1, first);
+            let readings = Readings { z: Reading::still(z), ..Readings::default() };
+            meter.push(&readings, 2e-3 * first.1, first);
             if phase.advance(increment) {
                 meter.end_cycle();
             }

@@ -19,7 +19,7 @@ use crate::integrator::base::{Segment, Track};
 use crate::integrator::polynomial;
 use crate::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
 use crate::model::{Initial, Invalid, SetUp};
-use crate::rig::{Actuators, SUBSAMPLES, Sensors, TICK_HZ};
+use crate::rig::{Actuators, Readings, SUBSAMPLES, Sensors, TICK_HZ};
 use crate::scalar::Scalar;
 use heapless::Vec;
 use noise::Noise;
@@ -207,8 +207,9 @@ impl<S: Scalar> Plant<S> {
     pub fn tick(&mut self, actuators: &Actuators) -> Sensors {
         let (x, z) = self.advance(actuators);
         let mut sensors = Sensors { emergency_stop: self.emergency_stop, ..Sensors::default() };
+        let (mut x_m, mut z_m, mut spring_n) = ([0.0; SUBSAMPLES], [0.0; SUBSAMPLES], [0.0; SUBSAMPLES]);
         if let Some(spring) = &mut self.spring {
-            (sensors.spring_n, sensors.at_limit) = spring.tick(actuators.motor);
+            (spring_n, sensors.at_limit) = spring.tick(actuators.motor);
             if actuators.motor.steps != 0 {
                 self.press();
             }
@@ -218,9 +219,10 @@ impl<S: Scalar> Plant<S> {
         }
         let [x_channel, z_channel] = &mut self.channels;
         for n in 0..SUBSAMPLES {
-            sensors.x_m[n] = x_channel.read(x[n].to_f64() as f32, &mut self.noise);
-            sensors.z_m[n] = z_channel.read(z[n].to_f64() as f32, &mut self.noise);
+            x_m[n] = x_channel.read(x[n].to_f64() as f32, &mut self.noise);
+            z_m[n] = z_channel.read(z[n].to_f64() as f32, &mut self.noise);
         }
+        sensors.readings = Readings::of(&x_m, &z_m, &spring_n);
         sensors
     }
 

@@ -19,7 +19,7 @@ use crate::measure::snippet::Snippet;
 use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
-pub use sensors::{Actuators, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+pub use sensors::{Actuators, CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
 pub use words::{Command, Event, Refusal, State, Status};
 
@@ -239,7 +239,7 @@ impl Rig {
     /// One control tick. At most one event results.
     pub fn tick(&mut self, sensors: &Sensors) -> (Actuators, Option<Event>) {
         let tick = self.tick;
-        let readings = Readings::of(sensors);
+        let readings = sensors.readings;
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
         let served = self.host_heard;
         let pulses = self.dampers.measure(tick, sensors, &readings, frequency_hz);

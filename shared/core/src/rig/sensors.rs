@@ -1,4 +1,7 @@
-//! What goes into a tick and what comes out of it: blocks of samples, what they come to, and actuator values.
+//! What goes into a tick and what comes out of it: what the blocks of samples come to, and actuator values.
+//!
+//! Displacements and the spring's force are reduced here from what the converters took since the last tick, as counts on a
+//! board ([`CountedBlock`]) and as numbers from a simulated plant ([`Reading::of`]); the wall forces go in sample by sample.
 
 use crate::control::friction_spring::Drive as Motor;
 use crate::measure::impacts::{ForceScale, Pair};
@@ -12,15 +15,11 @@ pub const SUBSAMPLES: usize = 10;
 /// Samples per tick and wall: their converter runs at 50 kHz, so that a block carries a pulse's peak.
 pub const WALL_SUBSAMPLES: usize = 50;
 
-/// One tick's samples: the blocks that the converters took since the last tick, oldest first.
+/// What the sensors tell since the last tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// Structure displacement x, m.
-    pub x_m: [f32; SUBSAMPLES],
-    /// Base displacement z, m.
-    pub z_m: [f32; SUBSAMPLES],
-    /// Force in the friction damper's spring as read, compression positive, N.
-    pub spring_n: [f32; SUBSAMPLES],
+    /// Displacements and the spring's force.
+    pub readings: Readings,
     /// Forces on the walls at −d and +d in the converter's counts, on the [`ForceScale`] that the rig has.
     pub walls: [Pair; WALL_SUBSAMPLES],
     /// The spring's limit switch is closed.
@@ -34,9 +33,7 @@ impl Default for Sensors {
     fn default() -> Self {
         let resting = ForceScale::default().zero_counts as u16;
         Self {
-            x_m: [0.0; SUBSAMPLES],
-            z_m: [0.0; SUBSAMPLES],
-            spring_n: [0.0; SUBSAMPLES],
+            readings: Readings { x: Reading::still(0.0), z: Reading::still(0.0), spring_n: 0.0 },
             walls: [Pair::new(resting, resting); WALL_SUBSAMPLES],
             at_limit: false,
             emergency_stop: false,
@@ -56,6 +53,12 @@ pub struct Reading {
 }
 
 impl Reading {
+    /// Of a block of equal samples.
+    #[must_use]
+    pub const fn still(sample_m: f32) -> Self {
+        Self { mean_m: sample_m, peak_m: f32::from_bits(sample_m.to_bits() & 0x7fff_ffff), still_at: Some(sample_m) }
+    }
+
     /// Looks at every sample once.
     #[must_use]
     pub fn of(block: &[f32; SUBSAMPLES]) -> Self {
@@ -88,17 +91,50 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// Of one tick.
+    /// Of one tick's blocks, oldest first: displacements, m, and the spring's force as read, compression positive, N.
     #[must_use]
-    pub fn of(sensors: &Sensors) -> Self {
+    pub fn of(x_m: &[f32; SUBSAMPLES], z_m: &[f32; SUBSAMPLES], spring_n: &[f32; SUBSAMPLES]) -> Self {
         let mut spring = 0.0;
-        for sample in &sensors.spring_n {
+        for sample in spring_n {
             spring += sample;
         }
-        Self {
-            x: Reading::of(&sensors.x_m),
-            z: Reading::of(&sensors.z_m),
-            spring_n: spring * (1.0 / SUBSAMPLES as f32),
+        Self { x: Reading::of(x_m), z: Reading::of(z_m), spring_n: spring * (1.0 / SUBSAMPLES as f32) }
+    }
+}
+
+/// A block of a converter's counts as far as it has been looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct CountedBlock {
+    sum: u32,
+    low: u16,
+    high: u16,
+}
+
+impl Default for CountedBlock {
+    fn default() -> Self {
+        Self { sum: 0, low: u16::MAX, high: 0 }
+    }
+}
+
+impl CountedBlock {
+    /// Takes the next of [`SUBSAMPLES`] samples.
+    #[inline]
+    pub fn push(&mut self, counts: u16) {
+        self.sum += u32::from(counts);
+        self.low = self.low.min(counts);
+        self.high = self.high.max(counts);
+    }
+
+    /// The displacement that it means, where `zero_counts` mean none and a count `per_count` m.
+    #[must_use]
+    pub fn reading(&self, zero_counts: f32, per_count: f32) -> Reading {
+        let at = |counts: u16| (f32::from(counts) - zero_counts) * per_count;
+        let (low, high) = (at(self.low), at(self.high));
+        let (below, above) = (if low < 0.0 { -low } else { low }, if high < 0.0 { -high } else { high });
+        Reading {
+            mean_m: (self.sum as f32 * (1.0 / SUBSAMPLES as f32) - zero_counts) * per_count,
+            peak_m: if below > above { below } else { above },
+            still_at: (self.low == self.high).then_some(low),
         }
     }
 }
@@ -125,6 +161,20 @@ mod tests {
         let block = [1.0, -4.0, 2.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
         assert_eq!(Reading::of(&block), Reading { mean_m: 0.5, peak_m: 4.0, still_at: None });
         assert_eq!(Reading::of(&[-2.0; SUBSAMPLES]), Reading { mean_m: -2.0, peak_m: 2.0, still_at: Some(-2.0) });
+    }
+
+    #[test]
+    fn counts_come_to_what_their_numbers_come_to() {
+        let (zero_counts, per_count) = (32_760.0, 2.5e-6);
+        for block in [[32_000, 33_000, 40, 65_520, 32_760, 9, 8, 7, 6, 5], [32_761; SUBSAMPLES], [12; SUBSAMPLES]] {
+            let mut counted = CountedBlock::default();
+            block.iter().for_each(|counts| counted.push(*counts));
+            let numbers = Reading::of(&block.map(|counts| (f32::from(counts) - zero_counts) * per_count));
+            let reading = counted.reading(zero_counts, per_count);
+            assert_eq!((reading.peak_m, reading.still_at), (numbers.peak_m, numbers.still_at));
+            // Ten roundings of a sum at half the span, against one.
+            assert!((reading.mean_m - numbers.mean_m).abs() <= 10.0 * f32::EPSILON * 0.08, "{reading:?}, {numbers:?}");
+        }
     }
 
     #[test]
