@@ -4,10 +4,12 @@
 //! clock is fed, and a device that falls silent is an error, not a hang. What is done with reports is
 //! [`crate::run`]'s business.
 
+mod idle;
+
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use damprig_core::rig::{State, Status};
+use damprig_core::rig::Status;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
     Answer, Ask, Clock, ClockSource, Counters, Description, FromDevice, Happening, Identity, Request, Reset, SCHEMA,
@@ -430,34 +432,6 @@ impl Session {
             };
         }
         Ok(())
-    }
-
-    /// Ends whatever runs and waits until the drive is silent; clears a fault.
-    ///
-    /// # Errors
-    /// The device does not become idle within the timeout.
-    pub fn bring_to_idle(&mut self) -> Result<(), SessionError> {
-        let deadline = Instant::now() + self.timeout;
-        loop {
-            let (status, _) = self.status()?;
-            match status.state {
-                State::Idle => return Ok(()),
-                State::Running(_) => self.tell("stop", Ask::Stop)?,
-                // Refused while the drive still fades out: asked again on the next turn.
-                State::Faulted => match self.tell("clear the fault", Ask::ClearFault) {
-                    Ok(()) | Err(SessionError::Refused { .. }) => {}
-                    Err(error) => return Err(error),
-                },
-                State::Stopping => {}
-            }
-            if self.is_granted() {
-                self.grant(status.tick.saturating_add(100))?;
-            }
-            self.listen(TURN)?;
-            if Instant::now() >= deadline {
-                return Err(self.silent());
-            }
-        }
     }
 
     /// Tells the rig to stop without waiting for an answer: for when the conversation is over anyway.

@@ -244,7 +244,8 @@ impl<'a> Run<'a> {
     }
 
     fn make_ready(&mut self) -> Result<(), SessionError> {
-        self.session.bring_to_idle()?;
+        let watcher = &mut *self.watcher;
+        self.session.bring_to_idle(|what| watcher.link(what))?;
         self.end_telemetry()
     }
 
@@ -306,7 +307,7 @@ impl<'a> Run<'a> {
                 self.session.stop_blindly()
             }
             _ => {
-                if self.session.bring_to_idle().is_err() {
+                if self.session.silence_the_drive().is_err() {
                     self.session.stop_blindly();
                 }
             }

@@ -1,0 +1,110 @@
+//! A rig that has tripped is brought to idle when its structure has come to rest, however long that takes.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use damprig::link::Link;
+use damprig::session::{Session, SessionError};
+use damprig_core::rig::{Reading, Sensors, State};
+use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
+use damprig_device::intake::Intake;
+use damprig_device::orders::Order;
+use damprig_protocol::frame::{self, LONGEST};
+use damprig_protocol::{FromDevice, ToDevice};
+
+/// Long against an answer within the process, short for a test.
+const TIMEOUT: Duration = Duration::from_millis(100);
+
+/// A board of its own clock, which goes on by some ticks whenever the host listens; the structure swings by 90 mm, beyond its
+/// limit, until it is held.
+struct Board {
+    control: Control,
+    intake: Intake,
+    said: Said,
+    is_held: Arc<AtomicBool>,
+    tick: u32,
+}
+
+#[derive(Default)]
+struct Said(Vec<FromDevice>);
+
+impl Lanes for Said {
+    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
+        self.0.push(message);
+        Ok(self.0.len())
+    }
+
+    fn row(&mut self, _: Row) -> Result<usize, ()> {
+        Ok(0)
+    }
+}
+
+impl Link for Board {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        for &byte in bytes {
+            if let Some(ToDevice::Request(request)) = self.intake.push(byte) {
+                self.control.serve(&mut Order::prepare(request), &mut RealPlant, &mut self.said);
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Vec<u8>, _: Duration) -> io::Result<()> {
+        for _ in 0..50 {
+            let swings = !self.is_held.load(Ordering::Relaxed);
+            let x_m = if swings { 0.08 * (0.0157 * f64::from(self.tick)).sin() } else { 0.0 };
+            let mut sensors = Sensors::default();
+            sensors.readings.x = Reading::still(x_m as f32);
+            self.control.tick(&sensors, &mut self.said);
+            self.tick += 1;
+        }
+        for message in self.said.0.drain(..) {
+            let mut out = [0; LONGEST];
+            let length = frame::encode(&message, &mut out).expect("it fits");
+            into.extend_from_slice(&out[..length]);
+        }
+        Ok(())
+    }
+}
+
+fn tripped() -> (Session, Arc<AtomicBool>) {
+    let is_held = Arc::new(AtomicBool::new(false));
+    let board = Board {
+        control: Control::new(Name::new("0.0.0", "real"), Birth::default()),
+        intake: Intake::default(),
+        said: Said::default(),
+        is_held: Arc::clone(&is_held),
+        tick: 0,
+    };
+    let mut session = Session::over(Box::new(board), "test".into(), TIMEOUT).expect("it answers");
+    while session.status().expect("it answers").0.state != State::Faulted {
+        session.next_report().expect("the link holds");
+    }
+    (session, is_held)
+}
+
+#[test]
+fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_told() {
+    let (mut session, is_held) = tripped();
+    let mut told = Vec::new();
+    session
+        .bring_to_idle(|what| {
+            told.push(what.to_string());
+            // The engineer puts a hand on it.
+            is_held.store(true, Ordering::Relaxed);
+        })
+        .expect("it comes to rest");
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("wait for rest"), "{told:?}");
+    assert_eq!(session.status().unwrap().0.state, State::Idle);
+}
+
+#[test]
+fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), SessionError> {
+    let (mut session, _) = tripped();
+    session.silence_the_drive()?;
+    assert_eq!(session.status()?.0.state, State::Faulted);
+    Ok(())
+}
