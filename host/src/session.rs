@@ -115,6 +115,9 @@ const TURN: Duration = Duration::from_millis(50);
 /// request out once.
 const ASK_AGAIN: Duration = Duration::from_millis(250);
 
+/// A board with a clock of its own hears of this program at least so often.
+const KEEP_ALIVE: Duration = Duration::from_secs(1);
+
 /// A conversation.
 pub struct Session {
     link: Box<dyn Link>,
@@ -130,6 +133,7 @@ pub struct Session {
     granted_until: Option<u32>,
     clock_tick: u32,
     heard: Instant,
+    spoke: Instant,
     nudged: Instant,
     /// Who the device is.
     pub identity: Identity,
@@ -184,6 +188,7 @@ impl Session {
             granted_until: None,
             clock_tick: 0,
             heard: now,
+            spoke: now,
             nudged: now,
             identity: nobody,
             description: nothing,
@@ -258,6 +263,7 @@ impl Session {
     }
 
     fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
+        self.spoke = Instant::now();
         self.link.send(bytes).map_err(|error| SessionError::Broken { link: self.name.clone(), error })
     }
 
@@ -415,7 +421,8 @@ impl Session {
         self.send(&ToDevice::Grant { until_tick })
     }
 
-    /// A device that should be saying something and does not is asked again, then given up.
+    /// A device that should be saying something and does not is asked again, then given up. One with a clock of its own hears
+    /// of this program now and then: it ends the drive when nobody is there.
     fn watch(&mut self) -> Result<(), SessionError> {
         if self.heard.elapsed() > self.timeout {
             return Err(self.silent());
@@ -425,13 +432,20 @@ impl Session {
             return match (self.is_granted(), self.granted_until) {
                 // The grant, or the word that it is used up, may have been lost.
                 (true, Some(until_tick)) => self.send(&ToDevice::Grant { until_tick }),
-                _ => {
-                    self.seq = self.seq.wrapping_add(1);
-                    self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
-                }
+                _ => self.show_a_sign(),
             };
         }
+        if !self.is_granted() && self.spoke.elapsed() > KEEP_ALIVE {
+            return self.show_a_sign();
+        }
         Ok(())
+    }
+
+    /// Asks for the status; nobody waits for the answer.
+    fn show_a_sign(&mut self) -> Result<(), SessionError> {
+        self.replies.clear();
+        self.seq = self.seq.wrapping_add(1);
+        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
     }
 
     /// Tells the rig to stop without waiting for an answer: for when the conversation is over anyway.

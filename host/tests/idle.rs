@@ -1,9 +1,10 @@
-//! A rig that has tripped is brought to idle when its structure has come to rest, however long that takes.
+//! A rig that has tripped is brought to idle when its structure has come to rest, however long that takes; and a board with
+//! a clock of its own hears of its host.
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 use damprig::link::Link;
 use damprig::session::{Session, SessionError};
@@ -24,6 +25,7 @@ struct Board {
     intake: Intake,
     said: Said,
     is_held: Arc<AtomicBool>,
+    requests: Arc<AtomicU32>,
     tick: u32,
 }
 
@@ -45,6 +47,7 @@ impl Link for Board {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         for &byte in bytes {
             if let Some(ToDevice::Request(request)) = self.intake.push(byte) {
+                self.requests.fetch_add(1, Ordering::Relaxed);
                 self.control.serve(&mut Order::prepare(request), &mut RealPlant, &mut self.said);
             }
         }
@@ -60,6 +63,8 @@ impl Link for Board {
             self.control.tick(&sensors, &mut self.said);
             self.tick += 1;
         }
+        // It always has something to say, so the host need not ask whether it is there.
+        self.said.0.push(FromDevice::Clock { tick: self.tick });
         for message in self.said.0.drain(..) {
             let mut out = [0; LONGEST];
             let length = frame::encode(&message, &mut out).expect("it fits");
@@ -69,16 +74,22 @@ impl Link for Board {
     }
 }
 
-fn tripped() -> (Session, Arc<AtomicBool>) {
-    let is_held = Arc::new(AtomicBool::new(false));
+fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
+    let requests = Arc::default();
     let board = Board {
         control: Control::new(Name::new("0.0.0", "real"), Birth::default()),
         intake: Intake::default(),
         said: Said::default(),
-        is_held: Arc::clone(&is_held),
+        is_held: Arc::clone(is_held),
+        requests: Arc::clone(&requests),
         tick: 0,
     };
-    let mut session = Session::over(Box::new(board), "test".into(), TIMEOUT).expect("it answers");
+    (Session::over(Box::new(board), "test".into(), TIMEOUT).expect("it answers"), requests)
+}
+
+fn tripped() -> (Session, Arc<AtomicBool>) {
+    let is_held = Arc::default();
+    let (mut session, _) = board(&is_held);
     while session.status().expect("it answers").0.state != State::Faulted {
         session.next_report().expect("the link holds");
     }
@@ -106,5 +117,17 @@ fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), Sess
     let (mut session, _) = tripped();
     session.silence_the_drive()?;
     assert_eq!(session.status()?.0.state, State::Faulted);
+    Ok(())
+}
+
+#[test]
+fn a_board_that_talks_hears_of_its_host_too() -> Result<(), SessionError> {
+    let (mut session, requests) = board(&Arc::new(AtomicBool::new(true)));
+    let before = requests.load(Ordering::Relaxed);
+    let begun = Instant::now();
+    while requests.load(Ordering::Relaxed) == before {
+        session.next_report()?;
+        assert!(begun.elapsed() < Duration::from_secs(5), "the shortest host_silent_s of a campaign");
+    }
     Ok(())
 }

@@ -26,6 +26,10 @@ pub struct RigSettings {
     pub displacement_limit_m: f64,
     /// Half-cycles ahead for which the structure's amplitude is foreseen, to stop before it reaches the limit; 0 for none.
     pub half_cycles_ahead: f64,
+    /// Time without a word from this program after which a board with its own clock ends the drive, s; 0 for any.
+    pub host_silent_s: f64,
+    /// Normal force with which the friction damper closes as a brake when an interlock has ended the drive, N; 0 for none.
+    pub brake_n: f64,
 }
 
 /// What is recorded while the rig moves.
@@ -37,6 +41,8 @@ pub struct Telemetry {
     pub signals: Vec<Text>,
 }
 
+/// A board that hears nothing for so long is alone: this program speaks every second.
+const HOST_SILENT_S: f64 = 10.0;
 /// The ±80 mm of the source document's laser sensors.
 const SENSOR_RANGE_M: f64 = 0.08;
 /// Ticks from row to row that the protocol can say.
@@ -54,6 +60,8 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
             shaker: None,
             displacement_limit_m: SENSOR_RANGE_M,
             half_cycles_ahead: 0.0,
+            host_silent_s: HOST_SILENT_S,
+            brake_n: 0.0,
         });
     };
     let range = rig.positive("sensor_range_m").map_or(SENSOR_RANGE_M, |n| n.value);
@@ -64,6 +72,9 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let within = format!("greater than 0 and at most sensor_range_m = {range}");
     let limit = rig.number_if("displacement_limit_m", |v| v > 0.0 && v <= range, &within);
     let ahead = rig.number_if("half_cycles_ahead", |v| (0.0..=20.0).contains(&v), "from 0 to 20");
+    let silent =
+        rig.number_if("host_silent_s", |v| v == 0.0 || (5.0..=3600.0).contains(&v), "0 for never, or from 5 to 3600");
+    let brake = rig.not_negative("brake_n");
     let data_sheet = rig.table("sensors", None).map(read_sensors);
     let shaker = rig.table("shaker", None).map(|table| read_shaker(&table));
     rig.finish();
@@ -76,6 +87,8 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
         noise_seed: seed.map_or(1, |n| n.value as u32),
         displacement_limit_m: limit.map_or(range, |n| n.value),
         half_cycles_ahead: ahead.map_or(0.0, |n| n.value),
+        host_silent_s: silent.map_or(HOST_SILENT_S, |n| n.value),
+        brake_n: brake.map_or(0.0, |n| n.value),
     })
 }
 

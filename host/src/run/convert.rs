@@ -134,6 +134,8 @@ pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Ste
         frozen_s: if is_seen { (0.5 / lowest_hz).max(0.5) as f32 } else { 0.0 },
         // A drive at its limit is told with the point's result.
         saturated_s: 1e6,
+        host_silent_s: rig.host_silent_s as f32,
+        brake_n: rig.brake_n as f32,
         ..SafetyConfig::default()
     }
 }

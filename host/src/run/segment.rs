@@ -138,7 +138,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let plant = convert::plant(rig, set_up);
             session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
-        session.tell("take the limits", Ask::SetSafety(convert::safety(rig, set_up, experiment)))?;
+        let mut safety = convert::safety(rig, set_up, experiment);
+        if session.is_granted() {
+            // Its time passes only while this program speaks.
+            safety.host_silent_s = 0.0;
+        }
+        session.tell("take the limits", Ask::SetSafety(safety))?;
         session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up)))?;
         let plan = convert::plan(set_up, experiment, self.task.points.clone());
         session.tell("take the experiment", Ask::Configure(plan))?;
