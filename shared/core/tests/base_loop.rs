@@ -2,9 +2,10 @@
 //! it says when it cannot.
 
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
+use damprig_core::control::experiment::{Experiment, Stage};
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Danger, Safety, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Plan, Stage, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
@@ -71,7 +72,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
         ..SafetyConfig::default()
     };
     rig.handle(&mut Command::SetSafety(Safety::new(&safety).unwrap())).unwrap();
-    rig.handle(&mut Command::Configure(Some(Plan::new(plan.clone()).unwrap()))).unwrap();
+    rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(plan.clone()).unwrap())))).unwrap();
     rig.handle(&mut Command::Start).unwrap();
     let (mut outcome, mut sensors) = (Outcome::default(), Sensors::default());
     let (mut low, mut high, mut since) = (0.0f32, 0.0f32, 0);
@@ -194,7 +195,7 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
         let plan =
             SteppedSine { drive: Drive::Constant, ramp_s, frequencies_hz: [2.5].into_iter().collect(), ..plan(1e-3) };
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
-        rig.handle(&mut Command::Configure(Some(Plan::new(plan).unwrap()))).unwrap();
+        rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(plan).unwrap())))).unwrap();
         // Nothing moves here: that is not to be taken for a broken sensor.
         let safety = Safety::new(&SafetyConfig { frozen_s: 0.0, ..SafetyConfig::default() }).unwrap();
         rig.handle(&mut Command::SetSafety(safety)).unwrap();

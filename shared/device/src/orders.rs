@@ -3,6 +3,7 @@
 //! Looking at a hundred frequencies, or making a twin, takes longer than a tick has. So it is done where requests come in, by a
 //! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
 
+use damprig_core::control::experiment::Experiment;
 use damprig_core::control::friction_spring::FrictionSpring;
 use damprig_core::control::safety::Safety;
 use damprig_core::control::stepped_sine::Plan;
@@ -115,7 +116,7 @@ impl Work {
             }
             Ask::SetTwin(None) => Command::SetTwin(None),
             Ask::SetTwin(Some(config)) => Command::SetTwin(Some(TwinPlan::new(&config)?)),
-            Ask::Configure(sine) => Command::Configure(Some(Plan::new(sine)?)),
+            Ask::Configure(sine) => Command::Configure(Some(Experiment::SteppedSine(Plan::new(sine)?))),
             Ask::Start => Command::Start,
             Ask::Stop => Command::Stop,
             Ask::ClearFault => Command::ClearFault,

@@ -1,7 +1,9 @@
 //! What the rig does: experiments, the friction spring, and the interlocks that end a drive. [`crate::rig`] joins them.
 
 pub mod base_loop;
+pub mod experiment;
 pub mod friction_spring;
 pub mod limits;
+mod rest;
 pub mod safety;
 pub mod stepped_sine;

@@ -10,10 +10,10 @@ pub mod sensors;
 pub mod signals;
 pub mod words;
 
+use crate::control::experiment::{Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
 use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
-use crate::control::stepped_sine::{Now, Outcome, Plan, Runner, Stage};
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::twin::Twin;
@@ -29,7 +29,7 @@ pub const KEPT_RESULTS: usize = 8;
 /// The rig.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    plan: Option<Plan>,
+    experiment: Option<Experiment>,
     runner: Option<Runner>,
     safety: Safety,
     dampers: Dampers,
@@ -55,7 +55,7 @@ impl Rig {
     #[must_use]
     pub fn new() -> Self {
         Self {
-            plan: None,
+            experiment: None,
             runner: None,
             safety: Safety::default(),
             dampers: Dampers::default(),
@@ -133,7 +133,7 @@ impl Rig {
         }
     }
 
-    /// Carries out a command. A plan and a twin are taken out of it, which is cheaper than copying them.
+    /// Carries out a command. An experiment and a twin are taken out of it, which is cheaper than copying them.
     ///
     /// # Errors
     /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
@@ -160,9 +160,9 @@ impl Rig {
                 self.dampers.twin = twin.take().map(Twin::of);
                 self.dampers.twin_signals = Default::default();
             }
-            Command::Configure(plan) => {
+            Command::Configure(experiment) => {
                 self.must_be_idle()?;
-                self.plan = plan.take();
+                self.experiment = experiment.take();
             }
             Command::Start => self.start()?,
             Command::Stop => {
@@ -186,7 +186,7 @@ impl Rig {
     /// As [`Rig::handle`] of a start.
     pub fn could_start(&self) -> Result<(), Refusal> {
         self.must_be_idle()?;
-        if self.plan.is_none() {
+        if self.experiment.is_none() {
             return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
         }
         match self.dampers.spring.stage() {
@@ -203,7 +203,7 @@ impl Rig {
     #[inline(never)]
     fn start(&mut self) -> Result<(), Refusal> {
         self.could_start()?;
-        self.runner = self.plan.as_ref().map(Runner::new);
+        self.runner = self.experiment.as_ref().map(Runner::new);
         self.state = State::Running(Stage::Rest);
         self.tick = 0;
         self.points = 0;
@@ -259,14 +259,14 @@ impl Rig {
         let mut actuators = Actuators { motor, ..Actuators::default() };
         let now = Now { tick, readings: &readings, impacts: self.dampers.impacts() };
         let mut outcome = Outcome::Running;
-        if let (Some(runner), Some(plan)) = (&mut self.runner, &self.plan) {
+        if let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) {
             let drive;
             if let State::Running(_) = self.state {
-                (drive, outcome) = runner.tick(plan, &now);
+                (drive, outcome) = runner.tick(experiment, &now);
                 actuators.put_plant_back = runner.wants_plant_put_back();
                 self.state = State::Running(runner.stage());
             } else {
-                (drive, outcome) = runner.fade(plan);
+                (drive, outcome) = runner.fade(experiment);
             }
             actuators.drive_enabled = allowed.relay;
             actuators.drive_m = drive * allowed.drive;

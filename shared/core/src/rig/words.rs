@@ -1,10 +1,10 @@
 //! What may be asked of the rig, and what it answers and reports.
 
 use super::TICK_HZ;
+use crate::control::experiment::{Experiment, Stage};
 use crate::control::friction_spring::{self as spring, FrictionSpring, SpringCommand, SpringStatus};
 use crate::control::limits::Fault;
 use crate::control::safety::{SafeStage, Safety};
-use crate::control::stepped_sine::{Plan, Stage};
 use crate::measure::impacts::{ImpactRecord, ImpactSettings};
 use crate::measure::point::PointResult;
 use crate::model::Invalid;
@@ -54,7 +54,7 @@ pub enum Command {
     /// Let a twin run along, or none. Idle only.
     SetTwin(Option<TwinPlan>),
     /// Set the experiment, or none. Idle only.
-    Configure(Option<Plan>),
+    Configure(Option<Experiment>),
     /// Begin the configured experiment at tick 0. Idle only.
     Start,
     /// End the experiment: the drive fades out.

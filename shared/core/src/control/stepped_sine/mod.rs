@@ -12,12 +12,13 @@
 mod runner;
 
 use crate::control::base_loop::ClosedLoop;
+use crate::control::rest::REST_HOLD_S;
 use crate::measure::point::SteadyLimits;
 use crate::model::{Invalid, not_negative, positive, require};
 use crate::rig::TICK_HZ;
 use heapless::Vec;
 use postcard_schema::Schema;
-pub use runner::{Now, Outcome, Runner, Stage};
+pub use runner::Runner;
 use serde::{Deserialize, Serialize};
 
 /// Most frequencies in one experiment, as 2 to 3 Hz in steps of 0.01: each costs the controller 4 bytes in many places.
@@ -31,12 +32,6 @@ pub const FEWEST_CYCLES: f32 = 6.0;
 
 /// Time over which the drive fades out after a stop or a fault, and at least before a rest, s.
 pub const FADE_S: f32 = 0.2;
-
-/// How long |x| must stay below the rest level, s.
-const REST_HOLD_S: f32 = 0.5;
-
-/// How long the structure may take to come to rest, s: a structure of ζ = 0.0038 needs about 80 s from 50 mm.
-const REST_TIMEOUT_S: f32 = 600.0;
 
 /// How a point begins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]

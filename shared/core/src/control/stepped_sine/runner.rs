@@ -1,49 +1,14 @@
 //! Carries a checked stepped sine out, a tick at a time.
 
-use super::{Drive, FADE_S, Plan, REST_HOLD_S, REST_TIMEOUT_S, Start};
+use super::{Drive, FADE_S, Plan, Start};
 use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
+use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
-use crate::measure::point::{HarmonicFigures, Place, PointMeter, PointResult};
-use crate::rig::{Readings, TICK_HZ};
+use crate::measure::point::{HarmonicFigures, Place, PointMeter};
+use crate::rig::TICK_HZ;
 use crate::sine::Phase;
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
-/// Where a point stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Stage {
-    /// Waiting for the structure to come to rest.
-    Rest,
-    /// Driving, not yet measuring.
-    Settle,
-    /// Driving and measuring.
-    Dwell,
-}
-
-/// What a tick of the experiment led to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// It goes on.
-    Running,
-    /// A point is complete.
-    Point(PointResult),
-    /// The last point is complete.
-    Finished(PointResult),
-    /// It cannot go on.
-    Failed(Fault),
-}
-
-/// What a tick of the experiment looks at.
-#[derive(Clone, Copy, Debug)]
-pub struct Now<'a> {
-    /// The tick.
-    pub tick: u32,
-    /// Its readings.
-    pub readings: &'a Readings,
-    /// Impacts measured so far.
-    pub impacts: u32,
-}
 
 /// A point that has been measured and not yet evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -54,8 +19,6 @@ struct Measured {
     is_last: bool,
 }
 
-const REST_HOLD_TICKS: u32 = (REST_HOLD_S * TICK_HZ) as u32;
-const REST_TIMEOUT_TICKS: u32 = (REST_TIMEOUT_S * TICK_HZ) as u32;
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
 /// A stepped sine in progress. Its [`Plan`] is the caller's: every call wants the same one.
@@ -63,10 +26,9 @@ const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 pub struct Runner {
     index: usize,
     stage: Stage,
-    ticks_in_stage: u32,
+    rest: RestWait,
     /// Since the present frequency began.
     driven_ticks: u32,
-    quiet_ticks: u32,
     phase: Phase,
     increment: u32,
     frequency_hz: f32,
@@ -92,9 +54,8 @@ impl Runner {
         let mut runner = Self {
             index: 0,
             stage: Stage::Rest,
-            ticks_in_stage: 0,
+            rest: RestWait::default(),
             driven_ticks: 0,
-            quiet_ticks: 0,
             phase: Phase::default(),
             increment: 0,
             frequency_hz: 0.0,
@@ -186,12 +147,11 @@ impl Runner {
     }
 
     fn begin_point(&mut self, plan: &Plan) {
-        self.ticks_in_stage = 0;
         match plan.sine.start {
             Start::FromRest { .. } => {
                 self.stage = Stage::Rest;
                 self.end_driving(plan);
-                self.quiet_ticks = 0;
+                self.rest = RestWait::default();
             }
             Start::CarryOver => self.begin_settling(plan),
         }
@@ -284,7 +244,6 @@ impl Runner {
     pub fn tick(&mut self, plan: &Plan, now: &Now) -> (f32, Outcome) {
         let mut outcome = self.evaluate(plan);
         self.put_back = None;
-        self.ticks_in_stage += 1;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
         if self.stage == Stage::Rest
             && let Some(fault) = self.rest(plan, now)
@@ -320,24 +279,24 @@ impl Runner {
     fn rest(&mut self, plan: &Plan, now: &Now) -> Option<Fault> {
         if self.gain > 0.0 {
             // The drive is still fading out: resting has not begun.
-            self.ticks_in_stage = 0;
             return None;
         }
         let level = match plan.sine.start {
             Start::FromRest { level_m } => level_m,
             Start::CarryOver => f32::MAX,
         };
-        // The samples of the tick in which a plant is put back are still of the motion before.
-        self.put_back = (self.ticks_in_stage == 1).then(|| self.place(plan));
         let value = now.readings.x.peak_m;
-        let quiet = value < level && self.put_back.is_none();
-        self.quiet_ticks = if quiet { self.quiet_ticks + 1 } else { 0 };
-        if self.quiet_ticks >= REST_HOLD_TICKS {
-            self.phase = Phase::default();
-            self.begin_settling(plan);
-            self.driven_ticks = 1;
-        } else if self.ticks_in_stage > REST_TIMEOUT_TICKS {
-            return Some(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit: level });
+        match self.rest.tick(value, level) {
+            Waited::NotYet => {}
+            Waited::Begun => self.put_back = Some(self.place(plan)),
+            Waited::Quiet => {
+                self.phase = Phase::default();
+                self.begin_settling(plan);
+                self.driven_ticks = 1;
+            }
+            Waited::TimedOut => {
+                return Some(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit: level });
+            }
         }
         None
     }
