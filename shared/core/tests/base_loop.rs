@@ -77,7 +77,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     let (mut outcome, mut sensors) = (Outcome::default(), Sensors::default());
     let (mut low, mut high, mut since) = (0.0f32, 0.0f32, 0);
     loop {
-        let (actuators, event) = rig.tick(&sensors);
+        let (actuators, event) = rig.tick(&sensors, &[]);
         sensors = plant.tick(&actuators);
         let z = sensors.readings.z.mean_m;
         if !matches!(rig.status().state, State::Running(Stage::Settle | Stage::Dwell)) {
@@ -201,7 +201,7 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
         rig.handle(&mut Command::SetSafety(safety)).unwrap();
         rig.handle(&mut Command::Start).unwrap();
         for _ in 0..20_000 {
-            let drive = rig.tick(&Sensors::default()).0.drive_m;
+            let drive = rig.tick(&Sensors::default(), &[]).0.drive_m;
             steepest = steepest.max((drive - last - slope).abs());
             (slope, last) = (drive - last, drive);
         }

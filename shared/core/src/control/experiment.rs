@@ -5,7 +5,10 @@
 
 use super::limits::Fault;
 use super::stepped_sine;
+use super::transient::free_vibration;
+use super::transient::playback::{self, RecordId};
 use crate::measure::point::PointResult;
+use crate::measure::transient::TransientResult;
 use crate::rig::Readings;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -19,6 +22,8 @@ pub enum Stage {
     Settle,
     /// Driving and measuring.
     Dwell,
+    /// Waiting for a person to hold and release the structure.
+    Hold,
 }
 
 /// What a tick of an experiment led to.
@@ -32,6 +37,8 @@ pub enum Outcome {
     Finished(PointResult),
     /// It cannot go on.
     Failed(Fault),
+    /// A record or a free vibration is complete, and with it the experiment.
+    Transient(TransientResult),
 }
 
 /// What a tick of an experiment looks at.
@@ -51,6 +58,21 @@ pub struct Now<'a> {
 pub enum Experiment {
     /// One frequency after another.
     SteppedSine(stepped_sine::Plan),
+    /// An uploaded record.
+    Playback(playback::Plan),
+    /// A structure that is held and released.
+    FreeVibration(free_vibration::Plan),
+}
+
+impl Experiment {
+    /// The record that has to be there for it.
+    #[must_use]
+    pub fn record(&self) -> Option<RecordId> {
+        match self {
+            Self::Playback(plan) => Some(plan.playback().record),
+            Self::SteppedSine(_) | Self::FreeVibration(_) => None,
+        }
+    }
 }
 
 /// An experiment in progress. Its [`Experiment`] is the caller's: every call wants the same one.
@@ -59,6 +81,10 @@ pub enum Experiment {
 pub enum Runner {
     /// One frequency after another.
     SteppedSine(stepped_sine::Runner),
+    /// An uploaded record.
+    Playback(playback::Runner),
+    /// A structure that is held and released.
+    FreeVibration(free_vibration::Runner),
 }
 
 /// The same question to whichever runner it is.
@@ -66,6 +92,8 @@ macro_rules! ask {
     ($runner:expr, $own:ident => $answer:expr) => {
         match $runner {
             Runner::SteppedSine($own) => $answer,
+            Runner::Playback($own) => $answer,
+            Runner::FreeVibration($own) => $answer,
         }
     };
 }
@@ -76,23 +104,32 @@ impl Runner {
     pub fn new(experiment: &Experiment) -> Self {
         match experiment {
             Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::Runner::new(plan)),
+            Experiment::Playback(_) => Self::Playback(playback::Runner::default()),
+            Experiment::FreeVibration(_) => Self::FreeVibration(free_vibration::Runner::default()),
         }
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out.
+    /// One tick: this tick's readings in, the demanded base displacement (m) out. `record` is what a playback plays.
     #[inline]
-    pub fn tick(&mut self, experiment: &Experiment, now: &Now) -> (f32, Outcome) {
+    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &Now) -> (f32, Outcome) {
         match (self, experiment) {
             (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now),
+            (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now),
+            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => (0.0, runner.tick(plan, now)),
+            // Not of this runner: nothing moves.
+            _ => (0.0, Outcome::Running),
         }
     }
 
     /// The drive for this tick, m, without measuring: for the fade after a stop. What was measured before it is
     /// evaluated still.
     #[inline]
-    pub fn fade(&mut self, experiment: &Experiment) -> (f32, Outcome) {
+    pub fn fade(&mut self, experiment: &Experiment, record: &[i16]) -> (f32, Outcome) {
         match (self, experiment) {
             (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.fade(plan),
+            (Self::Playback(runner), Experiment::Playback(plan)) => runner.fade(plan, record),
+            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => (0.0, runner.fade(plan)),
+            _ => (0.0, Outcome::Running),
         }
     }
 
@@ -107,6 +144,7 @@ impl Runner {
     pub fn frequency_hz(&self) -> f32 {
         match self {
             Self::SteppedSine(own) => own.frequency_hz(),
+            _ => 0.0,
         }
     }
 
@@ -115,6 +153,7 @@ impl Runner {
     pub fn cycle_ended(&self) -> bool {
         match self {
             Self::SteppedSine(own) => own.cycle_ended(),
+            _ => false,
         }
     }
 
@@ -127,19 +166,31 @@ impl Runner {
     /// The base is meant to move visibly.
     #[must_use]
     pub fn is_swinging(&self) -> bool {
-        ask!(self, own => own.is_swinging())
+        match self {
+            Self::SteppedSine(own) => own.is_swinging(),
+            Self::Playback(own) => own.is_swinging(),
+            Self::FreeVibration(_) => false,
+        }
     }
 
     /// The drive is on.
     #[must_use]
     pub fn is_driving(&self) -> bool {
-        ask!(self, own => own.is_driving())
+        match self {
+            Self::SteppedSine(own) => own.is_driving(),
+            Self::Playback(own) => own.is_driving(),
+            Self::FreeVibration(_) => false,
+        }
     }
 
     /// The drive was at its limit in the last tick.
     #[must_use]
     pub fn is_saturated(&self) -> bool {
-        ask!(self, own => own.is_saturated())
+        match self {
+            Self::SteppedSine(own) => own.is_saturated(),
+            Self::Playback(own) => own.is_saturated(),
+            Self::FreeVibration(_) => false,
+        }
     }
 
     /// A simulated plant should be put back to its start in this tick, for the point of this place.
@@ -150,12 +201,20 @@ impl Runner {
 
     /// Lets the drive fade out, whatever comes after.
     pub fn release_drive(&mut self) {
-        ask!(self, own => own.release_drive());
+        match self {
+            Self::SteppedSine(own) => own.release_drive(),
+            Self::Playback(own) => own.release_drive(),
+            Self::FreeVibration(_) => {}
+        }
     }
 
     /// The drive has faded out.
     #[must_use]
     pub fn is_silent(&self) -> bool {
-        ask!(self, own => own.is_silent())
+        match self {
+            Self::SteppedSine(own) => own.is_silent(),
+            Self::Playback(own) => own.is_silent(),
+            Self::FreeVibration(_) => true,
+        }
     }
 }

@@ -7,3 +7,4 @@ pub mod limits;
 mod rest;
 pub mod safety;
 pub mod stepped_sine;
+pub mod transient;

@@ -8,4 +8,5 @@ pub mod point;
 mod pulse;
 pub mod snippet;
 pub mod sum;
+pub mod transient;
 pub mod trend;

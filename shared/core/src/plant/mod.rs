@@ -49,6 +49,8 @@ pub enum Base {
 pub struct PlantConfig {
     /// The mechanical set-up.
     pub set_up: SetUp,
+    /// The structure's starting place x0, from which it is released, m.
+    pub structure_start_m: f64,
     /// The particle's starting place relative to the middle of its cavity, m; |start| ≤ clearance.
     pub particle_start_m: f64,
     /// What moves the base.
@@ -69,6 +71,7 @@ impl PlantConfig {
     pub fn ideal(set_up: SetUp) -> Self {
         Self {
             set_up,
+            structure_start_m: 0.0,
             particle_start_m: 0.0,
             base: Base::Prescribed,
             sensors: SensorModel::default(),
@@ -79,7 +82,11 @@ impl PlantConfig {
     }
 
     fn initial(&self) -> Initial {
-        Initial { y_m: self.particle_start_m, ..Initial::default() }
+        Initial {
+            x_m: self.structure_start_m,
+            y_m: self.structure_start_m + self.particle_start_m,
+            ..Initial::default()
+        }
     }
 }
 

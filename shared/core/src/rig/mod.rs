@@ -14,8 +14,10 @@ use crate::control::experiment::{Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
 use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
+use crate::control::transient::playback::RecordId;
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
+use crate::measure::transient::TransientResult;
 use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
@@ -37,6 +39,7 @@ pub struct Rig {
     tick: u32,
     points: u16,
     results: Deque<PointResult, KEPT_RESULTS>,
+    transient: Option<TransientResult>,
     fault: Option<Fault>,
     finishing: bool,
     host_heard: bool,
@@ -63,6 +66,7 @@ impl Rig {
             tick: 0,
             points: 0,
             results: Deque::new(),
+            transient: None,
             fault: None,
             finishing: false,
             host_heard: false,
@@ -107,6 +111,18 @@ impl Rig {
     #[must_use]
     pub fn result(&self, index: u16) -> Option<&PointResult> {
         self.results.iter().find(|result| result.index == index)
+    }
+
+    /// The result of the last record or free vibration since the last start.
+    #[must_use]
+    pub fn transient(&self) -> Option<&TransientResult> {
+        self.transient.as_ref()
+    }
+
+    /// The record that the configured experiment plays.
+    #[must_use]
+    pub fn wanted_record(&self) -> Option<RecordId> {
+        self.experiment.as_ref().and_then(Experiment::record)
     }
 
     /// The recorder of an impact's shape, and what its counts mean.
@@ -208,6 +224,7 @@ impl Rig {
         self.tick = 0;
         self.points = 0;
         self.results.clear();
+        self.transient = None;
         self.finishing = false;
         self.dampers.restart();
         Ok(())
@@ -236,8 +253,8 @@ impl Rig {
         Ok(self.dampers.spring.handle(command)?)
     }
 
-    /// One control tick. At most one event results.
-    pub fn tick(&mut self, sensors: &Sensors) -> (Actuators, Option<Event>) {
+    /// One control tick; `record` is lent to it for a playback. At most one event results.
+    pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> (Actuators, Option<Event>) {
         let tick = self.tick;
         let readings = sensors.readings;
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
@@ -262,11 +279,11 @@ impl Rig {
         if let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) {
             let drive;
             if let State::Running(_) = self.state {
-                (drive, outcome) = runner.tick(experiment, &now);
+                (drive, outcome) = runner.tick(experiment, record, &now);
                 actuators.put_plant_back = runner.wants_plant_put_back();
                 self.state = State::Running(runner.stage());
             } else {
-                (drive, outcome) = runner.fade(experiment);
+                (drive, outcome) = runner.fade(experiment, record);
             }
             actuators.drive_enabled = allowed.relay;
             actuators.drive_m = drive * allowed.drive;
@@ -349,13 +366,24 @@ impl Rig {
                 // Cannot fail: room was made above.
                 let _ = self.results.push_back(result);
                 if matches!(outcome, Outcome::Finished(_)) {
-                    self.finishing = true;
-                    if self.state != State::Faulted {
-                        self.state = State::Stopping;
-                    }
+                    self.finish();
                 }
                 Some(Event::Point(result))
             }
+            Outcome::Transient(result) => {
+                self.points += 1;
+                self.transient = Some(result);
+                self.finish();
+                Some(Event::Transient(result))
+            }
+        }
+    }
+
+    /// Everything is measured: the drive may fade.
+    fn finish(&mut self) {
+        self.finishing = true;
+        if self.state != State::Faulted {
+            self.state = State::Stopping;
         }
     }
 

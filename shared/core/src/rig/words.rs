@@ -7,6 +7,7 @@ use crate::control::limits::Fault;
 use crate::control::safety::{SafeStage, Safety};
 use crate::measure::impacts::{ImpactRecord, ImpactSettings};
 use crate::measure::point::PointResult;
+use crate::measure::transient::TransientResult;
 use crate::model::Invalid;
 use crate::twin::TwinPlan;
 use postcard_schema::Schema;
@@ -34,6 +35,7 @@ impl State {
             Self::Running(Stage::Rest) => "waiting for rest",
             Self::Running(Stage::Settle) => "settling",
             Self::Running(Stage::Dwell) => "measuring",
+            Self::Running(Stage::Hold) => "waiting for the structure's release",
             Self::Stopping => "stopping",
             Self::Faulted => "faulted",
         }
@@ -121,6 +123,8 @@ pub enum Event {
     Spring(spring::Happening),
     /// The particle hit a wall.
     Impact(ImpactRecord),
+    /// A record or a free vibration is complete.
+    Transient(TransientResult),
 }
 
 /// A summary of the state.

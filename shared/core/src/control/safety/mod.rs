@@ -124,6 +124,8 @@ pub enum Danger {
     BaseRunaway,
     /// The friction damper's spring faulted while the rig was driven.
     Spring(SpringCause),
+    /// Nobody released the structure for a free vibration in the time given (m).
+    ReleaseTimeout,
 }
 
 impl Danger {
@@ -146,6 +148,7 @@ impl Danger {
                 "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
             }
             Self::Spring(cause) => cause.text(),
+            Self::ReleaseTimeout => "the structure was not held beyond the level and released in time",
         }
     }
 

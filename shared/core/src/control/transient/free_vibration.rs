@@ -1,0 +1,284 @@
+//! A free vibration: wait until the structure has been held beyond a level, then released, and measure its decay.
+//!
+//! A person pulls the structure to its start and lets go; nothing is driven, the relay closed on a drive of zero holds the
+//! base. |x| beyond the level and steady to a few hundredths for long enough counts as held. The release is the fall of |x|
+//! below nine tenths of x0, and x0 the mean over half the time that it must be held, taken at least as long before that
+//! fall: 0.25 s of the usual 0.5 s, in which a structure of 0.3 Hz or faster falls so far. On a virtual rig the plant is held
+//! at its start by being put back to it, tick by tick, then let go.
+//!
+//! What the decay means (logarithmic decrement, loss) is reckoned from x0, the peak after whole cycles and their
+//! duration by the host, which has a logarithm.
+
+use super::{Measuring, not_too_long, ticks};
+use crate::control::experiment::{Now, Outcome, Stage};
+use crate::control::limits::Fault;
+use crate::control::safety::Danger;
+use crate::measure::transient::Decay;
+use crate::model::{Invalid, positive, require};
+use crate::rig::TICK_HZ;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// A free vibration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct FreeVibration {
+    /// |x| beyond which the structure counts as held, m.
+    pub level_m: f32,
+    /// How long it must be held, s.
+    pub hold_s: f32,
+    /// How long it may take until it is released, s.
+    pub timeout_s: f32,
+    /// Time measured after the release, s.
+    pub measure_s: f32,
+    /// Cycles over which the decay is told.
+    pub cycles: u16,
+    /// Place in the whole experiment; the virtual rig's noise and the result go by it.
+    pub index: u16,
+}
+
+impl FreeVibration {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    #[inline(never)]
+    pub fn validate(&self) -> Result<(), Invalid> {
+        positive("level_m", f64::from(self.level_m))?;
+        for (name, value) in [("hold_s", self.hold_s), ("measure_s", self.measure_s), ("timeout_s", self.timeout_s)] {
+            positive(name, f64::from(value))?;
+            not_too_long(name, value)?;
+        }
+        let is_longer = self.timeout_s > self.hold_s + VIRTUAL_HOLD_S;
+        require(is_longer, "timeout_s", f64::from(self.timeout_s), "more than hold_s and half a second")?;
+        require(self.cycles > 0, "cycles", 0.0, "1 or more")
+    }
+
+    /// Ticks that it takes on a virtual rig.
+    #[must_use]
+    pub fn expected_ticks(&self) -> u64 {
+        u64::from(ticks(self.hold_s + VIRTUAL_HOLD_S)) + u64::from(ticks(self.measure_s))
+    }
+}
+
+/// A virtual rig's structure is held for the time asked for and this, s.
+const VIRTUAL_HOLD_S: f32 = 0.5;
+
+/// What is held stays within this share of its latest mean.
+const STEADY: f32 = 0.03;
+
+/// A fall to this share of x0 is the release.
+const RELEASED: f32 = 0.9;
+
+/// A half-cycle counts when |x| has been beyond this share of x0 in it: noise about zero makes none.
+const LEAST_SWING: f32 = 0.01;
+
+/// A checked free vibration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    free: FreeVibration,
+    hold_ticks: u32,
+    put_back_ticks: u32,
+    timeout_ticks: u32,
+    measure_ticks: u32,
+}
+
+impl Plan {
+    /// Checks a free vibration.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    #[inline(never)]
+    pub fn new(free: FreeVibration) -> Result<Self, Invalid> {
+        free.validate()?;
+        Ok(Self {
+            hold_ticks: ticks(free.hold_s),
+            put_back_ticks: ticks(free.hold_s + VIRTUAL_HOLD_S),
+            timeout_ticks: ticks(free.timeout_s),
+            measure_ticks: ticks(free.measure_s),
+            free,
+        })
+    }
+}
+
+/// Swings of x about zero since the release.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    start_m: f32,
+    /// Side of zero of the present half-cycle, and the largest x on that side.
+    positive: bool,
+    peak_m: f32,
+    half_cycles: u16,
+    last_m: f32,
+    /// Ticks from the release to the latest crossing of zero, and to the first that ended a half-cycle.
+    crossing: f32,
+    first_crossing: f32,
+    decay: Decay,
+}
+
+impl Swings {
+    fn from(x_m: f32, start_m: f32) -> Self {
+        let decay = Decay { start_m, ..Decay::default() };
+        Self { start_m, positive: x_m > 0.0, last_m: x_m, decay, ..Self::default() }
+    }
+
+    /// Takes the mean of a tick, so many ticks after the release; the decay is told over `cycles` at most.
+    fn push(&mut self, x_m: f32, after: u32, cycles: u16) {
+        if (x_m > 0.0) != (self.last_m > 0.0) {
+            self.crossing = after as f32 - x_m / (x_m - self.last_m);
+        }
+        self.last_m = x_m;
+        let along = if self.positive { x_m } else { -x_m };
+        self.peak_m = self.peak_m.max(along);
+        if along > -LEAST_SWING * self.start_m {
+            return;
+        }
+        // Over on the other side: a half-cycle has ended at the latest crossing.
+        let done = self.half_cycles;
+        self.half_cycles = done.saturating_add(1);
+        self.positive = !self.positive;
+        let peak = core::mem::replace(&mut self.peak_m, -along);
+        if done == 0 {
+            self.first_crossing = self.crossing;
+        } else if done.is_multiple_of(2) && done / 2 <= cycles {
+            let span_s = (self.crossing - self.first_crossing) * (1.0 / TICK_HZ);
+            self.decay = Decay { start_m: self.start_m, end_m: peak, cycles: done / 2, span_s };
+        }
+    }
+}
+
+/// The structure held: means over stretches of half the time that it must be held.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    ticks: u32,
+    strayed_ticks: u32,
+    sum_m: f32,
+    count: u32,
+    latest_m: f32,
+    before_m: f32,
+}
+
+impl Hold {
+    /// One more tick at `x_m`; a stretch has so many.
+    fn take(&mut self, x_m: f32, stretch: u32) {
+        if self.ticks == 0 {
+            (self.latest_m, self.before_m) = (x_m, x_m);
+        }
+        self.ticks = self.ticks.saturating_add(1);
+        self.strayed_ticks = 0;
+        self.sum_m += x_m;
+        self.count += 1;
+        if self.count >= stretch {
+            self.before_m = self.latest_m;
+            self.latest_m = self.sum_m / self.count as f32;
+            (self.sum_m, self.count) = (0.0, 0);
+        }
+    }
+}
+
+/// A free vibration in progress. Its [`Plan`] is the caller's: every call wants the same one.
+#[derive(Clone, Debug)]
+pub struct Runner {
+    stage: Stage,
+    waited_ticks: u32,
+    hold: Hold,
+    put_back: Option<u16>,
+    swings: Swings,
+    measuring: Measuring,
+}
+
+impl Default for Runner {
+    fn default() -> Self {
+        Self {
+            stage: Stage::Hold,
+            waited_ticks: 0,
+            hold: Hold::default(),
+            put_back: None,
+            swings: Swings::default(),
+            measuring: Measuring::default(),
+        }
+    }
+}
+
+impl Runner {
+    /// Where it stands.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// The decay is measured and waits for its evaluation.
+    #[must_use]
+    pub fn is_evaluating(&self) -> bool {
+        self.measuring.is_evaluating()
+    }
+
+    /// A simulated plant should be put back to its start in this tick.
+    #[must_use]
+    pub fn wants_plant_put_back(&self) -> Option<u16> {
+        self.put_back
+    }
+
+    /// What was measured before a stop is evaluated still.
+    pub fn fade(&mut self, plan: &Plan) -> Outcome {
+        self.put_back = None;
+        self.evaluate(plan)
+    }
+
+    /// One tick's readings; nothing is driven.
+    pub fn tick(&mut self, plan: &Plan, now: &Now) -> Outcome {
+        let outcome = self.evaluate(plan);
+        self.put_back = None;
+        let x = now.readings.x.mean_m;
+        if self.stage == Stage::Hold {
+            self.waited_ticks += 1;
+            if self.waited_ticks <= plan.put_back_ticks {
+                self.put_back = Some(plan.free.index);
+            }
+            if self.is_released(plan, libm::fabsf(x)) {
+                self.stage = Stage::Dwell;
+                self.measuring = Measuring::from(now);
+                self.swings = Swings::from(x, self.hold.before_m);
+            } else if self.waited_ticks > plan.timeout_ticks {
+                let (value, limit) = (self.hold.latest_m, plan.free.level_m);
+                return Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
+            }
+        } else if self.measuring.meter.ticks() < plan.measure_ticks {
+            self.measuring.meter.push(now.readings, 0.0);
+            self.swings.push(x, self.measuring.meter.ticks(), plan.free.cycles);
+            if self.measuring.meter.ticks() == plan.measure_ticks {
+                self.measuring.end(now);
+            }
+        }
+        outcome
+    }
+
+    /// Takes |x| (m) of a tick in which the structure is held, or not yet, or no more.
+    fn is_released(&mut self, plan: &Plan, x_m: f32) -> bool {
+        let hold = &mut self.hold;
+        let is_known = hold.ticks >= plan.hold_ticks;
+        if is_known && x_m < RELEASED * hold.before_m {
+            return true;
+        }
+        let about = if hold.ticks > 0 { hold.latest_m } else { x_m };
+        if x_m >= plan.free.level_m && libm::fabsf(x_m - about) <= STEADY * about {
+            hold.take(x_m, plan.hold_ticks / 2);
+        } else {
+            // Let back or pulled on a little: if that is no release, the hold begins anew.
+            hold.strayed_ticks += 1;
+            if !is_known || hold.strayed_ticks > plan.hold_ticks {
+                *hold = Hold::default();
+            }
+        }
+        false
+    }
+
+    fn evaluate(&mut self, plan: &Plan) -> Outcome {
+        let decay = self.swings.decay;
+        let mut outcome = self.measuring.evaluate(plan.free.index, false, || decay);
+        if let Outcome::Transient(result) = &mut outcome {
+            // The release is found a little after it.
+            result.x_peak_m = result.x_peak_m.max(decay.start_m);
+        }
+        outcome
+    }
+}

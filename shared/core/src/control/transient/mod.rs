@@ -1,0 +1,60 @@
+//! Experiments whose motion is no steady vibration: a [`playback`] of an uploaded record, and a [`free_vibration`].
+
+pub mod free_vibration;
+pub mod playback;
+
+pub use free_vibration::FreeVibration;
+pub use playback::Playback;
+
+use crate::control::experiment::{Now, Outcome};
+use crate::measure::transient::{Decay, TransientMeter};
+use crate::model::{Invalid, require};
+use crate::rig::TICK_HZ;
+
+/// Longest time that one of these experiments may take for a part of it, s: 10⁹ ticks.
+const LONGEST_S: f32 = 1e9 / TICK_HZ;
+
+fn ticks(seconds: f32) -> u32 {
+    // A cast saturates.
+    (seconds * TICK_HZ + 0.5) as u32
+}
+
+fn not_too_long(parameter: &'static str, seconds: f32) -> Result<(), Invalid> {
+    require(seconds <= LONGEST_S, parameter, f64::from(seconds), "at most 10⁹ ticks")
+}
+
+/// Measures from a tick on, and gives the result in the tick after the last: that one has enough to do.
+#[derive(Clone, Copy, Debug, Default)]
+struct Measuring {
+    meter: TransientMeter,
+    start_tick: u32,
+    impacts_before: u32,
+    /// Impacts at the end, once there is one.
+    ended: Option<(u32, u32)>,
+}
+
+impl Measuring {
+    fn from(now: &Now) -> Self {
+        Self { start_tick: now.tick, impacts_before: now.impacts, ..Self::default() }
+    }
+
+    fn end(&mut self, now: &Now) {
+        self.ended = Some((now.tick + 1, now.impacts));
+    }
+
+    fn is_evaluating(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// The result, if the end was in an earlier tick.
+    fn evaluate(&mut self, index: u16, drive_saturated: bool, decay: impl FnOnce() -> Decay) -> Outcome {
+        let Some((end_tick, impacts)) = self.ended.take() else { return Outcome::Running };
+        let mut result = self.meter.result();
+        result.index = index;
+        (result.start_tick, result.end_tick) = (self.start_tick, end_tick);
+        result.impacts = impacts.wrapping_sub(self.impacts_before);
+        result.drive_saturated = drive_saturated;
+        result.decay = decay();
+        Outcome::Transient(result)
+    }
+}

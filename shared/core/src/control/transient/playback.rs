@@ -1,0 +1,345 @@
+//! Plays an uploaded record as base displacement.
+//!
+//! The record is what the caller lends to every tick: counts of [`Playback::scale_m`] at a sample rate of its own. Between
+//! them the demand is a cubic with continuous velocity (Catmull–Rom, as [`crate::integrator::base`]): a sine of angular
+//! frequency Ω sampled every h is met to (Ωh)³/50 of its amplitude, and the counts round to half of one. Before its first
+//! sample and after its last the record is zero, and playing begins two samples early and ends two late: so the demand starts
+//! and ends at rest whatever the record holds, and [`Playback::ramp_s`] makes an end gentler that a record has not. The
+//! demand is cut at [`Playback::drive_limit_m`], which counts as saturation.
+//!
+//! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
+
+use super::{Measuring, not_too_long, ticks};
+use crate::control::experiment::{Now, Outcome, Stage};
+use crate::control::limits::Fault;
+use crate::control::rest::{RestWait, Waited};
+use crate::control::safety::Danger;
+use crate::control::stepped_sine::FADE_S;
+use crate::measure::transient::Decay;
+use crate::model::{Invalid, not_negative, positive, require};
+use crate::rig::TICK_HZ;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Most samples of a record: what the controller's buffer of 40 KiB holds.
+pub const MOST_SAMPLES: usize = 20_480;
+
+/// Which record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct RecordId {
+    /// Its length, samples.
+    pub samples: u16,
+    /// CRC-32 (ISO-HDLC) of its samples, each in two bytes, little endian.
+    pub crc32: u32,
+}
+
+/// The playback of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Playback {
+    /// The record; it has to be there, whole, when the experiment starts.
+    pub record: RecordId,
+    /// Samples in a second, Hz; up to the tick rate.
+    pub sample_rate_hz: f32,
+    /// Displacement of one count, m; greater than 0.
+    pub scale_m: f32,
+    /// Time over which the drive rises at the beginning and falls at the end, s; 0 for a record that begins and ends gently.
+    pub ramp_s: f32,
+    /// Time measured after the record's end, s.
+    pub tail_s: f32,
+    /// Largest |demand|, m: beyond it the demand is cut.
+    pub drive_limit_m: f32,
+    /// |x| below which the structure counts as at rest before the record begins, m.
+    pub rest_level_m: f32,
+    /// Place in the whole experiment; the virtual rig's noise and the result go by it.
+    pub index: u16,
+}
+
+/// Slowest sample rate, Hz.
+const SLOWEST_HZ: f32 = 0.1;
+
+impl Playback {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    #[inline(never)]
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let samples = usize::from(self.record.samples);
+        require(
+            (2..=MOST_SAMPLES).contains(&samples),
+            "record.samples",
+            f64::from(self.record.samples),
+            "from 2 to 20480: the controller's record buffer holds 40 KiB",
+        )?;
+        let rate = self.sample_rate_hz;
+        let is_carried = (SLOWEST_HZ..=TICK_HZ).contains(&rate);
+        require(is_carried, "sample_rate_hz", f64::from(rate), "from 0.1 Hz to the tick rate of 1000 Hz")?;
+        positive("scale_m", f64::from(self.scale_m))?;
+        positive("drive_limit_m", f64::from(self.drive_limit_m))?;
+        positive("rest_level_m", f64::from(self.rest_level_m))?;
+        not_negative("ramp_s", f64::from(self.ramp_s))?;
+        not_negative("tail_s", f64::from(self.tail_s))?;
+        not_too_long("tail_s", self.tail_s)?;
+        let longest_s = 0.5 * f32::from(self.record.samples) / rate;
+        require(self.ramp_s <= longest_s, "ramp_s", f64::from(self.ramp_s), "at most half the record")
+    }
+
+    /// Ticks that it takes when the rest is immediate, as on a virtual rig.
+    #[must_use]
+    pub fn expected_ticks(&self) -> u64 {
+        let play_s = (f32::from(self.record.samples) + 3.0) / self.sample_rate_hz;
+        u64::from(ticks(play_s)) + u64::from(ticks(self.tail_s + crate::control::rest::REST_HOLD_S))
+    }
+}
+
+/// A checked playback.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    playback: Playback,
+    /// Samples in a tick, in 2⁻³²; up to 1.
+    increment: u64,
+    /// Change of the ramp's place in a tick.
+    ramp: f32,
+    /// Ticks from the start of playing from which the ramp falls.
+    falls_from: u32,
+    tail_ticks: u32,
+    /// Demand's change in a tick above which the base is meant to move visibly, m.
+    visible_m: f32,
+}
+
+/// Nodes of the spline beyond either end of the record: from the second on it is at rest.
+const MARGIN: u32 = 2;
+
+impl Plan {
+    /// Checks a playback.
+    ///
+    /// # Errors
+    /// Names the first value out of range.
+    #[inline(never)]
+    pub fn new(playback: Playback) -> Result<Self, Invalid> {
+        playback.validate()?;
+        let per_tick = TICK_HZ / playback.sample_rate_hz;
+        // Two roundings of f32: 1.2·10⁻⁷ of the record's length.
+        let increment = (4_294_967_296.0 / per_tick) as u64;
+        let intervals = f32::from(playback.record.samples) + (2 * MARGIN - 1) as f32;
+        let ramp_ticks = ticks(playback.ramp_s);
+        Ok(Self {
+            increment,
+            ramp: if ramp_ticks > 0 { 1.0 / ramp_ticks as f32 } else { 1.0 },
+            falls_from: ((intervals * per_tick) as u32).saturating_sub(ramp_ticks),
+            tail_ticks: ticks(playback.tail_s),
+            visible_m: VISIBLE * playback.drive_limit_m,
+            playback,
+        })
+    }
+
+    /// What was asked for.
+    #[must_use]
+    pub fn playback(&self) -> &Playback {
+        &self.playback
+    }
+}
+
+/// The base is meant to move visibly where the demand changes by more than this share of its limit in a tick: 0.8 mm/s
+/// of 80 mm. Slower parts of a record do not say whether a sensor is frozen.
+const VISIBLE: f32 = 1e-5;
+
+/// So long after a visible change the base still counts as moving: past a turning point, but for less time than makes a
+/// sensor frozen.
+const VISIBLE_TICKS: u32 = (0.25 * TICK_HZ) as u32;
+
+const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
+
+/// A playback in progress. Its [`Plan`] and its record are the caller's: every call wants the same ones.
+#[derive(Clone, Debug)]
+pub struct Runner {
+    stage: Stage,
+    rest: RestWait,
+    put_back: Option<u16>,
+    /// The spline's node before the present place, counted from [`MARGIN`] samples before the record, and the way to the next.
+    node: u32,
+    fraction: u32,
+    played_ticks: u32,
+    tail_left: u32,
+    gain: f32,
+    driving: bool,
+    /// A stop lets the drive fade.
+    fading: bool,
+    last_demand: f32,
+    visible_ticks: u32,
+    saturated: bool,
+    was_saturated: bool,
+    measuring: Measuring,
+}
+
+impl Default for Runner {
+    fn default() -> Self {
+        Self {
+            stage: Stage::Rest,
+            rest: RestWait::default(),
+            put_back: None,
+            node: 0,
+            fraction: 0,
+            played_ticks: 0,
+            tail_left: 0,
+            gain: 0.0,
+            driving: false,
+            fading: false,
+            last_demand: 0.0,
+            visible_ticks: 0,
+            saturated: false,
+            was_saturated: false,
+            measuring: Measuring::default(),
+        }
+    }
+}
+
+impl Runner {
+    /// Where it stands.
+    #[must_use]
+    pub fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// The record is measured and waits for its evaluation.
+    #[must_use]
+    pub fn is_evaluating(&self) -> bool {
+        self.measuring.is_evaluating()
+    }
+
+    /// The demand moves visibly.
+    #[must_use]
+    pub fn is_swinging(&self) -> bool {
+        self.driving && self.visible_ticks > 0
+    }
+
+    /// The drive is on.
+    #[must_use]
+    pub fn is_driving(&self) -> bool {
+        self.driving
+    }
+
+    /// The demand was cut in the last tick.
+    #[must_use]
+    pub fn is_saturated(&self) -> bool {
+        self.saturated
+    }
+
+    /// A simulated plant should be put back to its start in this tick.
+    #[must_use]
+    pub fn wants_plant_put_back(&self) -> Option<u16> {
+        self.put_back
+    }
+
+    /// Lets the drive fade out.
+    pub fn release_drive(&mut self) {
+        self.driving = false;
+        self.fading = true;
+    }
+
+    /// The drive has faded out.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.gain == 0.0 && !self.driving
+    }
+
+    /// The drive for this tick, m, while it fades out after a stop.
+    pub fn fade(&mut self, plan: &Plan, record: &[i16]) -> (f32, Outcome) {
+        let outcome = self.evaluate(plan);
+        (self.drive_m(plan, record), outcome)
+    }
+
+    /// One tick: this tick's readings in, the demanded base displacement (m) out.
+    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now) -> (f32, Outcome) {
+        let mut outcome = self.evaluate(plan);
+        self.put_back = None;
+        if self.stage == Stage::Rest {
+            let (value, limit) = (now.readings.x.peak_m, plan.playback.rest_level_m);
+            match self.rest.tick(value, limit) {
+                Waited::NotYet => {}
+                Waited::Begun => self.put_back = Some(plan.playback.index),
+                Waited::Quiet => self.begin(plan, now),
+                Waited::TimedOut => {
+                    outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
+                }
+            }
+        }
+        let drive = self.drive_m(plan, record);
+        if self.stage == Stage::Dwell && self.driving {
+            self.measuring.meter.push(now.readings, drive);
+            if self.is_over(record) {
+                if self.tail_left == 0 {
+                    self.measuring.end(now);
+                    self.driving = false;
+                    self.gain = 0.0;
+                } else {
+                    self.tail_left -= 1;
+                }
+            }
+        }
+        (drive, outcome)
+    }
+
+    fn begin(&mut self, plan: &Plan, now: &Now) {
+        self.stage = Stage::Dwell;
+        self.driving = true;
+        self.tail_left = plan.tail_ticks;
+        self.measuring = Measuring::from(now);
+    }
+
+    fn is_over(&self, record: &[i16]) -> bool {
+        self.node as usize >= record.len() + (2 * MARGIN - 1) as usize
+    }
+
+    fn evaluate(&mut self, plan: &Plan) -> Outcome {
+        self.measuring.evaluate(plan.playback.index, self.was_saturated, Decay::default)
+    }
+
+    /// The demand at the present place, which moves on.
+    fn drive_m(&mut self, plan: &Plan, record: &[i16]) -> f32 {
+        self.saturated = false;
+        if !self.driving && self.gain == 0.0 {
+            return 0.0;
+        }
+        let falls = self.played_ticks >= plan.falls_from;
+        let step = match (self.fading, falls) {
+            (true, _) => -FADE_PER_TICK,
+            (false, true) if plan.playback.ramp_s > 0.0 => -plan.ramp,
+            _ => plan.ramp,
+        };
+        self.gain = (self.gain + step).clamp(0.0, 1.0);
+        // Without a corner at either end.
+        let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
+        let wanted = ramp * plan.playback.scale_m * self.counts(record);
+        let limit = plan.playback.drive_limit_m;
+        let demand = wanted.min(limit).max(-limit);
+        self.saturated = demand != wanted;
+        self.was_saturated |= self.saturated;
+        self.visible_ticks = if libm::fabsf(demand - self.last_demand) > plan.visible_m {
+            VISIBLE_TICKS
+        } else {
+            self.visible_ticks.saturating_sub(1)
+        };
+        self.last_demand = demand;
+        self.played_ticks = self.played_ticks.saturating_add(1);
+        if !self.is_over(record) {
+            let place = u64::from(self.fraction) + plan.increment;
+            self.fraction = place as u32;
+            self.node += (place >> 32) as u32;
+        }
+        demand
+    }
+
+    /// The spline through the samples at the present place, in counts.
+    fn counts(&self, record: &[i16]) -> f32 {
+        let at = |beside: u32| {
+            let place = self.node.wrapping_add(beside).wrapping_sub(MARGIN + 1);
+            record.get(place as usize).map_or(0.0, |sample| f32::from(*sample))
+        };
+        let (before, start, end, after) = (at(0), at(1), at(2), at(3));
+        let t = self.fraction as f32 * (1.0 / 4_294_967_296.0);
+        let (v0, v1) = (0.5 * (end - before), 0.5 * (after - start));
+        let rise = end - start;
+        start + t * (v0 + t * ((3.0 * rise - 2.0 * v0 - v1) + t * (v0 + v1 - 2.0 * rise)))
+    }
+}

@@ -1,0 +1,188 @@
+//! What is measured of a motion that is no steady vibration: a record played on the base, or a free vibration.
+//!
+//! Peaks and RMS of x, z and x − z, and how well the base did what it was told. The base does it late, by a delay that
+//! depends on shaker and converters; so the error e(t) = z(t) − w(t) to what was wanted is taken at the delay that makes it
+//! smallest. With e against the demand of [`NOMINAL_DELAY_TICKS`] before, z ≈ w − τw′ gives in closed form
+//!
+//! ```text
+//! τ = −Σ e w′ / Σ w′²,      Σ (z − w + τw′)² = Σ e² − (Σ e w′)² / Σ w′²
+//! ```
+//! Sums are [`Sum`]s, so the difference resolves 10⁻³ of the largest |e|; the linear term leaves (Ωτ)²/2 of the amplitude,
+//! 3·10⁻⁵ at 2.5 Hz and half a tick.
+
+use super::sum::Sum;
+use crate::rig::{Readings, TICK_HZ};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Ticks from a demand to the reading that it is compared with before the best delay is sought.
+pub const NOMINAL_DELAY_TICKS: f32 = 2.0;
+
+/// The result of one record, or of one free vibration. Lengths in m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct TransientResult {
+    /// Place in the whole experiment, from 0.
+    pub index: u16,
+    /// Tick of the first measured sample.
+    pub start_tick: u32,
+    /// Tick after the last measured sample.
+    pub end_tick: u32,
+    /// max |x|, m; of every sample.
+    pub x_peak_m: f32,
+    /// RMS of x, m.
+    pub x_rms_m: f32,
+    /// max |z|, m; of every sample.
+    pub z_peak_m: f32,
+    /// RMS of z, m.
+    pub z_rms_m: f32,
+    /// max |x − z|, m; of the ticks' means.
+    pub relative_peak_m: f32,
+    /// RMS of x − z, m.
+    pub relative_rms_m: f32,
+    /// RMS of the demanded displacement, m.
+    pub wanted_rms_m: f32,
+    /// RMS of z less the demand, at the delay that makes it smallest, m.
+    pub base_error_rms_m: f32,
+    /// That delay, from the demand to the reading, s; 0 where nothing was demanded.
+    pub base_delay_s: f32,
+    /// The demand was cut at its limit.
+    pub drive_saturated: bool,
+    /// Measured impacts on both walls.
+    pub impacts: u32,
+    /// How a free vibration decayed; zeros of a record.
+    pub decay: Decay,
+}
+
+/// The decay of a free vibration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Decay {
+    /// |x| when it was released, m.
+    pub start_m: f32,
+    /// max |x| after `cycles` whole cycles, on the side where it began, m.
+    pub end_m: f32,
+    /// Whole cycles between both: those asked for, or as many as there were before |x| was a hundredth of its start.
+    pub cycles: u16,
+    /// Length of these cycles, s; 0 without one.
+    pub span_s: f32,
+}
+
+/// Measures, a tick at a time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TransientMeter {
+    x: Sum,
+    z: Sum,
+    relative: Sum,
+    error: Sum,
+    error_rate: Sum,
+    rate: Sum,
+    wanted: Sum,
+    x_peak: f32,
+    z_peak: f32,
+    relative_peak: f32,
+    /// The demands of this tick and the three before, newest first.
+    demands: [f32; 4],
+    ticks: u32,
+}
+
+impl TransientMeter {
+    /// Takes one tick's readings, and the displacement demanded in it, m.
+    #[inline]
+    pub fn push(&mut self, readings: &Readings, demand_m: f32) {
+        let (x, z) = (readings.x.mean_m, readings.z.mean_m);
+        self.demands = [demand_m, self.demands[0], self.demands[1], self.demands[2]];
+        let [_, after, then, before] = self.demands;
+        let rate = 0.5 * (after - before);
+        let (error, relative) = (z - then, x - z);
+        self.x.push(x * x);
+        self.z.push(z * z);
+        self.relative.push(relative * relative);
+        self.error.push(error * error);
+        self.error_rate.push(error * rate);
+        self.rate.push(rate * rate);
+        self.wanted.push(then * then);
+        self.x_peak = readings.x.peak_m.max(self.x_peak);
+        self.z_peak = readings.z.peak_m.max(self.z_peak);
+        self.relative_peak = libm::fabsf(relative).max(self.relative_peak);
+        self.ticks += 1;
+    }
+
+    /// Ticks taken.
+    #[must_use]
+    pub fn ticks(&self) -> u32 {
+        self.ticks
+    }
+
+    /// The figures; place, time, impacts and decay are the caller's.
+    #[must_use]
+    #[inline(never)]
+    pub fn result(&self) -> TransientResult {
+        let per_tick = 1.0 / self.ticks.max(1) as f32;
+        let rms = |sum: f32| libm::sqrtf(sum * per_tick);
+        let (rate, along) = (self.rate.value(), self.error_rate.value());
+        let late = if rate > 0.0 { -along / rate } else { 0.0 };
+        // Rounding can take an error of nothing below zero.
+        let error = (self.error.value() + late * along).max(0.0);
+        let delay = if rate > 0.0 { (NOMINAL_DELAY_TICKS + late) * (1.0 / TICK_HZ) } else { 0.0 };
+        TransientResult {
+            x_peak_m: self.x_peak,
+            x_rms_m: rms(self.x.value()),
+            z_peak_m: self.z_peak,
+            z_rms_m: rms(self.z.value()),
+            relative_peak_m: self.relative_peak,
+            relative_rms_m: rms(self.relative.value()),
+            wanted_rms_m: rms(self.wanted.value()),
+            base_error_rms_m: rms(error),
+            base_delay_s: delay,
+            ..TransientResult::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::{Reading, SUBSAMPLES};
+
+    fn reading(value: f32) -> Reading {
+        Reading::of(&[value; SUBSAMPLES])
+    }
+
+    fn measured(late_ticks: f64, distortion: f32) -> TransientResult {
+        let mut meter = TransientMeter::default();
+        let wave = |tick: f64| libm::sin(core::f64::consts::TAU * 2.5e-3 * tick.max(0.0)) as f32;
+        for tick in 0..4000u16 {
+            let z = wave(f64::from(tick) - late_ticks);
+            let other = distortion * libm::sin(core::f64::consts::TAU * 10e-3 * f64::from(tick)) as f32;
+            let readings = Readings { x: reading(3.0 * z), z: reading(z + other), spring_n: 0.0 };
+            meter.push(&readings, wave(f64::from(tick)));
+        }
+        meter.result()
+    }
+
+    #[test]
+    fn the_figures_of_sines_are_their_closed_forms() {
+        let result = measured(2.0, 0.0);
+        for (value, expected) in
+            [(result.x_rms_m, 3.0), (result.z_rms_m, 1.0), (result.relative_rms_m, 2.0), (result.wanted_rms_m, 1.0)]
+        {
+            assert!((value * core::f32::consts::SQRT_2 / expected - 1.0).abs() < 1e-3, "{value} for {expected}/√2");
+        }
+        assert!((result.x_peak_m - 3.0).abs() < 1e-3 && (result.relative_peak_m - 2.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_delay_is_found_and_is_no_error() {
+        for late in [1.0, 1.6, 2.0, 2.45, 3.2] {
+            let result = measured(late, 0.0);
+            assert!((f64::from(result.base_delay_s) * 1e3 - late).abs() < 2e-2, "{late}: {}", result.base_delay_s);
+            // (Ωτ)²/2 of the linear term with |τ| up to 1.2 ticks, and the first ticks.
+            assert!(result.base_error_rms_m < 7e-4, "{late}: {}", result.base_error_rms_m);
+        }
+    }
+
+    #[test]
+    fn what_the_base_adds_is_the_error() {
+        let result = measured(2.45, 0.02);
+        assert!((result.base_error_rms_m / (0.02 / core::f32::consts::SQRT_2) - 1.0).abs() < 5e-3);
+    }
+}
