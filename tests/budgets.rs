@@ -22,6 +22,7 @@ fn check(image: &str, what: &str, measured: u64) {
 fn the_controller_image_keeps_its_flash_budget() {
     let Some(image) = find("nucleo-g474re") else { return };
     check("nucleo-g474re", "flash_bytes", size(&image).flash_bytes);
+    check("nucleo-g474re", "record_buffer_bytes", size(&image).record_buffer_bytes);
 }
 
 #[test]

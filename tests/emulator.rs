@@ -79,6 +79,7 @@ fn hybrid() -> PlantConfig {
     });
     set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
     PlantConfig {
+        structure_start_m: 0.0,
         particle_start_m: 0.001,
         walls: Some(WallSensors::default()),
         // Close to the switch and the structure, so that little time passes before the experiment.

@@ -14,6 +14,7 @@ mod unix {
     use damprig_device::orders::Order;
     use damprig_device::outbox::Batch;
     use damprig_device::simulated::{Progress, Simulated};
+    use damprig_device::store::Store;
     use damprig_protocol::frame::{self, LONGEST, Reader};
     use damprig_protocol::{Ask, FromDevice, ToDevice};
     use predicates::prelude::*;
@@ -129,6 +130,7 @@ mod unix {
             let (mut stream, _) = listener.accept().expect("a connection");
             stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
             let mut control = Control::new(Name::new("0.0.0", "real"), Birth::default());
+            let mut store = Store::new();
             let (mut intake, mut lanes, mut sensors) = (Intake::default(), Waiting::default(), Sensors::default());
             let (begun, mut ticks, mut bytes) = (Instant::now(), 0.0, [0; 4096]);
             loop {
@@ -137,14 +139,15 @@ mod unix {
                     Ok(count) => {
                         for &byte in &bytes[..count] {
                             if let Some(ToDevice::Request(request)) = intake.push(byte) {
-                                control.serve(&mut Order::prepare(request), &mut RealPlant, &mut lanes);
+                                let mut order = Order::prepare(request);
+                                control.serve(&mut order, &mut RealPlant, &mut store, &mut lanes);
                             }
                         }
                     }
                     Err(_) => {}
                 }
                 while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
-                    let drive_m = control.tick(&sensors, &mut lanes).drive_m;
+                    let drive_m = control.tick(&sensors, &mut store, &mut lanes).drive_m;
                     sensors.readings.x = Reading::still(2.0 * drive_m);
                     sensors.readings.z = Reading::still(drive_m);
                     ticks += 1.0;

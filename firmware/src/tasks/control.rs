@@ -3,12 +3,17 @@
 //! Runs above every other task and never waits for one.
 
 use damprig_device::control::{Birth, Control, Name, RealPlant};
+use damprig_device::store::Store;
 use damprig_protocol::{CALLS_TOLD, CrashCause};
+use static_cell::ConstStaticCell;
 
 use crate::board::nucleo_g474re::{self, Bench};
 use crate::crash;
 use crate::tasks::alive;
 use crate::tasks::lanes::{BAD_FRAMES, OrdersOut, Outgoing, REQUESTS_DROPPED, ROWS, counted};
+
+/// The record buffer: `budgets.toml` declares it apart from the other static memory.
+static RECORD_STORE: ConstStaticCell<Store> = ConstStaticCell::new(Store::new());
 
 /// Owns the rig.
 #[embassy_executor::task]
@@ -19,6 +24,7 @@ pub async fn run(mut bench: Bench, birth: Birth, mut orders: OrdersOut) -> ! {
         ..Name::new(env!("CARGO_PKG_VERSION"), nucleo_g474re::NAME)
     };
     let mut control = Control::new(name, birth);
+    let store = RECORD_STORE.take();
     let mut line = alive::Watch::default();
     bench.start();
     loop {
@@ -27,14 +33,14 @@ pub async fn run(mut bench: Bench, birth: Birth, mut orders: OrdersOut) -> ! {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
             control.note_timing(bench.timing());
             let starts = order.is_start();
-            control.serve(order, &mut RealPlant, &mut Outgoing);
+            control.serve(order, &mut RealPlant, store, &mut Outgoing);
             orders.receive_done();
             if starts && control.next_tick() == 0 {
                 // Rows of the old count of ticks would follow the reply.
                 ROWS.clear();
             }
         }
-        let actuators = control.tick(&sensors, &mut Outgoing);
+        let actuators = control.tick(&sensors, store, &mut Outgoing);
         bench.set(&actuators);
         crash::note_tick(control.next_tick());
         // A tick that does not come here, and a line whose tasks do not run, let the watchdog bite.

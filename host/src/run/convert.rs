@@ -87,6 +87,7 @@ pub(super) fn label(set_up: &CampaignSetUp, experiment: &SteppedSine, segment: u
 pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp) -> PlantConfig {
     PlantConfig {
         set_up: set_up.model(),
+        structure_start_m: 0.0,
         particle_start_m: set_up.particle_start_m(),
         base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
         sensors: SensorModel {

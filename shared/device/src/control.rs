@@ -1,8 +1,9 @@
 //! The tick task's whole work: orders to the rig, one tick, and what comes out of it.
 
 use crate::orders::{Order, Selection, Work};
+use crate::store::Store;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, State, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_protocol::{
     Answer, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS, PlantKind,
     Refused, Reset, SCHEMA, Signal, Timing, VERSION, clipped,
@@ -176,13 +177,13 @@ impl Control {
     }
 
     /// Takes one order: answers it. What is left in its place has been served.
-    pub fn serve(&mut self, order: &mut Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    pub fn serve(&mut self, order: &mut Order, bench: &mut impl Bench, store: &mut Store, lanes: &mut impl Lanes) {
         self.hear();
         if order.at_tick.is_some_and(|at| at > self.next_tick()) {
             self.refuse(order.seq, Refusal::NotHere("only a simulated board lets a request wait for its tick"), lanes);
             return;
         }
-        self.carry_out(order, bench, lanes);
+        self.carry_out(order, bench, store, lanes);
     }
 
     /// Something was heard of the host.
@@ -197,7 +198,7 @@ impl Control {
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
     /// have been lost, nor one before it, of which a copy was late on the way.
-    fn carry_out(&mut self, order: &mut Order, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    fn carry_out(&mut self, order: &mut Order, bench: &mut impl Bench, store: &mut Store, lanes: &mut impl Lanes) {
         // Not by `==`: comparing whole questions costs 3.5 KB of flash.
         if matches!(order.work, Work::Identify) {
             // A conversation begins, and counts its requests anew.
@@ -208,12 +209,13 @@ impl Control {
         // Questions have no effect: a repetition is answered afresh.
         let is_question = order.work.is_question();
         let answer = if repeated && is_last && !is_question {
-            self.last_refused.clone().map_or(Ok(Answer::Done), Err)
+            let done = if order.work.is_upload() { Answer::Upload(store.progress()) } else { Answer::Done };
+            self.last_refused.clone().map_or(Ok(done), Err)
         } else if repeated && !is_question {
             // Nobody waits for this answer any more.
             Ok(Answer::Done)
         } else {
-            self.answer(&mut order.work, bench)
+            self.answer(&mut order.work, bench, store)
         };
         if !repeated {
             if self.served.is_full() {
@@ -230,7 +232,7 @@ impl Control {
         self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
     }
 
-    fn answer(&mut self, work: &mut Work, bench: &mut impl Bench) -> Result<Answer, Refused> {
+    fn answer(&mut self, work: &mut Work, bench: &mut impl Bench, store: &mut Store) -> Result<Answer, Refused> {
         match work {
             Work::Identify => Ok(Answer::Identity(self.identity())),
             Work::Describe => Ok(Answer::Description(self.describe(bench))),
@@ -241,6 +243,20 @@ impl Control {
                 None => Err(Refusal::NotHere("that result is not kept (any more)").into()),
             },
             Work::Snippet { from } => self.snippet(*from),
+            Work::Transient => match self.rig.transient() {
+                Some(result) => Ok(Answer::Transient(*result)),
+                None => Err(Refusal::NotHere("there is no such result since the last start").into()),
+            },
+            Work::BeginUpload { bytes, crc32 } => {
+                self.rig.must_be_idle()?;
+                store.begin(*bytes, *crc32);
+                Ok(Answer::Upload(store.progress()))
+            }
+            Work::UploadChunk { offset, data } => {
+                self.rig.must_be_idle()?;
+                store.take(*offset, data)?;
+                Ok(Answer::Upload(store.progress()))
+            }
             Work::SetTelemetry(selection) => {
                 self.selection.clone_from(selection);
                 Ok(Answer::Done)
@@ -253,6 +269,9 @@ impl Control {
             Work::Command(command) => {
                 if matches!(command, Command::Start) {
                     self.rig.could_start()?;
+                    if self.rig.wanted_record().is_some_and(|wanted| !store.holds(&wanted)) {
+                        return Err(Refusal::NotHere("upload the record that this playback names first").into());
+                    }
                     bench.restart()?;
                     self.rows_dropped_before_start = self.counters.rows_dropped;
                 }
@@ -304,10 +323,13 @@ impl Control {
         }
     }
 
-    /// One tick of the rig.
-    pub fn tick(&mut self, sensors: &Sensors, lanes: &mut impl Lanes) -> Actuators {
+    /// One tick of the rig, to which the store lends its record.
+    pub fn tick(&mut self, sensors: &Sensors, store: &mut Store, lanes: &mut impl Lanes) -> Actuators {
         let tick = self.next_tick();
-        let (actuators, event) = self.rig.tick(sensors);
+        if self.rig.state() == State::Idle {
+            store.check();
+        }
+        let (actuators, event) = self.rig.tick(sensors, store.record());
         let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
         let every_ticks = self.selection.every_ticks;
         if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
@@ -340,6 +362,7 @@ impl Control {
                 rows_dropped: self.counters.rows_dropped - self.rows_dropped_before_start,
             },
             Event::Spring(happening) => Happening::Spring(happening),
+            Event::Transient(result) => Happening::Transient(result),
             Event::Impact(record) => return self.selection.impacts.then_some(Happening::Impact(record)),
         })
     }

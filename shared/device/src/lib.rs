@@ -6,6 +6,7 @@
 //! * [`intake`] turns received bytes into requests and counts what is none,
 //! * [`orders`] checks what a request carries and makes what it asks for, where there is time for it,
 //! * [`control`] owns the rig: one order at most per tick, one tick, replies, events and telemetry rows out,
+//! * [`store`] keeps the record that a host uploads, and lends it to the tick,
 //! * [`outbox`] turns those into frames, replies first, at the pace of the line,
 //! * [`crash`] is what is left of a run of the firmware that ended,
 //! * [`simulated`] is a whole board without pins: the three parts around a simulated plant, under the host's tick
@@ -23,6 +24,7 @@ pub mod intake;
 pub mod orders;
 pub mod outbox;
 pub mod simulated;
+pub mod store;
 
 /// Telemetry rows waiting for the line, at most.
 ///

@@ -7,11 +7,13 @@ use damprig_core::control::experiment::Experiment;
 use damprig_core::control::friction_spring::FrictionSpring;
 use damprig_core::control::safety::Safety;
 use damprig_core::control::stepped_sine::Plan;
+use damprig_core::control::transient::{free_vibration, playback};
 use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
 use damprig_core::twin::TwinPlan;
+use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES};
 use damprig_protocol::{Ask, MOST_SIGNALS, Request};
 use heapless::Vec;
 
@@ -68,6 +70,22 @@ pub enum Work {
         /// The first sample wanted.
         from: u16,
     },
+    /// The result of the last record or free vibration.
+    Transient,
+    /// A record comes.
+    BeginUpload {
+        /// Its length.
+        bytes: u32,
+        /// Its checksum.
+        crc32: u32,
+    },
+    /// A part of it.
+    UploadChunk {
+        /// Its place.
+        offset: u32,
+        /// The bytes.
+        data: Vec<u8, CHUNK_BYTES>,
+    },
     /// What to send.
     SetTelemetry(Selection),
     /// A simulated plant.
@@ -122,6 +140,15 @@ impl Work {
             Ask::ClearFault => Command::ClearFault,
             Ask::Spring(command) => Command::Spring(command),
             Ask::ArmSnippet => Command::ArmSnippet,
+            Ask::Transient => return Ok(Self::Transient),
+            Ask::BeginUpload { bytes, crc32 } => return begin_upload(bytes, crc32),
+            Ask::UploadChunk { offset, data } => return chunk(offset, data),
+            Ask::ConfigurePlayback(playback) => {
+                Command::Configure(Some(Experiment::Playback(playback::Plan::new(playback)?)))
+            }
+            Ask::ConfigureFreeVibration(free) => {
+                Command::Configure(Some(Experiment::FreeVibration(free_vibration::Plan::new(free)?)))
+            }
         }))
     }
 
@@ -135,8 +162,33 @@ impl Work {
                 | Self::Signals { .. }
                 | Self::Result { .. }
                 | Self::Snippet { .. }
+                | Self::Transient
         )
     }
+
+    /// It is part of an upload: a repetition is answered with how far that has come.
+    pub(crate) fn is_upload(&self) -> bool {
+        matches!(self, Self::BeginUpload { .. } | Self::UploadChunk { .. })
+    }
+}
+
+fn begin_upload(bytes: u32, crc32: u32) -> Result<Work, Invalid> {
+    if bytes == 0 || bytes > MOST_BYTES || !bytes.is_multiple_of(2) {
+        let allowed = "an even number from 2 to 40960: the record buffer holds 20480 samples of two bytes";
+        return Err(Invalid { parameter: "upload.bytes", value: f64::from(bytes), allowed });
+    }
+    Ok(Work::BeginUpload { bytes, crc32 })
+}
+
+fn chunk(offset: u32, data: Vec<u8, CHUNK_BYTES>) -> Result<Work, Invalid> {
+    let refuse = |parameter, value| Err(Invalid { parameter, value, allowed: "even: a sample has two bytes" });
+    if !offset.is_multiple_of(2) {
+        return refuse("upload.offset", f64::from(offset));
+    }
+    if !data.len().is_multiple_of(2) {
+        return refuse("upload.data", data.len() as f64);
+    }
+    Ok(Work::UploadChunk { offset, data })
 }
 
 fn select(every_ticks: u16, signals: Vec<u8, MOST_SIGNALS>, impacts: bool) -> Result<Selection, Invalid> {

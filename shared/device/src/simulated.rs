@@ -8,6 +8,7 @@ use crate::control::{Bench, Birth, Control, Lanes, Name, Row};
 use crate::intake::Intake;
 use crate::orders::Order;
 use crate::outbox::{Batch, Pace};
+use crate::store::Store;
 use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
 use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, State};
@@ -128,6 +129,7 @@ pub enum Progress {
 pub struct Simulated<S> {
     control: Control,
     bench: SimulatedBench<S>,
+    store: Store,
     intake: Intake,
     orders: Slots,
     /// An order that waits for its tick.
@@ -148,6 +150,7 @@ impl<S: PlantScalar> Simulated<S> {
         Self {
             control: Control::new(name, Birth::default()),
             bench: SimulatedBench { plant: None, restarts: false },
+            store: Store::new(),
             intake: Intake::default(),
             orders: Slots::default(),
             scheduled: None,
@@ -215,7 +218,7 @@ impl<S: PlantScalar> Simulated<S> {
             let mut actuators = Actuators::default();
             watch(&mut || {
                 self.serve_next();
-                actuators = self.control.tick(&self.sensors, &mut self.waiting);
+                actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting);
             });
             self.bench.settle();
             if let Some(plant) = &mut self.bench.plant {
@@ -263,7 +266,7 @@ impl<S: PlantScalar> Simulated<S> {
         if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
             && let Some(mut order) = self.scheduled.take()
         {
-            self.control.serve(&mut order, &mut self.bench, &mut self.waiting);
+            self.control.serve(&mut order, &mut self.bench, &mut self.store, &mut self.waiting);
         }
         let place = self.orders.front();
         let Some(order) = place else { return false };
@@ -282,7 +285,7 @@ impl<S: PlantScalar> Simulated<S> {
             return true;
         }
         let starts = order.is_start() && self.control.rig().state() == State::Idle;
-        self.control.serve(order, &mut self.bench, &mut self.waiting);
+        self.control.serve(order, &mut self.bench, &mut self.store, &mut self.waiting);
         self.orders.drop_front();
         if starts && self.control.rig().state() != State::Idle {
             // A new count of ticks: credit of the old one means nothing, nor does an order for a tick of it.

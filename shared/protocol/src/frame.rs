@@ -13,9 +13,9 @@ pub const LONGEST: usize = LONGEST_BODY + CHECKSUM + (LONGEST_BODY + CHECKSUM).d
 
 /// A controller has better uses for the table's 1 KiB of flash: its line is slow.
 #[cfg(target_os = "none")]
-type Table = crc::NoTable;
+pub(crate) type Table = crc::NoTable;
 #[cfg(not(target_os = "none"))]
-type Table = crc::Table<1>;
+pub(crate) type Table = crc::Table<1>;
 
 const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 

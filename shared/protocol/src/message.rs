@@ -4,8 +4,10 @@ use damprig_core::control::friction_spring::{self as spring, SpringCommand, Spri
 use damprig_core::control::limits::Fault;
 use damprig_core::control::safety::SafetyConfig;
 use damprig_core::control::stepped_sine::SteppedSine;
+use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactRecord};
 use damprig_core::measure::point::PointResult;
+use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Refusal, State, Status};
@@ -13,6 +15,8 @@ use damprig_core::twin::TwinConfig;
 use heapless::{String, Vec};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+
+use crate::upload::{CHUNK_BYTES, Progress};
 
 /// Most telemetry signals in a row.
 pub const MOST_SIGNALS: usize = 16;
@@ -109,6 +113,26 @@ pub enum Ask {
         /// The first sample wanted.
         from: u16,
     },
+    /// Make room for an upload, or go on with exactly this one. Idle only.
+    BeginUpload {
+        /// Its length: even, at most [`crate::upload::MOST_BYTES`].
+        bytes: u32,
+        /// Its [`crate::upload::checksum`].
+        crc32: u32,
+    },
+    /// A part of the upload that was begun last. Idle only.
+    UploadChunk {
+        /// Its place, even; taken only where it goes on with what is there.
+        offset: u32,
+        /// An even number of bytes; none to ask how far the upload has come.
+        data: Vec<u8, CHUNK_BYTES>,
+    },
+    /// Set a playback of the uploaded record as the experiment.
+    ConfigurePlayback(Playback),
+    /// Set a free vibration as the experiment.
+    ConfigureFreeVibration(FreeVibration),
+    /// The result of the last record or free vibration, if it did not arrive.
+    Transient,
 }
 
 /// From the device.
@@ -172,6 +196,10 @@ pub enum Answer {
         /// Counts from there on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
     },
+    /// To [`Ask::BeginUpload`] and [`Ask::UploadChunk`].
+    Upload(Progress),
+    /// To [`Ask::Transient`].
+    Transient(TransientResult),
 }
 
 /// Who a device is. Its layout never changes.
@@ -391,6 +419,8 @@ pub enum Happening {
     Spring(spring::Happening),
     /// The particle hit a wall.
     Impact(ImpactRecord),
+    /// A record or a free vibration is complete.
+    Transient(TransientResult),
 }
 
 /// Why a request was not carried out.

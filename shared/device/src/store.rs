@@ -1,0 +1,229 @@
+//! Keeps the record that a host uploads, outside the rig; a playback is lent it.
+//!
+//! Bytes are taken only in their order. The checksum of the whole is reckoned while they come, [`CHECKED_PER_TICK`] samples
+//! in a tick of an idle rig: 2.6 s for the longest record, about as long as it takes on the line. What is begun stays until
+//! another upload is begun, whatever becomes of the host.
+
+use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
+use damprig_core::rig::Refusal;
+use damprig_protocol::upload::{MOST_BYTES, Progress, UploadStage, checksum};
+
+/// Samples whose bytes go into the checksum in a tick.
+const CHECKED_PER_TICK: u32 = 8;
+
+const _: () = assert!(MOST_SAMPLES as u32 * 2 == MOST_BYTES);
+
+/// The record, or as much of it as is there. All zeros when new: it lies in memory that nobody has to fill.
+#[derive(Debug)]
+pub struct Store {
+    samples: [i16; MOST_SAMPLES],
+    /// Length and checksum of what was begun; 0 samples for nothing.
+    wanted: u32,
+    crc32: u32,
+    there: u32,
+    checked: u32,
+    running: u32,
+    damaged: bool,
+}
+
+impl Default for Store {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Store {
+    /// Without a record.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { samples: [0; MOST_SAMPLES], wanted: 0, crc32: 0, there: 0, checked: 0, running: 0, damaged: false }
+    }
+
+    /// Goes on with this upload (an even number of bytes that the buffer holds, and its checksum), or begins it.
+    pub fn begin(&mut self, bytes: u32, crc32: u32) {
+        let samples = bytes / 2;
+        if (samples, crc32) != (self.wanted, self.crc32) || self.damaged {
+            (self.wanted, self.crc32) = (samples, crc32);
+            self.drop_all();
+            self.damaged = false;
+        }
+    }
+
+    fn drop_all(&mut self) {
+        (self.there, self.checked, self.running) = (0, 0, 0);
+    }
+
+    /// Takes the bytes if they go on with what is there; otherwise nothing changes.
+    ///
+    /// # Errors
+    /// No upload was begun, or the bytes go beyond its end.
+    pub fn take(&mut self, offset: u32, data: &[u8]) -> Result<(), Refusal> {
+        if self.wanted == 0 {
+            return Err(Refusal::NotHere("no upload was begun (or the board was reset): begin it"));
+        }
+        let length = (data.len() / 2) as u32;
+        let end = (offset / 2).saturating_add(length);
+        if end > self.wanted {
+            return Err(Refusal::NotHere("the chunk goes beyond the end of its upload"));
+        }
+        if offset / 2 == self.there && !self.damaged {
+            let free = self.samples.get_mut(self.there as usize..end as usize).unwrap_or_default();
+            for (sample, bytes) in free.iter_mut().zip(data.as_chunks::<2>().0) {
+                *sample = i16::from_le_bytes(*bytes);
+            }
+            self.there = end;
+        }
+        Ok(())
+    }
+
+    /// How far the upload has come.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        let stage = if self.damaged {
+            UploadStage::Damaged
+        } else if self.there < self.wanted || self.wanted == 0 {
+            UploadStage::Receiving
+        } else if self.checked < self.wanted {
+            UploadStage::Checking
+        } else {
+            UploadStage::Whole
+        };
+        Progress { there: 2 * self.there, stage }
+    }
+
+    /// Once a tick of an idle rig: looks at some more samples.
+    pub fn check(&mut self) {
+        if self.checked >= self.there {
+            return;
+        }
+        let end = self.there.min(self.checked + CHECKED_PER_TICK);
+        let samples = self.samples.get(self.checked as usize..end as usize).unwrap_or_default();
+        let mut bytes = [0; 2 * CHECKED_PER_TICK as usize];
+        for (bytes, sample) in bytes.as_chunks_mut::<2>().0.iter_mut().zip(samples) {
+            *bytes = sample.to_le_bytes();
+        }
+        self.running = checksum(self.running, bytes.get(..2 * samples.len()).unwrap_or_default());
+        self.checked = end;
+        if self.checked == self.wanted && self.running != self.crc32 {
+            self.drop_all();
+            self.damaged = true;
+        }
+    }
+
+    /// This record is there, whole.
+    #[must_use]
+    pub fn holds(&self, wanted: &RecordId) -> bool {
+        self.is_whole() && (u32::from(wanted.samples), wanted.crc32) == (self.wanted, self.crc32)
+    }
+
+    fn is_whole(&self) -> bool {
+        self.wanted > 0 && self.checked == self.wanted
+    }
+
+    /// The record that is there; empty unless it is whole.
+    #[must_use]
+    pub fn record(&self) -> &[i16] {
+        let length = if self.is_whole() { self.wanted as usize } else { 0 };
+        self.samples.get(..length).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    extern crate std;
+    use std::vec::Vec;
+
+    fn record(samples: usize, seed: u32) -> Vec<u8> {
+        let mut state = seed;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        (0..2 * samples).map(|_| next()).collect()
+    }
+
+    fn settle(store: &mut Store) -> UploadStage {
+        (0..MOST_SAMPLES).for_each(|_| store.check());
+        store.progress().stage
+    }
+
+    fn send(store: &mut Store, bytes: &[u8]) {
+        let from = store.progress().there as usize;
+        for (n, chunk) in bytes[from..].chunks(128).enumerate() {
+            store.take((from + n * 128) as u32, chunk).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_record_that_came_in_chunks_is_lent_once_its_checksum_is_right() {
+        for samples in [1, 7, 64, 65, MOST_SAMPLES] {
+            let (mut store, bytes) = (Store::new(), record(samples, 5));
+            let id = RecordId { samples: samples as u16, crc32: checksum(0, &bytes) };
+            store.begin(bytes.len() as u32, id.crc32);
+            send(&mut store, &bytes);
+            assert_eq!(store.progress(), Progress { there: bytes.len() as u32, stage: UploadStage::Checking });
+            assert!(!store.holds(&id) && store.record().is_empty());
+            assert_eq!(settle(&mut store), UploadStage::Whole);
+            let lent: Vec<u8> = store.record().iter().flat_map(|s| s.to_le_bytes()).collect();
+            assert!(store.holds(&id) && lent == bytes);
+            assert!(!store.holds(&RecordId { crc32: id.crc32 ^ 1, ..id }));
+        }
+    }
+
+    #[test]
+    fn a_chunk_out_of_its_order_changes_nothing_and_a_repeated_one_is_harmless() {
+        let (mut store, bytes) = (Store::new(), record(300, 9));
+        store.begin(600, checksum(0, &bytes));
+        store.take(0, &bytes[..128]).unwrap();
+        for (offset, data) in [(256, &bytes[256..384]), (0, &bytes[..128]), (64, &bytes[64..192])] {
+            store.take(offset, data).unwrap();
+            assert_eq!(store.progress().there, 128, "at {offset}");
+        }
+        send(&mut store, &bytes);
+        assert_eq!(settle(&mut store), UploadStage::Whole);
+    }
+
+    #[test]
+    fn an_upload_goes_on_where_it_was_left_and_another_one_begins_anew() {
+        let (mut store, bytes, other) = (Store::new(), record(300, 9), record(300, 10));
+        store.begin(600, checksum(0, &bytes));
+        store.take(0, &bytes[..128]).unwrap();
+        store.check();
+        store.begin(600, checksum(0, &bytes));
+        assert_eq!(store.progress().there, 128);
+        store.begin(600, checksum(0, &other));
+        assert_eq!(store.progress().there, 0);
+        send(&mut store, &other);
+        assert_eq!(settle(&mut store), UploadStage::Whole);
+        store.begin(600, checksum(0, &other));
+        assert_eq!(store.progress().stage, UploadStage::Whole, "what is there need not come again");
+    }
+
+    #[test]
+    fn a_record_that_is_not_what_its_checksum_says_is_dropped_and_can_come_again() {
+        let (mut store, bytes) = (Store::new(), record(300, 9));
+        let crc32 = checksum(0, &bytes);
+        let mut wrong = bytes.clone();
+        wrong[333] ^= 4;
+        store.begin(600, crc32);
+        send(&mut store, &wrong);
+        assert_eq!(settle(&mut store), UploadStage::Damaged);
+        assert!(store.record().is_empty());
+        store.take(0, &bytes[..128]).unwrap();
+        assert_eq!(store.progress().there, 0, "not without a new beginning");
+        store.begin(600, crc32);
+        send(&mut store, &bytes);
+        assert_eq!(settle(&mut store), UploadStage::Whole);
+    }
+
+    #[test]
+    fn bytes_without_a_beginning_or_beyond_the_end_are_refused() {
+        let mut store = Store::new();
+        assert!(matches!(store.take(0, &[0; 4]), Err(Refusal::NotHere(why)) if why.contains("begin")));
+        store.begin(6, 1);
+        assert!(matches!(store.take(0, &[0; 8]), Err(Refusal::NotHere(why)) if why.contains("beyond")));
+        assert!(store.take(u32::MAX - 1, &[0; 2]).is_err());
+    }
+}
