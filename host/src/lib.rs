@@ -16,6 +16,7 @@ pub mod run;
 pub mod runs;
 pub mod session;
 pub mod simulation;
+mod upload;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -1,10 +1,13 @@
-//! Before anything moves: how far each set-up will swing, and whether the sensors can follow.
+//! Before anything moves: how far each set-up will swing, and whether the sensors can follow. Records, pulses and free
+//! vibrations are [`transient`]'s.
 //!
 //! Each set-up is simulated through the campaign's own points with the sampled driver in `f64`, the base
 //! motion given as cubics that meet the sine's displacement and velocity at the ends of every step. A cubic
 //! over a step h misses a sine of angular frequency Ω by at most (Ωh)⁴/384 of its amplitude; with at least
 //! 64 steps in a period that is 2.5·10⁻⁷. The largest |x| is looked for at the steps: a sine's peak is missed by at
 //! most 1 − cos(π/64) = 0.12 %, within the 2 % that are kept free ([`USABLE`]).
+
+pub mod transient;
 
 use std::f64::consts::TAU;
 
@@ -13,6 +16,7 @@ use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled, Units};
 use damprig_core::model::{Initial, Invalid};
 use rayon::prelude::*;
 
+use crate::campaign::transient::two_digits_down;
 use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 
@@ -41,12 +45,12 @@ const STEPS_PER_PERIOD: f64 = 64.0;
 /// what the model does not know.
 pub const USABLE: f64 = 0.98;
 
-/// Predicts every set-up that an experiment uses, in the order of the campaign.
+/// Predicts every set-up that a stepped sine uses, in the order of the campaign.
 ///
 /// # Errors
 /// A parameter that the simulation cannot take, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
-    let used = |i: &usize| campaign.experiments.iter().any(|e| e.set_ups.contains(i));
+    let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
     let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
     let predictions: Result<Vec<Prediction>, Refusal> = indices
         .into_par_iter()
@@ -112,17 +116,11 @@ fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> 
     None
 }
 
-fn two_digits_down(value: f64) -> f64 {
-    let exponent = value.log10().floor() as i32 - 1;
-    let digits = (value / 10f64.powi(exponent) * (1.0 + 1e-12)).floor();
-    // Through text, so that the person reads 0.00018 and not its binary neighbour.
-    format!("{digits}e{exponent}").parse().unwrap_or(value)
-}
-
 fn swing(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<Swing, Invalid> {
     let mut largest = Swing { max_x_m: 0.0, frequency_hz: 0.0 };
     for experiment in campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up)) {
-        let swing = simulate(&campaign.set_ups[set_up], experiment, base_amplitude_m)?;
+        let Some(sine) = experiment.stepped_sine() else { continue };
+        let swing = simulate(&campaign.set_ups[set_up], sine, base_amplitude_m)?;
         if swing.max_x_m > largest.max_x_m {
             largest = swing;
         }

@@ -82,6 +82,15 @@ pub enum SessionError {
         /// Its words.
         why: String,
     },
+    /// An upload did not come to its end.
+    #[error("the record did not arrive whole at the device: {why}")]
+    Upload {
+        /// Why.
+        why: String,
+    },
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
     /// The device answered something else than what was asked.
     #[error("the device answered something else when asked to {what}")]
     Confused {

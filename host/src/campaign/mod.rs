@@ -7,17 +7,21 @@
 mod experiment;
 mod rig;
 mod set_up;
+mod shape;
+mod stepped_sine;
+pub mod transient;
 
 use std::path::Path;
 
-use damprig_core::control::stepped_sine::FADE_S;
 use toml::de::DeTable;
 
 use crate::input::{Problem, Refusal, Section, Source};
 
-pub use experiment::{Start, SteppedSine};
+pub use experiment::{Experiment, Kind};
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::{CampaignSetUp, SetUpSpec, SpringSpec, SpringTarget};
+pub use stepped_sine::{Start, SteppedSine};
+pub use transient::{FreeVibration, Playback};
 
 /// A campaign, read and checked.
 #[derive(Debug)]
@@ -31,7 +35,7 @@ pub struct Campaign {
     /// The set-ups, in the order of the file.
     pub set_ups: Vec<CampaignSetUp>,
     /// The experiments, in the order of the file.
-    pub experiments: Vec<SteppedSine>,
+    pub experiments: Vec<Experiment>,
     /// The file, to copy into the run folder and to point into.
     pub source: Source,
 }
@@ -58,10 +62,10 @@ impl Campaign {
         Ok(Self { name, rig, telemetry, set_ups, experiments, source })
     }
 
-    /// Points of the whole campaign: frequencies times set-ups.
+    /// Points of the whole campaign: each frequency, record or release on each of its set-ups.
     #[must_use]
     pub fn points(&self) -> usize {
-        self.experiments.iter().map(|e| e.set_ups.len() * e.frequencies_hz.len()).sum()
+        self.experiments.iter().map(|e| e.set_ups.len() * e.points()).sum()
     }
 
     /// Set-ups and experiments by name, in the order in which they are run.
@@ -78,19 +82,11 @@ impl Campaign {
     /// for its base, s.
     #[must_use]
     pub fn expected_s(&self) -> f64 {
-        let one = |e: &SteppedSine| {
-            let rest_s =
-                if e.start == Start::FromRest { REST_S + (e.ramp_s - f64::from(FADE_S)).max(0.0) } else { 0.0 };
-            e.set_ups.len() as f64 * e.frequencies_hz.len() as f64 * (rest_s + e.settle_s + e.dwell_s)
-        };
-        self.experiments.iter().map(one).sum()
+        self.experiments.iter().map(|e| e.set_ups.len() as f64 * e.expected_s()).sum()
     }
 }
 
-/// Time between two points from rest: the drive fades (without a ramp), the rest level holds.
-const REST_S: f64 = 0.7;
-
-type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<SteppedSine>);
+type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>);
 
 /// Reads all parts; `None` only where a problem has been noted.
 fn parts(source: &Source) -> Option<Parts> {
@@ -111,7 +107,7 @@ fn parts(source: &Source) -> Option<Parts> {
     let rig = rig::read_rig(&root);
     let telemetry = rig::read_telemetry(&root);
     let set_ups = set_up::read_all(&root);
-    let experiments = experiment::read_all(&root, set_ups.as_deref(), rig.as_ref().and_then(|rig| rig.shaker.as_ref()));
+    let experiments = experiment::read_all(&root, set_ups.as_deref(), rig.as_ref());
     root.finish();
     Some((name?, rig?, telemetry?, set_ups?, experiments?))
 }

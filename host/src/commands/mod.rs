@@ -12,6 +12,7 @@ mod runs;
 mod simulate;
 mod simulate_files;
 mod simulate_report;
+mod transient_report;
 
 use std::process::ExitCode;
 use std::sync::Arc;

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::recording::ResultRow;
+use crate::recording::transients::TransientRow;
 use crate::run::{RunError, Watcher};
 
 /// Shows how far a run has come.
@@ -141,6 +142,12 @@ impl Watcher for Progress {
             if line.peak.is_none_or(|(x, _)| row.x_over_z() > x) {
                 line.peak = Some((row.x_over_z(), row.frequency_hz));
             }
+        }
+    }
+
+    fn transient(&mut self, _: &TransientRow) {
+        if let Some(line) = &mut self.line {
+            line.points += 1;
         }
     }
 

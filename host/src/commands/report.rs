@@ -10,7 +10,7 @@ use crate::prediction::Prediction;
 use crate::recording::ResultRow;
 use crate::recording::manifest::Manifest;
 
-fn table(header: &[&str]) -> Table {
+pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(header.to_vec());
     for column in table.column_iter_mut().skip(1) {
@@ -121,6 +121,7 @@ pub fn figure(campaign: &Campaign, rows: &[ResultRow]) -> Result<Picture, Figure
     let how: Vec<String> = campaign
         .experiments
         .iter()
+        .filter_map(|e| e.stepped_sine())
         .map(|e| {
             let start = if e.start == Start::FromRest { "from rest" } else { "carried over" };
             format!("{} s at each frequency, {start}", trimmed(e.dwell_s, 3))

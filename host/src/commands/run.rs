@@ -1,5 +1,6 @@
 //! `damprig run`: a campaign, from the file to the figure.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -10,9 +11,10 @@ use damprig_protocol::ClockSource;
 
 use super::devices::Rig;
 use super::progress::Progress;
-use super::{Failure, Outcome, report};
+use super::{Failure, Outcome, report, transient_report};
 use crate::campaign::Campaign;
 use crate::link::Address;
+use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
 use crate::recording::journal::{Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
@@ -116,9 +118,13 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     let campaign = Campaign::read(file).map_err(input)?;
     let predictions = prediction::predict(&campaign).map_err(input)?;
+    let expected = prediction::transient::predict(&campaign).map_err(input)?;
     println!("Campaign {} ({})", campaign.name, file.display());
-    println!("{}", report::plan(&campaign, &predictions));
-    prediction::check(&campaign, &predictions).map_err(input)?;
+    if !predictions.is_empty() {
+        println!("{}", report::plan(&campaign, &predictions));
+    }
+    transient_report::plan(&campaign, &expected).iter().for_each(|plan| println!("{plan}"));
+    check(&campaign, &predictions, &expected)?;
     if args.dry_run {
         println!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.displacement_limit_m * 1e3);
         return Ok(());
@@ -135,8 +141,16 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     .map_err(failed)?;
     folder.write_campaign(campaign.source.text()).map_err(failed)?;
+    folder.keep_records(&campaign).map_err(failed)?;
     let begin = beginning(&campaign, &session, &selection, &now);
-    let job = Job { args, rig, campaign: &campaign, predictions: &predictions, folder, taken: Taken::default() };
+    let job = Job {
+        args,
+        rig,
+        campaign: &campaign,
+        farthest_m: farthest(&predictions, &expected),
+        folder,
+        taken: Taken::default(),
+    };
     job.carry_out(&mut session, selection, begin, &stop)
 }
 
@@ -155,7 +169,8 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     earlier.intentions().iter().for_each(|line| println!("- {line}"));
     let campaign = &earlier.campaign;
     let predictions = prediction::predict(campaign).map_err(input)?;
-    prediction::check(campaign, &predictions).map_err(input)?;
+    let expected = prediction::transient::predict(campaign).map_err(input)?;
+    check(campaign, &predictions, &expected)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let rig = match (&args.rig, earlier.taken.begun.first()) {
@@ -173,8 +188,21 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         return Err(Failure::Input(format!("{} was begun in another way:\n  {list}\n  {message}", path.display())));
     }
     let folder = RunFolder::existing(&path);
-    let job = Job { args, rig, campaign, predictions: &predictions, folder, taken: earlier.taken.clone() };
+    let job = Job {
+        args,
+        rig,
+        campaign,
+        farthest_m: farthest(&predictions, &expected),
+        folder,
+        taken: earlier.taken.clone(),
+    };
     job.carry_out(&mut session, selection, begin, &stop)
+}
+
+/// Refuses what would leave limits or stroke.
+fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<(), Failure> {
+    prediction::check(campaign, predictions).map_err(input)?;
+    prediction::transient::check(campaign, expected).map_err(input)
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
@@ -210,12 +238,24 @@ fn beginning(campaign: &Campaign, session: &Session, selection: &Selection, now:
     }
 }
 
+/// The largest |x| that is predicted of each set-up that is used, m.
+fn farthest(predictions: &[Prediction], expected: &[Expected]) -> BTreeMap<usize, f64> {
+    let swings = predictions.iter().map(|p| (p.set_up, p.swing.max_x_m));
+    let mut all = BTreeMap::new();
+    for (set_up, x_m) in swings.chain(expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
+        let most: &mut f64 = all.entry(set_up).or_default();
+        *most = most.max(x_m);
+    }
+    all
+}
+
 /// A run with everything checked.
 struct Job<'a> {
     args: &'a Args,
     rig: Address,
     campaign: &'a Campaign,
-    predictions: &'a [Prediction],
+    /// Set-ups that are used, with the largest |x| that is predicted of each, m.
+    farthest_m: BTreeMap<usize, f64>,
     folder: RunFolder,
     /// What an earlier run of the program has taken.
     taken: Taken,
@@ -270,9 +310,9 @@ impl Job<'_> {
     }
 
     fn manifest(&self, begin: &Begin) -> Manifest {
-        let record = |p: &Prediction| SetUpRecord::new(&self.campaign.set_ups[p.set_up], p.swing.max_x_m);
+        let record = |(set_up, x_m): (&usize, &f64)| SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m);
         let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
-        let mut manifest = Manifest::begin(self.campaign, self.predictions.iter().map(record).collect(), started);
+        let mut manifest = Manifest::begin(self.campaign, self.farthest_m.iter().map(record).collect(), started);
         manifest.device = Some(begin.device.clone());
         manifest.signals = begin.signals.clone();
         manifest
@@ -308,11 +348,23 @@ impl Job<'_> {
         manifest.note(&taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
-        let drawn = report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"));
+        let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
+        let drawn = if has_sines {
+            report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"))
+        } else {
+            Ok(())
+        };
+        let drawn = drawn.and_then(|()| match transient_report::figure(self.campaign, path, taken.transients())? {
+            Some(picture) => picture.write(path, "transients"),
+            None => Ok(()),
+        });
         let sums = checksum::of_folder(path);
         manifest.files = sums.clone().unwrap_or_default();
         let written = noted.and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
-        println!("{}", report::results(self.campaign, &rows));
+        if has_sines {
+            println!("{}", report::results(self.campaign, &rows));
+        }
+        transient_report::results(taken.transients()).iter().for_each(|table| println!("{table}"));
         println!("{}", report::summary(&manifest));
         println!("Run folder: {}", path.display());
         if let Err(error) = &result {

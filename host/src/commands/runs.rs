@@ -12,7 +12,7 @@ use crate::export::mat::Mat;
 use crate::export::uff::Uff;
 use crate::export::{Exporter, Part, Table};
 use crate::input::near;
-use crate::runs::columns::{Value, column, texts};
+use crate::runs::columns::{Value, column, numbers, texts};
 use crate::runs::folder::{below, find, is_run};
 use crate::runs::verify::{Finding, verify};
 use crate::runs::{ReadError, RunFolder};
@@ -219,7 +219,38 @@ fn show(run: &RunFolder) -> Outcome {
             ]);
         }
     }
-    println!("{table}");
+    if table.row_count() > 0 {
+        println!("{table}");
+    }
+    events(run)
+}
+
+/// Records, pulses and free vibrations.
+fn events(run: &RunFolder) -> Outcome {
+    let mut table = table(&["set-up", "experiment", "kind", "max|x| (mm)", "RMS x (mm)", "impacts", "ζ", "f (Hz)"]);
+    for batch in run.transients().map_err(failed)? {
+        let text = |name| texts(&batch, name).map_err(failed);
+        let number = |name| numbers(&batch, name).map_err(failed);
+        let (set_ups, experiments, kinds) = (text("set_up")?, text("experiment")?, text("kind")?);
+        let (peak, rms, impacts) = (number("x_peak_m")?, number("x_rms_m")?, number("impacts")?);
+        let (zeta, frequency) = (number("damping_ratio")?, number("frequency_hz")?);
+        let shown = |value: f64, digits: usize| if value.is_nan() { "–".into() } else { format!("{value:.digits$}") };
+        for i in 0..batch.num_rows() {
+            table.add_row([
+                set_ups[i].clone(),
+                experiments[i].clone(),
+                kinds[i].clone(),
+                shown(1e3 * peak[i], 3),
+                shown(1e3 * rms[i], 3),
+                shown(impacts[i], 0),
+                shown(zeta[i], 5),
+                shown(frequency[i], 4),
+            ]);
+        }
+    }
+    if table.row_count() > 0 {
+        println!("{table}");
+    }
     Ok(())
 }
 

@@ -7,6 +7,7 @@
 pub mod axis;
 pub mod motion;
 pub mod response;
+pub mod transient;
 
 use std::path::Path;
 use std::sync::{Arc, Once};

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::StorageError;
 use super::manifest::Manifest;
+use crate::campaign::Campaign;
+use crate::campaign::transient::{RECORDS, kept_record};
 
 /// A run folder that is written.
 #[derive(Clone, Debug)]
@@ -63,6 +65,21 @@ impl RunFolder {
     /// When it cannot be written.
     pub fn write_campaign(&self, text: &str) -> Result<(), StorageError> {
         self.write("campaign.toml", text)
+    }
+
+    /// Copies the records that the campaign plays, so that the run can be taken up again wherever the folder is.
+    ///
+    /// # Errors
+    /// When one cannot be copied.
+    pub fn keep_records(&self, campaign: &Campaign) -> Result<(), StorageError> {
+        for (index, experiment) in campaign.experiments.iter().enumerate() {
+            let Some(file) = experiment.playback().and_then(|playback| playback.file.as_ref()) else { continue };
+            let to = kept_record(&self.path, index, file);
+            let failed = |e: std::io::Error| StorageError::new("copy the record to", &to, e);
+            fs::create_dir_all(self.path.join(RECORDS)).map_err(failed)?;
+            fs::copy(file, &to).map_err(failed)?;
+        }
+        Ok(())
     }
 
     /// Writes the manifest whole, in place of an earlier one.

@@ -14,6 +14,7 @@ use super::checksum::FileRecord;
 use super::clock::{ClockFit, Pair};
 use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
+use super::transients::TransientRow;
 use super::{ResultRow, Signal, StorageError};
 
 /// The journal's name in a run folder.
@@ -29,6 +30,8 @@ pub enum Entry {
     Segment(Segment),
     /// A point is measured.
     Result(Box<ResultRow>),
+    /// A record, a pulse or a free vibration is measured.
+    Transient(Box<TransientRow>),
     /// The particle hit its walls.
     Impacts(Box<Impacts>),
     /// A part of the samples is closed.

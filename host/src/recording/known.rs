@@ -15,6 +15,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use super::part::{Stream, open_parts, read_stream};
 use super::samples::{self, JOINED, Label};
 use super::taken::Taken;
+use super::transients::TRANSIENTS;
 
 /// What a journal does not know.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -52,7 +53,9 @@ pub fn unknown(folder: &Path, taken: &Taken, is_complete: bool) -> Unknown {
     if folder.join(JOINED).exists() && taken.joined.is_none() && !is_complete {
         found.data.push(format!("{JOINED}: samples of a complete run"));
     }
-    found.data.extend(results(folder, taken));
+    for name in ["results.parquet", TRANSIENTS] {
+        found.data.extend(results(folder, name, taken));
+    }
     found
 }
 
@@ -65,10 +68,9 @@ fn is_begun(taken: &Taken, label: &Label) -> bool {
     taken.segments.iter().any(is)
 }
 
-/// Rows of `results.parquet` without their line in the journal.
-fn results(folder: &Path, taken: &Taken) -> Option<String> {
-    const NAME: &str = "results.parquet";
-    let path = folder.join(NAME);
+/// Rows of a table of results without their line in the journal.
+fn results(folder: &Path, name: &str, taken: &Taken) -> Option<String> {
+    let path = folder.join(name);
     if !path.exists() {
         return None;
     }
@@ -77,15 +79,16 @@ fn results(folder: &Path, taken: &Taken) -> Option<String> {
         .iter()
         .chain(taken.superseded())
         .map(|r| (r.set_up.as_str(), r.experiment.as_str(), r.segment, r.point_index))
+        .chain(taken.transients().iter().map(|r| (r.set_up.as_str(), r.experiment.as_str(), r.segment, r.point_index)))
         .collect();
     match keys(&path) {
         Ok(keys) => {
             let strange = keys.iter().filter(|(s, e, n, p)| !known.contains(&(s.as_str(), e.as_str(), *n, *p))).count();
-            (strange > 0).then(|| format!("{NAME}: {strange} of its {} points", keys.len()))
+            (strange > 0).then(|| format!("{name}: {strange} of its {} points", keys.len()))
         }
         // It follows from the journal, if that has anything.
         Err(_) if !known.is_empty() => None,
-        Err(error) => Some(format!("{NAME}: {error}")),
+        Err(error) => Some(format!("{name}: {error}")),
     }
 }
 

@@ -229,7 +229,7 @@ impl Manifest {
     }
     /// Takes over what the journal adds up to.
     pub fn note(&mut self, taken: &Taken, rows: u64) {
-        self.points_taken = taken.rows().len();
+        self.points_taken = taken.points();
         self.sample_rows = rows;
         self.resumed = taken.begun.len().saturating_sub(1);
         let segment = |s: &super::journal::Segment| {

@@ -6,6 +6,7 @@
 //!   manifest.json     versions, device, units, counters, complete or why not
 //!   journal.jsonl     what happened, a line each: what a run is taken up again from
 //!   results.parquet   one row per set-up and frequency; made of the journal
+//!   transients.parquet  one row per record, pulse and free vibration; made of the journal
 //!   samples.parquet   telemetry; until the run is complete: a file per point in samples.parts/, the last
 //!                     one as samples-NNNNNN.open.arrows
 //!   figure.svg|png
@@ -30,6 +31,7 @@ pub mod row;
 pub mod samples;
 mod sound;
 pub mod taken;
+pub mod transients;
 pub mod writer;
 
 use std::path::{Path, PathBuf};

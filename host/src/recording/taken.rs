@@ -9,6 +9,7 @@ use super::ResultRow;
 use super::impacts::Impacts;
 use super::journal::{Begin, Ended, Entry, Finished, Sealed, Segment};
 use super::manifest::Counters;
+use super::transients::TransientRow;
 
 /// What has been taken.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +32,7 @@ pub struct Taken {
     pub link: Vec<String>,
     /// Impacts as they were reported.
     pub impacts: Vec<Impacts>,
+    transients: Vec<TransientRow>,
     rows: Vec<ResultRow>,
     superseded: Vec<ResultRow>,
 }
@@ -64,6 +66,12 @@ impl Taken {
                     self.rows.push((**row).clone());
                 }
             }
+            Entry::Transient(row) => {
+                let is_same = |r: &TransientRow| r.set_up == row.set_up && r.experiment == row.experiment;
+                if !self.transients.iter().any(is_same) {
+                    self.transients.push((**row).clone());
+                }
+            }
             Entry::Impacts(some) => self.impacts.push((**some).clone()),
             Entry::Sealed(sealed) => {
                 self.sealed.retain(|s| s.part != sealed.part);
@@ -84,6 +92,18 @@ impl Taken {
     #[must_use]
     pub fn rows(&self) -> &[ResultRow] {
         &self.rows
+    }
+
+    /// The results of records, pulses and free vibrations, in the order in which they were taken.
+    #[must_use]
+    pub fn transients(&self) -> &[TransientRow] {
+        &self.transients
+    }
+
+    /// Points that are taken: results of either kind.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.rows.len() + self.transients.len()
     }
 
     /// Results of sweeps that had to be begun anew.
@@ -116,7 +136,9 @@ impl Taken {
     pub fn missing(&self, set_up: &str, experiment: &str, points: usize) -> Vec<Range<usize>> {
         let own = self.rows.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
         let mut have = vec![false; points];
-        own.for_each(|r| have.get_mut(r.point_index as usize).into_iter().for_each(|h| *h = true));
+        let events = self.transients.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
+        let indices = own.map(|r| r.point_index).chain(events.map(|r| r.point_index));
+        indices.for_each(|index| have.get_mut(index as usize).into_iter().for_each(|h| *h = true));
         let mut ranges: Vec<Range<usize>> = Vec::new();
         for index in (0..points).filter(|i| !have[*i]) {
             match ranges.last_mut() {
@@ -161,7 +183,12 @@ impl Taken {
                 .iter()
                 .chain(&self.superseded)
                 .filter(|r| r.set_up == s.set_up && r.experiment == s.experiment && r.segment == s.segment);
-            finished.map(|f| u64::from(f.end_tick)).chain(rows.map(|r| r.end_tick)).max().unwrap_or(0)
+            let events = self
+                .transients
+                .iter()
+                .filter(|r| r.set_up == s.set_up && r.experiment == s.experiment && r.segment == s.segment);
+            let ends = rows.map(|r| r.end_tick).chain(events.map(|r| r.end_tick));
+            finished.map(|f| u64::from(f.end_tick)).chain(ends).max().unwrap_or(0)
         };
         self.segments.iter().map(end).sum()
     }

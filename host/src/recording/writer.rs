@@ -15,7 +15,8 @@ use super::part::{MOST_ROWS, OpenPart, Stream, open_parts, read_stream, salvage,
 use super::recorder::{Message, Rows, Sink};
 use super::samples::{self, Label};
 use super::taken::Taken;
-use super::{Signal, StorageError, checksum, impacts};
+use super::transients::TRANSIENTS;
+use super::{Signal, StorageError, checksum, impacts, transients};
 
 /// What a writer has to know of its run.
 #[derive(Clone, Debug, PartialEq)]
@@ -132,7 +133,7 @@ impl Writer {
         self.journal.append(entry)?;
         self.taken.add(entry);
         self.is_synced = false;
-        self.has_new_results |= matches!(entry, Entry::Result(_) | Entry::Segment(_));
+        self.has_new_results |= matches!(entry, Entry::Result(_) | Entry::Transient(_) | Entry::Segment(_));
         Ok(())
     }
 
@@ -277,6 +278,9 @@ impl Sink for Writer {
         self.journal_pending()?;
         if std::mem::take(&mut self.has_new_results) {
             write_results(&self.folder.join("results.parquet"), &self.results())?;
+            if !self.taken.transients().is_empty() {
+                transients::write(&self.folder.join(TRANSIENTS), self.taken.transients())?;
+            }
         }
         Ok(())
     }

@@ -14,7 +14,7 @@ use damprig_core::rig::TICK_HZ;
 use damprig_core::twin::TwinConfig;
 
 use super::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use crate::recording::samples::Label;
 use crate::recording::{ResultRow, Signal};
@@ -73,21 +73,21 @@ pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
 }
 
 /// What the samples of a point are called.
-pub(super) fn label(set_up: &CampaignSetUp, experiment: &SteppedSine, segment: u32, index: usize) -> Label {
+pub(super) fn label(set_up: &CampaignSetUp, experiment: &Experiment, segment: u32, index: usize) -> Label {
     Label {
         set_up: set_up.name.clone(),
         experiment: experiment.name.clone(),
         segment,
         point_index: index as u32,
-        frequency_hz: experiment.frequencies_hz[index],
+        frequency_hz: experiment.frequency_hz(index),
     }
 }
 
 /// The plant that a simulated rig is to be.
-pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp) -> PlantConfig {
+pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> PlantConfig {
     PlantConfig {
         set_up: set_up.model(),
-        structure_start_m: 0.0,
+        structure_start_m: experiment.free_vibration().map_or(0.0, |free| free.start_m),
         particle_start_m: set_up.particle_start_m(),
         base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
         sensors: SensorModel {
@@ -116,18 +116,24 @@ pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringConfi
     }
 }
 
-/// A twin of the set-up, where one of its signals is recorded.
-pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp) -> Option<TwinConfig> {
-    let is_wanted = selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
+/// A twin of the set-up, where one of its signals is recorded. A structure that a hand holds is not its business.
+pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &Experiment) -> Option<TwinConfig> {
+    let is_driven = experiment.free_vibration().is_none();
+    let is_wanted = is_driven && selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
     is_wanted.then(|| TwinConfig::new(set_up.model()))
 }
 
 /// The interlocks. A displacement sensor counts as frozen after half a second, or half a period if that is longer.
-pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &SteppedSine) -> SafetyConfig {
+pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> SafetyConfig {
     let limit_m = rig.displacement_limit_m as f32;
-    let lowest_hz = experiment.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    let lowest_hz = experiment.frequencies_hz().iter().copied().fold(f64::INFINITY, f64::min);
     // What the sensor cannot resolve does not move.
-    let is_seen = set_up.base_amplitude_m > 5.0 * rig.sensor_resolution_m;
+    let base_m = match &experiment.kind {
+        Kind::SteppedSine(_) => set_up.base_amplitude_m,
+        Kind::Playback(playback) => playback.peak_m(),
+        Kind::FreeVibration(_) => 0.0,
+    };
+    let is_seen = base_m > 5.0 * rig.sensor_resolution_m;
     SafetyConfig {
         limits: Limits { structure_m: limit_m, base_m: limit_m },
         sensor_range_m: 1.05 * rig.sensor_range_m as f32,

@@ -11,6 +11,7 @@ mod reconnect;
 pub mod resume;
 mod segment;
 mod track;
+mod transients;
 mod tune;
 
 use std::sync::atomic::AtomicBool;
@@ -21,11 +22,12 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::rig::TICK_HZ;
 use damprig_protocol::{Ask, ClockSource, PlantKind};
 
-use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::input::Refusal;
 use crate::recording::journal::Entry;
 use crate::recording::manifest::{Counters, Device};
 use crate::recording::taken::Taken;
+use crate::recording::transients::TransientRow;
 use crate::recording::{Recorder, ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
 pub use convert::Selection;
@@ -113,6 +115,11 @@ pub trait Watcher {
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);
+
+    /// A record, a pulse or a free vibration has been taken.
+    fn transient(&mut self, row: &TransientRow) {
+        let _ = row;
+    }
 
     /// The particle hit a wall, in a tick since the experiment's start.
     fn impact(&mut self, impact: &ImpactRecord) {
@@ -250,20 +257,20 @@ impl<'a> Run<'a> {
     }
 
     /// The next start that an experiment on a set-up needs, if any.
-    fn next<'c>(&self, set_up: &'c CampaignSetUp, experiment: &'c SteppedSine) -> Option<Task<'c>> {
-        let points = experiment.frequencies_hz.len();
+    fn next<'c>(&self, set_up: &'c CampaignSetUp, experiment: &'c Experiment) -> Option<Task<'c>> {
+        let points = experiment.points();
         let missing = self.taken.missing(&set_up.name, &experiment.name, points).into_iter().next()?;
         let number = self.taken.next_segment(&set_up.name, &experiment.name);
         // The motion that a sweep had when it was interrupted is gone: it begins anew.
-        let anew = experiment.start == Start::CarryOver && number > 0;
+        let anew = experiment.carries_over() && number > 0;
         let points = if anew { 0..points } else { missing };
         Some(Task { set_up, experiment, points, number, anew })
     }
 
-    fn experiment(&mut self, set_up: &CampaignSetUp, experiment: &SteppedSine) -> Result<(), RunError> {
+    fn experiment(&mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<(), RunError> {
         let mut fruitless = 0;
         while let Some(task) = self.next(set_up, experiment) {
-            let before = self.taken.rows().len();
+            let before = self.taken.points();
             let last = match Segment::carry_out(self, &task) {
                 Ok(End::Finished) => "results were lost on the way and the device keeps them no more".to_string(),
                 Ok(End::Forgotten) => {
@@ -278,9 +285,9 @@ impl<'a> Run<'a> {
                 }
                 Err(error) => return Err(error),
             };
-            fruitless = if self.taken.rows().len() > before { 0 } else { fruitless + 1 };
+            fruitless = if self.taken.points() > before { 0 } else { fruitless + 1 };
             if fruitless >= FRUITLESS_STARTS {
-                let left = self.taken.missing(&set_up.name, &experiment.name, experiment.frequencies_hz.len());
+                let left = self.taken.missing(&set_up.name, &experiment.name, experiment.points());
                 let missing = left.iter().map(ExactSizeIterator::len).sum();
                 return Err(RunError::NoProgress { set_up: set_up.name.clone(), tries: fruitless, last, missing });
             }

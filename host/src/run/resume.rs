@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::campaign::{Campaign, Start};
+use crate::campaign::Campaign;
 use crate::input::Source;
 use crate::recording::checksum;
 use crate::recording::journal::{self, Begin, Lines};
@@ -74,7 +74,7 @@ impl Earlier {
             warnings.push(format!("{name}: line {} cannot be read; what it held is measured again", list.join(", ")));
         }
         warnings.extend(damaged_parts(folder, &taken));
-        let unknown = known::unknown(folder, &taken, taken.rows().len() >= campaign.points());
+        let unknown = known::unknown(folder, &taken, taken.points() >= campaign.points());
         if !unknown.data.is_empty() {
             return Err(CannotResume(not_in_the_journal(folder, &unknown.data, &taken)));
         }
@@ -112,30 +112,30 @@ impl Earlier {
     /// Whether every point is taken.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.taken.rows().len() >= self.campaign.points()
+        self.taken.points() >= self.campaign.points()
     }
 
     /// What will be done, one line a thing.
     #[must_use]
     pub fn intentions(&self) -> Vec<String> {
         let mut list =
-            vec![format!("{} of {} points are kept as they are", self.taken.rows().len(), self.campaign.points())];
+            vec![format!("{} of {} points are kept as they are", self.taken.points(), self.campaign.points())];
         for (index, set_up) in self.campaign.set_ups.iter().enumerate() {
             for experiment in self.campaign.experiments.iter().filter(|e| e.set_ups.contains(&index)) {
-                let points = experiment.frequencies_hz.len();
+                let points = experiment.points();
                 let missing = self.taken.missing(&set_up.name, &experiment.name, points);
                 let begun = self.taken.next_segment(&set_up.name, &experiment.name) > 0;
                 let Some(first) = missing.first().map(|range| range.start).filter(|_| begun) else { continue };
                 let place = format!("set-up {:?}, {:?}", set_up.name, experiment.name);
-                list.push(match experiment.start {
-                    Start::FromRest => format!(
-                        "{place} goes on at {} Hz, from rest; what was begun of that point stays in the samples",
-                        experiment.frequencies_hz[first]
-                    ),
-                    Start::CarryOver => format!(
-                        "{place} begins anew: the motion at {} Hz cannot be carried over; its points so far stay in the journal and count no more",
-                        experiment.frequencies_hz[first]
-                    ),
+                let frequency_hz = experiment.frequency_hz(first);
+                list.push(if experiment.stepped_sine().is_none() {
+                    format!("{place} is repeated; what was begun of it stays in the samples")
+                } else if experiment.carries_over() {
+                    format!(
+                        "{place} begins anew: the motion at {frequency_hz} Hz cannot be carried over; its points so far stay in the journal and count no more"
+                    )
+                } else {
+                    format!("{place} goes on at {frequency_hz} Hz, from rest; what was begun of that point stays in the samples")
                 });
             }
         }
@@ -171,7 +171,7 @@ fn is_one_run(folder: &Path, campaign: &Campaign, taken: &Taken) -> Result<(), C
         );
         return Err(CannotResume(message));
     }
-    let known = taken.rows().len() + taken.superseded().len();
+    let known = taken.points() + taken.superseded().len();
     if manifest.points_taken > known {
         let points = format!("manifest.json: {} points taken", manifest.points_taken);
         return Err(CannotResume(not_in_the_journal(folder, &[points], taken)));
@@ -186,7 +186,7 @@ fn not_in_the_journal(folder: &Path, data: &[String], taken: &Taken) -> String {
     let list = data.iter().take(8).map(String::as_str).collect::<Vec<_>>().join("\n  ");
     format!(
         "{shown} holds what its {name} ({} points) does not know:\n  {list}{more}\n  {name} was cut or replaced, or these are files of another run; going on would write over them, so nothing was changed\n  all files can still be read (`damprig runs verify {shown}` tells which): keep this folder and begin a new run with `damprig run {shown}/campaign.toml`,\n  or, if the files are not of this run, move them elsewhere and resume again",
-        taken.rows().len()
+        taken.points()
     )
 }
 

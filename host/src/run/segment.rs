@@ -8,13 +8,15 @@ use std::time::{Duration, Instant};
 
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
+use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::{State, TICK_HZ};
 use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
 
 use super::convert::{self, fault_error};
 use super::track::Track;
+use super::transients;
 use super::{Run, RunError};
-use crate::campaign::{CampaignSetUp, SteppedSine};
+use crate::campaign::{CampaignSetUp, Experiment, Kind};
 use crate::recording::clock::{ClockPairs, Pair};
 use crate::recording::impacts::Impacts;
 use crate::recording::journal::{Entry, Finished, Segment as Started};
@@ -35,7 +37,7 @@ const COPIES_AMONG: usize = 16;
 /// What is to be done.
 pub(super) struct Task<'c> {
     pub(super) set_up: &'c CampaignSetUp,
-    pub(super) experiment: &'c SteppedSine,
+    pub(super) experiment: &'c Experiment,
     /// Places in the frequency list.
     pub(super) points: Range<usize>,
     /// How many times the experiment was started on the set-up before.
@@ -78,7 +80,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     /// The device, the link, the disk, an interlock, or Ctrl-C. What was taken is with the recorder.
     pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
         let is_granted = run.session.is_granted();
-        let track = Track::new(task.points.clone(), run.every_ticks, is_granted).with_ramp(task.experiment.ramp_s);
+        let track = Track::new(task.points.clone(), run.every_ticks, is_granted)
+            .with_ramp(task.experiment.stepped_sine().map_or(0.0, |sine| sine.ramp_s));
         let label = Arc::new(convert::label(task.set_up, task.experiment, task.number, task.points.start));
         let before_s = run.tally.rig_s;
         let mut places = run.selection.positions.clone();
@@ -135,7 +138,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let rig = &self.run.campaign.rig;
         let session = &mut *self.run.session;
         if session.description.plant != PlantKind::Real {
-            let plant = convert::plant(rig, set_up);
+            let plant = convert::plant(rig, set_up, experiment);
             session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
         let mut safety = convert::safety(rig, set_up, experiment);
@@ -144,11 +147,24 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             safety.host_silent_s = 0.0;
         }
         session.tell("take the limits", Ask::SetSafety(safety))?;
-        session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up)))?;
-        let plan = convert::plan(set_up, experiment, self.task.points.clone());
-        session.tell("take the experiment", Ask::Configure(plan))?;
+        session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
+        let ask = match &experiment.kind {
+            Kind::SteppedSine(sine) => Ask::Configure(convert::plan(set_up, sine, self.task.points.clone())),
+            Kind::Playback(playback) => {
+                let stop = self.run.stop;
+                let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
+                if let Err(SessionError::Interrupted) = uploaded {
+                    return Err(RunError::Interrupted);
+                }
+                uploaded?;
+                Ask::ConfigurePlayback(playback.order())
+            }
+            Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
+        };
+        session.tell("take the experiment", ask)?;
+        let keeps_ratio = experiment.stepped_sine().is_some();
         match set_up.spring() {
-            Some(spring) => self.run.tune(set_up, &spring),
+            Some(spring) => self.run.tune(set_up, &spring, keeps_ratio),
             None => self.run.free(set_up),
         }
     }
@@ -228,6 +244,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 self.fetch_missing(result.index)?;
                 if self.track.point_done(result.index, result.end_tick.saturating_sub(1)) {
                     self.take(&result);
+                }
+                Ok(())
+            }
+            Report::Event { tick, event: Happening::Transient(result) } => {
+                self.heard_of(tick);
+                if self.track.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                    self.take_transient(&result);
                 }
                 Ok(())
             }
@@ -350,10 +373,23 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         self.run.note(Entry::Result(Box::new(row)));
     }
 
+    fn take_transient(&mut self, result: &TransientResult) {
+        let Task { set_up, experiment, number, .. } = *self.task;
+        let row = transients::row(set_up, experiment, number, result);
+        self.run.watcher.transient(&row);
+        self.run.note(Entry::Transient(Box::new(row)));
+    }
+
     /// Asks for the results before `until` whose report did not arrive.
     fn fetch_missing(&mut self, until: u16) -> Result<(), RunError> {
+        let is_transient = self.task.experiment.stepped_sine().is_none();
         for index in self.track.missing_points(until) {
-            match self.run.session.ask("repeat a result", Ask::Result { index }) {
+            let ask = if is_transient { Ask::Transient } else { Ask::Result { index } };
+            match self.run.session.ask("repeat a result", ask) {
+                Ok(Answer::Transient(result)) => {
+                    self.track.point_done(index, result.end_tick.saturating_sub(1));
+                    self.take_transient(&result);
+                }
                 Ok(Answer::Result(result)) => {
                     self.track.point_done(index, result.end_tick.saturating_sub(1));
                     self.take(&result);

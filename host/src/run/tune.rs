@@ -18,7 +18,14 @@ const LONGEST_STEP: Duration = Duration::from_secs(300);
 
 impl Run<'_> {
     /// Tunes the spring of a set-up that has one.
-    pub(super) fn tune(&mut self, set_up: &CampaignSetUp, spring: &SpringSpec) -> Result<(), RunError> {
+    ///
+    /// A friction ratio is kept by the measured amplitude only if `keeps_ratio`: where the drive has none, the force stays.
+    pub(super) fn tune(
+        &mut self,
+        set_up: &CampaignSetUp,
+        spring: &SpringSpec,
+        keeps_ratio: bool,
+    ) -> Result<(), RunError> {
         let config = convert::spring(set_up, spring);
         self.session.tell("take the spring's constants", Ask::SetSpring(config))?;
         self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
@@ -34,6 +41,9 @@ impl Run<'_> {
             SpringTarget::NormalForce(_) => self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target),
             SpringTarget::FrictionRatio(ratio) => {
                 self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target)?;
+                if !keeps_ratio {
+                    return Ok(());
+                }
                 let target = Target::FrictionRatio { ratio: ratio as f32 };
                 Ok(self.session.tell("keep a friction ratio", Ask::Spring(SpringCommand::Set(target)))?)
             }

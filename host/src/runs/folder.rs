@@ -17,7 +17,7 @@ use crate::recording::journal::{self, JOURNAL};
 use crate::recording::manifest::FORMAT;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
-use crate::recording::{part, samples};
+use crate::recording::{part, samples, transients};
 
 /// Why a run cannot be read. The text names the file and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -108,7 +108,7 @@ impl RunFolder {
             manifest.is_recording = journal::is_being_written(path);
             // It has not been written since the beginning.
             let taken = Taken::of(&lines.entries);
-            manifest.points_taken = taken.rows().len();
+            manifest.points_taken = taken.points();
             let open = part::open_parts(path).into_iter().filter(|(n, _)| taken.sealed.iter().all(|s| s.part != *n));
             let open_rows = open.filter_map(|(_, file)| part::salvage(&file).ok()).map(|s| s.rows);
             manifest.sample_rows = taken.sealed.iter().map(|s| s.rows).chain(open_rows).sum();
@@ -146,6 +146,20 @@ impl RunFolder {
             return Ok(vec![results(Taken::of(&lines.entries).rows()).map_err(ReadError)?]);
         }
         read(&self.path.join("results.parquet"))?.collect()
+    }
+
+    /// The results of records, pulses and free vibrations; nothing when there are none.
+    ///
+    /// # Errors
+    /// When the file is damaged.
+    pub fn transients(&self) -> Result<Vec<RecordBatch>, ReadError> {
+        if self.manifest.status == "running"
+            && let Ok(lines) = journal::read(&self.path)
+        {
+            return Ok(vec![transients::table(Taken::of(&lines.entries).transients()).map_err(ReadError)?]);
+        }
+        let path = self.path.join(transients::TRANSIENTS);
+        if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
     }
 
     /// Batches of samples in the order they were taken; none when none were recorded. A damaged file gives

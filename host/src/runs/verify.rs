@@ -8,6 +8,7 @@ use super::folder::{self, ReadError, RunFolder};
 use crate::campaign::Campaign;
 use crate::input::Source;
 use crate::recording::taken::Taken;
+use crate::recording::transients::TRANSIENTS;
 use crate::recording::{checksum, journal};
 use crate::run::resume::campaign_differences;
 
@@ -96,7 +97,7 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         Err(error) => return found.push(Finding::Wrong(error.to_string())),
     };
     let (name, taken) = (journal::JOURNAL, Taken::of(&lines.entries));
-    found.push(Finding::Good(format!("{name}: {} lines, {} points", lines.entries.len(), taken.rows().len())));
+    found.push(Finding::Good(format!("{name}: {} lines, {} points", lines.entries.len(), taken.points())));
     if !lines.damaged.is_empty() {
         let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
         found.push(Finding::Wrong(format!("{name}: line {} is damaged", list.join(", "))));
@@ -172,19 +173,33 @@ fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, fo
         found.push(Finding::Wrong(error.to_string()));
         return;
     }
-    let rows: usize = taken.values().map(Vec::len).sum();
+    let mut rows: usize = taken.values().map(Vec::len).sum();
     found.push(Finding::Good(format!("results.parquet: {rows} rows")));
+    let mut events = PerPair::new();
+    let read = run.map_or(Ok(Vec::new()), RunFolder::transients);
+    match read.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "x_peak_m", &mut events))) {
+        Err(error) => found.push(Finding::Wrong(error.to_string())),
+        Ok(()) if !events.is_empty() => {
+            let own: usize = events.values().map(Vec::len).sum();
+            found.push(Finding::Good(format!("{TRANSIENTS}: {own} rows")));
+            rows += own;
+        }
+        Ok(()) => {}
+    }
     if let Some(said) = run.map(|r| r.manifest()).filter(|m| m.status != "running" && m.points_taken != rows) {
-        found.push(Finding::Wrong(format!("results.parquet: {rows} rows, the manifest says {}", said.points_taken)));
+        found.push(Finding::Wrong(format!("results: {rows} rows, the manifest says {}", said.points_taken)));
     }
     for experiment in campaign.iter().flat_map(|c| &c.experiments) {
         for set_up in experiment.set_ups.iter().filter_map(|i| campaign?.set_ups.get(*i)) {
             let key = (set_up.name.clone(), experiment.name.clone());
             let have = taken.get(&key).map_or(&[][..], Vec::as_slice);
+            if experiment.stepped_sine().is_none() && !events.contains_key(&key) {
+                found.push(Finding::Wrong(format!("results: {:?}, {:?} is missing", key.0, key.1)));
+            }
             let times = |list: &[f64], f: f64| list.iter().filter(|g| **g == f).count();
-            let is_missing = |f: &&f64| times(have, **f) < times(&experiment.frequencies_hz, **f);
+            let is_missing = |f: &&f64| times(have, **f) < times(experiment.frequencies_hz(), **f);
             let missing: Vec<String> =
-                experiment.frequencies_hz.iter().filter(is_missing).map(f64::to_string).collect();
+                experiment.frequencies_hz().iter().filter(is_missing).map(f64::to_string).collect();
             if !missing.is_empty() {
                 let (set_up, experiment) = key;
                 let list = missing.join(", ");

@@ -62,9 +62,9 @@ pub(super) fn base(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> Op
     base.map(Loading::Closed)
 }
 
-/// The keys of a record.
-fn record(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> Option<Record> {
-    let file = s.required("file", "the record: a CSV or AT2 file, relative to the case", Section::text);
+/// The keys of a record, of a case as of a campaign; its file is found by `find`. Does not finish the table.
+pub(crate) fn record(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> Option<Record> {
+    let file = s.required("file", "the record: a CSV or AT2 file, relative to this one", Section::text);
     let quantities = [Quantity::Acceleration, Quantity::Displacement];
     let quantity = s.choice("quantity", &["acceleration", "displacement"]).map(|index| quantities[index]);
     let names = |quantity| units(quantity).iter().map(|(name, _)| *name).collect::<Vec<_>>();

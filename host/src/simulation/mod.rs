@@ -33,5 +33,6 @@ pub mod record;
 pub mod run;
 
 pub use case::Case;
+pub(crate) use loading::record as record_keys;
 pub use motion::{ImpactRecord, Samples, Viewer};
 pub use run::{Answer, Request, simulate};

@@ -1,0 +1,205 @@
+//! A stepped sine over a list of frequencies.
+
+use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
+use damprig_core::control::stepped_sine::{Drive, FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::plant::Shaker;
+use damprig_core::rig::TICK_HZ;
+
+use crate::input::{Number, Section};
+
+/// How a frequency begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// With the structure at rest: separate records.
+    FromRest,
+    /// With the motion that the frequency before left: a sweep.
+    CarryOver,
+}
+
+/// A stepped sine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SteppedSine {
+    /// The frequencies in the order they are run, Hz.
+    pub frequencies_hz: Vec<f64>,
+    /// How each frequency begins.
+    pub start: Start,
+    /// What is held at the base amplitude.
+    pub drive: Drive,
+    /// Time over which the drive rises from silence and fades again, s.
+    pub ramp_s: f64,
+    /// Time from the start of a frequency that is not measured, s.
+    pub settle_s: f64,
+    /// Time that is measured, s.
+    pub dwell_s: f64,
+    /// |x| below which the structure counts as at rest before a `from_rest` point, m.
+    pub rest_level_m: f64,
+    /// When a point counts as steady.
+    pub steady: SteadyLimits,
+}
+
+/// A tenth of a millimetre.
+pub(super) const REST_LEVEL_M: f64 = 1e-4;
+
+/// The highest drive frequency, Hz.
+fn highest_hz() -> f64 {
+    f64::from(TICK_HZ / FEWEST_TICKS_PER_CYCLE)
+}
+
+/// The keys of a stepped sine; `shaker` is the campaign's, if it has one.
+pub(super) fn read(section: &Section, shaker: Option<&Shaker>) -> Option<SteppedSine> {
+    let start = section.required("start", "write start = \"from_rest\" or \"carry_over\"", |s, key| {
+        s.choice(key, &["from_rest", "carry_over"])
+    });
+    let settle = section.not_negative("settle_s");
+    let dwell = section.required("dwell_s", "the time that is measured at each frequency", Section::positive);
+    let rest = section.positive("rest_level_m");
+    let frequencies = section.required("frequencies_hz", "a list, or { from_hz, to_hz, step_hz }", frequencies);
+    let steady = read_steady(section);
+    if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
+        let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
+        if dwell.value * lowest < f64::from(FEWEST_CYCLES) {
+            let allowed = format!("must hold {FEWEST_CYCLES} periods of the lowest frequency, {lowest} Hz");
+            let help = Some(format!("write dwell_s = {} or more", f64::from(FEWEST_CYCLES) / lowest));
+            section.refuse("dwell_s", &dwell.span, allowed, help);
+        }
+    }
+    let settle_s = settle.as_ref().map_or(0.0, |n| n.value);
+    let allowed = format!("from 0 to settle_s = {settle_s}: nothing is measured on the ramp");
+    let ramp = section.number_if("ramp_s", |v| (0.0..=settle_s).contains(&v), &allowed);
+    let drive = read_drive(section, shaker);
+    Some(SteppedSine {
+        frequencies_hz: frequencies?,
+        start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
+        drive: drive?,
+        ramp_s: ramp.map_or(0.0, |n| n.value),
+        settle_s,
+        dwell_s: dwell?.value,
+        rest_level_m: rest.map_or(REST_LEVEL_M, |n| n.value),
+        steady,
+    })
+}
+
+/// A list of numbers, or a grid.
+fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
+    if !section.is_table(key) {
+        let list = section.numbers(key)?;
+        if list.is_empty() {
+            section.refuse(key, &section.span(), "must hold at least one frequency", None);
+            return None;
+        }
+        if list.len() > MOST_POINTS {
+            section.refuse(
+                key,
+                &section.span(),
+                format!("holds {} points; the controller holds {MOST_POINTS}", list.len()),
+                None,
+            );
+            return None;
+        }
+        let refused = list.iter().filter(|n| !sound(section, key, n)).count();
+        return (refused == 0).then(|| list.iter().map(|n| n.value).collect());
+    }
+    let grid = section.table(key, None)?;
+    let from = grid.required("from_hz", "the first frequency", Section::number);
+    let to = grid.required("to_hz", "the last frequency", Section::number);
+    let step = grid.required("step_hz", "the step", Section::number);
+    let list = match (from, to, step) {
+        (Some(from), Some(to), Some(step)) => spread(&grid, &from, &to, &step),
+        _ => None,
+    };
+    grid.finish();
+    list
+}
+
+fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<Vec<f64>> {
+    let ends = [sound(grid, "from_hz", from), sound(grid, "to_hz", to)];
+    if step.value == 0.0 {
+        grid.refuse(
+            "step_hz",
+            &step.span,
+            "must not be 0",
+            Some("for one frequency write frequencies_hz = [2.5]".into()),
+        );
+        return None;
+    }
+    if (to.value - from.value) * step.value < 0.0 {
+        let help = Some(format!("write step_hz = {}", -step.value));
+        grid.refuse("step_hz", &step.span, format!("must lead from {} to {} Hz", from.value, to.value), help);
+        return None;
+    }
+    // A grid's end is met up to the rounding of decimal fractions.
+    let steps = ((to.value - from.value) / step.value + 1e-6).floor();
+    if steps + 1.0 > MOST_POINTS as f64 {
+        grid.refuse(
+            "step_hz",
+            &step.span,
+            format!("would give {} points; the controller holds {MOST_POINTS}", steps + 1.0),
+            None,
+        );
+        return None;
+    }
+    // To the nanohertz, so that 2 + 7 × 0.05 is written 2.35.
+    let at = |i: usize| ((from.value + i as f64 * step.value) * 1e9).round() / 1e9;
+    (ends == [true, true]).then(|| (0..=steps as usize).map(at).collect())
+}
+
+/// Whether a drive frequency is one that the tick can carry.
+fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
+    let highest = highest_hz();
+    let ok = frequency.value > 0.0 && frequency.value <= highest;
+    if !ok {
+        let allowed = format!(
+            "must be above 0 and at most {highest} Hz: the controller's tick of {} Hz gives a period {FEWEST_TICKS_PER_CYCLE} samples there",
+            TICK_HZ
+        );
+        section.refuse(key, &frequency.span, allowed, None);
+    }
+    ok
+}
+
+/// `drive`, and the `closed_loop` table that goes with one of its two words.
+fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<Drive> {
+    let is_closed = section.choice("drive", &["constant", "closed_loop"]) == Some(1);
+    if !is_closed {
+        return Some(Drive::Constant);
+    }
+    let Some(shaker) = shaker else {
+        let help = Some("add a `[rig.shaker]` table (it may be empty), or write drive = \"constant\"".into());
+        let span = section.text("drive").map_or(section.span(), |text| text.span);
+        section.refuse("drive", &span, "needs a shaker that feels its load", help);
+        return None;
+    };
+    let default = ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, ..ClosedLoop::default() };
+    let Some(table) = section.table("closed_loop", None) else { return Some(Drive::ClosedLoop(default)) };
+    let most = f64::from(MOST_GAIN_PER_S);
+    let gain = table.number_if(
+        "gain_per_s",
+        |v| v > 0.0 && v <= most,
+        &format!("greater than 0 and at most {most} per second"),
+    );
+    let tolerance = table.number_if("tolerance", |v| (0.001..=0.5).contains(&v), "from 0.001 to 0.5");
+    let wait = table.number_if("wait_s", |v| (0.0..=3600.0).contains(&v), "from 0 to 3600");
+    let limit = table.positive("drive_limit_m");
+    let parameters = ClosedLoop {
+        gain_per_s: gain.map_or(default.gain_per_s, |n| n.value as f32),
+        tolerance: tolerance.map_or(default.tolerance, |n| n.value as f32),
+        wait_s: wait.map_or(default.wait_s, |n| n.value as f32),
+        drive_limit_m: limit.map_or(default.drive_limit_m, |n| n.value as f32),
+        ..default
+    };
+    table.finish();
+    Some(Drive::ClosedLoop(parameters))
+}
+
+fn read_steady(section: &Section) -> SteadyLimits {
+    let default = SteadyLimits::default();
+    let Some(table) = section.table("steady", None) else { return default };
+    let change = table.positive("change_per_cycle");
+    let scatter = table.positive("scatter");
+    table.finish();
+    SteadyLimits {
+        change_per_cycle: change.map_or(default.change_per_cycle, |n| n.value as f32),
+        scatter: scatter.map_or(default.scatter, |n| n.value as f32),
+    }
+}

@@ -1,0 +1,448 @@
+//! Experiments of one event: a record or a pulse that the base follows, a structure that is held and released.
+//!
+//! A file is read by the reader that `damprig simulate` uses ([`crate::simulation::record`]), and becomes displacements
+//! at the sample rate that the device plays. An acceleration is integrated exactly (it is linear between its samples).
+//! **Baseline**: as recorded, an acceleration leads to a velocity and a displacement that do not end at zero; a base has to.
+//! So by default the straight line c0 + c1·t is subtracted from the acceleration that brings both to zero at the end; its
+//! constants are told. A displacement's baseline is the straight line through its ends, and by default left as it is.
+
+use std::path::{Path, PathBuf};
+
+use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
+use damprig_core::control::transient::{self as core_transient, free_vibration};
+use damprig_core::rig::TICK_HZ;
+use damprig_protocol::upload::checksum;
+
+use super::RigSettings;
+use super::shape::Shape;
+use super::stepped_sine::REST_LEVEL_M;
+use crate::input::{Number, Section, Span};
+use crate::simulation::record::{Quantity, Record};
+use crate::simulation::record_keys;
+
+/// Folder of a run folder that keeps the records that its campaign names.
+pub const RECORDS: &str = "records";
+
+/// A record or a pulse that the base follows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Playback {
+    /// What a campaign calls it: `playback` or `impulse`.
+    pub kind: &'static str,
+    /// Samples in a second, Hz.
+    pub sample_rate_hz: f64,
+    /// Displacements, m; the base rests at 0 before and after them.
+    pub samples_m: Vec<f64>,
+    /// The file that they are from.
+    pub file: Option<PathBuf>,
+    /// What was done to it, in words.
+    pub about: String,
+    /// Time over which the drive rises and falls at the ends, s.
+    pub ramp_s: f64,
+    /// Time measured after the end, s.
+    pub tail_s: f64,
+    /// |x| below which the structure counts as at rest before the beginning, m.
+    pub rest_level_m: f64,
+    /// Beyond ± this the demand is cut, m.
+    pub drive_limit_m: f64,
+    /// The key that gives its height, and where it stands, for answers.
+    pub key: &'static str,
+    /// Where that key's value stands.
+    pub span: Span,
+}
+
+/// Counts on either side of zero.
+const COUNTS: f64 = i16::MAX as f64;
+
+impl Playback {
+    /// Largest |z|, m.
+    #[must_use]
+    pub fn peak_m(&self) -> f64 {
+        self.samples_m.iter().fold(0.0, |most, z| most.max(z.abs()))
+    }
+
+    /// Displacement of a count of the uploaded record, m: rounding to it is an error of 1/65 534 of the peak.
+    #[must_use]
+    pub fn scale_m(&self) -> f32 {
+        (self.peak_m() / COUNTS) as f32
+    }
+
+    /// The record as it is uploaded: each sample in two bytes, little endian.
+    #[must_use]
+    pub fn bytes(&self) -> Vec<u8> {
+        let scale = f64::from(self.scale_m());
+        let count = |z: &f64| (z / scale).round().clamp(-COUNTS, COUNTS) as i16;
+        self.samples_m.iter().flat_map(|z| count(z).to_le_bytes()).collect()
+    }
+
+    /// What the device is asked to play.
+    #[must_use]
+    pub fn order(&self) -> core_transient::Playback {
+        core_transient::Playback {
+            // Cannot overflow: the reader has counted them.
+            record: RecordId { samples: self.samples_m.len() as u16, crc32: checksum(0, &self.bytes()) },
+            sample_rate_hz: self.sample_rate_hz as f32,
+            scale_m: self.scale_m(),
+            ramp_s: self.ramp_s as f32,
+            tail_s: self.tail_s as f32,
+            drive_limit_m: self.drive_limit_m as f32,
+            rest_level_m: self.rest_level_m as f32,
+            index: 0,
+        }
+    }
+}
+
+/// A structure that is held and released.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeVibration {
+    /// Where it is released, m; a person pulls a real structure there, a simulated one is put there.
+    pub start_m: f64,
+    /// |x| beyond which it counts as held, m.
+    pub level_m: f64,
+    /// How long it must be held, s.
+    pub hold_s: f64,
+    /// How long the release may take, s.
+    pub timeout_s: f64,
+    /// Time measured after the release, s.
+    pub measure_s: f64,
+    /// Cycles over which the decay is told.
+    pub cycles: u16,
+    /// Where the start is given, for answers.
+    pub span: Span,
+}
+
+impl FreeVibration {
+    /// What the device is asked to measure.
+    #[must_use]
+    pub fn order(&self) -> core_transient::FreeVibration {
+        core_transient::FreeVibration {
+            level_m: self.level_m as f32,
+            hold_s: self.hold_s as f32,
+            timeout_s: self.timeout_s as f32,
+            measure_s: self.measure_s as f32,
+            cycles: self.cycles,
+            index: 0,
+        }
+    }
+}
+
+/// Where the run folder keeps the record of the experiment at `index` of its campaign.
+#[must_use]
+pub fn kept_record(folder: &Path, index: usize, file: &Path) -> PathBuf {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    folder.join(RECORDS).join(format!("{}-{name}", index + 1))
+}
+
+/// The keys of a playback; `index` is the experiment's place in the campaign.
+pub(super) fn playback(section: &Section, index: usize, rig: Option<&RigSettings>) -> Option<Playback> {
+    let campaign = Path::new(section.source().name());
+    // A run folder has a copy: the campaign in it names the file where it was.
+    let find = |file: &str| {
+        let folder = campaign.parent().unwrap_or(Path::new("")).to_path_buf();
+        let kept = kept_record(&folder, index, Path::new(file));
+        if kept.is_file() { kept } else { folder.join(file) }
+    };
+    let target = section.number_if("target_peak_m", |v| v != 0.0, "a number other than 0");
+    let scale = section.number("scale");
+    let baseline = section.choice("baseline", &["none", "linear"]);
+    let wanted_rate = sample_rate(section);
+    let rest = Ends::read(section);
+    if let (Some(target), Some(_)) = (&target, &scale) {
+        let help = Some("leave out `scale` or `target_peak_m`".into());
+        section.refuse("target_peak_m", &target.span, "`scale` is given too, and says the same", help);
+    }
+    let file = section.text("file").map_or(section.span(), |text| text.span);
+    let record = record_keys(section, &find)?;
+    let (key, span) = match (&target, &scale) {
+        (Some(target), _) => ("target_peak_m", target.span.clone()),
+        (None, Some(scale)) => ("scale", scale.span.clone()),
+        (None, None) => ("file", file.clone()),
+    };
+    let is_linear = baseline.map_or(record.quantity == Quantity::Acceleration, |word| word == 1);
+    let rate_hz = wanted_rate.as_ref().map(|n| n.value).unwrap_or((1.0 / record.step_s).min(f64::from(TICK_HZ)));
+    let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() + 1.0;
+    if count > MOST_SAMPLES as f64 {
+        let fits = two_digits_down((MOST_SAMPLES - 1) as f64 / record.duration_s());
+        let allowed = format!(
+            "gives {count:.0} samples in {} s; the controller's record buffer of 40 KiB holds {MOST_SAMPLES}",
+            record.duration_s()
+        );
+        let help = Some(format!("write sample_rate_hz = {fits}, or cut the record"));
+        match &wanted_rate {
+            Some(rate) => section.refuse("sample_rate_hz", &rate.span, allowed, help),
+            None => section.refuse("file", &file, allowed, help),
+        }
+        return None;
+    }
+    let (mut samples_m, mut about) = displacements(&record, rate_hz, is_linear);
+    if let Some(target) = &target {
+        let peak = samples_m.iter().fold(0.0f64, |most, z| most.max(z.abs()));
+        let factor = target.value / peak;
+        samples_m.iter_mut().for_each(|z| *z *= factor);
+        about = format!("{about}; times {factor:.4e} to the target peak");
+    }
+    let playback = Playback {
+        kind: "playback",
+        sample_rate_hz: rate_hz,
+        samples_m,
+        file: Some(record.file.clone()),
+        about,
+        ramp_s: rest.ramp_s,
+        tail_s: rest.tail_s,
+        rest_level_m: rest.level_m,
+        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
+        key,
+        span,
+    };
+    sound(section, &playback)?;
+    Some(playback)
+}
+
+/// What every playback may say about its ends.
+struct Ends {
+    ramp_s: f64,
+    tail_s: f64,
+    level_m: f64,
+}
+
+impl Ends {
+    fn read(section: &Section) -> Self {
+        let within = |key, most: f64| {
+            section.number_if(key, |v| (0.0..=most).contains(&v), &format!("from 0 to {most}")).map_or(0.0, |n| n.value)
+        };
+        Self {
+            ramp_s: within("ramp_s", 3600.0),
+            tail_s: within("tail_s", 3600.0),
+            level_m: section.positive("rest_level_m").map_or(REST_LEVEL_M, |n| n.value),
+        }
+    }
+}
+
+fn sample_rate(section: &Section) -> Option<Number> {
+    let most = f64::from(TICK_HZ);
+    let allowed = format!("from 0.1 to the controller's tick rate of {most}");
+    section.number_if("sample_rate_hz", |v| (0.1..=most).contains(&v), &allowed)
+}
+
+/// A record as displacements at the rate at which it is played, and what was done to it in words.
+fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, String) {
+    let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() as usize + 1;
+    let mut play = record.play();
+    let (mut segment, mut interval) = (play.next_segment().0, 0_usize);
+    let last = record.samples.len() - 2;
+    let mut at = |t_s: f64| {
+        let place = (t_s / record.step_s).min((last + 1) as f64);
+        while interval < last && place >= (interval + 1) as f64 {
+            segment = play.next_segment().0;
+            interval += 1;
+        }
+        let t = place - interval as f64;
+        segment[0] + t * (segment[1] + t * (segment[2] + t * segment[3]))
+    };
+    let mut samples: Vec<f64> = (0..count).map(|n| at(n as f64 / rate_hz)).collect();
+    let seconds = record.duration_s();
+    let (quantity, line) = match record.quantity {
+        Quantity::Acceleration => {
+            let (v, z) = end_of(record);
+            // c0 T + c1 T²/2 = v,  c0 T²/2 + c1 T³/6 = z
+            let c1 = (6.0 * v * seconds - 12.0 * z) / seconds.powi(3);
+            ("acceleration", [v / seconds - 0.5 * c1 * seconds, c1])
+        }
+        Quantity::Displacement => {
+            let (first, end) = (record.samples[0], record.samples[last + 1]);
+            ("displacement", [first, (end - first) / seconds])
+        }
+    };
+    let words = format!("{quantity} of {} samples in {seconds:.4} s", record.samples.len());
+    if !is_linear {
+        return (samples, format!("{words}, baseline as recorded"));
+    }
+    for (n, z) in samples.iter_mut().enumerate() {
+        let t = n as f64 / rate_hz;
+        *z -= match record.quantity {
+            Quantity::Acceleration => t * t * (0.5 * line[0] + t / 6.0 * line[1]),
+            Quantity::Displacement => line[0] + t * line[1],
+        };
+    }
+    let unit = if quantity == "acceleration" { "m/s²" } else { "m" };
+    (samples, format!("{words}, less the line {:.3e} {unit} {:+.3e} {unit}/s·t", line[0], line[1]))
+}
+
+/// Velocity (m/s) and displacement (m) at the end of an acceleration.
+fn end_of(record: &Record) -> (f64, f64) {
+    let mut play = record.play();
+    let mut end = [0.0; 4];
+    for _ in 1..record.samples.len() {
+        end = play.next_segment().0;
+    }
+    ((end[1] + 2.0 * end[2] + 3.0 * end[3]) / record.step_s, end.iter().sum())
+}
+
+/// Largest |z| at an end of a record that counts as rest, as a share of its peak.
+const AT_REST: f64 = 0.01;
+
+/// Refuses what the device would, and ends that are no rest.
+fn sound(section: &Section, playback: &Playback) -> Option<()> {
+    let peak = playback.peak_m();
+    if !(peak > 0.0 && peak.is_finite()) {
+        section.refuse(playback.key, &playback.span, "nothing would move", None);
+        return None;
+    }
+    let (first, last) = (playback.samples_m[0], playback.samples_m[playback.samples_m.len() - 1]);
+    if playback.ramp_s == 0.0 && first.abs().max(last.abs()) > AT_REST * peak {
+        let allowed = format!(
+            "begins at {:.3} mm and ends at {:.3} mm, its peak is {:.3} mm: the base would be thrown there in one sample",
+            first * 1e3,
+            last * 1e3,
+            peak * 1e3
+        );
+        let help = Some("write ramp_s for a rise and a fall, or baseline = \"linear\"".into());
+        section.refuse(playback.key, &playback.span, allowed, help);
+        return None;
+    }
+    if let Err(invalid) = playback.order().validate() {
+        let known = ["ramp_s", "tail_s", "rest_level_m", "sample_rate_hz"].into_iter();
+        let key = known.into_iter().find(|key| *key == invalid.parameter).unwrap_or(playback.key);
+        let span = section.number(key).map_or(playback.span.clone(), |n| n.span);
+        section.refuse(
+            key,
+            &span,
+            format!("{} = {}: must be {}", invalid.parameter, invalid.value, invalid.allowed),
+            None,
+        );
+        return None;
+    }
+    Some(())
+}
+
+/// The keys of an impulse.
+pub(super) fn impulse(section: &Section, rig: Option<&RigSettings>) -> Option<Playback> {
+    let what = "write shape = \"half_sine\", \"versine\", \"haversine\" or \"rectangle\"";
+    let shape = section.required("shape", what, |s, key| s.choice(key, &Shape::WORDS));
+    let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
+    let amplitude = section.required("amplitude_m", "the pulse's height, m", not_zero);
+    let duration = section.required("duration_s", "the pulse's length, s", Section::positive);
+    let rise = section.positive("rise_s");
+    let wanted_rate = sample_rate(section);
+    let ends = Ends::read(section);
+    let (shape, amplitude, duration) = (shape?, amplitude?, duration?);
+    let seconds = duration.value;
+    let shape = match shape {
+        0 => Shape::HalfSine,
+        3 => Shape::Rectangle { ramp_s: rise_of(section, rise.as_ref(), seconds)? },
+        _ => Shape::Versine,
+    };
+    if let (Some(rise), true) = (&rise, !matches!(shape, Shape::Rectangle { .. })) {
+        section.refuse("rise_s", &rise.span, "goes with shape = \"rectangle\" alone", Some("leave it out".into()));
+        return None;
+    }
+    let most_hz = (MOST_SAMPLES - 1) as f64 / seconds;
+    let rate_hz = wanted_rate.map_or(f64::from(TICK_HZ).min(most_hz), |n| n.value);
+    if rate_hz > most_hz * (1.0 + 1e-9) {
+        let allowed =
+            format!("gives more than {MOST_SAMPLES} samples, which the controller's record buffer of 40 KiB holds");
+        let help = Some(format!("write sample_rate_hz = {}", two_digits_down(most_hz)));
+        section.refuse("duration_s", &duration.span, allowed, help);
+        return None;
+    }
+    if rate_hz * seconds < FEWEST_SAMPLES {
+        let allowed = format!("holds fewer than {FEWEST_SAMPLES} samples of {rate_hz} Hz");
+        section.refuse(
+            "duration_s",
+            &duration.span,
+            allowed,
+            Some(format!("write {} or more", FEWEST_SAMPLES / rate_hz)),
+        );
+        return None;
+    }
+    // The last sample is at the pulse's end: the rate is what makes its length a whole number of samples.
+    let intervals = (seconds * rate_hz).floor();
+    let sample_rate_hz = intervals / seconds;
+    let samples_m =
+        (0..=intervals as u32).map(|n| amplitude.value * shape.at(f64::from(n) / sample_rate_hz, seconds)).collect();
+    let playback = Playback {
+        kind: "impulse",
+        sample_rate_hz,
+        samples_m,
+        file: None,
+        about: format!("{} of {} mm in {seconds} s", words(shape), amplitude.value * 1e3),
+        ramp_s: ends.ramp_s,
+        tail_s: ends.tail_s,
+        rest_level_m: ends.level_m,
+        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
+        key: "amplitude_m",
+        span: amplitude.span,
+    };
+    sound(section, &playback)?;
+    Some(playback)
+}
+
+/// Fewest samples in a pulse.
+const FEWEST_SAMPLES: f64 = 10.0;
+
+fn words(shape: Shape) -> &'static str {
+    match shape {
+        Shape::HalfSine => "half sine",
+        Shape::Versine => "versine",
+        Shape::Rectangle { .. } => "rectangle",
+    }
+}
+
+/// Rise and fall of a rectangle, a tenth of it unless said.
+fn rise_of(section: &Section, rise: Option<&Number>, duration_s: f64) -> Option<f64> {
+    let Some(rise) = rise else { return Some(0.1 * duration_s) };
+    if rise.value > 0.5 * duration_s {
+        let allowed = format!("must be at most half of duration_s = {duration_s}");
+        section.refuse("rise_s", &rise.span, allowed, None);
+        return None;
+    }
+    Some(rise.value)
+}
+
+/// The keys of a free vibration.
+pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Option<FreeVibration> {
+    let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
+    let start = section.required("start_m", "x0, where the structure is released, m", not_zero);
+    let measure = section.required("measure_s", "the time that is measured after the release", Section::positive);
+    let level = section.positive("level_m");
+    let hold = section.number_if("hold_s", |v| (0.1..=60.0).contains(&v), "from 0.1 to 60");
+    let timeout = section.number_if("timeout_s", |v| (1.0..=86_400.0).contains(&v), "from 1 to 86400");
+    let whole = |v: f64| (1.0..=1000.0).contains(&v) && v.fract() == 0.0;
+    let cycles = section.number_if("cycles", whole, "a whole number from 1 to 1000");
+    let (start, measure_s) = (start?, measure?.value);
+    let x0 = start.value.abs();
+    if let Some(level) = level.as_ref().filter(|level| level.value >= x0) {
+        let help = Some(format!("write level_m = {:.3e}", 0.8 * x0));
+        section.refuse("level_m", &level.span, format!("must be below |start_m| = {x0}"), help);
+        return None;
+    }
+    if let Some(rig) = rig.filter(|rig| x0 > crate::prediction::USABLE * rig.displacement_limit_m) {
+        let most = crate::prediction::USABLE * rig.displacement_limit_m;
+        let allowed = format!("must be within the displacement limit: ±{most:.4} m of ±{} m", rig.displacement_limit_m);
+        section.refuse("start_m", &start.span, allowed, None);
+        return None;
+    }
+    let free = FreeVibration {
+        start_m: start.value,
+        level_m: level.map_or(0.8 * x0, |n| n.value),
+        hold_s: hold.map_or(0.5, |n| n.value),
+        timeout_s: timeout.as_ref().map_or(300.0, |n| n.value),
+        measure_s,
+        cycles: cycles.map_or(10, |n| n.value as u16),
+        span: start.span,
+    };
+    if let Err(invalid) = free_vibration::Plan::new(free.order()) {
+        let key = ["timeout_s", "measure_s", "hold_s"].into_iter().find(|key| *key == invalid.parameter);
+        let key = key.unwrap_or("start_m");
+        let span = section.number(key).map_or(section.span(), |n| n.span);
+        section.refuse(key, &span, format!("must be {}", invalid.allowed), None);
+        return None;
+    }
+    Some(free)
+}
+
+/// Down to two digits, written as a person would.
+pub(crate) fn two_digits_down(value: f64) -> f64 {
+    let exponent = value.log10().floor() as i32 - 1;
+    let digits = (value / 10f64.powi(exponent) * (1.0 + 1e-12)).floor();
+    format!("{digits}e{exponent}").parse().unwrap_or(value)
+}

@@ -1,0 +1,242 @@
+//! Before anything moves: how far base and structure will go on a record, a pulse, or after a release.
+//!
+//! The base motion is the very spline that the device plays through the counts of the record, in `f64`, each of its cubics
+//! cut into steps of at most a tick; the window is the device's. The base follows exactly. |x| is looked for at the steps: at
+//! 2.5 Hz a peak is missed by (Ωh)²/8 = 3·10⁻⁵.
+
+use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::sampled::{Sampled, Units};
+use damprig_core::model::{Initial, Invalid};
+use damprig_core::rig::TICK_HZ;
+
+use super::USABLE;
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
+use crate::input::{Problem, Refusal};
+
+/// What is to be expected of one experiment on one set-up. Lengths in m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outlook {
+    /// max |x|.
+    pub x_peak_m: f64,
+    /// RMS of x over what the device measures.
+    pub x_rms_m: f64,
+    /// max |z|.
+    pub z_peak_m: f64,
+    /// max |x − z|.
+    pub relative_peak_m: f64,
+    /// RMS of x − z.
+    pub relative_rms_m: f64,
+    /// Impacts.
+    pub impacts: u32,
+}
+
+/// The outlook of an experiment that is one event; `None` of a stepped sine.
+///
+/// # Errors
+/// A parameter that the simulation cannot take.
+pub fn outlook(set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Option<Outlook>, Invalid> {
+    match &experiment.kind {
+        Kind::SteppedSine(_) => Ok(None),
+        Kind::Playback(playback) => played(set_up, playback).map(Some),
+        Kind::FreeVibration(free) => released(set_up, free).map(Some),
+    }
+}
+
+/// The longest step, s.
+const STEP_S: f64 = 1.0 / TICK_HZ as f64;
+
+/// Sums over the steps of a motion.
+#[derive(Default)]
+struct Watched {
+    outlook: Outlook,
+    steps: u64,
+    squares: f64,
+    relative: f64,
+}
+
+impl Watched {
+    fn see(&mut self, x: f64, z: f64) {
+        let out = &mut self.outlook;
+        out.x_peak_m = out.x_peak_m.max(x.abs());
+        out.z_peak_m = out.z_peak_m.max(z.abs());
+        out.relative_peak_m = out.relative_peak_m.max((x - z).abs());
+        self.squares += x * x;
+        self.relative += (x - z) * (x - z);
+        self.steps += 1;
+    }
+
+    fn over(self, impacts: u32) -> Outlook {
+        let rms = |sum: f64| (sum / self.steps.max(1) as f64).sqrt();
+        Outlook { x_rms_m: rms(self.squares), relative_rms_m: rms(self.relative), impacts, ..self.outlook }
+    }
+}
+
+/// Counts impacts.
+#[derive(Default)]
+struct Count(u32);
+
+impl damprig_core::integrator::sampled::Observer<f64> for Count {
+    fn impact(&mut self, _: &damprig_core::integrator::sampled::Impact<f64>) {
+        self.0 += 1;
+    }
+}
+
+/// How many steps an interval is cut into.
+fn parts(set_up: &CampaignSetUp, interval_s: f64) -> Result<u32, Invalid> {
+    let by_tick = (interval_s / STEP_S).ceil().max(1.0);
+    let in_step = Sampled::<f64>::steps_per_sample(&set_up.model(), interval_s / by_tick)?;
+    Ok(by_tick as u32 * u32::from(in_step))
+}
+
+fn at_rest(set_up: &CampaignSetUp, x_m: f64) -> Initial {
+    Initial { x_m, y_m: x_m + set_up.particle_start_m(), ..Initial::default() }
+}
+
+fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invalid> {
+    let interval_s = 1.0 / playback.sample_rate_hz;
+    let parts = parts(set_up, interval_s)?;
+    let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
+    let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, 0.0))?;
+    let scale = f64::from(playback.scale_m());
+    let counts: Vec<f64> =
+        playback.bytes().as_chunks::<2>().0.iter().map(|two| scale * f64::from(i16::from_le_bytes(*two))).collect();
+    let count = counts.len() as i64;
+    let length_s = (count + 3) as f64 * interval_s;
+    // Ends that are ramped by the device: a smooth step by time.
+    let ramp = |t_s: f64| {
+        let gain = |since_s: f64| if playback.ramp_s > 0.0 { (since_s / playback.ramp_s).clamp(0.0, 1.0) } else { 1.0 };
+        let gain = gain(t_s).min(gain(length_s - t_s));
+        gain * gain * (3.0 - 2.0 * gain)
+    };
+    let at = |n: i64| usize::try_from(n).ok().and_then(|n| counts.get(n)).copied().unwrap_or(0.0);
+    let (mut watched, mut impacts) = (Watched::default(), Count::default());
+    for node in -2..=count {
+        let rate = |n: i64| 0.5 * (at(n + 1) - at(n - 1));
+        let whole = Segment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
+        let value = |t: f64| whole[0] + t * (whole[1] + t * (whole[2] + t * whole[3]));
+        let slope = |t: f64| share * (whole[1] + t * (2.0 * whole[2] + t * 3.0 * whole[3]));
+        for part in 0..parts {
+            let (from, to) = (f64::from(part) * share, f64::from(part + 1) * share);
+            let (t0, t1) =
+                ((node + 2) as f64 * interval_s + from * interval_s, (node + 2) as f64 * interval_s + to * interval_s);
+            let (z0, z1) = (ramp(t0) * value(from), ramp(t1) * value(to));
+            let segment = if playback.ramp_s > 0.0 {
+                // The product of ramp and cubic by its ends' slopes.
+                let change = |t: f64, z: f64| (ramp(t + 0.5 * step_s) - ramp(t - 0.5 * step_s)) * z;
+                let (v0, v1) =
+                    (ramp(t0) * slope(from) + change(t0, value(from)), ramp(t1) * slope(to) + change(t1, value(to)));
+                Segment::hermite(z0, z1, v0, v1)
+            } else {
+                Segment::hermite(z0, z1, slope(from), slope(to))
+            };
+            motion.step(&segment, &mut impacts);
+            watched.see(motion.state().x, z1);
+        }
+    }
+    for _ in 0..(playback.tail_s / step_s).round() as u64 {
+        motion.step(&Segment::at_rest(0.0), &mut impacts);
+        watched.see(motion.state().x, 0.0);
+    }
+    Ok(watched.over(impacts.0))
+}
+
+fn released(set_up: &CampaignSetUp, free: &FreeVibration) -> Result<Outlook, Invalid> {
+    let parts = parts(set_up, STEP_S)?;
+    let step_s = STEP_S / f64::from(parts);
+    let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
+    let (mut watched, mut impacts) = (Watched::default(), Count::default());
+    for _ in 0..(free.measure_s / step_s).round() as u64 {
+        motion.step(&Segment::at_rest(0.0), &mut impacts);
+        watched.see(motion.state().x, 0.0);
+    }
+    let mut outlook = watched.over(impacts.0);
+    outlook.x_peak_m = outlook.x_peak_m.max(free.start_m.abs());
+    Ok(outlook)
+}
+
+/// The outlook of an experiment on a set-up, by their places in the campaign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// The set-up.
+    pub set_up: usize,
+    /// The experiment.
+    pub experiment: usize,
+    /// What is to be expected.
+    pub outlook: Outlook,
+}
+
+/// All of a campaign, in the order in which they are run.
+///
+/// # Errors
+/// A parameter that the simulation cannot take, with the set-up's name.
+pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
+    let mut all = Vec::new();
+    for (set_up, it) in campaign.set_ups.iter().enumerate() {
+        for (experiment, what) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.set_ups.contains(&set_up)) {
+            let outlook =
+                outlook(it, what).map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;
+            all.extend(outlook.map(|outlook| Expected { set_up, experiment, outlook }));
+        }
+    }
+    Ok(all)
+}
+
+/// Refuses what would leave the displacement limit or the shaker's stroke, with the height that would fit.
+///
+/// # Errors
+/// One answer for all of them, each pointing at what gives the height.
+pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> {
+    let limit = campaign.rig.displacement_limit_m;
+    let stroke = campaign.rig.shaker.map_or(f64::INFINITY, |shaker| shaker.half_stroke_m);
+    for Expected { set_up, experiment, outlook } in expected {
+        let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
+        let mm = |metres: f64| format!("{:.3} mm", metres * 1e3);
+        let too_far = [
+            ("the shaker's stroke", "|z|", outlook.z_peak_m, stroke),
+            ("the displacement limit", "|z|", outlook.z_peak_m, USABLE * limit),
+            ("the displacement limit", "|x|", outlook.x_peak_m, USABLE * limit),
+        ];
+        let Some((what, which, value, most)) = too_far.into_iter().find(|(.., value, most)| value > most) else {
+            continue;
+        };
+        let (key, span) = match &experiment.kind {
+            Kind::Playback(playback) => (playback.key, playback.span.clone()),
+            Kind::FreeVibration(free) => ("start_m", free.span.clone()),
+            Kind::SteppedSine(_) => continue,
+        };
+        let fits = experiment.playback().and_then(|playback| fitting(set_up, playback, stroke, limit));
+        campaign.source.report(Problem {
+            title: format!(
+                "experiment {:?} on set-up {:?} would leave {what}: predicted max{which} = {}, at most {} may be used",
+                experiment.name,
+                set_up.name,
+                mm(value),
+                mm(most)
+            ),
+            span,
+            allowed: format!("`{key}` makes it too high for this set-up"),
+            help: fits.map(|peak| {
+                let key = if key == "amplitude_m" { key } else { "target_peak_m" };
+                format!("write {key} = {peak}")
+            }),
+        });
+    }
+    campaign.source.verdict()
+}
+
+/// The largest peak of two digits at which a record fits. |x| need not rise steadily with it: candidates are simulated.
+fn fitting(set_up: &CampaignSetUp, playback: &Playback, stroke_m: f64, limit_m: f64) -> Option<f64> {
+    let (before, most) = (playback.peak_m(), USABLE * limit_m);
+    let mut candidate = before.min(stroke_m).min(most);
+    for _ in 0..30 {
+        candidate = crate::campaign::transient::two_digits_down(candidate);
+        let factor = candidate / before;
+        let samples_m = playback.samples_m.iter().map(|z| z * factor).collect();
+        let outlook = played(set_up, &Playback { samples_m, ..playback.clone() }).ok()?;
+        if outlook.x_peak_m <= most {
+            return Some(candidate);
+        }
+        candidate *= (most / outlook.x_peak_m).min(0.97);
+    }
+    None
+}
