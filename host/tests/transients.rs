@@ -1,0 +1,350 @@
+//! Records, pulses and free vibrations in a campaign: what comes of them, how they are taken up again, and what is
+//! refused.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Fate, Served, damprig, folder_with, manifest, read_parquet};
+use damprig::input::Source;
+use damprig::recording::journal;
+use damprig::recording::taken::Taken;
+use damprig::recording::transients::TransientRow;
+use damprig::runs::RunFolder;
+use damprig::runs::columns::{numbers, texts};
+use damprig::simulation::{Case, Request, simulate};
+use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
+use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
+use predicates::prelude::*;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+/// Ten seconds of displacement at 100 Hz in mm: begins and ends at rest.
+fn record() -> String {
+    use std::f64::consts::TAU;
+    let z = |t: f64| {
+        let envelope = (std::f64::consts::PI * t / 10.0).sin().powi(2);
+        envelope * (1.5 * (TAU * 2.3 * t).sin() + 1.2 * (TAU * 3.7 * t + 1.0).sin() + 0.8 * (TAU * 0.6 * t).cos())
+    };
+    let rows: Vec<String> = (0..=1000).map(|n| f64::from(n) / 100.0).map(|t| format!("{t:.2},{:.9}", z(t))).collect();
+    format!("t_s,z_mm\n{}\n", rows.join("\n"))
+}
+
+const SET_UPS: &str = r#"name = "events"
+[structure]
+mass_kg = 1.6
+natural_frequency_hz = 2.50
+damping_ratio = 0.0038
+[[set_up]]
+name = "bare"
+base_amplitude_m = 0.003
+[[set_up]]
+name = "friction"
+base_amplitude_m = 0.003
+friction_damper = { force_n = 0.2 }
+"#;
+
+const PLAYBACK: &str = r#"
+[[experiment]]
+name = "record"
+kind = "playback"
+file = "record.csv"
+quantity = "displacement"
+unit = "mm"
+tail_s = 2
+"#;
+
+const PULSE: &str = r#"
+[[experiment]]
+name = "pulse"
+kind = "impulse"
+shape = "half_sine"
+amplitude_m = 0.01
+duration_s = 0.2
+tail_s = 4
+"#;
+
+const RELEASE: &str = r#"
+[[experiment]]
+name = "release"
+kind = "free_vibration"
+start_m = 0.035
+measure_s = 8
+"#;
+
+const TELEMETRY: &str = "[telemetry]\nrate_hz = 1000\nsignals = [\"x\", \"z\"]\n";
+
+fn campaign() -> String {
+    [SET_UPS, PLAYBACK, PULSE, RELEASE, TELEMETRY].concat()
+}
+
+fn folder(campaign: &str) -> TempDir {
+    let folder = folder_with(campaign);
+    std::fs::write(folder.path().join("record.csv"), record()).unwrap();
+    folder
+}
+
+fn rows(run: &Path) -> Vec<TransientRow> {
+    Taken::of(&journal::read(run).unwrap().entries).transients().to_vec()
+}
+
+fn row<'r>(rows: &'r [TransientRow], set_up: &str, experiment: &str) -> &'r TransientRow {
+    rows.iter().find(|r| r.set_up == set_up && r.experiment == experiment).unwrap()
+}
+
+/// A measured signal of a row's measured ticks: the tick and the value.
+fn history(run: &Path, of: &TransientRow, signal: &str) -> Vec<(u64, f64)> {
+    let mut out = Vec::new();
+    for batch in RunFolder::open(run).unwrap().samples() {
+        let batch = batch.unwrap();
+        let (set_ups, experiments) = (texts(&batch, "set_up").unwrap(), texts(&batch, "experiment").unwrap());
+        let (ticks, values) = (numbers(&batch, "tick").unwrap(), numbers(&batch, signal).unwrap());
+        let own = (0..values.len()).filter(|&n| set_ups[n] == of.set_up && experiments[n] == of.experiment);
+        out.extend(
+            own.map(|n| (ticks[n] as u64, values[n])).filter(|(tick, _)| (of.start_tick..of.end_tick).contains(tick)),
+        );
+    }
+    out
+}
+
+#[test]
+fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
+    let folder = folder(&[SET_UPS, PLAYBACK, TELEMETRY].concat());
+    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
+    let run = folder.path().join("run");
+    for (set_up, friction) in [("bare", ""), ("friction", "friction_damper = { force_n = 0.2 }\n")] {
+        let played = row(&rows(&run), set_up, "record").clone();
+        let measured = history(&run, &played, "x_m");
+        assert_eq!(measured.len() as u64, played.end_tick - played.start_tick, "a sample is missing");
+        // Playing begins two samples of the record before it; a reading is 2.45 ticks after its demand: one of waiting,
+        // one for the velocity at the cubic's end, 0.45 for the mean of the block.
+        let at = |tick: u64| (tick - played.start_tick) as f64 * 1e-3 - 0.02 - 2.45e-3;
+        let wanted: Vec<(f64, f64)> =
+            measured.iter().map(|(tick, x)| (at(*tick), *x)).filter(|(t, _)| *t >= 0.0).collect();
+        let times: Vec<String> = wanted.iter().map(|(t, _)| format!("{t:.6}")).collect();
+        let end = wanted.last().unwrap().0;
+        let text = format!(
+            "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n{friction}\
+             base = {{ kind = \"record\", file = \"record.csv\", quantity = \"displacement\", unit = \"mm\" }}\n\
+             run = {{ duration_s = {:.6}, sample_times_s = [{}] }}\n",
+            end + 1e-3,
+            times.join(", ")
+        );
+        let source = Source::new(folder.path().join("case.toml").display().to_string(), text);
+        let case = Case::parse(&source, "case").unwrap();
+        let answer =
+            simulate(&case, &mut (), Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
+        // Counts of peak/32767 round by half of one: at resonance, if they conspired, 1/(2ζ) = 132 of that. The mean over
+        // a block flattens a peak by (Ωh)²/24. Before its first sample the spline has (z1 − 0)/2 of velocity to make.
+        let peak_z = f64::from(played.z_peak_m);
+        let bound = 132.0 * peak_z / 65_534.0 + 1.1e-5 * f64::from(played.x_peak_m) + 1e-6;
+        let worst = wanted.iter().zip(&answer.x_m).map(|((_, x), s)| (x - s).abs()).fold(0.0, f64::max);
+        assert!(worst < bound, "{set_up}: {worst:.3e} m of {bound:.3e}, of a peak of {:.3e}", played.x_peak_m);
+        assert!(f64::from(played.x_peak_m) > 2.0 * peak_z, "the structure should have answered: {played:?}");
+        // The prediction in the folder is the same, over the device's own window.
+        assert!((f64::from(played.x_rms_m) / played.predicted_x_rms_m - 1.0).abs() < 1e-3, "{played:?}");
+        assert!((f64::from(played.x_peak_m) / played.predicted_x_peak_m - 1.0).abs() < 1e-3, "{played:?}");
+        // A base that follows exactly: what is left is rounding to counts, and (Ωτ)²/2 at 3.7 Hz and 0.45 ticks.
+        assert!(played.base_error_rms_m < 1e-4 * played.wanted_rms_m, "{played:?}");
+        assert!((played.base_delay_s - 2.45e-3).abs() < 1e-5, "{played:?}");
+    }
+}
+
+#[test]
+fn all_three_kinds_are_measured_kept_and_shown() {
+    let folder = folder(&campaign());
+    let said = damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
+    let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
+    for words in [
+        "record: displacement of 1001 samples in 10.0000 s, baseline as recorded",
+        "half sine of 10 mm",
+        "6 of 6 points",
+    ] {
+        assert!(said.contains(words), "no {words:?} in {said}");
+    }
+    let run = folder.path().join("run");
+    let all = rows(&run);
+    let release = row(&all, "bare", "release");
+    // x0 is met to (Ωh)²/6, a peak to (Ωh)²/8: 1e-4 in all over ten cycles.
+    assert!((release.damping_ratio - 0.0038).abs() < 1e-4 / 62.8, "{release:?}");
+    assert!((release.frequency_hz - 2.5).abs() < 1e-4 && release.cycles == 10, "{release:?}");
+    // Coulomb friction takes 4F/k in each cycle besides.
+    let friction = row(&all, "friction", "release");
+    let stiffness = 1.6 * (std::f64::consts::TAU * 2.5f64).powi(2);
+    assert!(friction.start_m - friction.end_m > 10.0 * 4.0 * 0.2 / stiffness, "{friction:?}");
+    let pulse = row(&all, "bare", "pulse");
+    assert!((f64::from(pulse.x_peak_m) / pulse.predicted_x_peak_m - 1.0).abs() < 1e-3, "{pulse:?}");
+    assert_eq!((pulse.kind.as_str(), pulse.damping_ratio.is_nan()), ("impulse", true));
+    let table = read_parquet(run.join("transients.parquet"));
+    assert_eq!(table.iter().map(arrow_array::RecordBatch::num_rows).sum::<usize>(), 6);
+    let schema = table[0].schema();
+    assert_eq!(schema.field_with_name("base_delay_s").unwrap().metadata()["unit"], "s");
+    for file in ["transients.svg", "transients.png", "results.parquet", "records/1-record.csv"] {
+        assert!(run.join(file).is_file(), "no {file}");
+    }
+    assert!(!run.join("figure.svg").exists(), "there is no frequency to draw over");
+    assert_eq!(manifest(&run)["set_ups"].as_array().unwrap().len(), 2);
+    damprig(&folder).args(["runs", "verify", "run"]).assert().success();
+    damprig(&folder)
+        .args(["runs", "show", "run"])
+        .assert()
+        .success()
+        .stdout(contains("free_vibration").and(contains("0.00380")));
+}
+
+#[test]
+fn the_shipped_campaign_runs() {
+    let folder = TempDir::new().unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns/transients.toml");
+    damprig(&folder).arg("run").arg(file).args(["--out", "run"]).assert().success().stdout(contains("6 of 6 points"));
+}
+
+#[test]
+fn a_stepped_sine_may_stand_beside_them() {
+    let sine = "\n[[experiment]]\nname = \"sine\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.0]\nstart = \"from_rest\"\ndwell_s = 4.0\nset_ups = [\"bare\"]\n";
+    let folder = folder(&[SET_UPS, PULSE, sine, TELEMETRY].concat());
+    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success().stdout(contains("3 of 3 points"));
+    let run = folder.path().join("run");
+    assert!(run.join("figure.svg").is_file() && run.join("transients.svg").is_file());
+    damprig(&folder).args(["runs", "verify", "run"]).assert().success();
+}
+
+fn is_event(message: &FromDevice) -> bool {
+    matches!(message, FromDevice::Event { event: Happening::Transient(_), .. })
+}
+
+/// What was measured, without when.
+fn measured(run: &Path) -> Vec<String> {
+    let one = |r: &TransientRow| format!("{:?}", TransientRow { start_tick: 0, end_tick: 0, segment: 0, ..r.clone() });
+    rows(run).iter().map(one).collect()
+}
+
+#[test]
+fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
+    let folder = folder(&campaign());
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    let mut events = 0;
+    let board = Served::start(move |message| {
+        events += usize::from(is_event(message));
+        if events == 3 { Fate::Close } else { Fate::Pass }
+    });
+    let run = ["run", "test.toml", "--out", "cut", "--reconnect-s", "0", "--rig", &board.rig];
+    damprig(&folder).args(run).assert().code(1).stderr(contains("2 of 6 points are kept"));
+    // The record is the folder's own from here on.
+    std::fs::remove_file(folder.path().join("record.csv")).unwrap();
+    let again = Served::start(|_| Fate::Pass);
+    let resumed = damprig(&folder).args(["run", "--resume", "cut", "--rig", &again.rig]).assert().success();
+    let said = String::from_utf8_lossy(&resumed.get_output().stdout).into_owned();
+    assert!(said.contains("2 of 6 points are kept as they are") && said.contains("\"release\" is repeated"), "{said}");
+    assert_eq!(measured(&folder.path().join("cut")), measured(&folder.path().join("whole")));
+    let starts = again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Start)).count();
+    assert_eq!(starts, 4, "what is complete is not measured again");
+    damprig(&folder).args(["runs", "verify", "cut"]).assert().success();
+}
+
+#[test]
+fn an_upload_goes_on_after_a_lost_link_and_is_not_made_twice() {
+    let folder = folder(&[SET_UPS, PLAYBACK, TELEMETRY].concat());
+    let (told, hear) = std::sync::mpsc::channel();
+    let mut closed = false;
+    let rig = Served::again_and_again(move |message| {
+        if let FromDevice::Reply { answer: Ok(Answer::Upload(progress)), .. } = message {
+            told.send(*progress).unwrap();
+            if !closed && progress.there == 6 * CHUNK_BYTES as u32 {
+                closed = true;
+                return Fate::Close;
+            }
+        }
+        Fate::Pass
+    });
+    damprig(&folder).args(["run", "test.toml", "--out", "run", "--rig", &rig]).assert().success();
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+    assert_eq!(measured(&folder.path().join("run")), measured(&folder.path().join("whole")));
+    let progress: Vec<_> = hear.try_iter().collect();
+    let there: Vec<u32> = progress.iter().map(|p| p.there).collect();
+    assert!(there.is_sorted(), "it began anew: {there:?}");
+    // 2002 bytes in 16 chunks; the second set-up finds them there.
+    let receiving = progress.iter().filter(|p| p.stage == UploadStage::Receiving && p.there > 0).count();
+    assert!((15..=17).contains(&receiving), "{receiving} chunks");
+}
+
+/// Runs the campaign; it must be refused with all of `words`, before anything moves.
+fn refused(campaign: &str, words: &[&str]) {
+    let folder = folder(campaign);
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{answer}");
+    for word in words.iter().copied().chain(["--> test.toml:"]) {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+    assert!(!folder.path().join("runs").exists(), "a run was begun");
+}
+
+fn edited(experiment: &str, from: &str, to: &str) -> String {
+    assert!(experiment.contains(from));
+    [SET_UPS, &experiment.replacen(from, to, 1), TELEMETRY].concat()
+}
+
+#[test]
+fn a_record_that_is_not_there_is_answered_with_those_that_look_like_it() {
+    refused(&edited(PLAYBACK, "record.csv", "recrod.csv"), &["experiment[1].file", "did you mean", "record.csv"]);
+}
+
+#[test]
+fn a_record_that_is_too_long_is_refused_with_the_limit_and_a_rate_that_fits() {
+    let words = ["20480", "40 KiB", "30001 samples", "write sample_rate_hz = 68"];
+    refused(&edited(PLAYBACK, "tail_s = 2", "time_step_s = 0.3\ncolumn = 2\nsample_rate_hz = 100"), &words);
+}
+
+#[test]
+fn a_record_that_would_leave_the_limits_is_refused_with_the_peak_that_fits() {
+    let words = [
+        "would leave the displacement limit",
+        "max|x|",
+        "`target_peak_m` makes it too high",
+        "write target_peak_m = 0.0",
+    ];
+    refused(&edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.03"), &words);
+    let words = ["max|z|", "write amplitude_m = 0.0"];
+    refused(&edited(PULSE, "amplitude_m = 0.01", "amplitude_m = 0.3"), &words);
+}
+
+#[test]
+fn the_shakers_stroke_is_told_before_anything_moves() {
+    let campaign = edited(PULSE, "amplitude_m = 0.01", "amplitude_m = 0.02") + "[rig.shaker]\nhalf_stroke_m = 0.015\n";
+    refused(&campaign, &["the shaker's stroke", "20.000 mm, at most 15.000 mm", "write amplitude_m = 0.015"]);
+}
+
+#[test]
+fn ends_that_are_no_rest_are_refused_and_a_ramp_makes_them_one() {
+    let shifted = PLAYBACK.replace("unit = \"mm\"", "unit = \"mm\"\ncolumn = 2\ntime_column = 1");
+    let jump = |text: &str| {
+        let folder = folder_with(&[SET_UPS, text, TELEMETRY].concat());
+        let rows: Vec<String> =
+            (0..500).map(|n| format!("{:.2},{}", f64::from(n) * 0.01, 2.0 + 0.001 * f64::from(n))).collect();
+        std::fs::write(folder.path().join("record.csv"), rows.join("\n")).unwrap();
+        damprig(&folder).args(["run", "test.toml", "--dry-run"]).output().unwrap()
+    };
+    let answer = jump(&shifted);
+    let words = String::from_utf8_lossy(&answer.stderr).into_owned();
+    assert!(words.contains("begins at 2.000 mm and ends at 2.499 mm") && words.contains("write ramp_s"), "{words}");
+    assert!(jump(&format!("{shifted}ramp_s = 1.0\n")).status.success());
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_with_what_does() {
+    refused(
+        &edited(PLAYBACK, "tail_s = 2", "scale = 2\ntarget_peak_m = 0.001"),
+        &["leave out `scale` or `target_peak_m`"],
+    );
+    refused(&edited(PLAYBACK, "tail_s = 2", "scale = 0"), &["must be a number other than 0"]);
+    refused(&edited(PLAYBACK, "tail_s", "tial_s"), &["unknown key `experiment[1].tial_s`", "did you mean `tail_s`"]);
+    refused(&edited(PULSE, "half_sine", "half-sine"), &["must be", "did you mean \"half_sine\""]);
+    refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.2\nrise_s = 0.01"), &["rectangle"]);
+    refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.002"), &["fewer than 10 samples", "write 0.01 or more"]);
+    refused(&edited(PULSE, "duration_s = 0.2", ""), &["`experiment[1].duration_s` is missing"]);
+    refused(&edited(RELEASE, "0.035", "0.3"), &["within the displacement limit"]);
+    refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\nlevel_m = 0.04"), &["below |start_m|", "write level_m"]);
+    refused(&edited(RELEASE, "free_vibration", "free_vibrations"), &["did you mean \"free_vibration\""]);
+    refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\ncycles = 2.5"), &["a whole number from 1 to 1000"]);
+}
