@@ -69,13 +69,8 @@ pub struct Decay {
 /// Measures, a tick at a time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TransientMeter {
-    x: Sum,
-    z: Sum,
-    relative: Sum,
-    error: Sum,
-    error_rate: Sum,
-    rate: Sum,
-    wanted: Sum,
+    /// Of x², z², (x − z)², e², e w′, w′², w².
+    sums: [Sum; 7],
     x_peak: f32,
     z_peak: f32,
     relative_peak: f32,
@@ -84,22 +79,32 @@ pub struct TransientMeter {
     ticks: u32,
 }
 
+/// Not inlined: seven times the same.
+#[inline(never)]
+fn add(sum: &mut Sum, value: f32) {
+    sum.push(value);
+}
+
 impl TransientMeter {
     /// Takes one tick's readings, and the displacement demanded in it, m.
-    #[inline]
+    #[inline(never)]
     pub fn push(&mut self, readings: &Readings, demand_m: f32) {
         let (x, z) = (readings.x.mean_m, readings.z.mean_m);
         self.demands = [demand_m, self.demands[0], self.demands[1], self.demands[2]];
         let [_, after, then, before] = self.demands;
         let rate = 0.5 * (after - before);
         let (error, relative) = (z - then, x - z);
-        self.x.push(x * x);
-        self.z.push(z * z);
-        self.relative.push(relative * relative);
-        self.error.push(error * error);
-        self.error_rate.push(error * rate);
-        self.rate.push(rate * rate);
-        self.wanted.push(then * then);
+        for (sum, (a, b)) in self.sums.iter_mut().zip([
+            (x, x),
+            (z, z),
+            (relative, relative),
+            (error, error),
+            (error, rate),
+            (rate, rate),
+            (then, then),
+        ]) {
+            add(sum, a * b);
+        }
         self.x_peak = readings.x.peak_m.max(self.x_peak);
         self.z_peak = readings.z.peak_m.max(self.z_peak);
         self.relative_peak = libm::fabsf(relative).max(self.relative_peak);
@@ -118,19 +123,19 @@ impl TransientMeter {
     pub fn result(&self) -> TransientResult {
         let per_tick = 1.0 / self.ticks.max(1) as f32;
         let rms = |sum: f32| libm::sqrtf(sum * per_tick);
-        let (rate, along) = (self.rate.value(), self.error_rate.value());
+        let [x, z, relative, error, along, rate, wanted] = self.sums.map(|sum| sum.value());
         let late = if rate > 0.0 { -along / rate } else { 0.0 };
         // Rounding can take an error of nothing below zero.
-        let error = (self.error.value() + late * along).max(0.0);
+        let error = (error + late * along).max(0.0);
         let delay = if rate > 0.0 { (NOMINAL_DELAY_TICKS + late) * (1.0 / TICK_HZ) } else { 0.0 };
         TransientResult {
             x_peak_m: self.x_peak,
-            x_rms_m: rms(self.x.value()),
+            x_rms_m: rms(x),
             z_peak_m: self.z_peak,
-            z_rms_m: rms(self.z.value()),
+            z_rms_m: rms(z),
             relative_peak_m: self.relative_peak,
-            relative_rms_m: rms(self.relative.value()),
-            wanted_rms_m: rms(self.wanted.value()),
+            relative_rms_m: rms(relative),
+            wanted_rms_m: rms(wanted),
             base_error_rms_m: rms(error),
             base_delay_s: delay,
             ..TransientResult::default()

@@ -277,14 +277,14 @@ impl Rig {
         let now = Now { tick, readings: &readings, impacts: self.dampers.impacts() };
         let mut outcome = Outcome::Running;
         if let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) {
-            let drive;
-            if let State::Running(_) = self.state {
-                (drive, outcome) = runner.tick(experiment, record, &now);
+            let drive = if let State::Running(_) = self.state {
+                let drive = runner.tick(experiment, record, &now, &mut outcome);
                 actuators.put_plant_back = runner.wants_plant_put_back();
                 self.state = State::Running(runner.stage());
+                drive
             } else {
-                (drive, outcome) = runner.fade(experiment, record);
-            }
+                runner.fade(experiment, record, &mut outcome)
+            };
             actuators.drive_enabled = allowed.relay;
             actuators.drive_m = drive * allowed.drive;
             if runner.cycle_ended() {

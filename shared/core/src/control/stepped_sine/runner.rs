@@ -205,11 +205,11 @@ impl Runner {
 
     /// The drive for this tick, m, without measuring: for the fade after a stop. A point that was measured before it is
     /// evaluated still.
-    pub fn fade(&mut self, plan: &Plan) -> (f32, Outcome) {
-        let outcome = self.evaluate(plan);
+    pub fn fade(&mut self, plan: &Plan, outcome: &mut Outcome) -> f32 {
+        self.evaluate(plan, outcome);
         let drive = self.drive_m(plan, None).0;
         self.cycle_ended = self.phase.advance(self.increment);
-        (drive, outcome)
+        drive
     }
 
     /// The drive at the present phase, m, and a fault of the closed loop. Fades while the drive is released: then, and
@@ -240,15 +240,16 @@ impl Runner {
         (drive, None)
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out.
-    pub fn tick(&mut self, plan: &Plan, now: &Now) -> (f32, Outcome) {
-        let mut outcome = self.evaluate(plan);
+    /// One tick: this tick's readings in, the demanded base displacement (m) out; what it led to, if anything, goes into
+    /// `outcome`.
+    pub fn tick(&mut self, plan: &Plan, now: &Now, outcome: &mut Outcome) -> f32 {
+        self.evaluate(plan, outcome);
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
         if self.stage == Stage::Rest
             && let Some(fault) = self.rest(plan, now)
         {
-            outcome = Outcome::Failed(fault);
+            *outcome = Outcome::Failed(fault);
         }
         // A dwell begins at the start of a cycle, and so does a drive from rest.
         if self.stage == Stage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
@@ -256,7 +257,7 @@ impl Runner {
         }
         let (drive, fault) = self.drive_m(plan, Some(now));
         if let Some(fault) = fault {
-            outcome = Outcome::Failed(fault);
+            *outcome = Outcome::Failed(fault);
         }
         // Once the last point is measured, only the drive goes on, fading.
         let measuring = self.stage == Stage::Dwell && self.index < plan.sine.frequencies_hz.len();
@@ -273,7 +274,7 @@ impl Runner {
                 self.end_point(plan, now);
             }
         }
-        (drive, outcome)
+        drive
     }
 
     fn rest(&mut self, plan: &Plan, now: &Now) -> Option<Fault> {
@@ -322,15 +323,15 @@ impl Runner {
     }
 
     /// A measured point's figures, over the two ticks after its end: the tick that ends it has enough to do.
-    fn evaluate(&mut self, plan: &Plan) -> Outcome {
-        let Some(measured) = &mut self.measured else { return Outcome::Running };
+    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
+        let Some(measured) = &mut self.measured else { return };
         let Some(harmonic) = &measured.harmonic else {
             measured.harmonic = Some(measured.meter.harmonic_figures());
-            return Outcome::Running;
+            return;
         };
         let result = measured.meter.result(&measured.place, harmonic, &plan.sine.steady);
         let is_last = measured.is_last;
         self.measured = None;
-        if is_last { Outcome::Finished(result) } else { Outcome::Point(result) }
+        *outcome = if is_last { Outcome::Finished(result) } else { Outcome::Point(result) };
     }
 }

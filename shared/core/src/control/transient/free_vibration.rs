@@ -9,12 +9,12 @@
 //! What the decay means (logarithmic decrement, loss) is reckoned from x0, the peak after whole cycles and their
 //! duration by the host, which has a logarithm.
 
-use super::{Measuring, not_too_long, ticks};
+use super::{LEAST, LONGEST_S, Measuring, ticks, within};
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::safety::Danger;
 use crate::measure::transient::Decay;
-use crate::model::{Invalid, positive, require};
+use crate::model::Invalid;
 use crate::rig::TICK_HZ;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -43,14 +43,14 @@ impl FreeVibration {
     /// Names the first value out of range.
     #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
-        positive("level_m", f64::from(self.level_m))?;
-        for (name, value) in [("hold_s", self.hold_s), ("measure_s", self.measure_s), ("timeout_s", self.timeout_s)] {
-            positive(name, f64::from(value))?;
-            not_too_long(name, value)?;
-        }
-        let is_longer = self.timeout_s > self.hold_s + VIRTUAL_HOLD_S;
-        require(is_longer, "timeout_s", f64::from(self.timeout_s), "more than hold_s and half a second")?;
-        require(self.cycles > 0, "cycles", 0.0, "1 or more")
+        let soonest_s = self.hold_s + 2.0 * VIRTUAL_HOLD_S;
+        within(&[
+            ("level_m", self.level_m, LEAST, f32::MAX, "greater than 0"),
+            ("hold_s", self.hold_s, LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+            ("measure_s", self.measure_s, LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+            ("timeout_s", self.timeout_s, soonest_s, LONGEST_S, "hold_s and a second or more, at most 10⁹ ticks"),
+            ("cycles", f32::from(self.cycles), 1.0, f32::MAX, "1 or more"),
+        ])
     }
 
     /// Ticks that it takes on a virtual rig.
@@ -219,14 +219,16 @@ impl Runner {
     }
 
     /// What was measured before a stop is evaluated still.
-    pub fn fade(&mut self, plan: &Plan) -> Outcome {
+    pub fn fade(&mut self, plan: &Plan, outcome: &mut Outcome) {
         self.put_back = None;
-        self.evaluate(plan)
+        self.evaluate(plan, outcome);
     }
 
-    /// One tick's readings; nothing is driven.
-    pub fn tick(&mut self, plan: &Plan, now: &Now) -> Outcome {
-        let outcome = self.evaluate(plan);
+    /// One tick's readings; nothing is driven. What it led to, if anything, goes into `outcome`. Not inlined: the stepped
+    /// sine is the tick's usual guest.
+    #[inline(never)]
+    pub fn tick(&mut self, plan: &Plan, now: &Now, outcome: &mut Outcome) {
+        self.evaluate(plan, outcome);
         self.put_back = None;
         let x = now.readings.x.mean_m;
         if self.stage == Stage::Hold {
@@ -240,7 +242,7 @@ impl Runner {
                 self.swings = Swings::from(x, self.hold.before_m);
             } else if self.waited_ticks > plan.timeout_ticks {
                 let (value, limit) = (self.hold.latest_m, plan.free.level_m);
-                return Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
+                *outcome = Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
             }
         } else if self.measuring.meter.ticks() < plan.measure_ticks {
             self.measuring.meter.push(now.readings, 0.0);
@@ -249,7 +251,6 @@ impl Runner {
                 self.measuring.end(now);
             }
         }
-        outcome
     }
 
     /// Takes |x| (m) of a tick in which the structure is held, or not yet, or no more.
@@ -272,13 +273,7 @@ impl Runner {
         false
     }
 
-    fn evaluate(&mut self, plan: &Plan) -> Outcome {
-        let decay = self.swings.decay;
-        let mut outcome = self.measuring.evaluate(plan.free.index, false, || decay);
-        if let Outcome::Transient(result) = &mut outcome {
-            // The release is found a little after it.
-            result.x_peak_m = result.x_peak_m.max(decay.start_m);
-        }
-        outcome
+    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
+        self.measuring.evaluate(plan.free.index, false, &self.swings.decay, outcome);
     }
 }

@@ -19,8 +19,16 @@ fn ticks(seconds: f32) -> u32 {
     (seconds * TICK_HZ + 0.5) as u32
 }
 
-fn not_too_long(parameter: &'static str, seconds: f32) -> Result<(), Invalid> {
-    require(seconds <= LONGEST_S, parameter, f64::from(seconds), "at most 10⁹ ticks")
+/// The least number greater than 0 that counts as one.
+const LEAST: f32 = f32::MIN_POSITIVE;
+
+/// Checks that every value (name, value, least, most, what is allowed) is within its bounds; what is no number is not.
+#[inline(never)]
+fn within(values: &[(&'static str, f32, f32, f32, &'static str)]) -> Result<(), Invalid> {
+    for (parameter, value, least, most, allowed) in values {
+        require((*least..=*most).contains(value), parameter, f64::from(*value), allowed)?;
+    }
+    Ok(())
 }
 
 /// Measures from a tick on, and gives the result in the tick after the last: that one has enough to do.
@@ -46,15 +54,18 @@ impl Measuring {
         self.ended.is_some()
     }
 
-    /// The result, if the end was in an earlier tick.
-    fn evaluate(&mut self, index: u16, drive_saturated: bool, decay: impl FnOnce() -> Decay) -> Outcome {
-        let Some((end_tick, impacts)) = self.ended.take() else { return Outcome::Running };
+    /// The result into `outcome`, if the end was in an earlier tick.
+    #[inline(never)]
+    fn evaluate(&mut self, index: u16, drive_saturated: bool, decay: &Decay, outcome: &mut Outcome) {
+        let Some((end_tick, impacts)) = self.ended.take() else { return };
         let mut result = self.meter.result();
         result.index = index;
         (result.start_tick, result.end_tick) = (self.start_tick, end_tick);
         result.impacts = impacts.wrapping_sub(self.impacts_before);
         result.drive_saturated = drive_saturated;
-        result.decay = decay();
-        Outcome::Transient(result)
+        result.decay = *decay;
+        // The release of a free vibration is found a little after it.
+        result.x_peak_m = result.x_peak_m.max(decay.start_m);
+        *outcome = Outcome::Transient(result);
     }
 }

@@ -9,15 +9,16 @@
 //!
 //! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
 
-use super::{Measuring, not_too_long, ticks};
+use super::{LEAST, LONGEST_S, Measuring, ticks, within};
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
 use crate::control::stepped_sine::FADE_S;
 use crate::measure::transient::Decay;
-use crate::model::{Invalid, not_negative, positive, require};
+use crate::model::{Invalid, require};
 use crate::rig::TICK_HZ;
+use crate::sine::Phase;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -72,16 +73,14 @@ impl Playback {
             "from 2 to 20480: the controller's record buffer holds 40 KiB",
         )?;
         let rate = self.sample_rate_hz;
-        let is_carried = (SLOWEST_HZ..=TICK_HZ).contains(&rate);
-        require(is_carried, "sample_rate_hz", f64::from(rate), "from 0.1 Hz to the tick rate of 1000 Hz")?;
-        positive("scale_m", f64::from(self.scale_m))?;
-        positive("drive_limit_m", f64::from(self.drive_limit_m))?;
-        positive("rest_level_m", f64::from(self.rest_level_m))?;
-        not_negative("ramp_s", f64::from(self.ramp_s))?;
-        not_negative("tail_s", f64::from(self.tail_s))?;
-        not_too_long("tail_s", self.tail_s)?;
-        let longest_s = 0.5 * f32::from(self.record.samples) / rate;
-        require(self.ramp_s <= longest_s, "ramp_s", f64::from(self.ramp_s), "at most half the record")
+        within(&[
+            ("sample_rate_hz", rate, SLOWEST_HZ, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
+            ("scale_m", self.scale_m, LEAST, f32::MAX, "greater than 0"),
+            ("drive_limit_m", self.drive_limit_m, LEAST, f32::MAX, "greater than 0"),
+            ("rest_level_m", self.rest_level_m, LEAST, f32::MAX, "greater than 0"),
+            ("ramp_s", self.ramp_s, 0.0, 0.5 * f32::from(self.record.samples) / rate, "from 0 to half the record"),
+            ("tail_s", self.tail_s, 0.0, LONGEST_S, "from 0 to 10⁹ ticks"),
+        ])
     }
 
     /// Ticks that it takes when the rest is immediate, as on a virtual rig.
@@ -96,8 +95,8 @@ impl Playback {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
     playback: Playback,
-    /// Samples in a tick, in 2⁻³²; up to 1.
-    increment: u64,
+    /// Samples in a tick, in 2⁻³².
+    increment: u32,
     /// Change of the ramp's place in a tick.
     ramp: f32,
     /// Ticks from the start of playing from which the ramp falls.
@@ -119,8 +118,8 @@ impl Plan {
     pub fn new(playback: Playback) -> Result<Self, Invalid> {
         playback.validate()?;
         let per_tick = TICK_HZ / playback.sample_rate_hz;
-        // Two roundings of f32: 1.2·10⁻⁷ of the record's length.
-        let increment = (4_294_967_296.0 / per_tick) as u64;
+        // At the tick rate it saturates, 2⁻³² short of a whole sample.
+        let increment = Phase::increment(playback.sample_rate_hz, TICK_HZ);
         let intervals = f32::from(playback.record.samples) + (2 * MARGIN - 1) as f32;
         let ramp_ticks = ticks(playback.ramp_s);
         Ok(Self {
@@ -158,7 +157,7 @@ pub struct Runner {
     put_back: Option<u16>,
     /// The spline's node before the present place, counted from [`MARGIN`] samples before the record, and the way to the next.
     node: u32,
-    fraction: u32,
+    fraction: Phase,
     played_ticks: u32,
     tail_left: u32,
     gain: f32,
@@ -179,7 +178,7 @@ impl Default for Runner {
             rest: RestWait::default(),
             put_back: None,
             node: 0,
-            fraction: 0,
+            fraction: Phase::default(),
             played_ticks: 0,
             tail_left: 0,
             gain: 0.0,
@@ -244,14 +243,16 @@ impl Runner {
     }
 
     /// The drive for this tick, m, while it fades out after a stop.
-    pub fn fade(&mut self, plan: &Plan, record: &[i16]) -> (f32, Outcome) {
-        let outcome = self.evaluate(plan);
-        (self.drive_m(plan, record), outcome)
+    pub fn fade(&mut self, plan: &Plan, record: &[i16], outcome: &mut Outcome) -> f32 {
+        self.evaluate(plan, outcome);
+        self.drive_m(plan, record)
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out.
-    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now) -> (f32, Outcome) {
-        let mut outcome = self.evaluate(plan);
+    /// One tick: this tick's readings in, the demanded base displacement (m) out; what it led to, if anything, goes into
+    /// `outcome`. Not inlined: the stepped sine is the tick's usual guest.
+    #[inline(never)]
+    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now, outcome: &mut Outcome) -> f32 {
+        self.evaluate(plan, outcome);
         self.put_back = None;
         if self.stage == Stage::Rest {
             let (value, limit) = (now.readings.x.peak_m, plan.playback.rest_level_m);
@@ -260,7 +261,7 @@ impl Runner {
                 Waited::Begun => self.put_back = Some(plan.playback.index),
                 Waited::Quiet => self.begin(plan, now),
                 Waited::TimedOut => {
-                    outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
+                    *outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
                 }
             }
         }
@@ -277,7 +278,7 @@ impl Runner {
                 }
             }
         }
-        (drive, outcome)
+        drive
     }
 
     fn begin(&mut self, plan: &Plan, now: &Now) {
@@ -291,11 +292,12 @@ impl Runner {
         self.node as usize >= record.len() + (2 * MARGIN - 1) as usize
     }
 
-    fn evaluate(&mut self, plan: &Plan) -> Outcome {
-        self.measuring.evaluate(plan.playback.index, self.was_saturated, Decay::default)
+    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
+        self.measuring.evaluate(plan.playback.index, self.was_saturated, &Decay::default(), outcome);
     }
 
     /// The demand at the present place, which moves on.
+    #[inline(never)]
     fn drive_m(&mut self, plan: &Plan, record: &[i16]) -> f32 {
         self.saturated = false;
         if !self.driving && self.gain == 0.0 {
@@ -323,9 +325,7 @@ impl Runner {
         self.last_demand = demand;
         self.played_ticks = self.played_ticks.saturating_add(1);
         if !self.is_over(record) {
-            let place = u64::from(self.fraction) + plan.increment;
-            self.fraction = place as u32;
-            self.node += (place >> 32) as u32;
+            self.node += u32::from(self.fraction.advance(plan.increment));
         }
         demand
     }
@@ -337,7 +337,7 @@ impl Runner {
             record.get(place as usize).map_or(0.0, |sample| f32::from(*sample))
         };
         let (before, start, end, after) = (at(0), at(1), at(2), at(3));
-        let t = self.fraction as f32 * (1.0 / 4_294_967_296.0);
+        let t = self.fraction.0 as f32 * (1.0 / 4_294_967_296.0);
         let (v0, v1) = (0.5 * (end - before), 0.5 * (after - start));
         let rise = end - start;
         start + t * (v0 + t * ((3.0 * rise - 2.0 * v0 - v1) + t * (v0 + v1 - 2.0 * rise)))
