@@ -23,6 +23,8 @@ pub struct Store {
     there: u32,
     checked: u32,
     running: u32,
+    /// Samples that may be lent: all, once the checksum is right.
+    whole: u32,
     damaged: bool,
 }
 
@@ -36,7 +38,16 @@ impl Store {
     /// Without a record.
     #[must_use]
     pub const fn new() -> Self {
-        Self { samples: [0; MOST_SAMPLES], wanted: 0, crc32: 0, there: 0, checked: 0, running: 0, damaged: false }
+        Self {
+            samples: [0; MOST_SAMPLES],
+            wanted: 0,
+            crc32: 0,
+            there: 0,
+            checked: 0,
+            running: 0,
+            whole: 0,
+            damaged: false,
+        }
     }
 
     /// Goes on with this upload (an even number of bytes that the buffer holds, and its checksum), or begins it.
@@ -50,7 +61,7 @@ impl Store {
     }
 
     fn drop_all(&mut self) {
-        (self.there, self.checked, self.running) = (0, 0, 0);
+        (self.there, self.checked, self.running, self.whole) = (0, 0, 0, 0);
     }
 
     /// Takes the bytes if they go on with what is there; otherwise nothing changes.
@@ -92,10 +103,15 @@ impl Store {
     }
 
     /// Once a tick of an idle rig: looks at some more samples.
+    #[inline]
     pub fn check(&mut self) {
-        if self.checked >= self.there {
-            return;
+        if self.checked < self.there {
+            self.check_some();
         }
+    }
+
+    #[inline(never)]
+    fn check_some(&mut self) {
         let end = self.there.min(self.checked + CHECKED_PER_TICK);
         let samples = self.samples.get(self.checked as usize..end as usize).unwrap_or_default();
         let mut bytes = [0; 2 * CHECKED_PER_TICK as usize];
@@ -104,7 +120,12 @@ impl Store {
         }
         self.running = checksum(self.running, bytes.get(..2 * samples.len()).unwrap_or_default());
         self.checked = end;
-        if self.checked == self.wanted && self.running != self.crc32 {
+        if self.checked < self.wanted {
+            return;
+        }
+        if self.running == self.crc32 {
+            self.whole = self.wanted;
+        } else {
             self.drop_all();
             self.damaged = true;
         }
@@ -113,18 +134,13 @@ impl Store {
     /// This record is there, whole.
     #[must_use]
     pub fn holds(&self, wanted: &RecordId) -> bool {
-        self.is_whole() && (u32::from(wanted.samples), wanted.crc32) == (self.wanted, self.crc32)
-    }
-
-    fn is_whole(&self) -> bool {
-        self.wanted > 0 && self.checked == self.wanted
+        self.whole > 0 && (u32::from(wanted.samples), wanted.crc32) == (self.wanted, self.crc32)
     }
 
     /// The record that is there; empty unless it is whole.
     #[must_use]
     pub fn record(&self) -> &[i16] {
-        let length = if self.is_whole() { self.wanted as usize } else { 0 };
-        self.samples.get(..length).unwrap_or_default()
+        self.samples.get(..self.whole as usize).unwrap_or_default()
     }
 }
 

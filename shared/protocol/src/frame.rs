@@ -1,6 +1,6 @@
 //! Bytes on the line: COBS, CRC-32, a zero at the end.
 
-use crc::{CRC_32_ISO_HDLC, Crc};
+use crate::upload;
 use serde::{Serialize, de::DeserializeOwned};
 
 /// Longest body, bytes: a stepped sine of 101 frequencies and some room.
@@ -10,14 +10,6 @@ const CHECKSUM: usize = 4;
 
 /// Longest frame with its final zero, bytes: COBS adds one byte for every 254 begun.
 pub const LONGEST: usize = LONGEST_BODY + CHECKSUM + (LONGEST_BODY + CHECKSUM).div_ceil(254) + 1;
-
-/// A controller has better uses for the table's 1 KiB of flash: its line is slow.
-#[cfg(target_os = "none")]
-pub(crate) type Table = crc::NoTable;
-#[cfg(not(target_os = "none"))]
-pub(crate) type Table = crc::Table<1>;
-
-const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// Why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +42,7 @@ pub fn wrap(body: &[u8], out: &mut [u8; LONGEST]) -> Option<usize> {
 /// Adds the checksum to a body of this length, and makes a frame of both.
 fn seal(checked: &mut [u8; LONGEST_BODY + CHECKSUM], length: usize, out: &mut [u8; LONGEST]) -> Option<usize> {
     let (body, end) = checked.split_at_mut_checked(length)?;
-    end.first_chunk_mut::<CHECKSUM>()?.copy_from_slice(&CRC.checksum(body).to_le_bytes());
+    end.first_chunk_mut::<CHECKSUM>()?.copy_from_slice(&upload::checksum(0, body).to_le_bytes());
     let length = cobs::encode(checked.get(..length + CHECKSUM)?, out);
     *out.get_mut(length)? = 0;
     Some(length + 1)
@@ -94,7 +86,7 @@ impl Reader {
         let length = cobs::decode_in_place(frame).map_err(|_| BadFrame::Malformed)?;
         let (body, checksum) =
             frame.get(..length).and_then(|whole| whole.split_last_chunk::<CHECKSUM>()).ok_or(BadFrame::Malformed)?;
-        if CRC.checksum(body) != u32::from_le_bytes(*checksum) {
+        if upload::checksum(0, body) != u32::from_le_bytes(*checksum) {
             return Err(BadFrame::Checksum);
         }
         match postcard::take_from_bytes(body) {

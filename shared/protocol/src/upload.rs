@@ -9,18 +9,23 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::frame::Table;
-
 /// Longest upload, bytes: the controller's record buffer.
 pub const MOST_BYTES: u32 = 40 * 1024;
 
 /// Most bytes in a chunk.
 pub const CHUNK_BYTES: usize = 128;
 
+/// A controller has better uses for the table's 1 KiB of flash: its line is slow.
+#[cfg(target_os = "none")]
+type Table = crc::NoTable;
+#[cfg(not(target_os = "none"))]
+type Table = crc::Table<1>;
+
 const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32 (ISO-HDLC) of `before` and then `bytes`, where `checksum` is that of `before`; 0 for none.
 #[must_use]
+#[inline(never)]
 pub fn checksum(checksum: u32, bytes: &[u8]) -> u32 {
     let mut digest = CRC.digest_with_initial((checksum ^ CRC_32_ISO_HDLC.xorout).reverse_bits());
     digest.update(bytes);

@@ -9,12 +9,12 @@
 //! What the decay means (logarithmic decrement, loss) is reckoned from x0, the peak after whole cycles and their
 //! duration by the host, which has a logarithm.
 
-use super::{LEAST, LONGEST_S, Measuring, ticks, within};
+use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::safety::Danger;
 use crate::measure::transient::Decay;
-use crate::model::Invalid;
+use crate::model::{Invalid, require};
 use crate::rig::TICK_HZ;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -36,6 +36,14 @@ pub struct FreeVibration {
     pub index: u16,
 }
 
+const LIMITS: [Limit; 5] = [
+    ("level_m", LEAST, f32::MAX, "greater than 0"),
+    ("hold_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+    ("measure_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+    ("timeout_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+    ("cycles", 1.0, f32::MAX, "1 or more"),
+];
+
 impl FreeVibration {
     /// Checks every value.
     ///
@@ -43,14 +51,10 @@ impl FreeVibration {
     /// Names the first value out of range.
     #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
+        let values = [self.level_m, self.hold_s, self.measure_s, self.timeout_s, f32::from(self.cycles)];
+        within(&LIMITS, &values)?;
         let soonest_s = self.hold_s + 2.0 * VIRTUAL_HOLD_S;
-        within(&[
-            ("level_m", self.level_m, LEAST, f32::MAX, "greater than 0"),
-            ("hold_s", self.hold_s, LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
-            ("measure_s", self.measure_s, LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
-            ("timeout_s", self.timeout_s, soonest_s, LONGEST_S, "hold_s and a second or more, at most 10⁹ ticks"),
-            ("cycles", f32::from(self.cycles), 1.0, f32::MAX, "1 or more"),
-        ])
+        require(self.timeout_s >= soonest_s, "timeout_s", f64::from(self.timeout_s), "hold_s and a second, or more")
     }
 
     /// Ticks that it takes on a virtual rig.

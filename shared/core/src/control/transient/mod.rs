@@ -22,10 +22,13 @@ fn ticks(seconds: f32) -> u32 {
 /// The least number greater than 0 that counts as one.
 const LEAST: f32 = f32::MIN_POSITIVE;
 
-/// Checks that every value (name, value, least, most, what is allowed) is within its bounds; what is no number is not.
+/// A parameter, its least and its most value, and what is allowed in words.
+type Limit = (&'static str, f32, f32, &'static str);
+
+/// Checks that every value is within its limits; what is no number is not.
 #[inline(never)]
-fn within(values: &[(&'static str, f32, f32, f32, &'static str)]) -> Result<(), Invalid> {
-    for (parameter, value, least, most, allowed) in values {
+fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
+    for ((parameter, least, most, allowed), value) in limits.iter().zip(values) {
         require((*least..=*most).contains(value), parameter, f64::from(*value), allowed)?;
     }
     Ok(())

@@ -9,7 +9,7 @@
 //!
 //! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
 
-use super::{LEAST, LONGEST_S, Measuring, ticks, within};
+use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
@@ -55,8 +55,14 @@ pub struct Playback {
     pub index: u16,
 }
 
-/// Slowest sample rate, Hz.
-const SLOWEST_HZ: f32 = 0.1;
+const LIMITS: [Limit; 6] = [
+    ("sample_rate_hz", 0.1, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
+    ("scale_m", LEAST, f32::MAX, "greater than 0"),
+    ("drive_limit_m", LEAST, f32::MAX, "greater than 0"),
+    ("rest_level_m", LEAST, f32::MAX, "greater than 0"),
+    ("ramp_s", 0.0, LONGEST_S, "0 or greater, at most half the record"),
+    ("tail_s", 0.0, LONGEST_S, "from 0 to 10⁹ ticks"),
+];
 
 impl Playback {
     /// Checks every value.
@@ -73,14 +79,10 @@ impl Playback {
             "from 2 to 20480: the controller's record buffer holds 40 KiB",
         )?;
         let rate = self.sample_rate_hz;
-        within(&[
-            ("sample_rate_hz", rate, SLOWEST_HZ, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
-            ("scale_m", self.scale_m, LEAST, f32::MAX, "greater than 0"),
-            ("drive_limit_m", self.drive_limit_m, LEAST, f32::MAX, "greater than 0"),
-            ("rest_level_m", self.rest_level_m, LEAST, f32::MAX, "greater than 0"),
-            ("ramp_s", self.ramp_s, 0.0, 0.5 * f32::from(self.record.samples) / rate, "from 0 to half the record"),
-            ("tail_s", self.tail_s, 0.0, LONGEST_S, "from 0 to 10⁹ ticks"),
-        ])
+        let values = [rate, self.scale_m, self.drive_limit_m, self.rest_level_m, self.ramp_s, self.tail_s];
+        within(&LIMITS, &values)?;
+        let longest_s = 0.5 * f32::from(self.record.samples) / rate;
+        require(self.ramp_s <= longest_s, "ramp_s", f64::from(self.ramp_s), "at most half the record")
     }
 
     /// Ticks that it takes when the rest is immediate, as on a virtual rig.
