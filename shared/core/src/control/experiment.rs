@@ -87,6 +87,17 @@ pub enum Runner {
     FreeVibration(free_vibration::Runner),
 }
 
+/// What the drive of an experiment does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Driving {
+    /// It is on.
+    pub on: bool,
+    /// The base is meant to move visibly.
+    pub swinging: bool,
+    /// It was at its limit in the last tick.
+    pub saturated: bool,
+}
+
 /// The same question to whichever runner it is.
 macro_rules! ask {
     ($runner:expr, $own:ident => $answer:expr) => {
@@ -171,33 +182,17 @@ impl Runner {
         ask!(self, own => own.is_evaluating())
     }
 
-    /// The base is meant to move visibly.
+    /// What the drive does.
     #[must_use]
-    pub fn is_swinging(&self) -> bool {
+    pub fn driving(&self) -> Driving {
         match self {
-            Self::SteppedSine(own) => own.is_swinging(),
-            Self::Playback(own) => own.is_swinging(),
-            Self::FreeVibration(_) => false,
-        }
-    }
-
-    /// The drive is on.
-    #[must_use]
-    pub fn is_driving(&self) -> bool {
-        match self {
-            Self::SteppedSine(own) => own.is_driving(),
-            Self::Playback(own) => own.is_driving(),
-            Self::FreeVibration(_) => false,
-        }
-    }
-
-    /// The drive was at its limit in the last tick.
-    #[must_use]
-    pub fn is_saturated(&self) -> bool {
-        match self {
-            Self::SteppedSine(own) => own.is_saturated(),
-            Self::Playback(own) => own.is_saturated(),
-            Self::FreeVibration(_) => false,
+            Self::SteppedSine(own) => {
+                Driving { on: own.is_driving(), swinging: own.is_swinging(), saturated: own.is_saturated() }
+            }
+            Self::Playback(own) => {
+                Driving { on: own.is_driving(), swinging: own.is_swinging(), saturated: own.is_saturated() }
+            }
+            Self::FreeVibration(_) => Driving::default(),
         }
     }
 

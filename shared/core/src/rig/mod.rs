@@ -10,7 +10,7 @@ pub mod sensors;
 pub mod signals;
 pub mod words;
 
-use crate::control::experiment::{Experiment, Now, Outcome, Runner, Stage};
+use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
 use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
@@ -323,12 +323,12 @@ impl Rig {
 
     fn signs(&mut self, sensors: &Sensors) -> Signs {
         let [low, high] = self.dampers.meter.highest_n();
-        let runner = self.runner.as_ref();
+        let drive = self.runner.as_ref().map_or(Driving::default(), Runner::driving);
         Signs {
-            driving: runner.is_some_and(Runner::is_driving),
-            swinging: runner.is_some_and(Runner::is_swinging),
+            driving: drive.on,
+            swinging: drive.swinging,
             wall_force_n: if low > high { low } else { high },
-            saturated: runner.is_some_and(Runner::is_saturated),
+            saturated: drive.saturated,
             emergency_stop: sensors.emergency_stop,
             host_heard: core::mem::take(&mut self.host_heard),
         }
