@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::transient::playback::RecordId;
+use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::PlantConfig;
@@ -15,6 +17,7 @@ use damprig_core::twin::TwinConfig;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
 use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::upload::{CHUNK_BYTES, checksum};
 use damprig_protocol::{Answer, Ask, FromDevice, Happening, Request, ToDevice};
 use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::find;
@@ -185,4 +188,65 @@ fn a_run_on_the_emulated_board_repeats_to_the_byte() {
     let Some(image) = find("mps2-an386") else { return };
     let run = || run(&mut connect(&Emulator::start(&image)), 1);
     assert!(run() == run());
+}
+
+/// A record uploaded and played, then a structure released; every byte that came.
+fn run_transients(board: &mut impl Board) -> Vec<u8> {
+    let at = |n: u32| (8e3 * (f64::from(n) * 0.11).sin() * (f64::from(n) * std::f64::consts::PI / 300.0).sin()) as i16;
+    let record: Vec<u8> = (0..=300).flat_map(|n| at(n).to_le_bytes()).collect();
+    let crc32 = checksum(0, &record);
+    let chunk = |(n, data): (usize, &[u8])| Ask::UploadChunk {
+        offset: (n * CHUNK_BYTES) as u32,
+        data: data.iter().copied().collect(),
+    };
+    let playback = Playback {
+        record: RecordId { samples: 301, crc32 },
+        sample_rate_hz: 128.0,
+        scale_m: 5e-7,
+        ramp_s: 0.25,
+        tail_s: 1.0,
+        drive_limit_m: 3.5e-3,
+        rest_level_m: 5e-4,
+        index: 0,
+    };
+    let free = FreeVibration { level_m: 0.02, hold_s: 0.2, timeout_s: 9.0, measure_s: 3.0, cycles: 5, index: 0 };
+    let plant = |structure_start_m| Ask::SetPlant(PlantConfig { structure_start_m, spring: None, ..hybrid() });
+    let begin = Ask::BeginUpload { bytes: record.len() as u32, crc32 };
+    let chunks: Vec<Ask> = record.chunks(CHUNK_BYTES).enumerate().map(chunk).collect();
+    let upload = [vec![plant(0.0), begin], chunks].concat();
+    let play = vec![Ask::ConfigurePlayback(playback), telemetry(), Ask::Start];
+    let release = vec![plant(0.03), Ask::ConfigureFreeVibration(free), Ask::Start];
+    let (mut received, mut seq) = (vec![], 0);
+    for (asks, ticks) in [(upload, 100), (play, 5_000), (release, 5_000)] {
+        for ask in asks {
+            seq += 1;
+            let reply = board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask }));
+            let is_fine = |m: &FromDevice| matches!(m, FromDevice::Reply { answer: Ok(_), .. });
+            assert!(messages(&reply).iter().any(is_fine), "{:?}", messages(&reply));
+            received.extend(reply);
+        }
+        for until_tick in (GRANT.min(ticks)..ticks + GRANT).step_by(GRANT as usize) {
+            received.extend(board.answer(&ToDevice::Grant { until_tick }));
+        }
+    }
+    received
+}
+
+#[test]
+fn every_byte_of_an_upload_a_playback_and_a_release_is_the_virtual_rigs() {
+    let Some(image) = find("mps2-an386") else { return };
+    let emulator = Emulator::start(&image);
+    let emulated = run_transients(&mut connect(&emulator));
+    let here = run_transients(&mut Simulated::<f32>::new(Name::new("test", "test")));
+    let result = |message: &FromDevice| match message {
+        FromDevice::Event { event: Happening::Transient(result), .. } => Some(*result),
+        _ => None,
+    };
+    let results: Vec<_> = messages(&here).iter().filter_map(result).collect();
+    assert!(matches!(results[..], [played, freed] if played.impacts > 2 && freed.decay.cycles == 5), "{results:?}");
+    println!("compared {} bytes", here.len());
+    for (ours, theirs) in messages(&here).iter().zip(&messages(&emulated)) {
+        assert_eq!(ours, theirs);
+    }
+    assert!(here == emulated, "the streams differ in length");
 }

@@ -81,7 +81,7 @@ Examples:
   damprig run --resume results/foam-1
 
 The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg and
-figure.png; samples.parts/ in the place of samples.parquet until the run is complete.
+figure.png; of records, pulses and free vibrations transients.parquet, transients.svg and transients.png; samples.parts/ in the place of samples.parquet until the run is complete.
 
 Exit codes:
   0    every point was taken

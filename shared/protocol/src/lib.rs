@@ -47,9 +47,11 @@
 
 pub mod frame;
 mod message;
+mod refused;
 pub mod upload;
 
 pub use message::*;
+pub use refused::*;
 
 /// Changes when an older or newer other side could misread something that the schema does not show.
 pub const VERSION: u16 = 3;
