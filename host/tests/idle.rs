@@ -12,6 +12,7 @@ use damprig_core::rig::{Reading, Sensors, State};
 use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
 use damprig_device::intake::Intake;
 use damprig_device::orders::Order;
+use damprig_device::store::Store;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
 
@@ -23,6 +24,7 @@ const TIMEOUT: Duration = Duration::from_millis(100);
 struct Board {
     control: Control,
     intake: Intake,
+    store: Store,
     said: Said,
     is_held: Arc<AtomicBool>,
     requests: Arc<AtomicU32>,
@@ -48,7 +50,7 @@ impl Link for Board {
         for &byte in bytes {
             if let Some(ToDevice::Request(request)) = self.intake.push(byte) {
                 self.requests.fetch_add(1, Ordering::Relaxed);
-                self.control.serve(&mut Order::prepare(request), &mut RealPlant, &mut self.said);
+                self.control.serve(&mut Order::prepare(request), &mut RealPlant, &mut self.store, &mut self.said);
             }
         }
         Ok(())
@@ -60,7 +62,7 @@ impl Link for Board {
             let x_m = if swings { 0.08 * (0.0157 * f64::from(self.tick)).sin() } else { 0.0 };
             let mut sensors = Sensors::default();
             sensors.readings.x = Reading::still(x_m as f32);
-            self.control.tick(&sensors, &mut self.said);
+            self.control.tick(&sensors, &mut self.store, &mut self.said);
             self.tick += 1;
         }
         // It always has something to say, so the host need not ask whether it is there.
@@ -79,6 +81,7 @@ fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
     let board = Board {
         control: Control::new(Name::new("0.0.0", "real"), Birth::default()),
         intake: Intake::default(),
+        store: Store::default(),
         said: Said::default(),
         is_held: Arc::clone(is_held),
         requests: Arc::clone(&requests),

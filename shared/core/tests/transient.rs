@@ -9,7 +9,7 @@ use damprig_core::integrator::sampled::{Sampled, Units};
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::{FrictionDamper, Initial, SetUp, Structure};
 use damprig_core::plant::{Plant, PlantConfig};
-use damprig_core::rig::{Command, Event, Rig, Sensors, State};
+use damprig_core::rig::{Command, Event, Reading, Rig, Sensors, State};
 
 const ZETA: f64 = 0.0038;
 
@@ -55,7 +55,7 @@ fn run(
         meddle(tick, &mut rig, &mut sensors);
         let (actuators, event) = rig.tick(&sensors, record);
         log.events.extend(event.map(|event| (tick, event)));
-        log.x_m.push(sensors.x_m[9]);
+        log.x_m.push(sensors.readings.x.mean_m);
         log.drive_m.push(actuators.drive_m);
         sensors = plant.tick(&actuators);
     }
@@ -220,7 +220,7 @@ fn an_interlock_ends_a_playback() {
     assert_eq!(log.fault(), Some(Danger::EmergencyStop));
     let log = run(&PlantConfig::ideal(bare()), play(), &record, |tick, _, sensors| {
         if tick >= 3000 {
-            sensors.z_m = [1e-3; 10];
+            sensors.readings.z = Reading::still(1e-3);
         }
     });
     assert_eq!(log.fault(), Some(Danger::SensorFrozen), "a base that stands while the demand moves");
@@ -309,7 +309,7 @@ fn by_hand(tick: u32, sensors: &mut Sensors, release_tick: u32) {
         0.03 * (t / 2.0).min(1.0) * (1.0 - if (3.0..3.5).contains(&t) { 0.05 } else { 0.0 }) + 5e-5 * (7.0 * t).sin();
     let since = f64::from(tick.saturating_sub(release_tick)) * 1e-3;
     let x = if tick < release_tick { held } else { 0.03 * (-0.06 * since).exp() * (15.7 * since).cos() };
-    sensors.x_m = [-x as f32; 10];
+    sensors.readings.x = Reading::still(-x as f32);
 }
 
 #[test]
@@ -327,7 +327,7 @@ fn a_hand_that_pulls_wavers_and_lets_go_is_understood() {
 fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
     for held in [false, true] {
         let log = run(&PlantConfig::ideal(bare()), freed(free()), &[], |_, _, sensors| {
-            sensors.x_m = [if held { 0.03 } else { 0.001 }; 10];
+            sensors.readings.x = Reading::still(if held { 0.03 } else { 0.001 });
         });
         assert_eq!(log.fault(), Some(Danger::ReleaseTimeout));
         assert!(log.drive_m.iter().all(|d| *d == 0.0));
