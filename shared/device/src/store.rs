@@ -1,6 +1,6 @@
 //! Keeps the record that a host uploads, outside the rig; a playback is lent it.
 //!
-//! Bytes are taken only in their order. The checksum of the whole is reckoned while they come, [`CHECKED_PER_TICK`] samples
+//! Bytes are taken only in their order. The checksum of the whole is reckoned while they come, eight samples
 //! in a tick of an idle rig: 2.6 s for the longest record, about as long as it takes on the line. What is begun stays until
 //! another upload is begun, whatever becomes of the host.
 
