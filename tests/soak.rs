@@ -87,7 +87,10 @@ fn soak(what: &str, rig: &str) {
     let wall_s = began.elapsed().as_secs_f64();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
     let last_ticks = last_ticks(&run);
-    assert_eq!(last_ticks.len(), 1, "the experiment was begun more than once");
+    let manifest = json(&run.join("manifest.json"));
+    let counters = manifest["counters"].as_object().unwrap();
+    let is_clean = counters.len() > 5 && counters.values().all(|count| *count == 0);
+    assert!(is_clean && last_ticks.len() == 1, "{counters:?}, {last_ticks:?}: {}", told(&output));
     let (mut expected, mut counted) = (0, 0.0);
     for batch in table(&run.join("samples.parquet")) {
         let ticks = batch.column_by_name("tick").unwrap().as_primitive::<UInt64Type>();
@@ -102,9 +105,6 @@ fn soak(what: &str, rig: &str) {
     }
     assert_eq!(expected, last_ticks[&0] + 1, "the last rows are missing");
     assert!(expected >= u64::from(seconds) * TICK_HZ, "{expected} ticks are too few");
-    let manifest = json(&run.join("manifest.json"));
-    let counters = manifest["counters"].as_object().unwrap();
-    assert!(counters.len() > 5 && counters.values().all(|count| *count == 0), "{counters:?}");
     assert_eq!(manifest["sample_rows"], expected);
     let impacts = table(&run.join("impacts.parquet"));
     let impacts: u64 = impacts.iter().map(|batch| batch.num_rows() as u64).sum();

@@ -12,13 +12,15 @@ use super::devices::Rig;
 use super::progress::Progress;
 use super::{Failure, Outcome, report};
 use crate::campaign::Campaign;
+use crate::figure::campaign::{Shown, response};
 use crate::link::Address;
+use crate::page::{PAGE, page};
 use crate::prediction::{self, Prediction};
 use crate::recording::journal::{Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
 use crate::recording::taken::Taken;
 use crate::recording::writer::{Plan, Writer};
-use crate::recording::{Recorder, RunFolder, checksum};
+use crate::recording::{Recorder, RunFolder, StorageError, checksum};
 use crate::run::resume::Earlier;
 use crate::run::{Reconnect, Run, RunError, Selection, Tally, device_record};
 use crate::runs::RunFolder as ReadFolder;
@@ -78,8 +80,8 @@ Examples:
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
   damprig run --resume results/foam-1
 
-The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg and
-figure.png; samples.parts/ in the place of samples.parquet until the run is complete.
+The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg,
+figure.png and report.html; samples.parts/ in the place of samples.parquet until the run is complete.
 
 Exit codes:
   0    every point was taken
@@ -278,7 +280,7 @@ impl Job<'_> {
         manifest
     }
 
-    /// Joins the samples, says what came of it, and draws the figure.
+    /// Joins the samples, says what came of it, draws the figure and writes the page.
     fn end(
         &self,
         mut writer: Writer,
@@ -308,10 +310,14 @@ impl Job<'_> {
         manifest.note(&taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
-        let drawn = report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"));
+        let shown: Vec<Shown> = rows.iter().map(Shown::from).collect();
+        let drawn = response(self.campaign, &shown).and_then(|picture| picture.write(path, "figure"));
+        let told = ReadFolder::with_manifest(path, &manifest)
+            .map_err(|e| StorageError::new("write", &path.join(PAGE), e))
+            .and_then(|run| self.folder.write_page(&page(&run).html));
         let sums = checksum::of_folder(path);
         manifest.files = sums.clone().unwrap_or_default();
-        let written = noted.and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
+        let written = noted.and(told).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         println!("{}", report::results(self.campaign, &rows));
         println!("{}", report::summary(&manifest));
         println!("Run folder: {}", path.display());

@@ -75,6 +75,14 @@ impl RunFolder {
         self.write("manifest.json", &(text + "\n"))
     }
 
+    /// Writes the page for people whole, in place of an earlier one.
+    ///
+    /// # Errors
+    /// When it cannot be written; an earlier one stays.
+    pub fn write_page(&self, page: &str) -> Result<(), StorageError> {
+        self.write(crate::page::PAGE, page)
+    }
+
     /// Writes a text beside its file and gives it its name: the file is there as a whole or not at all.
     fn write(&self, name: &str, text: &str) -> Result<(), StorageError> {
         let path = self.path.join(name);

@@ -140,6 +140,10 @@ pub struct Ended {
 pub struct Journal {
     path: PathBuf,
     file: File,
+    /// Bytes up to the end of the last whole line.
+    whole: u64,
+    /// Something may stand behind those: a line that the disk took only in part.
+    is_torn: bool,
 }
 
 impl Journal {
@@ -167,17 +171,27 @@ impl Journal {
                 file.write_all(b"\n").map_err(failed)?;
             }
         }
-        Ok(Self { path, file })
+        let whole = file.metadata().map_err(failed)?.len();
+        Ok(Self { path, file, whole, is_torn: false })
     }
 
-    /// Appends a line. It survives the program from here on, and the machine from [`Journal::sync`] on.
+    /// Appends a line. It survives the program from here on, and the machine from [`Journal::sync`] on. What was left of
+    /// a line that could not be written whole is taken away first: the next one would become a part of it.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn append(&mut self, entry: &Entry) -> Result<(), StorageError> {
         let mut line = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
         line.push('\n');
-        self.file.write_all(line.as_bytes()).map_err(|e| StorageError::new("write", &self.path, e))
+        let failed = |e: std::io::Error| StorageError::new("write", &self.path, e);
+        if self.is_torn {
+            self.file.set_len(self.whole).map_err(failed)?;
+        }
+        self.is_torn = true;
+        self.file.write_all(line.as_bytes()).map_err(failed)?;
+        self.is_torn = false;
+        self.whole += line.len() as u64;
+        Ok(())
     }
 
     /// Brings the lines to the disk itself.

@@ -116,6 +116,16 @@ impl RunFolder {
         Ok(Self { path: path.to_path_buf(), manifest })
     }
 
+    /// A folder whose manifest is known and need not be there yet.
+    ///
+    /// # Errors
+    /// When it is not one that could be read back.
+    pub fn with_manifest(path: &Path, written: &impl serde::Serialize) -> Result<Self, ReadError> {
+        let failed = |e: serde_json::Error| ReadError(format!("{}: {e}", path.join("manifest.json").display()));
+        let manifest = serde_json::to_value(written).and_then(serde_json::from_value).map_err(failed)?;
+        Ok(Self { path: path.to_path_buf(), manifest })
+    }
+
     /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
