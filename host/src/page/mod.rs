@@ -19,9 +19,6 @@ use crate::figure::{FigureError, Picture};
 use crate::runs::RunFolder;
 use facts::Facts;
 
-/// The page's name in a run folder.
-pub const PAGE: &str = "report.html";
-
 const STYLE: &str = include_str!("style.css");
 
 /// A finished page.

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use super::StorageError;
 use super::manifest::Manifest;
 
+/// The page for people in a run folder; [`crate::page`] makes it.
+pub const PAGE: &str = "report.html";
+
 /// A run folder that is written.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
@@ -80,7 +83,7 @@ impl RunFolder {
     /// # Errors
     /// When it cannot be written; an earlier one stays.
     pub fn write_page(&self, page: &str) -> Result<(), StorageError> {
-        self.write(crate::page::PAGE, page)
+        self.write(PAGE, page)
     }
 
     /// Writes a text beside its file and gives it its name: the file is there as a whole or not at all.
