@@ -17,7 +17,7 @@ use crate::link::Address;
 use crate::page::page;
 use crate::prediction::{self, Prediction};
 use crate::recording::folder::PAGE;
-use crate::recording::journal::{Begin, Ended, Entry, Journal};
+use crate::recording::journal::{self, Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
 use crate::recording::taken::Taken;
 use crate::recording::writer::{Plan, Writer};
@@ -137,14 +137,20 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         None => RunFolder::create_dated(Path::new("."), &campaign.name, &now),
     }
     .map_err(failed)?;
+    let journal = folder.claim().map_err(failed)?;
     folder.write_campaign(campaign.source.text()).map_err(failed)?;
     let begin = beginning(&campaign, &session, &selection, &now);
     let job = Job { args, rig, campaign: &campaign, predictions: &predictions, folder, taken: Taken::default() };
-    job.carry_out(&mut session, selection, begin, &stop)
+    job.carry_out(&mut session, selection, begin, journal, &stop)
 }
 
 fn resume(args: &Args, wanted: &Path) -> Outcome {
     let path = find(wanted).map_err(input)?;
+    // From here on nobody else changes what is read.
+    let held = match Journal::existing(&path) {
+        Err(error) if journal::is_being_written(&path) == Some(true) => return Err(failed(error)),
+        held => held,
+    };
     let earlier = Earlier::read(&path).map_err(input)?;
     println!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
     for warning in &earlier.warnings {
@@ -176,8 +182,9 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         return Err(Failure::Input(format!("{} was begun in another way:\n  {list}\n  {message}", path.display())));
     }
     let folder = RunFolder::existing(&path);
+    let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(failed)?;
     let job = Job { args, rig, campaign, predictions: &predictions, folder, taken: earlier.taken.clone() };
-    job.carry_out(&mut session, selection, begin, &stop)
+    job.carry_out(&mut session, selection, begin, journal, &stop)
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
@@ -225,7 +232,14 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn carry_out(&self, session: &mut Session, selection: Selection, begin: Begin, stop: &AtomicBool) -> Outcome {
+    fn carry_out(
+        &self,
+        session: &mut Session,
+        selection: Selection,
+        begin: Begin,
+        journal: Journal,
+        stop: &AtomicBool,
+    ) -> Outcome {
         let device = &begin.device;
         println!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
         let mut manifest = self.manifest(&begin);
@@ -236,7 +250,6 @@ impl Job<'_> {
             order: self.campaign.in_order(),
         };
         let is_patient = session.is_granted();
-        let journal = Journal::open(self.folder.path()).map_err(failed)?;
         let mut writer = Writer::new(self.folder.path(), journal, plan, self.taken.clone()).map_err(failed)?;
         writer.note(&Entry::Begin(Box::new(begin))).map_err(failed)?;
         manifest.note(writer.taken(), writer.rows());

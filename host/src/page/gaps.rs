@@ -1,12 +1,12 @@
 //! Where samples are missing: the rows of the samples that stand after a gap, and what never came at the end of a start.
 
-use std::fs::File;
 use std::path::Path;
 
 use arrow_array::RecordBatch;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
+use crate::recording::regular;
 use crate::recording::taken::Taken;
 use crate::runs::columns::{numbers, texts};
 use crate::runs::folder::{is_open_part, read_samples, sample_files};
@@ -76,7 +76,7 @@ fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), ReadErr
         return read_samples(file)?.try_for_each(|batch| take(&batch?));
     }
     let failed = |e: &dyn std::fmt::Display| ReadError(format!("{}: {e}", file.display()));
-    let open = File::open(file).map_err(|e| failed(&e))?;
+    let open = regular::open(file).map_err(|e| failed(&e))?;
     let builder = ParquetRecordBatchReaderBuilder::try_new(open).map_err(|e| failed(&e))?;
     let mask = ProjectionMask::columns(builder.parquet_schema(), COLUMNS);
     let reader = builder.with_projection(mask).build().map_err(|e| failed(&e))?;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::StorageError;
+use super::journal::{JOURNAL, Journal};
 use super::manifest::Manifest;
 
 /// The page for people in a run folder; [`crate::page`] makes it.
@@ -46,6 +47,21 @@ impl RunFolder {
             Err(error) => return Err(StorageError::new("use the folder", path, error)),
         }
         Ok(Self { path: path.to_path_buf() })
+    }
+
+    /// Takes the folder for this program alone, and sees that nobody has been there since it was made.
+    ///
+    /// # Errors
+    /// When another program is recording into it, or has.
+    pub fn claim(&self) -> Result<Journal, StorageError> {
+        let journal = Journal::open(&self.path)?;
+        let mut entries = fs::read_dir(&self.path).map_err(|e| StorageError::new("use the folder", &self.path, e))?;
+        let is_alone = entries.all(|entry| entry.is_ok_and(|entry| entry.file_name() == JOURNAL));
+        if is_alone && journal.is_empty() {
+            return Ok(journal);
+        }
+        let message = "another damprig has just begun to record into it; give --out a new folder";
+        Err(StorageError::new("use the folder", &self.path, message))
     }
 
     /// A folder that holds a run.

@@ -14,6 +14,7 @@ use arrow_array::{RecordBatch, StringArray};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::part::{Stream, open_parts, read_stream, salvage};
+use super::regular;
 use super::samples::{self, JOINED, Label};
 use super::taken::Taken;
 use crate::runs::columns::values;
@@ -81,7 +82,7 @@ fn is_made_of(part: &Path, stream: &Path) -> bool {
 type Rows = Vec<String>;
 
 fn rows(part: &Path) -> Option<Rows> {
-    let reader = ParquetRecordBatchReaderBuilder::try_new(std::fs::File::open(part).ok()?).ok()?.build().ok()?;
+    let reader = ParquetRecordBatchReaderBuilder::try_new(regular::open(part).ok()?).ok()?.build().ok()?;
     let batches: Option<Vec<Rows>> = reader.map(|batch| rows_of(&batch.ok()?)).collect();
     Some(batches?.concat())
 }
@@ -129,7 +130,7 @@ type Key = (String, String, u32, u32);
 
 /// Which points a results file holds.
 fn keys(path: &Path) -> Result<Vec<Key>, String> {
-    let file = std::fs::File::open(path).map_err(|e| e.to_string())?;
+    let file = regular::open(path).map_err(|e| e.to_string())?;
     let reader = ParquetRecordBatchReaderBuilder::try_new(file).and_then(ParquetRecordBatchReaderBuilder::build);
     let mut keys = Vec::new();
     for batch in reader.map_err(|e| e.to_string())? {
