@@ -45,6 +45,15 @@ pub(super) fn warnings(facts: &Facts) -> Markup {
         list.push(format!("at {saturated} points the drive was at its limit"));
     }
     list.extend(base_errors(facts));
+    for begin in &facts.taken.begun {
+        if let Some(crash) = &begin.device.last_crash {
+            list.push(format!("{}: the board had begun anew after a crash: {crash}", moment(&begin.at)));
+        }
+        if begin.device.clock_source == "internal oscillator" {
+            let off = "the board's crystal did not start: its ticks, and every frequency, are off by up to 1 %";
+            list.push(format!("{}: {off}", moment(&begin.at)));
+        }
+    }
     html! {
         @if !list.is_empty() {
             section { h2 { "To look at" } @for text in &list { p.note { (text) } } }
@@ -189,7 +198,10 @@ pub(super) fn versions(facts: &Facts) -> Markup {
                 dt { "Firmware" } dd { (d.firmware) }
                 dt { "Tick" } dd { (short(d.tick_hz, 3)) " Hz" }
                 @if let Some(begin) = facts.taken.begun.first() {
-                    dt { "Plant, clock" } dd { (begin.device.plant) "; " (begin.device.clock) }
+                    @if !begin.device.build.is_empty() { dt { "Build" } dd { (begin.device.build) } }
+                    dt { "Plant, clock" }
+                    dd { (begin.device.plant) "; " (begin.device.clock)
+                        @if !begin.device.clock_source.is_empty() { ", counted by the " (begin.device.clock_source) } }
                     dt { "Protocol" } dd { "version " (begin.device.protocol_version) ", schema " code { (d.protocol_schema) } }
                 }
             } @else {
