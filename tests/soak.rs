@@ -83,7 +83,14 @@ fn soak(what: &str, rig: &str) {
     let damprig = built();
     let began = Instant::now();
     fs::write(&file, campaign(seconds)).unwrap();
-    let output = damprig.command().arg("run").arg(&file).args(["--rig", rig, "--out"]).arg(&run).output().unwrap();
+    let output = damprig
+        .command()
+        .arg("run")
+        .arg(&file)
+        .args(["--rig", rig, "--timeout", "120", "--out"])
+        .arg(&run)
+        .output()
+        .unwrap();
     let wall_s = began.elapsed().as_secs_f64();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
     let last_ticks = last_ticks(&run);

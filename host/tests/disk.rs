@@ -71,6 +71,30 @@ mod linux {
         assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
     }
 
+    /// The command in a shell that has done `first`.
+    fn in_a_shell(folder: &TempDir, first: &str, arguments: &[&str]) -> assert_cmd::Command {
+        let mut shell = assert_cmd::Command::new("sh");
+        shell.current_dir(folder.path()).arg("-c").arg(format!("{first}; exec \"$0\" \"$@\""));
+        shell.arg(assert_cmd::cargo::cargo_bin("damprig")).args(arguments);
+        shell
+    }
+
+    #[test]
+    fn a_limit_on_the_size_of_files_stops_the_rig_as_a_full_disk_does() {
+        let folder = folder_with(&voluminous());
+        let board = Served::start(|_| Fate::Pass);
+        let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
+        // In blocks of 512 bytes.
+        let answer = in_a_shell(&folder, "ulimit -f 200", &arguments).assert().code(1);
+        answer.stderr(contains("File too large").and(contains("points are kept in out")));
+        assert!(board.was_left_standing(), "the rig was left driving");
+        let run = folder.path().join("out");
+        assert!(result_rows(&run) >= 1 && sample_rows(&run) > 1000);
+        let rig = Served::again_and_again(|_| Fate::Pass);
+        damprig(&folder).args(["run", "--resume", "out", "--rig", &rig]).assert().success();
+        assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
+    }
+
     #[test]
     fn a_line_that_a_full_disk_took_in_part_does_not_spoil_the_next() {
         let folder = TempDir::new().unwrap();

@@ -88,7 +88,7 @@ Exit codes:
   0    every point was taken
   1    the run is incomplete: the rig, the link or the disk failed; what was taken is in the run folder, and --resume goes on
   2    the command line or the campaign is wrong; nothing has moved
-  130  interrupted (Ctrl-C); the rig was stopped, what was taken is in the run folder";
+  130  interrupted (Ctrl-C, or asked to terminate); the rig was stopped, what was taken is in the run folder";
 
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
