@@ -25,8 +25,9 @@ use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::Refusal;
 use crate::recording::journal::Entry;
 use crate::recording::manifest::{Counters, Device};
+use crate::recording::recorder::Recording;
 use crate::recording::taken::Taken;
-use crate::recording::{Recorder, ResultRow, StorageError};
+use crate::recording::{ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
 pub use convert::Selection;
 pub use reconnect::Reconnect;
@@ -173,7 +174,7 @@ const FRUITLESS_STARTS: u32 = 5;
 pub struct Run<'a> {
     campaign: &'a Campaign,
     session: &'a mut Session,
-    recorder: &'a mut Recorder,
+    recorder: &'a mut dyn Recording,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     selection: Selection,
@@ -190,7 +191,7 @@ impl<'a> Run<'a> {
     pub fn new(
         campaign: &'a Campaign,
         session: &'a mut Session,
-        recorder: &'a mut Recorder,
+        recorder: &'a mut dyn Recording,
         watcher: &'a mut dyn Watcher,
         stop: &'a AtomicBool,
         selection: Selection,
