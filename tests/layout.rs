@@ -6,13 +6,14 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// Our crates, and which of ours each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 7] = [
+const DIRECTIONS: [(&str, &[&str]); 8] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device"]),
+    ("damprig-fuzzing", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-benches", &["damprig-core"]),
 ];
 

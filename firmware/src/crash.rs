@@ -35,6 +35,11 @@ pub fn note_tick(tick: u32) {
     unsafe { kept().1.write_volatile(tick) };
 }
 
+/// The rig's tick as control has noted it last.
+pub fn tick() -> u32 {
+    TICK.load(Ordering::Relaxed)
+}
+
 /// At the start, before any task: what is to be told of earlier runs.
 pub fn at_start(reset: Reset) -> Option<Crash> {
     let (record, tick) = kept();

@@ -10,6 +10,7 @@ mod board;
 mod callers;
 #[cfg(feature = "board-nucleo-g474re")]
 mod crash;
+mod masked;
 mod memory;
 mod tasks;
 

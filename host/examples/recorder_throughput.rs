@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use damprig::recording::Signal;
 use damprig::recording::journal::Journal;
-use damprig::recording::recorder::{Recorder, Rows};
+use damprig::recording::recorder::{Recorder, Recording, Rows};
 use damprig::recording::samples::{JOINED, Label};
 use damprig::recording::taken::Taken;
 use damprig::recording::writer::{Plan, Writer};

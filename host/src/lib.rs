@@ -10,6 +10,7 @@ pub mod export;
 pub mod figure;
 pub mod input;
 pub mod link;
+pub mod page;
 pub mod prediction;
 pub mod recording;
 pub mod run;

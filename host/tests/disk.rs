@@ -8,9 +8,11 @@ mod linux {
     use std::path::{Path, PathBuf};
     use std::process::Command;
 
+    use damprig::recording::journal::{self, Entry, Journal};
     use damprig_protocol::{Ask, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
+    use tempfile::TempDir;
 
     use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, result_rows, sample_rows, short};
 
@@ -67,6 +69,51 @@ mod linux {
         let rig = Served::again_and_again(|_| Fate::Pass);
         damprig(&folder).args(["run", "--resume", "disk/run", "--rig", &rig]).assert().success();
         assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
+    }
+
+    /// The command in a shell that has done `first`.
+    fn in_a_shell(folder: &TempDir, first: &str, arguments: &[&str]) -> assert_cmd::Command {
+        let mut shell = assert_cmd::Command::new("sh");
+        shell.current_dir(folder.path()).arg("-c").arg(format!("{first}; exec \"$0\" \"$@\""));
+        shell.arg(assert_cmd::cargo::cargo_bin("damprig")).args(arguments);
+        shell
+    }
+
+    #[test]
+    fn a_limit_on_the_size_of_files_stops_the_rig_as_a_full_disk_does() {
+        let folder = folder_with(&voluminous());
+        let board = Served::start(|_| Fate::Pass);
+        let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
+        // In blocks of 512 bytes.
+        let answer = in_a_shell(&folder, "ulimit -f 200", &arguments).assert().code(1);
+        answer.stderr(contains("File too large").and(contains("points are kept in out")));
+        assert!(board.was_left_standing(), "the rig was left driving");
+        let run = folder.path().join("out");
+        assert!(result_rows(&run) >= 1 && sample_rows(&run) > 1000);
+        let rig = Served::again_and_again(|_| Fate::Pass);
+        damprig(&folder).args(["run", "--resume", "out", "--rig", &rig]).assert().success();
+        assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
+    }
+
+    #[test]
+    fn a_line_that_a_full_disk_took_in_part_does_not_spoil_the_next() {
+        let folder = TempDir::new().unwrap();
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "64k") else { return };
+        let entry = |length: usize| Entry::Link { what: "x".repeat(length), at: String::new() };
+        let mut journal = Journal::open(&disk.0).unwrap();
+        journal.append(&entry(10)).unwrap();
+        // All blocks but the one that the journal has begun.
+        let rest = std::fs::write(disk.0.join("rest"), vec![0; 64 << 10]);
+        assert!(rest.is_err(), "the disk is not full");
+        let error = journal.append(&entry(9000)).unwrap_err().to_string();
+        assert!(error.contains("No space left on device"), "{error}");
+        let length = std::fs::metadata(disk.0.join("journal.jsonl")).unwrap().len();
+        assert!(length > 100, "nothing of the line was taken, so nothing is tested");
+        std::fs::remove_file(disk.0.join("rest")).unwrap();
+        journal.append(&entry(20)).unwrap();
+        let lines = journal::read(&disk.0).unwrap();
+        assert_eq!(lines.entries, [entry(10), entry(20)]);
+        assert!(lines.damaged.is_empty() && lines.torn.is_empty());
     }
 
     #[test]

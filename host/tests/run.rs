@@ -222,16 +222,18 @@ fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, 
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_stops_the_rig_and_keeps_what_was_taken() {
-    let (folder, output, board) = signalled("-INT");
-    let words = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(130), "{words}");
-    assert!(words.contains("interrupted"), "{words}");
-    assert!(board.was_left_standing());
-    let run = folder.path().join("out");
-    assert_eq!(manifest(&run)["reason"], "interrupted");
-    assert!(rows(run.join("results.parquet")) >= 1);
-    assert!(sample_rows(&run) > 0);
+fn ctrl_c_and_a_request_to_terminate_stop_the_rig_and_keep_what_was_taken() {
+    for signal in ["-INT", "-TERM"] {
+        let (folder, output, board) = signalled(signal);
+        let words = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(130), "{signal}: {words}");
+        assert!(words.contains("interrupted"), "{signal}: {words}");
+        assert!(board.was_left_standing(), "{signal}");
+        let run = folder.path().join("out");
+        assert_eq!(manifest(&run)["reason"], "interrupted");
+        assert!(rows(run.join("results.parquet")) >= 1);
+        assert!(sample_rows(&run) > 0);
+    }
 }
 
 #[cfg(unix)]

@@ -6,8 +6,9 @@ mod common;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use common::{cut_off, damprig, manifest, result_rows, sample_rows, short};
-use damprig::recording::journal::{self, JOURNAL};
+use common::{PATIENCE, cut_off, damprig, manifest, result_rows, sample_rows, short};
+use damprig::recording::RunFolder;
+use damprig::recording::journal::{self, JOURNAL, Journal};
 use damprig::recording::taken::Taken;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -195,4 +196,52 @@ fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_
     std::fs::write(run.join("campaign.toml"), changed).unwrap();
     let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
     answer.stdout(contains("rig.noise_seed: 7 when it was begun, 8 now"));
+}
+
+#[test]
+fn two_programs_do_not_take_one_folder() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    // Torn, so that opening it to append would be seen.
+    let text = std::fs::read_to_string(run.join(JOURNAL)).unwrap();
+    std::fs::write(run.join(JOURNAL), &text[..text.len() - 9]).unwrap();
+    let before = contents(&run);
+    let other = Journal::open(&run).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
+    answer.stderr(contains("another damprig is recording into this folder"));
+    assert!(contents(&run) == before);
+    drop(other);
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    // Both have found the same folder empty; the first to claim it has it.
+    let new = folder.path().join("new");
+    let (first, second) = (RunFolder::create_at(&new).unwrap(), RunFolder::create_at(&new).unwrap());
+    let journal = first.claim().unwrap();
+    first.write_campaign("name = \"first\"").unwrap();
+    assert!(second.claim().unwrap_err().to_string().contains("another damprig is recording"));
+    drop(journal);
+    assert!(second.claim().unwrap_err().to_string().contains("another damprig has just begun"));
+}
+
+#[cfg(unix)]
+#[test]
+fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    for name in ["again", "once-more"] {
+        std::os::unix::fs::symlink(".", run.join(name)).unwrap();
+    }
+    damprig(&folder).args(["runs", "."]).assert().success().stdout(contains("3/6"));
+    // A copy of the folder made of hard links would change with it.
+    std::fs::hard_link(run.join(JOURNAL), folder.path().join("copy")).unwrap();
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
+    answer.stderr(contains("2 names (hard links)").and(contains("cp out/journal.jsonl")));
+    std::fs::remove_file(folder.path().join("copy")).unwrap();
+    let part = run.join("samples.parts/000001.parquet");
+    std::fs::remove_file(&part).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&part).status().unwrap().success());
+    let verify = damprig(&folder).args(["runs", "verify", "out"]).timeout(PATIENCE).assert().code(1);
+    verify.stdout(contains("000001.parquet: cannot read it: this is no plain file"));
+    let export = ["runs", "export", "out", "--format", "csv"];
+    damprig(&folder).args(export).timeout(PATIENCE).assert().code(1).stderr(contains("this is no plain file"));
+    damprig(&folder).args(["run", "--resume", "out"]).timeout(PATIENCE).assert().success();
 }

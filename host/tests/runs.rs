@@ -83,3 +83,29 @@ fn csv_holds_every_chosen_row_with_units_and_an_earlier_file_is_kept() {
     let wrong = ["runs", "export", "out", "--format", "csv", "--set-up", "hybird"];
     damprig(&folder).args(wrong).assert().code(2).stderr(contains("did you mean hybrid"));
 }
+
+#[test]
+fn runs_are_listed_by_the_instant_of_their_start_whatever_the_zone() {
+    let (folder, run) = with_run();
+    let manifest = std::fs::read_to_string(run.join("manifest.json")).unwrap();
+    let value: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    let started = value["started"].as_str().unwrap();
+    // As text the first comes last; as times the others follow it.
+    let times = [
+        ("late", "2026-11-21T01:00:00-05:00[America/New_York]"),
+        ("early", "2026-11-21T05:00:00+02:00[Europe/Athens]"),
+        ("middle", "2026-11-21T04:00:00+00:00[No/Such_Zone]"),
+        ("never", "some day"),
+    ];
+    std::fs::create_dir(folder.path().join("all")).unwrap();
+    for (name, time) in times {
+        let copy = folder.path().join("all").join(name);
+        std::fs::create_dir(&copy).unwrap();
+        std::fs::write(copy.join("manifest.json"), manifest.replace(started, time)).unwrap();
+    }
+    let output = damprig(&folder).args(["runs", "all"]).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    let place = |name: &str| text.find(name).unwrap_or_else(|| panic!("{name}: {text}"));
+    let order = ["late", "middle", "early", "never"].map(place);
+    assert!(order.is_sorted(), "{text}");
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use arrow_array::RecordBatch;
-use escargot::CargoBuild;
+use escargot::{CargoBuild, CargoRun};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::support::images::project;
@@ -16,9 +16,18 @@ use crate::support::images::project;
 /// It does not build.
 #[must_use]
 pub fn damprig() -> Command {
+    built().command()
+}
+
+/// The built command, for a test that runs it more than once.
+///
+/// # Panics
+/// It does not build.
+#[must_use]
+pub fn built() -> CargoRun {
     let build = CargoBuild::new().manifest_path(project().join("Cargo.toml")).package("damprig").bin("damprig");
     let build = if cfg!(debug_assertions) { build } else { build.release() };
-    build.run().expect("the command builds").command()
+    build.run().expect("the command builds")
 }
 
 /// What a finished command printed, and how it ended, for a message.

@@ -40,7 +40,7 @@ Exit codes:
   0    done
   1    it could not be done: the rig, the link or the disk; what was taken is kept
   2    the command line or a file is wrong; nothing has moved
-  130  interrupted (Ctrl-C); the rig was stopped, what was taken is kept";
+  130  interrupted (Ctrl-C, or asked to terminate); the rig was stopped, what was taken is kept";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -92,8 +92,10 @@ pub fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
-/// The first Ctrl-C asks for an orderly end, the second ends the program at once.
+/// The first Ctrl-C (or, on Unix, request to terminate) asks for an orderly end, the second ends the program at once.
 fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
+    #[cfg(unix)]
+    watch_other_signals(stop).map_err(|e| Failure::Failed(format!("cannot watch for signals: {e}")))?;
     let stop = Arc::clone(stop);
     let handler = move || {
         if stop.swap(true, Ordering::Relaxed) {
@@ -101,6 +103,17 @@ fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
         }
     };
     ctrlc::set_handler(handler).map_err(|e| Failure::Failed(format!("cannot watch for Ctrl-C: {e}")))
+}
+
+#[cfg(unix)]
+fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    use signal_hook::consts::{SIGTERM, SIGXFSZ};
+    use signal_hook::flag::{register, register_conditional_shutdown};
+    register_conditional_shutdown(SIGTERM, 130, Arc::clone(stop))?;
+    register(SIGTERM, Arc::clone(stop))?;
+    // A file beyond the limit of the system (`ulimit -f`) then fails as on a full disk, and the rig is stopped.
+    register(SIGXFSZ, Arc::default())?;
+    Ok(())
 }
 
 #[cfg(test)]

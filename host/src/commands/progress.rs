@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
+use crate::figure::campaign::describe;
 use crate::recording::ResultRow;
 use crate::recording::transients::TransientRow;
 use crate::run::{RunError, Watcher};
@@ -113,7 +114,7 @@ impl Watcher for Progress {
         if simulated || self.mount_without_asking {
             return Ok(());
         }
-        let what = super::report::describe(set_up);
+        let what = describe(set_up);
         if !std::io::stdin().is_terminal() {
             let message = format!(
                 "set-up {:?} ({what}) has to be mounted by a person, and there is no terminal to ask at; use --yes when it is mounted",

@@ -1,11 +1,10 @@
-//! What a run says to people: the plan with its prediction, the table of results, the summary, the figure.
+//! What a run says to people: the plan with its prediction, the table of results, the summary.
 
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{CellAlignment, Table};
 
-use crate::campaign::{Campaign, CampaignSetUp, Start};
-use crate::figure::response::{Curve, CurvePoint, Notes, draw};
-use crate::figure::{FigureError, Picture};
+use crate::campaign::Campaign;
+use crate::figure::campaign::trimmed;
 use crate::prediction::Prediction;
 use crate::recording::ResultRow;
 use crate::recording::manifest::Manifest;
@@ -21,20 +20,6 @@ pub(super) fn table(header: &[&str]) -> Table {
 
 fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
-}
-
-/// Up to `decimals`, without trailing zeros.
-fn trimmed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
-}
-
-/// What is special about a set-up: `d/Z = 10, γF = 0.6, Z = 1.5 mm`.
-pub fn describe(set_up: &CampaignSetUp) -> String {
-    let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
-    let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
-    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// The set-ups with their predicted displacements.
@@ -99,34 +84,4 @@ pub fn summary(manifest: &Manifest) -> String {
         counters.dropped_records + counters.dropped_rows_host,
         counters.bad_frames_host + counters.bad_frames_device,
     )
-}
-
-/// X/Z over frequency, all set-ups.
-///
-/// # Errors
-/// What the drawing library says.
-pub fn figure(campaign: &Campaign, rows: &[ResultRow]) -> Result<Picture, FigureError> {
-    let curve = |set_up: &CampaignSetUp| Curve {
-        label: set_up.label.clone(),
-        detail: describe(set_up),
-        points: rows
-            .iter()
-            .filter(|r| r.set_up == set_up.name)
-            .map(|r| CurvePoint { frequency_hz: r.frequency_hz, x_over_z: r.x_over_z(), steady: r.steady })
-            .collect(),
-    };
-    let curves: Vec<Curve> = campaign.set_ups.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
-    let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
-    let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
-    let how: Vec<String> = campaign
-        .experiments
-        .iter()
-        .filter_map(|e| e.stepped_sine())
-        .map(|e| {
-            let start = if e.start == Start::FromRest { "from rest" } else { "carried over" };
-            format!("{} s at each frequency, {start}", trimmed(e.dwell_s, 3))
-        })
-        .collect();
-    let caption = format!("X: mean over the cycles of max|x|; {}. Z: amplitude of the base.", how.join("; "));
-    draw(&curves, &Notes { natural_frequency_hz: common, caption })
 }

@@ -13,14 +13,17 @@ use super::devices::Rig;
 use super::progress::Progress;
 use super::{Failure, Outcome, report, transient_report};
 use crate::campaign::Campaign;
+use crate::figure::campaign::{Shown, response};
 use crate::link::Address;
+use crate::page::page;
 use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
-use crate::recording::journal::{Begin, Ended, Entry, Journal};
+use crate::recording::folder::PAGE;
+use crate::recording::journal::{self, Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
 use crate::recording::taken::Taken;
 use crate::recording::writer::{Plan, Writer};
-use crate::recording::{Recorder, RunFolder, checksum};
+use crate::recording::{Recorder, RunFolder, StorageError, checksum};
 use crate::run::resume::Earlier;
 use crate::run::{Reconnect, Run, RunError, Selection, Tally, device_record};
 use crate::runs::RunFolder as ReadFolder;
@@ -80,14 +83,15 @@ Examples:
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
   damprig run --resume results/foam-1
 
-The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg and
-figure.png; of records, pulses and free vibrations transients.parquet, transients.svg and transients.png; samples.parts/ in the place of samples.parquet until the run is complete.
+The run folder holds campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet, figure.svg,
+figure.png and report.html; of records, pulses and free vibrations transients.parquet, transients.svg and transients.png;
+samples.parts/ in the place of samples.parquet until the run is complete.
 
 Exit codes:
   0    every point was taken
   1    the run is incomplete: the rig, the link or the disk failed; what was taken is in the run folder, and --resume goes on
   2    the command line or the campaign is wrong; nothing has moved
-  130  interrupted (Ctrl-C); the rig was stopped, what was taken is in the run folder";
+  130  interrupted (Ctrl-C, or asked to terminate); the rig was stopped, what was taken is in the run folder";
 
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -140,6 +144,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         None => RunFolder::create_dated(Path::new("."), &campaign.name, &now),
     }
     .map_err(failed)?;
+    let journal = folder.claim().map_err(failed)?;
     folder.write_campaign(campaign.source.text()).map_err(failed)?;
     folder.keep_records(&campaign).map_err(failed)?;
     let begin = beginning(&campaign, &session, &selection, &now);
@@ -151,11 +156,16 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         folder,
         taken: Taken::default(),
     };
-    job.carry_out(&mut session, selection, begin, &stop)
+    job.carry_out(&mut session, selection, begin, journal, &stop)
 }
 
 fn resume(args: &Args, wanted: &Path) -> Outcome {
     let path = find(wanted).map_err(input)?;
+    // From here on nobody else changes what is read.
+    let held = match Journal::existing(&path) {
+        Err(error) if journal::is_being_written(&path) == Some(true) => return Err(failed(error)),
+        held => held,
+    };
     let earlier = Earlier::read(&path).map_err(input)?;
     println!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
     for warning in &earlier.warnings {
@@ -188,6 +198,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         return Err(Failure::Input(format!("{} was begun in another way:\n  {list}\n  {message}", path.display())));
     }
     let folder = RunFolder::existing(&path);
+    let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(failed)?;
     let job = Job {
         args,
         rig,
@@ -196,7 +207,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         folder,
         taken: earlier.taken.clone(),
     };
-    job.carry_out(&mut session, selection, begin, &stop)
+    job.carry_out(&mut session, selection, begin, journal, &stop)
 }
 
 /// Refuses what would leave limits or stroke.
@@ -262,7 +273,14 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn carry_out(&self, session: &mut Session, selection: Selection, begin: Begin, stop: &AtomicBool) -> Outcome {
+    fn carry_out(
+        &self,
+        session: &mut Session,
+        selection: Selection,
+        begin: Begin,
+        journal: Journal,
+        stop: &AtomicBool,
+    ) -> Outcome {
         let device = &begin.device;
         println!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
         let mut manifest = self.manifest(&begin);
@@ -273,7 +291,6 @@ impl Job<'_> {
             order: self.campaign.in_order(),
         };
         let is_patient = session.is_granted();
-        let journal = Journal::open(self.folder.path()).map_err(failed)?;
         let mut writer = Writer::new(self.folder.path(), journal, plan, self.taken.clone()).map_err(failed)?;
         writer.note(&Entry::Begin(Box::new(begin))).map_err(failed)?;
         manifest.note(writer.taken(), writer.rows());
@@ -318,7 +335,7 @@ impl Job<'_> {
         manifest
     }
 
-    /// Joins the samples, says what came of it, and draws the figure.
+    /// Joins the samples, says what came of it, draws the figure and writes the page.
     fn end(
         &self,
         mut writer: Writer,
@@ -350,7 +367,8 @@ impl Job<'_> {
         let path = self.folder.path();
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
         let drawn = if has_sines {
-            report::figure(self.campaign, &rows).and_then(|picture| picture.write(path, "figure"))
+            let shown: Vec<Shown> = rows.iter().map(Shown::from).collect();
+            response(self.campaign, &shown).and_then(|picture| picture.write(path, "figure"))
         } else {
             Ok(())
         };
@@ -358,9 +376,12 @@ impl Job<'_> {
             Some(picture) => picture.write(path, "transients"),
             None => Ok(()),
         });
+        let told = ReadFolder::with_manifest(path, &manifest)
+            .map_err(|e| StorageError::new("write", &path.join(PAGE), e))
+            .and_then(|run| self.folder.write_page(&page(&run).html));
         let sums = checksum::of_folder(path);
         manifest.files = sums.clone().unwrap_or_default();
-        let written = noted.and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
+        let written = noted.and(told).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         if has_sines {
             println!("{}", report::results(self.campaign, &rows));
         }

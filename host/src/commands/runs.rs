@@ -1,5 +1,6 @@
-//! `damprig runs`: what has been run, one run in human form, whether it is sound, and in other formats.
+//! `damprig runs`: what has been run, one run in human form and as a page, whether it is sound, and in other formats.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, Subcommand};
@@ -10,14 +11,16 @@ use super::{Failure, Outcome};
 use crate::export::csv::Csv;
 use crate::export::mat::Mat;
 use crate::export::uff::Uff;
+use crate::export::whole::{to_failure, write_new};
 use crate::export::{Exporter, Part, Table};
 use crate::input::near;
+use crate::page::page;
 use crate::runs::columns::{Value, column, numbers, texts};
 use crate::runs::folder::{below, find, is_run};
 use crate::runs::verify::{Finding, verify};
 use crate::runs::{ReadError, RunFolder};
 
-/// Lists, shows, verifies and exports run folders. Nothing in them is ever changed.
+/// Lists, shows, reports, verifies and exports run folders. Nothing in them is ever changed.
 #[derive(Debug, ClapArgs)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Args {
@@ -40,10 +43,29 @@ enum Action {
         /// Folder of the run, its name, or the short id at the end of it
         run: PathBuf,
     },
+    /// Write the report page of a run: one file for the browser and the printer
+    #[command(after_help = REPORT_HELP)]
+    Report {
+        /// Folder of the run, its name, or the short id at the end of it
+        run: PathBuf,
+        /// The new file [default: <run>.html here]
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+    },
     /// Write a run in another format: CSV, MATLAB, UFF/UNV
     #[command(after_help = EXPORT_HELP)]
     Export(Export),
 }
+
+const REPORT_HELP: &str = "\
+A run folder has its report.html since the run ended; this makes the page again, of a run that was killed or of an older one,
+say. Nothing in the run folder is changed.
+
+Examples:
+  damprig runs report k3x9                               writes <run>.html here
+  damprig runs report runs/20261121-041624-hybrid-k3x9 --out foam-1.html
+
+Exit code 1 also when a part of the run cannot be read: the page names it.";
 
 const EXPORT_HELP: &str = "\
 What the formats hold:
@@ -113,6 +135,7 @@ pub fn run(args: &Args) -> Outcome {
         None => list(&args.dir),
         Some(Action::Show { run }) => show(&open(run)?),
         Some(Action::Verify { run }) => check(run),
+        Some(Action::Report { run, out }) => report(&open(run)?, out.as_deref()),
         Some(Action::Export(export)) => self::export(export),
     }
 }
@@ -142,8 +165,8 @@ fn list(dir: &Path) -> Outcome {
     let folders = if is_run(dir) { vec![dir.to_path_buf()] } else { below(dir) };
     let mut runs: Vec<(PathBuf, Result<RunFolder, ReadError>)> =
         folders.into_iter().map(|path| (path.clone(), RunFolder::open(&path))).collect();
-    // RFC 9557 times of one zone sort as text; damaged ones come last.
-    runs.sort_by_key(|(_, run)| std::cmp::Reverse(run.as_ref().map(|r| r.manifest().started.clone()).ok()));
+    // The latest first; those of which nobody can tell come last.
+    runs.sort_by_key(|(_, run)| std::cmp::Reverse(run.as_ref().ok().and_then(|r| r.manifest().started_at())));
     let mut table = table(&["run", "campaign", "started", "rig", "set-ups", "points", "state", "size (MB)"]);
     for (path, run) in &runs {
         let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
@@ -270,6 +293,19 @@ fn check(wanted: &Path) -> Outcome {
         return Ok(());
     }
     Err(Failure::Failed(format!("{wrong} things are wrong with {}; nothing was changed", wanted.display())))
+}
+
+fn report(run: &RunFolder, out: Option<&Path>) -> Outcome {
+    let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
+    let page = page(run);
+    write_new(&out, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e))).map_err(failed)?;
+    println!("Report: {}", out.display());
+    if page.unreadable.is_empty() {
+        return Ok(());
+    }
+    let missing = page.unreadable.join("\n  not on the page: ");
+    let rest = format!("a part of the run cannot be read; the rest is in {}", out.display());
+    Err(Failure::Failed(format!("{rest}\n  not on the page: {missing}")))
 }
 
 fn export(args: &Export) -> Outcome {

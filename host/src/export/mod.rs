@@ -7,7 +7,7 @@ pub mod csv;
 pub mod mat;
 pub mod uff;
 mod uff_record;
-mod whole;
+pub(crate) mod whole;
 
 use std::path::Path;
 

@@ -5,6 +5,7 @@
 //! every machine and needs no font service.
 
 pub mod axis;
+pub mod campaign;
 pub mod motion;
 pub mod response;
 pub mod transient;

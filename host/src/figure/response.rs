@@ -1,4 +1,5 @@
-//! The figure that the research is about: the vibration amplitude ratio X/Z over frequency, all set-ups.
+//! Curves over frequency, one a set-up: the figure that the research is about is X/Z. What the curves are of is
+//! [`super::campaign`]'s.
 
 use plotters::element::{PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -12,8 +13,8 @@ use super::{Canvas, FigureError, GREY, INK, Picture, colour, text, width};
 pub struct CurvePoint {
     /// Hz.
     pub frequency_hz: f64,
-    /// X/Z.
-    pub x_over_z: f64,
+    /// The quantity's value.
+    pub value: f64,
     /// Whether the value is a steady one.
     pub steady: bool,
 }
@@ -38,6 +39,15 @@ pub struct Notes {
     pub caption: String,
 }
 
+/// What the ordinate shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity {
+    /// Quantity and unit, as written beside the axis.
+    pub label: &'static str,
+    /// How values are spread; on a logarithmic one values that are not greater than 0 are left out.
+    pub scale: Scale,
+}
+
 const WIDTH: i32 = 980;
 const HEIGHT: i32 = 600;
 const LEFT: i32 = 82;
@@ -45,17 +55,17 @@ const TOP: i32 = 34;
 const BOTTOM: i32 = HEIGHT - 88;
 const LEGEND_LINE: i32 = 19;
 
-/// Draws X/Z over frequency on a logarithmic ordinate; points that are not steady are hollow.
+/// Draws the quantity over frequency; points that are not steady are hollow.
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn draw(curves: &[Curve], notes: &Notes) -> Result<Picture, FigureError> {
+pub fn draw(curves: &[Curve], quantity: &Quantity, notes: &Notes) -> Result<Picture, FigureError> {
     let widest = curves.iter().flat_map(|c| [width(&text(14.0, INK), &c.label), width(&text(12.0, GREY), &c.detail)]);
     let legend_width = widest.chain([width(&text(12.0, GREY), NOT_STEADY.0)]).max().unwrap_or(0) + 52;
     let values = || curves.iter().flat_map(|c| &c.points);
     let frame = Frame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, values().map(|p| p.frequency_hz)),
-        y: Axis::around("Vibration amplitude ratio X/Z", Scale::Log, values().map(|p| p.x_over_z)),
+        y: Axis::around(quantity.label, quantity.scale, values().map(|p| p.value)),
         bounds: (LEFT, TOP, WIDTH - legend_width - 30, BOTTOM),
     };
     Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
@@ -73,10 +83,10 @@ pub fn draw(curves: &[Curve], notes: &Notes) -> Result<Picture, FigureError> {
 }
 
 fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &Curve, index: usize) -> Result<(), FigureError> {
-    let mut points: Vec<&CurvePoint> =
-        curve.points.iter().filter(|p| p.x_over_z.is_finite() && p.x_over_z > 0.0).collect();
+    let can_be_drawn = |p: &&CurvePoint| p.value.is_finite() && (frame.y.scale == Scale::Linear || p.value > 0.0);
+    let mut points: Vec<&CurvePoint> = curve.points.iter().filter(can_be_drawn).collect();
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    let at = |p: &CurvePoint| frame.point(p.frequency_hz, p.x_over_z);
+    let at = |p: &CurvePoint| frame.point(p.frequency_hz, p.value);
     let path = points.iter().map(|p| at(p)).collect::<Vec<_>>();
     canvas.draw(&PathElement::new(path, colour(index).stroke_width(2))).map_err(FigureError::of)?;
     points.iter().try_for_each(|p| marker(canvas, at(p), index, p.steady))

@@ -1,13 +1,13 @@
 //! SHA-256 of a run folder's files: written into the manifest when a run ends, compared by `damprig runs verify`.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::StorageError;
+use super::{StorageError, regular};
 
 /// A file as it was when the run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,7 +25,7 @@ pub struct FileRecord {
 /// # Errors
 /// When it cannot be read.
 pub fn of_file(folder: &Path, name: &str) -> io::Result<FileRecord> {
-    let mut file = File::open(folder.join(name))?;
+    let mut file = regular::open(&folder.join(name))?;
     let mut hash = Sha256::new();
     let bytes = io::copy(&mut file, &mut HashWriter(&mut hash))?;
     let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
@@ -45,7 +45,8 @@ impl io::Write for HashWriter<'_> {
     }
 }
 
-/// All files of a run folder by name, except the manifest, which holds this list, and files being written.
+/// All files of a run folder by name, except the manifest, which holds this list, and files being written. Links to
+/// folders, pipes and the like are none.
 ///
 /// # Errors
 /// When one cannot be read.
@@ -63,7 +64,7 @@ fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) -> io::Result<()> 
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         if entry.file_type()?.is_dir() {
             list(folder, &format!("{name}/"), names)?;
-        } else if name != "manifest.json" && !name.ends_with(".tmp") {
+        } else if name != "manifest.json" && !name.ends_with(".tmp") && entry.path().is_file() {
             names.push(name);
         }
     }

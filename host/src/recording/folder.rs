@@ -4,9 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::StorageError;
+use super::journal::{JOURNAL, Journal};
 use super::manifest::Manifest;
 use crate::campaign::Campaign;
 use crate::campaign::transient::{RECORDS, kept_record};
+
+/// The page for people in a run folder; [`crate::page`] makes it.
+pub const PAGE: &str = "report.html";
 
 /// A run folder that is written.
 #[derive(Clone, Debug)]
@@ -45,6 +49,21 @@ impl RunFolder {
             Err(error) => return Err(StorageError::new("use the folder", path, error)),
         }
         Ok(Self { path: path.to_path_buf() })
+    }
+
+    /// Takes the folder for this program alone, and sees that nobody has been there since it was made.
+    ///
+    /// # Errors
+    /// When another program is recording into it, or has.
+    pub fn claim(&self) -> Result<Journal, StorageError> {
+        let journal = Journal::open(&self.path)?;
+        let mut entries = fs::read_dir(&self.path).map_err(|e| StorageError::new("use the folder", &self.path, e))?;
+        let is_alone = entries.all(|entry| entry.is_ok_and(|entry| entry.file_name() == JOURNAL));
+        if is_alone && journal.is_empty() {
+            return Ok(journal);
+        }
+        let message = "another damprig has just begun to record into it; give --out a new folder";
+        Err(StorageError::new("use the folder", &self.path, message))
     }
 
     /// A folder that holds a run.
@@ -90,6 +109,14 @@ impl RunFolder {
         let text = serde_json::to_string_pretty(manifest)
             .map_err(|e| StorageError::new("write", &self.path.join("manifest.json"), e))?;
         self.write("manifest.json", &(text + "\n"))
+    }
+
+    /// Writes the page for people whole, in place of an earlier one.
+    ///
+    /// # Errors
+    /// When it cannot be written; an earlier one stays.
+    pub fn write_page(&self, page: &str) -> Result<(), StorageError> {
+        self.write(PAGE, page)
     }
 
     /// Writes a text beside its file and gives it its name: the file is there as a whole or not at all.

@@ -7,6 +7,7 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,7 @@ use super::clock::{ClockFit, Pair};
 use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
 use super::transients::TransientRow;
-use super::{ResultRow, Signal, StorageError};
+use super::{ResultRow, Signal, StorageError, regular};
 
 /// The journal's name in a run folder.
 pub const JOURNAL: &str = "journal.jsonl";
@@ -143,44 +144,99 @@ pub struct Ended {
 pub struct Journal {
     path: PathBuf,
     file: File,
+    /// Bytes up to the end of the last line.
+    whole: u64,
+    behind: Behind,
 }
 
+/// What may stand behind the last line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Behind {
+    Nothing,
+    /// A line that an earlier program began. It stays what it is: a line that is no entry.
+    OfBefore,
+    /// What the disk took of a line that could not be written whole.
+    Own,
+}
+
+/// Who only looks at a journal holds it for a moment: so often it is tried again, with such a pause.
+const TRIES: (u32, Duration) = (50, Duration::from_millis(10));
+
 impl Journal {
-    /// Opens or makes the journal of a run folder, to append to it.
+    /// Opens or makes the journal of a run folder, to append to it. Nothing is written to one that there is before
+    /// [`Journal::append`].
     ///
     /// # Errors
     /// When it cannot be written, or another program is writing it.
     pub fn open(folder: &Path) -> Result<Self, StorageError> {
         let path = folder.join(JOURNAL);
         let failed = |e: std::io::Error| StorageError::new("open", &path, e);
-        let mut file = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let message = "another damprig is recording into this folder; wait until it has ended";
-                return Err(StorageError::new("append to", &path, message));
-            }
-            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        if path.exists() {
+            // A pipe would be waited for.
+            regular::open(&path).map_err(failed)?;
         }
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(failed)?;
+        let mut tries = 0;
+        while let Err(error) = file.try_lock() {
+            match error {
+                TryLockError::WouldBlock if tries < TRIES.0 => std::thread::sleep(TRIES.1),
+                TryLockError::WouldBlock => {
+                    let message = "another damprig is recording into this folder; wait until it has ended";
+                    return Err(StorageError::new("append to", &path, message));
+                }
+                TryLockError::Error(error) => return Err(failed(error)),
+            }
+            tries += 1;
+        }
+        has_one_name(&file, &path)?;
+        let mut behind = Behind::Nothing;
         if file.seek(SeekFrom::End(-1)).is_ok() {
             let mut last = [0];
             file.read_exact(&mut last).map_err(failed)?;
             if last != *b"\n" {
-                // The torn line stays what it is: a line that is no entry.
-                file.write_all(b"\n").map_err(failed)?;
+                behind = Behind::OfBefore;
             }
         }
-        Ok(Self { path, file })
+        let whole = file.metadata().map_err(failed)?.len();
+        Ok(Self { path, file, whole, behind })
     }
 
-    /// Appends a line. It survives the program from here on, and the machine from [`Journal::sync`] on.
+    /// Opens the journal of a run folder, if it has one.
+    ///
+    /// # Errors
+    /// As [`Journal::open`].
+    pub fn existing(folder: &Path) -> Result<Option<Self>, StorageError> {
+        if folder.join(JOURNAL).exists() { Self::open(folder).map(Some) } else { Ok(None) }
+    }
+
+    /// Whether it holds nothing yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.whole == 0
+    }
+
+    /// Appends a line. It survives the program from here on, and the machine from [`Journal::sync`] on. What was left of
+    /// a line that could not be written whole is taken away first: the next one would become a part of it.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn append(&mut self, entry: &Entry) -> Result<(), StorageError> {
         let mut line = serde_json::to_string(entry).map_err(|e| StorageError::new("write", &self.path, e))?;
         line.push('\n');
-        self.file.write_all(line.as_bytes()).map_err(|e| StorageError::new("write", &self.path, e))
+        let failed = |e: std::io::Error| StorageError::new("write", &self.path, e);
+        match self.behind {
+            Behind::Nothing => {}
+            Behind::OfBefore => {
+                self.file.write_all(b"\n").map_err(failed)?;
+                self.whole += 1;
+            }
+            Behind::Own => self.file.set_len(self.whole).map_err(failed)?,
+        }
+        self.behind = Behind::Own;
+        self.file.write_all(line.as_bytes()).map_err(failed)?;
+        self.behind = Behind::Nothing;
+        self.whole += line.len() as u64;
+        Ok(())
     }
 
     /// Brings the lines to the disk itself.
@@ -205,6 +261,26 @@ impl Journal {
     }
 }
 
+/// A journal under two names (a copy of the folder made of hard links) would change in both places.
+#[cfg(unix)]
+fn has_one_name(file: &File, path: &Path) -> Result<(), StorageError> {
+    use std::os::unix::fs::MetadataExt;
+    let names = file.metadata().map_or(1, |m| m.nlink());
+    if names <= 1 {
+        return Ok(());
+    }
+    let message = format!(
+        "the file has {names} names (hard links), and would change under all of them; give the run one of its own: cp {0} {0}.own && mv {0}.own {0}",
+        path.display()
+    );
+    Err(StorageError::new("append to", path, message))
+}
+
+#[cfg(not(unix))]
+fn has_one_name(_: &File, _: &Path) -> Result<(), StorageError> {
+    Ok(())
+}
+
 /// What a journal holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lines {
@@ -222,7 +298,7 @@ pub struct Lines {
 /// When it cannot be read; a folder without one gives the error of a missing file.
 pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     let path = folder.join(JOURNAL);
-    let bytes = std::fs::read(&path).map_err(|e| StorageError::new("read", &path, e))?;
+    let bytes = regular::read(&path).map_err(|e| StorageError::new("read", &path, e))?;
     let mut lines = Lines::default();
     let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
     // A torn line stops in mid-entry, and the next thing that the program did was to begin again (and, just before, to
@@ -256,7 +332,7 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
 /// tell.
 #[must_use]
 pub fn is_being_written(folder: &Path) -> Option<bool> {
-    match File::open(folder.join(JOURNAL)).ok()?.try_lock_shared() {
+    match regular::open(&folder.join(JOURNAL)).ok()?.try_lock_shared() {
         Ok(()) => Some(false),
         Err(TryLockError::WouldBlock) => Some(true),
         Err(TryLockError::Error(_)) => None,

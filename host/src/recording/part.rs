@@ -20,7 +20,7 @@ use arrow_schema::{DataType, Metadata, Schema, SchemaRef};
 use super::parquet::{Kept, field, write_whole};
 use super::samples::{self, Label};
 use super::sound::sound_length;
-use super::{Signal, StorageError};
+use super::{Signal, StorageError, regular};
 
 /// A part is closed when it holds this many rows, if its point has not ended before.
 pub(super) const MOST_ROWS: u64 = 100_000;
@@ -193,7 +193,7 @@ pub struct Salvaged {
 /// # Errors
 /// When the file cannot be opened.
 pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
-    let bytes = fs::read(path).map_err(|e| StorageError::new("read", path, e))?;
+    let bytes = regular::read(path).map_err(|e| StorageError::new("read", path, e))?;
     let mut salvaged = Salvaged { batches: Vec::new(), rows: 0, gap_ticks: 0 };
     let Ok(reader) = StreamReader::try_new(&bytes[..sound_length(&bytes)], None) else { return Ok(salvaged) };
     let stream = reader.schema();
@@ -226,7 +226,7 @@ pub enum Stream {
 /// Reads the head of an open part.
 #[must_use]
 pub fn read_stream(path: &Path) -> Stream {
-    let Ok(bytes) = fs::read(path) else { return Stream::Unreadable };
+    let Ok(bytes) = regular::read(path) else { return Stream::Unreadable };
     if bytes.is_empty() {
         return Stream::Empty;
     }

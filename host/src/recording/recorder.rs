@@ -60,6 +60,25 @@ pub trait Sink: Send + 'static {
     fn sync(&mut self) -> Result<(), StorageError>;
 }
 
+/// What a run sees of its recorder, wherever that puts what it gets.
+pub trait Recording {
+    /// The disk's failure, if there was one.
+    ///
+    /// # Errors
+    /// That failure.
+    fn check(&self) -> Result<(), StorageError>;
+
+    /// Adds a line to the journal. Never waits.
+    fn note(&self, entry: Entry);
+
+    /// Adds samples, or counts them as dropped when there is no room. A patient recorder waits for room instead, until
+    /// `stop` is set or the disk has failed.
+    fn rows(&mut self, rows: Rows, stop: &AtomicBool);
+
+    /// Rows dropped because the disk was too slow.
+    fn dropped_rows(&self) -> u64;
+}
+
 #[derive(Debug, Default)]
 struct Shared {
     waiting: Mutex<usize>,
@@ -91,7 +110,9 @@ impl<S: Sink> Recorder<S> {
         Self::with_room(sink, is_patient, MOST_WAITING)
     }
 
-    fn with_room(sink: S, is_patient: bool, most_waiting: usize) -> Self {
+    /// As [`Recorder::start`], with room for so many values (rows × signals) that wait for the disk.
+    #[must_use]
+    pub fn with_room(sink: S, is_patient: bool, most_waiting: usize) -> Self {
         let (queue, messages) = mpsc::channel();
         let shared = Arc::new(Shared::default());
         let theirs = Arc::clone(&shared);
@@ -107,11 +128,29 @@ impl<S: Sink> Recorder<S> {
         }
     }
 
-    /// The disk's failure, if there was one.
-    ///
-    /// # Errors
-    /// That failure.
-    pub fn check(&self) -> Result<(), StorageError> {
+    fn send(&self, message: Message) {
+        // A thread that has failed has left its word in `failed`.
+        let _ = self.queue.as_ref().map(|queue| queue.send(message));
+    }
+
+    /// Rows that were let into the queue, whether or not the disk took them later.
+    #[must_use]
+    pub fn accepted_rows(&self) -> u64 {
+        self.accepted_rows
+    }
+
+    /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
+    /// has died.
+    pub fn finish(mut self) -> (Option<S>, Result<(), StorageError>) {
+        self.queue = None;
+        let sink = self.thread.take().and_then(|thread| thread.join().ok());
+        let outcome = self.check();
+        (sink, outcome)
+    }
+}
+
+impl<S: Sink> Recording for Recorder<S> {
+    fn check(&self) -> Result<(), StorageError> {
         if let Some(error) = lock(&self.shared.failed).clone() {
             return Err(error);
         }
@@ -125,19 +164,11 @@ impl<S: Sink> Recorder<S> {
         }
     }
 
-    /// Adds a line to the journal. Never waits.
-    pub fn note(&self, entry: Entry) {
+    fn note(&self, entry: Entry) {
         self.send(Message::Entry(Box::new(entry)));
     }
 
-    fn send(&self, message: Message) {
-        // A thread that has failed has left its word in `failed`.
-        let _ = self.queue.as_ref().map(|queue| queue.send(message));
-    }
-
-    /// Adds samples, or counts them as dropped when there is no room. A patient recorder waits for room instead, until
-    /// `stop` is set or the disk has failed.
-    pub fn rows(&mut self, rows: Rows, stop: &AtomicBool) {
+    fn rows(&mut self, rows: Rows, stop: &AtomicBool) {
         let size = rows.values.len();
         let mut waiting = lock(&self.shared.waiting);
         // However long a message: an empty queue has room for it.
@@ -154,25 +185,8 @@ impl<S: Sink> Recorder<S> {
         self.send(Message::Rows(rows));
     }
 
-    /// Rows dropped because the disk was too slow.
-    #[must_use]
-    pub fn dropped_rows(&self) -> u64 {
+    fn dropped_rows(&self) -> u64 {
         self.dropped_rows
-    }
-
-    /// Rows that were let into the queue, whether or not the disk took them later.
-    #[must_use]
-    pub fn accepted_rows(&self) -> u64 {
-        self.accepted_rows
-    }
-
-    /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
-    /// has died.
-    pub fn finish(mut self) -> (Option<S>, Result<(), StorageError>) {
-        self.queue = None;
-        let sink = self.thread.take().and_then(|thread| thread.join().ok());
-        let outcome = self.check();
-        (sink, outcome)
     }
 }
 

@@ -17,7 +17,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::journal::Sealed;
 use super::parquet::{Kept, field, write_whole};
-use super::{Signal, StorageError, checksum};
+use super::{Signal, StorageError, checksum, regular};
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";
@@ -186,7 +186,7 @@ pub fn remove_parts<'a>(folder: &Path, joined: impl Iterator<Item = &'a Sealed>)
 /// All batches of a Parquet file.
 fn read(path: &Path) -> Result<Vec<Result<RecordBatch, String>>, String> {
     let failed = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
-    let file = fs::File::open(path).map_err(|e| failed(&e))?;
+    let file = regular::open(path).map_err(|e| failed(&e))?;
     let reader = ParquetRecordBatchReaderBuilder::try_new(file).and_then(ParquetRecordBatchReaderBuilder::build);
     Ok(reader.map_err(|e| failed(&e))?.map(|batch| batch.map_err(|e| e.to_string())).collect())
 }

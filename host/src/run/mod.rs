@@ -26,9 +26,10 @@ use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::input::Refusal;
 use crate::recording::journal::Entry;
 use crate::recording::manifest::{Counters, Device};
+use crate::recording::recorder::Recording;
 use crate::recording::taken::Taken;
 use crate::recording::transients::TransientRow;
-use crate::recording::{Recorder, ResultRow, StorageError};
+use crate::recording::{ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
 pub use convert::Selection;
 pub use reconnect::Reconnect;
@@ -180,7 +181,7 @@ const FRUITLESS_STARTS: u32 = 5;
 pub struct Run<'a> {
     campaign: &'a Campaign,
     session: &'a mut Session,
-    recorder: &'a mut Recorder,
+    recorder: &'a mut dyn Recording,
     watcher: &'a mut dyn Watcher,
     stop: &'a AtomicBool,
     selection: Selection,
@@ -197,7 +198,7 @@ impl<'a> Run<'a> {
     pub fn new(
         campaign: &'a Campaign,
         session: &'a mut Session,
-        recorder: &'a mut Recorder,
+        recorder: &'a mut dyn Recording,
         watcher: &'a mut dyn Watcher,
         stop: &'a AtomicBool,
         selection: Selection,

@@ -5,7 +5,7 @@
 //! from its journal. Whether the folder is sound is [`super::verify`]'s question.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
@@ -17,7 +17,7 @@ use crate::recording::journal::{self, JOURNAL};
 use crate::recording::manifest::FORMAT;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
-use crate::recording::{part, samples, transients};
+use crate::recording::{part, regular, samples, transients};
 
 /// Why a run cannot be read. The text names the file and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -116,6 +116,16 @@ impl RunFolder {
         Ok(Self { path: path.to_path_buf(), manifest })
     }
 
+    /// A folder whose manifest is known and need not be there yet.
+    ///
+    /// # Errors
+    /// When it is not one that could be read back.
+    pub fn with_manifest(path: &Path, written: &impl serde::Serialize) -> Result<Self, ReadError> {
+        let failed = |e: serde_json::Error| ReadError(format!("{}: {e}", path.join("manifest.json").display()));
+        let manifest = serde_json::to_value(written).and_then(serde_json::from_value).map_err(failed)?;
+        Ok(Self { path: path.to_path_buf(), manifest })
+    }
+
     /// Where it is.
     #[must_use]
     pub fn path(&self) -> &Path {
@@ -183,8 +193,13 @@ impl RunFolder {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         fn size(path: &Path) -> u64 {
+            // What a link points at is not of the folder, and may be the folder itself.
             let entries = fs::read_dir(path).into_iter().flatten().flatten();
-            entries.map(|e| if e.path().is_dir() { size(&e.path()) } else { e.metadata().map_or(0, |m| m.len()) }).sum()
+            let of = |e: fs::DirEntry| match e.file_type() {
+                Ok(kind) if kind.is_dir() => size(&e.path()),
+                _ => e.metadata().map_or(0, |m| m.len()),
+            };
+            entries.map(of).sum()
         }
         size(&self.path)
     }
@@ -197,8 +212,8 @@ impl RunFolder {
 pub fn manifest_of(path: &Path) -> Result<Manifest, ReadError> {
     let file = path.join("manifest.json");
     let failed = |message: String| ReadError(format!("{}: {message}", file.display()));
-    let text = fs::read_to_string(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
-    let value: serde_json::Value = serde_json::from_str(&text)
+    let text = regular::read(&file).map_err(|e| failed(format!("cannot read the manifest: {e}")))?;
+    let value: serde_json::Value = serde_json::from_slice(&text)
         .map_err(|e| failed(format!("the manifest is damaged, it is not JSON from this place on: {e}")))?;
     // The number first: a later format may hold what this reader cannot take.
     if let Some(format) = value.get("format").and_then(serde_json::Value::as_u64).filter(|f| *f > u64::from(FORMAT)) {
@@ -253,7 +268,7 @@ pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
 pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
     let shown = path.display().to_string();
     let failed = |message: String| ReadError(format!("{shown}: {message}"));
-    let file = File::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
+    let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
     let bytes = file.metadata().map_or(0, |m| m.len());
     let reader = ParquetRecordBatchReaderBuilder::try_new(file)
         .and_then(ParquetRecordBatchReaderBuilder::build)

@@ -72,6 +72,13 @@ pub struct SetUp {
     /// Base amplitude as set, m.
     #[serde(default)]
     pub base_amplitude_m: f64,
+    /// Largest |x| that was foreseen, m; NaN in older runs.
+    #[serde(default = "unknown")]
+    pub predicted_max_x_m: f64,
+}
+
+fn unknown() -> f64 {
+    f64::NAN
 }
 
 /// The manifest, as far as reading a run needs it.
@@ -93,6 +100,9 @@ pub struct Manifest {
     pub started: String,
     /// Program that recorded it.
     pub damprig: String,
+    /// Operating system and architecture of the host; empty in older runs.
+    #[serde(default)]
+    pub host: String,
     /// The device; absent when it never answered.
     pub device: Option<Device>,
     /// Points planned.
@@ -131,6 +141,14 @@ impl Manifest {
     pub fn every_ticks(&self) -> Option<u64> {
         let every = (self.device.as_ref()?.tick_hz / self.telemetry_rate_hz).round();
         (every.is_finite() && every >= 1.0).then_some(every as u64)
+    }
+
+    /// The start as an instant; none when the text is no time.
+    #[must_use]
+    pub fn started_at(&self) -> Option<jiff::Timestamp> {
+        // A zone that this machine does not know does not hide the offset.
+        let zoned = self.started.parse::<jiff::Zoned>().map(|time| time.timestamp());
+        zoned.ok().or_else(|| self.started.split('[').next()?.parse().ok())
     }
 
     /// How it ended, in words.

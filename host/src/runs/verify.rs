@@ -9,7 +9,7 @@ use crate::campaign::Campaign;
 use crate::input::Source;
 use crate::recording::taken::Taken;
 use crate::recording::transients::TRANSIENTS;
-use crate::recording::{checksum, journal};
+use crate::recording::{checksum, journal, known};
 use crate::run::resume::campaign_differences;
 
 /// One thing found.
@@ -41,6 +41,7 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
     }
     journal(path, run.as_ref(), &mut found);
     let campaign = campaign(path, &mut found);
+    strangers(path, campaign.as_ref(), &mut found);
     results(path, run.as_ref(), campaign.as_ref(), &mut found);
     samples(path, run.as_ref(), &mut found);
     Ok(found)
@@ -138,6 +139,19 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         "samples.parts: {good} of {} closed parts are as the journal says",
         taken.sealed.len()
     )));
+}
+
+/// Files that look like the run's own and that its journal has no word of.
+fn strangers(path: &Path, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
+    let Ok(lines) = journal::read(path) else { return };
+    let taken = Taken::of(&lines.entries);
+    // Nobody can tell how many points there are to be when the campaign is gone.
+    let is_complete = campaign.is_none_or(|campaign| taken.points() >= campaign.points());
+    let unknown = known::unknown(path, &taken, is_complete);
+    let name = journal::JOURNAL;
+    found.extend(unknown.data.iter().map(|what| Finding::Wrong(format!("{what}; {name} does not know it"))));
+    let unreadable = unknown.unreadable.iter();
+    found.extend(unreadable.map(|what| Finding::Wrong(format!("{what}: not a word of it can be read"))));
 }
 
 fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {

@@ -31,6 +31,18 @@ pub(super) fn to_toml(source: &Source) -> Option<String> {
         });
         return None;
     }
+    let nulls = nulls(text);
+    for at in &nulls {
+        source.report(Problem {
+            title: "`null` says nothing".into(),
+            span: *at..at + NULL.len(),
+            allowed: "a key has a value or is left out".into(),
+            help: Some("leave the key out".into()),
+        });
+    }
+    if !nulls.is_empty() {
+        return None;
+    }
     let (mut depth, mut in_string, mut escaped) = (0u32, false, false);
     let convert = |c: char| {
         if in_string {
@@ -62,6 +74,26 @@ pub(super) fn to_toml(source: &Source) -> Option<String> {
     Some(text.chars().map(convert).collect())
 }
 
+const NULL: &str = "null";
+
+/// Where each `null` of a JSON text begins: outside of strings no other word of JSON has an n in it.
+fn nulls(text: &str) -> Vec<usize> {
+    let (mut in_string, mut escaped) = (false, false);
+    let mut found = Vec::new();
+    for (at, byte) in text.bytes().enumerate() {
+        match byte {
+            _ if in_string => {
+                in_string = escaped || byte != b'"';
+                escaped = !escaped && byte == b'\\';
+            }
+            b'"' => in_string = true,
+            b'n' => found.push(at),
+            _ => {}
+        }
+    }
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,6 +108,15 @@ mod tests {
         assert_eq!(table["a"]["b"].as_float(), Some(1e-5));
         assert_eq!(table["a"]["c"][1].as_float(), Some(2.5));
         assert_eq!(table["d"].as_str(), Some("x:{,}\"y"));
+    }
+
+    #[test]
+    fn a_null_is_answered_where_it_stands_and_a_word_that_has_one_is_none() {
+        let source = Source::new("case.json", "{\"null\": {\"a\": \"null \\\"null\"},\n \"b\": [1, null]}");
+        assert!(to_toml(&source).is_none());
+        let answer = source.verdict().expect_err("a null").to_string();
+        assert!(answer.contains("case.json:2") && answer.contains("leave the key out"), "{answer}");
+        assert_eq!(answer.matches("`null` says nothing").count(), 1, "{answer}");
     }
 
     #[test]

@@ -35,6 +35,9 @@ pub(super) fn run<V: Viewer>(
     }
 }
 
+/// Sample intervals of a record between two looks up from the work; each is at most 255 steps.
+const INTERVALS_A_LOOK: u64 = 64;
+
 fn play<V: Viewer, J: Joint<f64>>(
     case: &Case,
     record: &Record,
@@ -49,9 +52,12 @@ fn play<V: Viewer, J: Joint<f64>>(
     let mut at =
         Place { step_s, duration_s: case.run.duration_s, wall: SoftWall::of(case, step_s), ..Place::default() };
     let mut interval = 0_u64;
-    parts(case.run.duration_s, request, gathered, |until_s, gathered, _| {
+    parts(case.run.duration_s, request, gathered, |until_s, gathered, go_on| {
         let mut viewer = (&mut figures, gathered.viewer());
         while interval as f64 * record.step_s < until_s {
+            if interval % INTERVALS_A_LOOK == INTERVALS_A_LOOK - 1 && !go_on(at.reached_s) {
+                break;
+            }
             let segment = play.next_segment();
             for part in 0..steps {
                 at.step = interval * u64::from(steps) + u64::from(part);
@@ -255,5 +261,34 @@ impl Piece for FlightPiece<'_> {
 
     fn phase(&self) -> Phase {
         self.phase
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::input::Source;
+    use crate::simulation::{Case, Request, simulate};
+
+    #[test]
+    fn a_run_on_a_record_is_stopped_within_a_part_too() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rows: String = (0..2001).map(|n| format!("{},{}\n", f64::from(n) * 0.005, 0.001)).collect();
+        std::fs::write(folder.path().join("motion.csv"), format!("time_s,acceleration_g\n{rows}")).expect("a file");
+        let text = r#"structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }
+                      base = { kind = "record", file = "motion.csv", quantity = "acceleration", unit = "g" }
+                      run = { duration_s = 10 }"#;
+        let file = folder.path().join("case.toml");
+        std::fs::write(&file, text).expect("a file");
+        let case = Case::parse(&Source::read(&file).expect("a text"), "case").expect("a case");
+        let mut left = 5;
+        let mut go_on = |_: f64| {
+            left -= 1;
+            left > 0
+        };
+        // One part: whoever looks between parts alone looks never.
+        let request = Request { keep: false, longest_part_s: 1e9, go_on: &mut go_on };
+        let answer = simulate(&case, &mut (), request).expect("it is physical");
+        let stopped_at_s = answer.stopped_at_s.expect("it was stopped");
+        assert!(stopped_at_s > 0.3 && stopped_at_s < 2.0, "{stopped_at_s}");
     }
 }

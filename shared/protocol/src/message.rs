@@ -384,6 +384,8 @@ pub struct Timing {
     pub longest_tick_us: u16,
     /// Largest deviation of a tick's start from its place, µs.
     pub largest_jitter_us: u16,
+    /// Longest time for which interrupts were masked, 0.1 µs.
+    pub longest_masked_tenths_us: u16,
 }
 
 /// A batch of telemetry rows, evenly spaced.

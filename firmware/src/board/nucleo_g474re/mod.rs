@@ -18,10 +18,11 @@
 //! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
 //!
 //! Switches open to tell, so a broken wire tells too. [`clock`] chooses what counts, [`sampling`] holds the converters,
-//! [`stepper`] the motor.
+//! [`stepper`] the motor, [`stall`] notices a tick that does not come.
 
 mod clock;
 mod sampling;
+mod stall;
 mod stepper;
 
 use damprig_core::rig::{Actuators, Sensors};
@@ -35,12 +36,12 @@ use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals};
+use embassy_stm32::{Config, Peri, bind_interrupts, dma, pac, peripherals};
 use sampling::{Parts, Sampling};
 use static_cell::ConstStaticCell;
 use stepper::Stepper;
 
-use crate::crash;
+use crate::{crash, masked};
 
 /// The board's name in the protocol.
 pub const NAME: &str = "nucleo-g474re";
@@ -131,6 +132,7 @@ pub fn init() -> Board {
             emergency_stop: Input::new(p.PA9, Pull::Up),
             watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
             timer: TickTimer::start(),
+            stall_timer: Some(p.TIM7),
         },
         birth: Birth { clock_source, reset, last_crash: crash::at_start(reset) },
         receiver,
@@ -166,6 +168,8 @@ pub struct Bench {
     emergency_stop: Input<'static>,
     watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     timer: TickTimer,
+    /// Taken when the ticks begin.
+    stall_timer: Option<Peri<'static, peripherals::TIM7>>,
 }
 
 impl Bench {
@@ -173,6 +177,10 @@ impl Bench {
     pub fn start(&mut self) {
         self.sampling.start();
         self.watchdog.unleash();
+        if let Some(timer) = self.stall_timer.take() {
+            stall::watch(timer);
+        }
+        masked::forget();
     }
 
     /// Waits for a tick's samples.
@@ -199,7 +207,12 @@ impl Bench {
 
     /// How the ticks have been kept.
     pub fn timing(&self) -> Timing {
-        Timing { overruns: self.sampling.overruns(), ..self.timer.timing }
+        let tenths_us = masked::longest_cycles() / (CYCLES_PER_US / 10);
+        Timing {
+            overruns: self.sampling.overruns(),
+            longest_masked_tenths_us: tenths_us.min(u32::from(u16::MAX)) as u16,
+            ..self.timer.timing
+        }
     }
 }
 

@@ -1,0 +1,149 @@
+//! What was run: set-ups and experiments with their units.
+
+use damprig_core::control::stepped_sine::Drive;
+use damprig_core::model::Wall;
+use maud::{Markup, html};
+
+use super::facts::Facts;
+use super::tables::{label, largest, number, optional, short};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SpringTarget, Start};
+
+/// A row a set-up.
+pub(super) fn set_ups(facts: &Facts) -> Markup {
+    let Ok(campaign) = &facts.campaign else { return from_manifest(facts) };
+    let predicted = |s: &CampaignSetUp| {
+        facts.manifest.set_ups.iter().find(|record| record.name == s.name).map_or(f64::NAN, |r| r.predicted_max_x_m)
+    };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th.word { "Set-up" }
+                th { "Z" small { "mm" } } th { "M" small { "kg" } } th { "fn" small { "Hz" } } th { "ζ" small { "%" } }
+                th { "Particle" small { "kg" } } th { "d" small { "mm" } } th { "d/Z" }
+                th.word { "Walls" } th { "μ" small { "internal" } }
+                th { "Friction" small { "N" } } th { "γF" } th.word { "Spring" }
+                th { "max|x|" small { "mm, foreseen" } } th { "max|x|" small { "mm, measured" } }
+            } }
+            tbody {
+                @for set_up in &campaign.set_ups {
+                    @let model = set_up.model();
+                    tr {
+                        td.word { (label(facts, &set_up.name)) }
+                        td { (short(set_up.base_amplitude_m * 1e3, 4)) }
+                        td { (short(model.structure.mass_kg, 4)) }
+                        td { (short(set_up.natural_frequency_hz(), 4)) }
+                        td { (short(model.structure.damping_ratio() * 100.0, 4)) }
+                        td { (optional(model.particle.map(|p| p.mass_kg), 4)) }
+                        td { (optional(model.particle.map(|p| p.clearance_m * 1e3), 3)) }
+                        td { (optional(set_up.clearance_ratio(), 3)) }
+                        td.word.short { (model.particle.map_or("–".into(), |p| wall(p.wall))) }
+                        td { (optional(model.particle.map(|p| p.friction_coefficient), 4)) }
+                        td { (optional(model.friction_damper.map(|d| d.force_n), 4)) }
+                        td { (optional(set_up.friction_ratio(), 3)) }
+                        td.word { (spring(set_up)) }
+                        td { (number(predicted(set_up) * 1e3, 2)) }
+                        td { (number(largest(facts, &set_up.name) * 1e3, 2)) }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+fn wall(wall: Wall) -> String {
+    match wall {
+        Wall::Restitution { coefficient } => format!("e = {}", short(coefficient, 3)),
+        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+            format!("{} N/m, {} N·s/m", short(stiffness_n_per_m, 1), short(damping_n_s_per_m, 3))
+        }
+    }
+}
+
+fn spring(set_up: &CampaignSetUp) -> String {
+    match set_up.spring().map(|spring| spring.target) {
+        None => "–".into(),
+        Some(SpringTarget::FrictionRatio(ratio)) => format!("kept at γF = {}", short(ratio, 3)),
+        Some(SpringTarget::NormalForce(force)) => format!("kept at {} N", short(force, 3)),
+        Some(SpringTarget::Deflection(deflection)) => format!("kept at {} mm", short(deflection * 1e3, 3)),
+    }
+}
+
+/// What the manifest alone knows.
+fn from_manifest(facts: &Facts) -> Markup {
+    html! {
+        div.wide { table {
+            thead { tr { th.word { "Set-up" } th { "Z" small { "mm" } } th { "max|x|" small { "mm, measured" } } } }
+            tbody {
+                @for set_up in &facts.manifest.set_ups {
+                    tr {
+                        td.word { (label(facts, &set_up.name)) }
+                        td { (short(set_up.base_amplitude_m * 1e3, 4)) }
+                        td { (number(largest(facts, &set_up.name) * 1e3, 2)) }
+                    }
+                }
+            }
+        } }
+    }
+}
+
+/// A row an experiment, and the rig that they share.
+pub(super) fn experiments(facts: &Facts) -> Markup {
+    let Ok(campaign) = &facts.campaign else { return html! {} };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th.word { "Experiment" } th.word { "Frequencies" small { "Hz" } } th { "Points" }
+                th.word { "Each begins" } th.word { "Held" }
+                th { "Settle" small { "s" } } th { "Dwell" small { "s" } } th.word { "On" }
+            } }
+            tbody {
+                @for experiment in &campaign.experiments {
+                    tr {
+                        td.word { (experiment.name) }
+                        td.word { (range(experiment)) }
+                        td { (experiment.points()) }
+                        @if let Some(sine) = experiment.stepped_sine() {
+                            td.word { (if sine.start == Start::FromRest { "from rest" } else { "with the motion before" }) }
+                            td.word { (if sine.drive == Drive::Constant { "the drive" } else { "the base (closed loop)" }) }
+                            td { (short(sine.settle_s, 3)) }
+                            td { (short(sine.dwell_s, 3)) }
+                        } @else {
+                            td.word { "from rest" } td.word { "–" } td { "–" } td { (short(experiment.expected_s(), 1)) }
+                        }
+                        td.word { (on(campaign, experiment)) }
+                    }
+                }
+            }
+        } }
+        dl {
+            dt { "Displacement limit" } dd { "±" (short(campaign.rig.displacement_limit_m * 1e3, 3)) " mm" }
+            dt { "Sensors" }
+            dd { "±" (short(campaign.rig.sensor_range_m * 1e3, 3)) " mm, steps of "
+                (short(campaign.rig.sensor_resolution_m * 1e6, 3)) " µm, noise "
+                (short(campaign.rig.sensor_noise_rms_m * 1e6, 3)) " µm RMS (simulated rigs)" }
+            dt { "Base" }
+            dd { (if campaign.rig.shaker.is_some() { "a shaker that feels its load" } else { "follows the drive" }) }
+        }
+    }
+}
+
+fn range(experiment: &Experiment) -> String {
+    let list = experiment.frequencies_hz();
+    match &experiment.kind {
+        Kind::Playback(playback) => return playback.about.clone(),
+        Kind::FreeVibration(free) => return format!("released at {} mm", short(free.start_m * 1e3, 3)),
+        Kind::SteppedSine(_) => {}
+    }
+    match &list[..] {
+        [first, .., last] if list.len() > 6 => format!("{} … {}", short(*first, 4), short(*last, 4)),
+        _ => list.iter().map(|f| short(*f, 4)).collect::<Vec<_>>().join(", "),
+    }
+}
+
+fn on(campaign: &Campaign, experiment: &Experiment) -> String {
+    if experiment.set_ups.len() == campaign.set_ups.len() {
+        return "every set-up".into();
+    }
+    let name = |i: &usize| campaign.set_ups.get(*i).map(|s| s.name.clone());
+    experiment.set_ups.iter().filter_map(name).collect::<Vec<_>>().join(", ")
+}

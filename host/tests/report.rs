@@ -1,0 +1,101 @@
+//! `report.html` in a run folder and `damprig runs report`: what the page says of complete, broken off, damaged and
+//! maliciously named runs.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
+use damprig_protocol::FromDevice;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+fn page(run: &Path) -> String {
+    std::fs::read_to_string(run.join("report.html")).unwrap()
+}
+
+#[test]
+fn a_complete_run_has_a_page_that_needs_nothing_else_and_can_be_made_again() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = folder.path().join("out");
+    let page = page(&run);
+    let said =
+        ["6 of 6 points", "Hybrid (SPID + FD)", "e = 0.47", "<svg", "Phase of x relative to z", "x_m (m)", "complete"];
+    said.iter().for_each(|words| assert!(page.contains(words), "{words}"));
+    // Nothing is fetched and nothing runs: the only address is the name of SVG itself.
+    let foreign = page.replace("http://www.w3.org/2000/svg", "");
+    for word in ["http:", "https:", "src=", "href=", "<script", "@import", "url("] {
+        assert!(!foreign.contains(word), "{word}");
+    }
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("8 of 8 files"));
+    damprig(&folder).args(["runs", "report", "out"]).assert().success().stdout(contains("Report: out.html"));
+    assert_eq!(std::fs::read_to_string(folder.path().join("out.html")).unwrap(), page);
+    damprig(&folder).args(["runs", "report", "out"]).assert().code(1).stderr(contains("out.html: it exists"));
+    let elsewhere = ["runs", "report", "out", "--out", "nowhere/page.html"];
+    damprig(&folder).args(elsewhere).assert().code(1).stderr(contains("there is no folder nowhere"));
+}
+
+#[test]
+fn a_run_that_was_broken_off_says_why_and_where_and_the_page_is_right_again_once_it_is_complete() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let broken = page(&run);
+    for words in ["incomplete", "the link to", "3 of 6 points", "Ended early", "interrupted"] {
+        assert!(broken.contains(words), "{words}");
+    }
+    damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    let whole = page(&run);
+    assert!(whole.contains("6 of 6 points") && whole.contains("taken up again 1 times"));
+    // The history stays.
+    assert!(whole.contains("Ended early"));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+}
+
+#[test]
+fn lost_samples_are_told_with_their_place() {
+    let folder = folder_with(&short());
+    let mut telemetry = 0;
+    let board = Served::start(move |message| {
+        let is_telemetry = matches!(message, FromDevice::Telemetry(_));
+        telemetry += usize::from(is_telemetry);
+        if is_telemetry && telemetry == 20 { Fate::Corrupt } else { Fate::Pass }
+    });
+    damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
+    let page = page(&folder.path().join("out"));
+    let manifest = manifest(&folder.path().join("out"));
+    let lost = manifest["counters"]["lost_rows"].as_u64().unwrap();
+    assert!(lost > 0);
+    assert!(page.contains(&format!("{lost} rows of samples are missing")) && page.contains("<h3>Gaps</h3>"));
+    assert!(page.contains(&format!("<td>{lost}</td>")), "one gap of {lost} rows");
+}
+
+#[test]
+fn a_name_that_looks_like_markup_stays_a_name() {
+    let label = "<script>alert(1)</script> & </svg>";
+    let folder = folder_with(&short().replace("Bare structure", label));
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let page = page(&folder.path().join("out"));
+    assert!(!page.contains("<script") && !page.contains("& </svg>"));
+    // In the tables and in both figures.
+    assert!(page.matches("&lt;script&gt;alert(1)&lt;/script&gt; &amp; &lt;/svg&gt;").count() >= 4);
+}
+
+#[test]
+fn what_cannot_be_read_is_named_on_the_page_and_the_rest_is_there() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let text = std::fs::read_to_string(run.join("journal.jsonl")).unwrap();
+    let damaged = text.replacen("\"entry\":\"segment\"", "\"entry\":\"sgment\"", 1);
+    std::fs::write(run.join("journal.jsonl"), damaged).unwrap();
+    std::fs::write(run.join("campaign.toml"), "name = ").unwrap();
+    let answer = damprig(&folder).args(["runs", "report", "out", "--out", "page.html"]).assert().code(1);
+    answer.stderr(contains("journal.jsonl: line 2").and(contains("campaign.toml")));
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    assert!(page.contains("journal.jsonl: line 2") && page.contains("campaign.toml"));
+    assert!(page.contains("<td class=\"word\">bare</td>"), "the points are in the journal's other lines");
+    std::fs::remove_file(run.join("manifest.json")).unwrap();
+    let answer = damprig(&folder).args(["runs", "report", "out", "--out", "none.html"]).assert().code(1);
+    answer.stderr(contains("cannot read the manifest"));
+    assert!(!folder.path().join("none.html").exists());
+}

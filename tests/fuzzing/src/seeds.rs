@@ -1,0 +1,172 @@
+//! Inputs to begin with: every message of the protocol, and experiments as a host runs them.
+//!
+//! [`device`] and [`host`] make them from the message types, so they follow the protocol by themselves. The seeds in
+//! `fuzz/seeds` are these and what the fuzzer has found beyond them, kept small;
+//! `cargo run -p damprig-fuzzing --example make_seeds` writes the former anew.
+
+use std::path::{Path, PathBuf};
+
+use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
+use damprig_core::control::safety::SafetyConfig;
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_core::twin::TwinConfig;
+use damprig_protocol::frame::LONGEST_BODY;
+use damprig_protocol::{Ask, FromDevice, Request, ToDevice};
+
+use crate::messages::every_choice;
+use crate::{Piece, join, said};
+
+/// An input with its name.
+pub type Seed = (String, Vec<u8>);
+
+/// Inputs of [`crate::device`].
+#[must_use]
+pub fn device() -> Vec<Seed> {
+    let bodies = every_choice::<ToDevice>();
+    // Some messages after the other: one alone finds the board without a plant.
+    let together = bodies.chunks(4).enumerate().map(|(n, some)| {
+        let pieces: Vec<Piece> = some.iter().cloned().map(Piece::Body).collect();
+        (format!("messages-{n:02}"), join(&pieces))
+    });
+    together.chain(experiments().into_iter().map(|(name, pieces)| (name.to_string(), join(&pieces)))).collect()
+}
+
+/// Inputs of [`crate::host`]: every message, and a frame of each length that a board says in an experiment.
+#[must_use]
+pub fn host() -> Vec<Seed> {
+    let bodies = every_choice::<FromDevice>().into_iter().enumerate();
+    let mut seeds: Vec<Seed> = bodies.map(|(n, body)| (format!("message-{n:02}"), body)).collect();
+    for (name, pieces) in experiments() {
+        let mut lengths = std::collections::BTreeSet::new();
+        let mut frames = Vec::new();
+        for frame in said(&pieces).split_inclusive(|byte| *byte == 0) {
+            if lengths.insert(frame.len()) {
+                frames.extend_from_slice(frame);
+            }
+        }
+        seeds.push((name.to_string(), frames));
+    }
+    seeds
+}
+
+/// Whole experiments, as a host runs them.
+#[must_use]
+pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
+    let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+    let particle = Particle {
+        mass_kg: 0.16,
+        clearance_m: 0.002,
+        friction_coefficient: 0.05,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    };
+    let bare = SetUp::bare(structure);
+    let spid = SetUp { particle: Some(particle), ..bare };
+    let hybrid = SetUp { friction_damper: Some(FrictionDamper { force_n: 0.1 }), ..spid };
+    let walls = Some(WallSensors::default());
+    let shaken = Base::Shaker(Shaker::default());
+    vec![
+        ("bare", experiment(PlantConfig::ideal(bare), None, &[])),
+        ("particle", experiment(PlantConfig { walls, ..PlantConfig::ideal(spid) }, Some(spid), &[Ask::ArmSnippet])),
+        (
+            "hybrid-on-a-shaker",
+            experiment(PlantConfig { walls, base: shaken, ..PlantConfig::ideal(hybrid) }, None, &[]),
+        ),
+        (
+            "tuned-spring",
+            experiment(
+                PlantConfig { spring: Some(SpringPlant::default()), ..PlantConfig::ideal(bare) },
+                None,
+                &[
+                    Ask::SetSpring(SpringConfig::default()),
+                    Ask::Spring(SpringCommand::Home),
+                    Ask::Spring(SpringCommand::TouchOff),
+                    Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })),
+                ],
+            ),
+        ),
+    ]
+}
+
+fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Ask]) -> Vec<Piece> {
+    let sine = SteppedSine {
+        start: Start::FromRest { level_m: 5e-4 },
+        amplitude_m: 1.5e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
+        settle_s: 0.05,
+        dwell_s: 0.7,
+        steady: SteadyLimits::default(),
+        first_index: 0,
+        frequencies_hz: [9.0, 10.0].into_iter().collect(),
+    };
+    let telemetry = Ask::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
+    let mut asks = vec![Ask::Identify, Ask::Describe, Ask::Signals { from: 0 }, Ask::SetPlant(plant)];
+    asks.extend([Ask::SetSafety(SafetyConfig::default()), Ask::SetTwin(twin.map(TwinConfig::new))]);
+    asks.push(Ask::Configure(sine));
+    asks.extend_from_slice(more);
+    asks.extend([Ask::Start, telemetry]);
+    let grants = (1..10).map(|n| ToDevice::Grant { until_tick: 400 * n });
+    let after = [Ask::Status, Ask::Result { index: 0 }, Ask::Snippet { from: 0 }, Ask::Stop, Ask::ClearFault];
+    let mut seq = 0;
+    let mut request = |ask| {
+        seq += 1;
+        ToDevice::Request(Request { seq, at_tick: None, ask })
+    };
+    let before: Vec<ToDevice> = asks.into_iter().map(&mut request).collect();
+    let after: Vec<ToDevice> = after.into_iter().map(request).collect();
+    before.into_iter().chain(grants).chain(after).map(|message| Piece::Body(body(&message))).collect()
+}
+
+fn body(message: &ToDevice) -> Vec<u8> {
+    postcard::to_slice(message, &mut [0; LONGEST_BODY]).expect("it fits a frame").to_vec()
+}
+
+/// The seeds that are kept in the tree for a target, `device` or `host`.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn kept(target: &str) -> std::io::Result<Vec<Seed>> {
+    let mut seeds = Vec::new();
+    for entry in std::fs::read_dir(folder().join(target))? {
+        let entry = entry?;
+        seeds.push((entry.file_name().to_string_lossy().into_owned(), std::fs::read(entry.path())?));
+    }
+    seeds.sort();
+    Ok(seeds)
+}
+
+/// Where the seeds are kept, a folder a target.
+#[must_use]
+pub fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use damprig_protocol::frame::Reader;
+    use damprig_protocol::{FromDevice, Happening};
+
+    #[test]
+    fn each_experiment_is_carried_out_so_its_mutations_begin_behind_the_checks() {
+        for (name, pieces) in experiments() {
+            let mut reader = Reader::default();
+            let stream = said(&pieces);
+            let messages: Vec<FromDevice> = stream.iter().filter_map(|&b| reader.push(b)).map(Result::unwrap).collect();
+            let has = |is: fn(&FromDevice) -> bool| messages.iter().any(is);
+            assert!(has(|m| matches!(m, FromDevice::Telemetry(_))), "{name}: {messages:?}");
+            let is_tuned = name == "tuned-spring";
+            let ended = if is_tuned {
+                has(|m| matches!(m, FromDevice::Event { event: Happening::Spring(_), .. }))
+            } else {
+                has(|m| matches!(m, FromDevice::Event { event: Happening::Point(_), .. }))
+            };
+            assert!(ended, "{name}: {messages:?}");
+        }
+    }
+}
