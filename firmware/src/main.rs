@@ -14,8 +14,16 @@ mod masked;
 mod memory;
 mod tasks;
 
+#[cfg(not(feature = "board-mps2-an385"))]
 use defmt_rtt as _;
+#[cfg(not(feature = "board-mps2-an385"))]
 use embassy_executor::Spawner;
+
+#[cfg(feature = "board-mps2-an385")]
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    tasks::fixed_point::run(&board::mps2_an385::init())
+}
 
 #[cfg(all(feature = "board-mps2-an386", not(feature = "count-instructions")))]
 #[embassy_executor::main]

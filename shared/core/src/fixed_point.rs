@@ -40,6 +40,7 @@
 //!
 //! A motion whose estimate passes 1e-4 within the time has diverged: then no arithmetic follows it.
 
+mod narrow;
 pub mod reference;
 
 use crate::scalar::Scalar;
@@ -81,7 +82,7 @@ impl Mul for Fixed {
 
     #[inline]
     fn mul(self, other: Self) -> Self {
-        Self(self.0.saturating_mul(other.0))
+        Self(narrow::product(self.0, other.0))
     }
 }
 
@@ -94,7 +95,7 @@ impl Div for Fixed {
         if other.0 == I16F48::ZERO {
             return Self(if self.0 < I16F48::ZERO { I16F48::MIN } else { I16F48::MAX });
         }
-        Self(self.0.saturating_div(other.0))
+        Self(narrow::quotient(self.0, other.0))
     }
 }
 
@@ -139,6 +140,6 @@ impl Scalar for Fixed {
     }
 
     fn sqrt(self) -> Self {
-        if self.0 <= I16F48::ZERO { Self::ZERO } else { Self(self.0.sqrt()) }
+        if self.0 <= I16F48::ZERO { Self::ZERO } else { Self(narrow::root(self.0)) }
     }
 }
