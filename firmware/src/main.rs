@@ -61,10 +61,15 @@ mod wiring {
         let (orders_in, orders_out) = tasks::lanes::orders();
         interrupt::UART5.set_priority(Priority::P6);
         let control = CONTROL.start(interrupt::UART5);
-        control.spawn(tasks::control::run(board.bench, board.birth, orders_out).expect("the task is spawned once"));
+        control.spawn(
+            tasks::control::run(board.bench, board.birth, board.kept, orders_out).expect("the task is spawned once"),
+        );
         spawner.spawn(tasks::alive::run().expect("the task is spawned once"));
         spawner.spawn(tasks::receive::run(board.receiver, orders_in).expect("the task is spawned once"));
         spawner.spawn(tasks::transmit::run(board.transmitter, board.led).expect("the task is spawned once"));
+        if let Some(keeper) = board.keeper {
+            spawner.spawn(tasks::settings::run(keeper).expect("the task is spawned once"));
+        }
         defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::nucleo_g474re::NAME);
     }
 }

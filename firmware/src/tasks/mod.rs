@@ -15,4 +15,6 @@ pub mod lanes;
 #[cfg(feature = "board-nucleo-g474re")]
 pub mod receive;
 #[cfg(feature = "board-nucleo-g474re")]
+pub mod settings;
+#[cfg(feature = "board-nucleo-g474re")]
 pub mod transmit;

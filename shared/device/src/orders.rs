@@ -10,6 +10,7 @@ use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
+use damprig_core::settings::Prepared;
 use damprig_core::twin::TwinPlan;
 use damprig_protocol::{Ask, MOST_SIGNALS, Request};
 use heapless::Vec;
@@ -71,6 +72,12 @@ pub enum Work {
     SetTelemetry(Selection),
     /// A simulated plant.
     SetPlant(PlantConfig),
+    /// The settings in use.
+    Settings,
+    /// Settings to use.
+    SetSettings(Prepared),
+    /// Save the settings in use.
+    SaveSettings,
     /// For the rig.
     Command(Command),
     /// Out of range.
@@ -103,6 +110,9 @@ impl Work {
             Ask::Signals { from } => return Ok(Self::Signals { from }),
             Ask::Result { index } => return Ok(Self::Result { index }),
             Ask::Snippet { from } => return Ok(Self::Snippet { from }),
+            Ask::Settings => return Ok(Self::Settings),
+            Ask::SetSettings(settings) => return Ok(Self::SetSettings(Prepared::new(&settings)?)),
+            Ask::SaveSettings => return Ok(Self::SaveSettings),
             Ask::SetPlant(config) => return Ok(Self::SetPlant(config)),
             Ask::SetTelemetry { every_ticks, signals, impacts } => {
                 return Ok(Self::SetTelemetry(select(every_ticks, signals, impacts)?));
@@ -110,7 +120,7 @@ impl Work {
             Ask::SetSafety(config) => Command::SetSafety(Safety::new(&config)?),
             Ask::SetSpring(config) => Command::SetSpring(FrictionSpring::new(&config)?),
             Ask::SetImpacts(config) => {
-                // The scale is the board's.
+                // The rig puts them on its own scale.
                 Command::SetImpacts(ImpactSettings::new(&config, &ForceScale::default(), WALL_SUBSAMPLES as u8)?)
             }
             Ask::SetTwin(None) => Command::SetTwin(None),
@@ -134,6 +144,7 @@ impl Work {
                 | Self::Signals { .. }
                 | Self::Result { .. }
                 | Self::Snippet { .. }
+                | Self::Settings
         )
     }
 }

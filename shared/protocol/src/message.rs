@@ -9,6 +9,7 @@ use damprig_core::measure::point::PointResult;
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Refusal, State, Status};
+use damprig_core::settings::{Settings, Source};
 use damprig_core::twin::TwinConfig;
 use heapless::{String, Vec};
 use postcard_schema::Schema;
@@ -109,6 +110,12 @@ pub enum Ask {
         /// The first sample wanted.
         from: u16,
     },
+    /// The settings in use.
+    Settings,
+    /// Use these settings from now on; they are not saved.
+    SetSettings(Settings),
+    /// Keep the settings in use over power cuts. The reply comes when that is done.
+    SaveSettings,
 }
 
 /// From the device.
@@ -171,6 +178,13 @@ pub enum Answer {
         length: u16,
         /// Counts from there on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
+    },
+    /// To [`Ask::Settings`].
+    Settings {
+        /// The settings in use.
+        settings: Settings,
+        /// Where they come from.
+        source: Source,
     },
 }
 
@@ -243,6 +257,8 @@ pub struct Description {
     pub reset: Reset,
     /// What ended an earlier run of the firmware.
     pub last_crash: Option<Crash>,
+    /// Where the settings in use come from.
+    pub settings: Source,
 }
 
 /// What counts a real board's ticks.

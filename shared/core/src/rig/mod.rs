@@ -5,6 +5,7 @@
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
+pub mod calibration;
 pub mod damper;
 pub mod sensors;
 pub mod signals;
@@ -16,6 +17,7 @@ use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
 use crate::control::stepped_sine::{Now, Outcome, Plan, Runner, Stage};
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
+use crate::settings::Prepared;
 use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
@@ -153,7 +155,9 @@ impl Rig {
             }
             Command::SetImpacts(settings) => {
                 self.must_be_idle()?;
-                self.dampers.meter.adopt(settings);
+                // The scale is the board's.
+                let settings = settings.on(self.dampers.meter.scale());
+                self.dampers.meter.adopt(&settings);
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
@@ -177,6 +181,18 @@ impl Rig {
             Command::Spring(command) => self.ask_spring(*command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),
         }
+        Ok(())
+    }
+
+    /// Takes settings over: interlocks, the friction damper's drive, which has to be homed again, and how impacts are found.
+    ///
+    /// # Errors
+    /// As [`Rig::must_be_idle`].
+    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+        self.must_be_idle()?;
+        self.safety.adopt(&prepared.safety);
+        self.dampers.spring.clone_from(&prepared.spring);
+        self.dampers.meter.adopt(&prepared.impacts);
         Ok(())
     }
 
