@@ -6,11 +6,12 @@ use std::{env, fs};
 fn main() {
     let nucleo = env::var_os("CARGO_FEATURE_BOARD_NUCLEO_G474RE").is_some();
     let mps2 = env::var_os("CARGO_FEATURE_BOARD_MPS2_AN386").is_some();
-    let map = match (nucleo, mps2) {
-        (true, false) => "../memory.x",
-        (false, true) => "src/board/mps2_an386.x",
+    let without_fpu = env::var_os("CARGO_FEATURE_BOARD_MPS2_AN385").is_some();
+    let map = match (nucleo, mps2, without_fpu) {
+        (true, false, false) => "../memory.x",
+        (false, true, false) | (false, false, true) => "src/board/mps2.x",
         _ => panic!(
-            "choose one board: --features board-nucleo-g474re or --features board-mps2-an386 (`tests/firmware` builds both)"
+            "choose one board: --features board-nucleo-g474re, board-mps2-an386 or board-mps2-an385 (`tests/firmware` builds all)"
         ),
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

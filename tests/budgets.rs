@@ -18,6 +18,11 @@ fn check(image: &str, what: &str, measured: u64) {
     assert!(measured <= most, "{image}: {what} is {measured}, the budget is {most} (firmware/budgets.toml)");
 }
 
+fn printed_number(printed: &str, name: &str) -> u64 {
+    let line = printed.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "));
+    line.unwrap_or_else(|| panic!("the image printed no {name}")).trim().parse().unwrap()
+}
+
 #[test]
 fn the_controller_image_keeps_its_flash_budget() {
     let Some(image) = find("nucleo-g474re") else { return };
@@ -28,11 +33,8 @@ fn the_controller_image_keeps_its_flash_budget() {
 #[test]
 fn a_control_tick_and_the_memory_keep_their_budgets() {
     let Some(image) = find("mps2-an386-count") else { return };
-    let printed = run_counting(&image);
-    let count = |name: &str| -> u64 {
-        let line = printed.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(" = "));
-        line.unwrap_or_else(|| panic!("no {name} in: {printed}")).trim().parse().unwrap()
-    };
+    let printed = run_counting("mps2-an386", &image);
+    let count = |name| printed_number(&printed, name);
     for what in ["instructions_per_tick_mean", "instructions_per_tick_worst", "stack_bytes_worst"] {
         check("mps2-an386", what, count(what));
     }
@@ -45,4 +47,14 @@ fn a_control_tick_and_the_memory_keep_their_budgets() {
     let interrupts = budget("nucleo-g474re", "interrupts_bytes");
     println!("nucleo-g474re: static RAM {still}, stack {deep}, interrupts {interrupts}");
     check("nucleo-g474re", "ram_and_stack_bytes", still + deep + interrupts);
+}
+
+#[test]
+fn a_step_in_fixed_point_keeps_its_budgets_without_floating_point() {
+    let Some(image) = find("mps2-an385") else { return };
+    check("mps2-an385", "flash_bytes", size(&image).flash_bytes);
+    let printed = run_counting("mps2-an385", &image);
+    for what in ["instructions_per_step_mean", "instructions_per_step_worst"] {
+        check("mps2-an385", what, printed_number(&printed, what));
+    }
 }

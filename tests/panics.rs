@@ -15,7 +15,10 @@ const JUSTIFIED: [(&str, &str); 11] = [
     ("slice_index_fail", "lengths are cut to the slice first: blocks, frames, rings"),
     ("panic_const", "divisors are constants or checked; a finished future is not polled again by its executor"),
     ("clamp8do_panic", "bounds are constants, or ± a positive acceleration"),
-    ("unwrap_failed", "taking the peripherals and spawning the tasks, once, at the start"),
+    (
+        "unwrap_failed",
+        "taking the peripherals and spawning the tasks, once, at the start; the flash driver's words, cut to their size",
+    ),
     ("panic_already_borrowed", "embassy's queues: borrowed within a critical section only"),
     ("_defmt_panic", "embassy's own assertions on clocks and peripherals, all at the start"),
     ("__defmt_default_panic", "what `_defmt_panic` calls"),

@@ -1,7 +1,8 @@
 # What the entry points need besides cargo: sourced by tests/run and tests/firmware.
 # shellcheck shell=bash
 
-target=thumbv7em-none-eabihf
+# The controller's, and that of a controller without floating point.
+targets=(thumbv7em-none-eabihf thumbv7m-none-eabi)
 
 # Whether packages may be installed: as root, with apt, unless DAMPRIG_INSTALL=no.
 may_install() {
@@ -25,8 +26,13 @@ install() {
     rm -f /tmp/damprig-apt.$$
 }
 
-rustup_has_target() {
-    command -v rustup >/dev/null && rustup target list --installed 2>/dev/null </dev/null | grep -qx "$target"
+rustup_has_targets() {
+    local installed target
+    command -v rustup >/dev/null || return 1
+    installed=$(rustup target list --installed 2>/dev/null </dev/null)
+    for target in "${targets[@]}"; do
+        grep -qx "$target" <<<"$installed" || return 1
+    done
 }
 
 distribution_has_source() {
@@ -34,17 +40,17 @@ distribution_has_source() {
         [ -d /usr/lib/rustlib/src/rust/library/core ] && command -v ld.lld >/dev/null
 }
 
-# Finds a compiler for the boards and defines `firmware_cargo`. A toolchain is never downloaded: an installed target of
-# rustup's is taken, else Debian's compiler, which comes with the source of `core`.
+# Finds a compiler for the boards and defines `firmware_cargo COMMAND TARGET ARGUMENT…`. A toolchain is never downloaded: rustup's is taken if it
+# has the targets, else Debian's compiler, which comes with the source of `core`.
 find_firmware_compiler() {
-    if rustup_has_target; then
+    if rustup_has_targets; then
         compiler="rustup's $(rustc --version)"
-        firmware_cargo() { cargo "$1" --target "$target" "${@:2}"; }
+        firmware_cargo() { cargo "$1" --target "$2" "${@:3}"; }
         return
     fi
     if ! distribution_has_source; then
         if ! install rustc-web cargo-web rust-web-src rust-web-clippy lld || ! distribution_has_source; then
-            echo "no compiler for the boards: run \`rustup target add $target\`, or on Debian install" \
+            echo "no compiler for the boards: run \`rustup target add ${targets[*]}\`, or on Debian install" \
                 "rustc-web cargo-web rust-web-src rust-web-clippy lld" >&2
             return 1
         fi
@@ -54,13 +60,13 @@ find_firmware_compiler() {
         # Its own home and target directory: the two cargos' caches do not mix.
         PATH="/usr/bin:$PATH" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 RUSTUP_TOOLCHAIN='' \
             CARGO_HOME="${DAMPRIG_DEBIAN_CARGO_HOME:-$PWD/target/debian-home}" CARGO_TARGET_DIR="$PWD/target/debian" \
-            CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=ld.lld \
-            /usr/bin/cargo "$1" -Zbuild-std=core --target "$target" "${@:2}"
+            CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=ld.lld CARGO_TARGET_THUMBV7M_NONE_EABI_LINKER=ld.lld \
+            /usr/bin/cargo "$1" -Zbuild-std=core --target "$2" "${@:3}"
     }
     firmware_output=target/debian
 }
 
-# QEMU for the emulated board.
+# QEMU for the emulated boards.
 find_emulator() {
     command -v qemu-system-arm >/dev/null || install qemu-system-arm
 }

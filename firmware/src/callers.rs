@@ -21,7 +21,7 @@ pub fn of_here() -> [u32; CALLS_TOLD] {
     let end = &raw const _stack_start as usize;
     for call in &mut calls {
         // Each frame lies further out than the one before it, whole within the stack; what does not is none.
-        if frame < above || frame % 4 != 0 || frame + 8 > end {
+        if frame < above || !frame.is_multiple_of(4) || frame + 8 > end {
             break;
         }
         // SAFETY: two words of the stack, aligned; nothing writes it meanwhile, interrupts are off.

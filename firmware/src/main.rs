@@ -14,8 +14,16 @@ mod masked;
 mod memory;
 mod tasks;
 
+#[cfg(not(feature = "board-mps2-an385"))]
 use defmt_rtt as _;
+#[cfg(not(feature = "board-mps2-an385"))]
 use embassy_executor::Spawner;
+
+#[cfg(feature = "board-mps2-an385")]
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    tasks::fixed_point::run(&board::mps2_an385::init())
+}
 
 #[cfg(all(feature = "board-mps2-an386", not(feature = "count-instructions")))]
 #[embassy_executor::main]
@@ -53,10 +61,15 @@ mod wiring {
         let (orders_in, orders_out) = tasks::lanes::orders();
         interrupt::UART5.set_priority(Priority::P6);
         let control = CONTROL.start(interrupt::UART5);
-        control.spawn(tasks::control::run(board.bench, board.birth, orders_out).expect("the task is spawned once"));
+        control.spawn(
+            tasks::control::run(board.bench, board.birth, board.kept, orders_out).expect("the task is spawned once"),
+        );
         spawner.spawn(tasks::alive::run().expect("the task is spawned once"));
         spawner.spawn(tasks::receive::run(board.receiver, orders_in).expect("the task is spawned once"));
         spawner.spawn(tasks::transmit::run(board.transmitter, board.led).expect("the task is spawned once"));
+        if let Some(keeper) = board.keeper {
+            spawner.spawn(tasks::settings::run(keeper).expect("the task is spawned once"));
+        }
         defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::nucleo_g474re::NAME);
     }
 }

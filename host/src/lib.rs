@@ -16,6 +16,7 @@ pub mod recording;
 pub mod run;
 pub mod runs;
 pub mod session;
+pub mod settings;
 pub mod simulation;
 mod upload;
 

@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use damprig_core::rig::Status;
+use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
     Answer, Ask, Clock, ClockSource, Counters, Description, FromDevice, Happening, Identity, Request, Reset, SCHEMA,
@@ -150,6 +151,8 @@ pub struct Session {
     pub description: Description,
     /// Its telemetry signals.
     pub signals: Vec<Signal>,
+    /// The settings that it had when the conversation began.
+    pub settings: Settings,
 }
 
 impl Session {
@@ -181,6 +184,7 @@ impl Session {
             profile: Default::default(),
             reset: Reset::Unknown,
             last_crash: None,
+            settings: Source::Default,
         };
         let now = Instant::now();
         let mut session = Self {
@@ -202,6 +206,7 @@ impl Session {
             identity: nobody,
             description: nothing,
             signals: Vec::new(),
+            settings: Settings::default(),
         };
         // Ends whatever half a frame an earlier host may have left in the device's reader.
         session.send_bytes(&[0])?;
@@ -215,6 +220,7 @@ impl Session {
             _ => return Err(SessionError::Confused { what: "describe itself" }),
         };
         session.signals = session.read_signals()?;
+        session.settings = session.read_settings()?.0;
         // Counted from here: bytes that were under way before are not this session's.
         session.bad_frames = 0;
         Ok(session)

@@ -1,6 +1,6 @@
 //! QEMU with the emulated board's image: started, reached over TCP, and ended with the value that holds it.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -22,7 +22,7 @@ impl Emulator {
     #[must_use]
     pub fn start(image: &Path) -> Self {
         let port = free_port();
-        let mut process = board(image)
+        let mut process = board("mps2-an386", image)
             .args(["-serial", &format!("tcp:127.0.0.1:{port},server=on,wait=on")])
             .stdin(Stdio::null())
             .stderr(Stdio::piped())
@@ -68,32 +68,28 @@ impl Drop for Emulator {
     }
 }
 
-/// Runs an image that ends by itself, its clock counting instructions; what it printed.
+/// Runs an image that ends by itself on `machine`, its clock counting instructions; what it printed.
 ///
 /// # Panics
 /// QEMU is missing, or the image ended with a failure.
 #[must_use]
-pub fn run_counting(image: &Path) -> String {
+pub fn run_counting(machine: &str, image: &Path) -> String {
     // With 1 024 ns to the instruction the board's 25 MHz timer shows every single one.
-    let mut process = board(image)
+    let output = board(machine, image)
         .args(["-serial", "null", "-icount", "shift=10,sleep=off"])
         .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
+        .output()
         .unwrap_or_else(|error| panic!("cannot start {QEMU}: {error}"));
-    let mut printed = String::new();
     // Semihosting writes to either, depending on the version.
-    process.stderr.take().expect("asked for").read_to_string(&mut printed).expect("text");
-    process.stdout.take().expect("asked for").read_to_string(&mut printed).expect("text");
-    let status = process.wait().expect("it was started");
-    assert!(status.success(), "the image ended with {status}: {printed}");
+    let printed = String::from_utf8([output.stderr, output.stdout].concat()).expect("text");
+    let end = printed.len() - printed.len().min(2_000);
+    assert!(output.status.success(), "the image ended with {}: … {}", output.status, &printed[end..]);
     printed
 }
 
-fn board(image: &Path) -> Command {
+fn board(machine: &str, image: &Path) -> Command {
     let mut command = Command::new(QEMU);
-    command.args(["-M", "mps2-an386", "-display", "none", "-monitor", "none"]);
+    command.args(["-M", machine, "-display", "none", "-monitor", "none"]);
     // An image that panics ends the emulator with a failure.
     command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(image);
     command

@@ -12,9 +12,7 @@ use cortex_m_semihosting::debug;
 use embassy_sync::waitqueue::AtomicWaker;
 
 #[cfg(feature = "count-instructions")]
-mod instructions;
-#[cfg(feature = "count-instructions")]
-pub use instructions::InstructionCounter;
+pub use crate::board::instructions::InstructionCounter;
 
 /// The board's name in the protocol.
 pub const NAME: &str = "mps2-an386";

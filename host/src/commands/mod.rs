@@ -9,6 +9,7 @@ mod progress;
 mod report;
 mod run;
 mod runs;
+mod settings;
 mod simulate;
 mod simulate_files;
 mod simulate_report;
@@ -50,6 +51,8 @@ enum Command {
     Devices(devices::Args),
     /// List, show, verify and export run folders
     Runs(runs::Args),
+    /// Show, change, save and copy a board's settings
+    Settings(settings::Args),
     /// Simulate a case exactly
     Simulate(simulate::Args),
 }
@@ -80,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Runs(args) => runs::run(&args),
+        Command::Settings(args) => settings::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };
     let (code, message) = match outcome {

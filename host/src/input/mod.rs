@@ -15,7 +15,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
 pub use section::{Number, Section, Text};
-pub use suggest::near;
+pub use suggest::{near, replacement};
 
 /// Where a value stands in its file, in bytes.
 pub type Span = Range<usize>;

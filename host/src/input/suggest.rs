@@ -42,7 +42,7 @@ fn stem(key: &str) -> &str {
 }
 
 /// What to write instead of the unknown `key`, and why; `value` is the number written, if it is one.
-pub(super) fn replacement(key: &str, value: Option<f64>, known: &[&str]) -> Option<(String, String)> {
+pub fn replacement(key: &str, value: Option<f64>, known: &[&str]) -> Option<(String, String)> {
     let same_stem: Vec<&&str> = known.iter().filter(|k| stem(k) == stem(key)).collect();
     if let [right] = same_stem[..] {
         let (written, wanted) = (&key[stem(key).len()..], &right[stem(right).len()..]);

@@ -2,6 +2,7 @@
 
 use std::ops::AddAssign;
 
+use damprig_core::settings::Settings;
 use serde::{Deserialize, Serialize};
 
 use super::Signal;
@@ -57,6 +58,19 @@ pub struct Device {
     /// What ended an earlier run of the firmware since its supply came on.
     #[serde(default)]
     pub last_crash: Option<String>,
+    /// The settings that it had when the run began. The campaign's limits and constants take their place while it lasts.
+    #[serde(default)]
+    pub settings: Option<BoardSettings>,
+}
+
+/// Settings of a board, and where they came from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BoardSettings {
+    /// In words.
+    pub source: String,
+    /// The settings.
+    #[serde(flatten)]
+    pub settings: Settings,
 }
 
 /// What got lost on the way; zeros unless something is wrong.

@@ -25,12 +25,13 @@ use damprig_protocol::{Ask, ClockSource, PlantKind};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::input::Refusal;
 use crate::recording::journal::Entry;
-use crate::recording::manifest::{Counters, Device};
+use crate::recording::manifest::{BoardSettings, Counters, Device};
 use crate::recording::recorder::Recording;
 use crate::recording::taken::Taken;
 use crate::recording::transients::TransientRow;
 use crate::recording::{ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
+use crate::settings::origin_text;
 pub use convert::Selection;
 pub use reconnect::Reconnect;
 use segment::{End, Segment, Task};
@@ -171,6 +172,10 @@ pub fn device_record(session: &Session) -> Device {
         }
         .to_string(),
         last_crash: session.description.last_crash.map(|crash| crash.to_string()),
+        settings: Some(BoardSettings {
+            source: origin_text(session.description.settings).to_string(),
+            settings: session.settings,
+        }),
     }
 }
 

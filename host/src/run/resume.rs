@@ -9,6 +9,7 @@ use crate::recording::journal::{self, Begin, Lines};
 use crate::recording::known;
 use crate::recording::taken::Taken;
 use crate::runs::folder::manifest_of;
+use crate::settings::{decimal, entries};
 
 /// Why a run cannot be taken up again. The text names what is wrong, what is still good, and what can be done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -106,6 +107,14 @@ impl Earlier {
         };
         compare("signals", names(then), names(now));
         compare("ticks between rows", then.every_ticks.to_string(), now.every_ticks.to_string());
+        // The other settings' places are the campaign's.
+        if let (Some(then), Some(now)) = (&a.settings, &b.settings) {
+            for ((place, then), (_, now)) in entries(&then.settings).iter().zip(entries(&now.settings)) {
+                if place.first().is_some_and(|table| table == "calibration") {
+                    compare(&place.join("."), decimal(*then), decimal(now));
+                }
+            }
+        }
         list
     }
 

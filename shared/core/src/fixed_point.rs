@@ -1,9 +1,47 @@
 //! The sampled driver's third scalar: 64-bit fixed point, for a controller without floating point.
 //!
-//! 16 integer and 48 fractional bits: range ±32 768, resolution 3.6·10⁻¹⁵. It is meant for non-dimensional numbers: with
-//! lengths in units of the clearance or of the starting amplitude ([`crate::integrator::sampled::Units`]) and
-//! time in steps, displacements are of order 1 to 1000, and the smallest number that matters, the damping's share of a
-//! step, 2ζωh·v ≈ 2·10⁻⁶, still has 29 bits. Sums and products saturate, so nothing wraps and nothing panics.
+//! 16 integer and 48 fractional bits ([`I16F48`]): range ±32 768, resolution u = 2⁻⁴⁸ = 3.6·10⁻¹⁵. A product is cut off
+//! (at most u too low), sums are exact, and both saturate: nothing wraps and nothing panics.
+//!
+//! # Range
+//! Lengths count in a unit of the motion's own size ([`crate::integrator::sampled::Units`]: the clearance or the
+//! starting amplitude), time in steps of h, forces per structure mass. Then displacements are of order 1: a structure
+//! at resonance with ζ = 0.0038 moves 130 base amplitudes, so 250 times as much fits. Velocities are smaller by ωh ≤
+//! 0.1, accelerations by (ωh)². The largest other numbers are the mass ratio and the numbers up to 7 that
+//! differentiate; a quotient that saturates is a time beyond the step, which is no event.
+//!
+//! # Resolution
+//! At 2.5 Hz and 1 kHz ωh = 0.0157. The smallest number that matters is the damping's share of a step, 2ζωh·v ≈ 2·10⁻⁶:
+//! 29 bits. What is lost in a second of motion (1000 steps), in units of length:
+//!
+//! * *Cut products.* A step's velocity gathers 3, 2, 2, 2, 2 and 2 products in the series' terms 2 to 7, each times its
+//!   power: at most 56 u. As a steady acceleration that displaces the structure's place of rest by 56 u/(ωh)² =
+//!   8·10⁻¹⁰, about which it swings: 1.6·10⁻⁹. It does not add up from step to step; its random part, 56
+//!   u·√(1000/12)/(ωh) = 1·10⁻¹⁰, does.
+//! * *Coefficients.* Half the stiffness, (ωh)²/2 = 1.2·10⁻⁴, is off by u: the frequency by 1.5·10⁻¹¹ of itself, the
+//!   phase by 2.3·10⁻¹⁰.
+//! * *Internal friction.* Half its acceleration is off by 1.25 u: 1000²·1.25 u = 4.4·10⁻⁹ in the particle's place,
+//!   1000·2.5 u/(ωh) = 5.6·10⁻¹⁰ in its velocity. Without friction the particle flies exactly: the increments of y − x
+//!   are those of −x, bit for bit.
+//!
+//! So 2·10⁻⁹ for the structure, and with a third in hand for steps with events in them 6·10⁻⁹ and 8·10⁻¹⁰ for the
+//! particle. Impacts make such a loss grow as they do any small change of the state. `tests/scalars.rs` puts these
+//! losses into a motion in `f64`, one in each second, and holds the fixed-point motion to the sum of what becomes of
+//! them; over 10 s of the [reference runs](mod@reference), displacements, velocities over ω, in units of length (the
+//! starting amplitude):
+//!
+//! | run | impacts | estimate | error |
+//! |---|---|---|---|
+//! | free, d/x0 0.4, e 0.4, μi 0 | 63 | 4.8e-6 | 1.9e-6 |
+//! | free, 0.8, 0.4, 0.08 | 8 | 1.6e-7 | 1.3e-7 |
+//! | free, 0.85, 0.55, 0 | 17 | 4.5e-5 | 1.1e-5 |
+//! | free, 1.2, 0.3, 0.05 | 6 | 3.3e-7 | 9.2e-8 |
+//! | driven, with a friction damper | 42 | 2.0e-7 | 1.8e-9 |
+//!
+//! A motion whose estimate passes 1e-4 within the time has diverged: then no arithmetic follows it.
+
+mod narrow;
+pub mod reference;
 
 use crate::scalar::Scalar;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -44,7 +82,7 @@ impl Mul for Fixed {
 
     #[inline]
     fn mul(self, other: Self) -> Self {
-        Self(self.0.saturating_mul(other.0))
+        Self(narrow::product(self.0, other.0))
     }
 }
 
@@ -57,7 +95,7 @@ impl Div for Fixed {
         if other.0 == I16F48::ZERO {
             return Self(if self.0 < I16F48::ZERO { I16F48::MIN } else { I16F48::MAX });
         }
-        Self(self.0.saturating_div(other.0))
+        Self(narrow::quotient(self.0, other.0))
     }
 }
 
@@ -102,6 +140,6 @@ impl Scalar for Fixed {
     }
 
     fn sqrt(self) -> Self {
-        if self.0 <= I16F48::ZERO { Self::ZERO } else { Self(self.0.sqrt()) }
+        if self.0 <= I16F48::ZERO { Self::ZERO } else { Self(narrow::root(self.0)) }
     }
 }

@@ -17,5 +17,6 @@ pub mod model;
 pub mod plant;
 pub mod rig;
 pub mod scalar;
+pub mod settings;
 pub mod sine;
 pub mod twin;

@@ -230,7 +230,7 @@ fn wrong_settings_are_named() {
         assert_eq!(ImpactMeter::new(&bad, &FINE, 10).unwrap_err().parameter, name);
     }
     let parameter = |scale, samples| ImpactMeter::new(&good, &scale, samples).unwrap_err().parameter;
-    assert_eq!(parameter(ForceScale { newtons_per_count: 0.0, ..FINE }, 10), "impacts.newtons_per_count");
+    assert_eq!(parameter(ForceScale { newtons_per_count: 0.0, ..FINE }, 10), "calibration.walls.newtons_per_count");
     assert_eq!(parameter(ForceScale { zero_counts: f32::NAN, ..FINE }, 10), "impacts.zero_counts");
     assert_eq!(parameter(FINE, 65), "impacts.samples_per_tick");
 }

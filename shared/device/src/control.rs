@@ -4,6 +4,7 @@ use crate::orders::{Order, Selection, Work};
 use crate::store::Store;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, State, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::settings::{Prepared, Settings, Source};
 use damprig_protocol::{
     Answer, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS, PlantKind,
     Refused, Reset, SCHEMA, Signal, Timing, VERSION, clipped,
@@ -32,6 +33,26 @@ pub trait Bench {
     /// # Errors
     /// A simulated plant has not been set.
     fn restart(&mut self) -> Result<(), Refusal>;
+
+    /// Saves the settings, or begins to.
+    ///
+    /// # Errors
+    /// They cannot be saved.
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal>;
+
+    /// How a saving has ended that was begun, once.
+    fn saved(&mut self) -> Option<Result<(), Refusal>> {
+        None
+    }
+}
+
+/// What has become of settings that are to be saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Saving {
+    /// They are saved.
+    Done,
+    /// They will be; [`Bench::saved`] tells.
+    Begun,
 }
 
 /// A real structure: nothing about it can be set from a host.
@@ -48,6 +69,10 @@ impl Bench for RealPlant {
 
     fn restart(&mut self) -> Result<(), Refusal> {
         Ok(())
+    }
+
+    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
+        Err(Refusal::NotHere("this board has no flash to save to"))
     }
 }
 
@@ -128,6 +153,10 @@ pub struct Control {
     name: Name,
     birth: Birth,
     rig: Rig,
+    settings: Settings,
+    settings_source: Source,
+    /// The number of the request to save that waits for its answer.
+    saving: Option<u16>,
     selection: Selection,
     served: Deque<u16, SERVED_KEPT>,
     last_refused: Option<Refused>,
@@ -144,6 +173,9 @@ impl Control {
             name,
             birth,
             rig: Rig::new(),
+            settings: Settings::default(),
+            settings_source: Source::Default,
+            saving: None,
             selection: Selection::default(),
             served: Deque::new(),
             last_refused: None,
@@ -151,6 +183,23 @@ impl Control {
             counters: Counters::default(),
             rows_dropped_before_start: 0,
         }
+    }
+
+    /// Takes over settings that were kept, before the first tick. Out of range they become those as delivered.
+    #[inline(never)]
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        match Prepared::new(settings) {
+            Ok(prepared) if self.rig.adopt(&prepared).is_ok() => {
+                (self.settings, self.settings_source) = (*settings, source);
+            }
+            _ => self.settings_source = Source::Damaged,
+        }
+    }
+
+    /// The settings in use.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The rig, to look at.
@@ -204,6 +253,10 @@ impl Control {
             // A conversation begins, and counts its requests anew.
             self.served.clear();
         }
+        if self.saving == Some(order.seq) {
+            // A copy: the reply comes when it is saved.
+            return;
+        }
         let repeated = self.served.iter().any(|seq| *seq == order.seq);
         let is_last = self.served.back() == Some(&order.seq);
         // Questions have no effect: a repetition is answered afresh.
@@ -215,7 +268,7 @@ impl Control {
             // Nobody waits for this answer any more.
             Ok(Answer::Done)
         } else {
-            self.answer(&mut order.work, bench, store)
+            self.answer(order.seq, &mut order.work, bench, store)
         };
         if !repeated {
             if self.served.is_full() {
@@ -229,10 +282,47 @@ impl Control {
                 Err(refused) => self.last_refused = Some(refused.clone()),
             }
         }
-        self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
+        if self.saving != Some(order.seq) {
+            self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
+        }
     }
 
-    fn answer(&mut self, work: &mut Work, bench: &mut impl Bench, store: &mut Store) -> Result<Answer, Refused> {
+    /// Saves the settings, or begins to: then the reply waits.
+    fn save(&mut self, seq: u16, bench: &mut impl Bench) -> Result<Answer, Refused> {
+        self.rig.must_be_idle()?;
+        match bench.save(&self.settings)? {
+            Saving::Done => self.settings_source = Source::Stored,
+            Saving::Begun => self.saving = Some(seq),
+        }
+        Ok(Answer::Done)
+    }
+
+    /// Answers a request to save that has ended; to be called in every tick of a board that takes its time to save.
+    #[inline(never)]
+    pub fn end_saving(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+        if let Some(seq) = self.saving
+            && let Some(outcome) = bench.saved()
+        {
+            self.saving = None;
+            let answer = match outcome {
+                Ok(()) => {
+                    self.settings_source = Source::Stored;
+                    Ok(Answer::Done)
+                }
+                Err(why) => Err(Refused::from(why)),
+            };
+            self.last_refused = answer.as_ref().err().cloned();
+            self.say(FromDevice::Reply { seq, answer }, lanes);
+        }
+    }
+
+    fn answer(
+        &mut self,
+        seq: u16,
+        work: &mut Work,
+        bench: &mut impl Bench,
+        store: &mut Store,
+    ) -> Result<Answer, Refused> {
         match work {
             Work::Identify => Ok(Answer::Identity(self.identity())),
             Work::Describe => Ok(Answer::Description(self.describe(bench))),
@@ -261,6 +351,15 @@ impl Control {
                 self.selection.clone_from(selection);
                 Ok(Answer::Done)
             }
+            Work::Settings => Ok(Answer::Settings { settings: self.settings, source: self.settings_source }),
+            // Nothing begins while the flash is written to.
+            _ if self.saving.is_some() => Err(Refusal::NotHere("the settings are being saved: ask again").into()),
+            Work::SetSettings(prepared) => {
+                self.rig.adopt(prepared)?;
+                (self.settings, self.settings_source) = (prepared.settings, Source::Host);
+                Ok(Answer::Done)
+            }
+            Work::SaveSettings => self.save(seq, bench),
             Work::SetPlant(config) => {
                 self.rig.must_be_idle()?;
                 bench.set_plant(config)?;
@@ -320,6 +419,7 @@ impl Control {
             profile: clipped(self.name.profile),
             reset: self.birth.reset,
             last_crash: self.birth.last_crash,
+            settings: self.settings_source,
         }
     }
 

@@ -2,12 +2,12 @@
 //!
 //! Each part is owned by one task on a real board and called in turn on a simulated one:
 //!
-//! * [`calibration`] says what converter counts mean,
 //! * [`intake`] turns received bytes into requests and counts what is none,
 //! * [`orders`] checks what a request carries and makes what it asks for, where there is time for it,
 //! * [`control`] owns the rig: one order at most per tick, one tick, replies, events and telemetry rows out,
 //! * [`store`] keeps the record that a host uploads, and lends it to the tick,
 //! * [`outbox`] turns those into frames, replies first, at the pace of the line,
+//! * [`settings`] keeps the rig's settings in flash,
 //! * [`crash`] is what is left of a run of the firmware that ended,
 //! * [`simulated`] is a whole board without pins: the three parts around a simulated plant, under the host's tick
 //!   credit. The virtual rig and the emulated board are both exactly this.
@@ -17,12 +17,12 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod calibration;
 pub mod control;
 pub mod crash;
 pub mod intake;
 pub mod orders;
 pub mod outbox;
+pub mod settings;
 pub mod simulated;
 pub mod store;
 

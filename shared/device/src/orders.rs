@@ -12,6 +12,7 @@ use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
+use damprig_core::settings::Prepared;
 use damprig_core::twin::TwinPlan;
 use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES};
 use damprig_protocol::{Ask, MOST_SIGNALS, Request};
@@ -90,6 +91,12 @@ pub enum Work {
     SetTelemetry(Selection),
     /// A simulated plant.
     SetPlant(PlantConfig),
+    /// The settings in use.
+    Settings,
+    /// Settings to use.
+    SetSettings(Prepared),
+    /// Save the settings in use.
+    SaveSettings,
     /// For the rig.
     Command(Command),
     /// Out of range.
@@ -122,6 +129,9 @@ impl Work {
             Ask::Signals { from } => return Ok(Self::Signals { from }),
             Ask::Result { index } => return Ok(Self::Result { index }),
             Ask::Snippet { from } => return Ok(Self::Snippet { from }),
+            Ask::Settings => return Ok(Self::Settings),
+            Ask::SetSettings(settings) => return Ok(Self::SetSettings(Prepared::new(&settings)?)),
+            Ask::SaveSettings => return Ok(Self::SaveSettings),
             Ask::SetPlant(config) => return Ok(Self::SetPlant(config)),
             Ask::SetTelemetry { every_ticks, signals, impacts } => {
                 return Ok(Self::SetTelemetry(select(every_ticks, signals, impacts)?));
@@ -129,7 +139,7 @@ impl Work {
             Ask::SetSafety(config) => Command::SetSafety(Safety::new(&config)?),
             Ask::SetSpring(config) => Command::SetSpring(FrictionSpring::new(&config)?),
             Ask::SetImpacts(config) => {
-                // The scale is the board's.
+                // The rig puts them on its own scale.
                 Command::SetImpacts(ImpactSettings::new(&config, &ForceScale::default(), WALL_SUBSAMPLES as u8)?)
             }
             Ask::SetTwin(None) => Command::SetTwin(None),
@@ -163,6 +173,7 @@ impl Work {
                 | Self::Result { .. }
                 | Self::Snippet { .. }
                 | Self::Transient
+                | Self::Settings
         )
     }
 

@@ -4,7 +4,7 @@
 //! requests are served at once and everything that waits for the line goes out. So nothing that a host can see
 //! depends on how fast either side runs, and a run repeats bit for bit.
 
-use crate::control::{Bench, Birth, Control, Lanes, Name, Row};
+use crate::control::{Bench, Birth, Control, Lanes, Name, Row, Saving};
 use crate::intake::Intake;
 use crate::orders::Order;
 use crate::outbox::{Batch, Pace};
@@ -13,6 +13,7 @@ use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
 use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, State};
 use damprig_core::scalar::Scalar;
+use damprig_core::settings::Settings;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{Clock, FromDevice, PlantKind, ToDevice};
 use heapless::Deque;
@@ -65,6 +66,11 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
         }
         self.restarts = true;
         Ok(())
+    }
+
+    /// As long as the board lives.
+    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
+        Ok(Saving::Done)
     }
 }
 

@@ -10,6 +10,7 @@ use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::Status;
+use damprig_core::settings::{Settings, Source};
 use damprig_core::twin::TwinConfig;
 use heapless::{String, Vec};
 use postcard_schema::Schema;
@@ -113,6 +114,12 @@ pub enum Ask {
         /// The first sample wanted.
         from: u16,
     },
+    /// The settings in use.
+    Settings,
+    /// Use these settings from now on; they are not saved.
+    SetSettings(Settings),
+    /// Keep the settings in use over power cuts. The reply comes when that is done.
+    SaveSettings,
     /// Make room for an upload, or go on with exactly this one. Idle only.
     BeginUpload {
         /// Its length: even, at most [`crate::upload::MOST_BYTES`].
@@ -196,6 +203,13 @@ pub enum Answer {
         /// Counts from there on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
     },
+    /// To [`Ask::Settings`].
+    Settings {
+        /// The settings in use.
+        settings: Settings,
+        /// Where they come from.
+        source: Source,
+    },
     /// To [`Ask::BeginUpload`] and [`Ask::UploadChunk`].
     Upload(Progress),
     /// To [`Ask::Transient`].
@@ -271,6 +285,8 @@ pub struct Description {
     pub reset: Reset,
     /// What ended an earlier run of the firmware.
     pub last_crash: Option<Crash>,
+    /// Where the settings in use come from.
+    pub settings: Source,
 }
 
 /// What counts a real board's ticks.

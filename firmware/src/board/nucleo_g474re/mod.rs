@@ -22,11 +22,13 @@
 
 mod clock;
 mod sampling;
+pub mod settings;
 mod stall;
 mod stepper;
 
+use damprig_core::rig::calibration::{Calibration, DisplacementScale};
 use damprig_core::rig::{Actuators, Sensors};
-use damprig_device::calibration::Calibration;
+use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Birth;
 use damprig_protocol::{Reset, Timing};
 use embassy_stm32::adc::AdcChannel;
@@ -49,19 +51,12 @@ pub const NAME: &str = "nucleo-g474re";
 /// Bits per second of the line.
 const BAUD: u32 = damprig_device::outbox::BAUD;
 
-/// Sixteen 12-bit conversions added up.
-const INPUT_FULL_SCALE_COUNTS: u16 = 16 * 4_095;
-
 /// The output's 12 bits.
 const OUTPUT_FULL_SCALE_COUNTS: u16 = 4_095;
 
-/// The shaker's displacement at the ends of the output's span, ± m. Assumed.
-const DRIVE_RANGE_M: f32 = 0.005;
-
-const CALIBRATION: Calibration = Calibration::assumed(INPUT_FULL_SCALE_COUNTS, OUTPUT_FULL_SCALE_COUNTS, DRIVE_RANGE_M);
-
 /// Without being fed for this long the watchdog resets the board: relay open, motor off. µs; longer than the erasing of a
-/// flash page (22 ms), which holds up whatever fetches from the same bank.
+/// flash page (24.5 ms at most), which holds up whatever fetches from the same bank. Its oscillator of 32 kHz runs at 34 kHz at most:
+/// 47 ms.
 const WATCHDOG_US: u32 = 50_000;
 
 /// Room for 5 ms of received bytes while the thread executor is busy.
@@ -88,6 +83,10 @@ pub struct Board {
     pub transmitter: BufferedUartTx<'static>,
     /// The board's LED.
     pub led: Output<'static>,
+    /// The settings' place; none on a chip whose flash is one bank.
+    pub keeper: Option<settings::BoardKeeper>,
+    /// The settings that it kept.
+    pub kept: &'static (Settings, Source),
 }
 
 /// Sets the clocks, takes the peripherals and starts sampling. To be called once.
@@ -123,6 +122,7 @@ pub fn init() -> Board {
         .expect("the LPUART's clock carries 921 600 baud");
     let (transmitter, receiver) = line.split();
 
+    let (keeper, kept) = settings::open(p.FLASH);
     Board {
         bench: Bench {
             sampling,
@@ -138,6 +138,8 @@ pub fn init() -> Board {
         receiver,
         transmitter,
         led: Output::new(p.PA5, Level::Low, Speed::Low),
+        keeper,
+        kept,
     }
 }
 
@@ -183,9 +185,9 @@ impl Bench {
         masked::forget();
     }
 
-    /// Waits for a tick's samples.
-    pub async fn next_block(&mut self) -> Sensors {
-        let sensors = self.sampling.next_block(&CALIBRATION).await;
+    /// Waits for a tick's samples, and puts them on their scales.
+    pub async fn next_block(&mut self, calibration: &Calibration) -> Sensors {
+        let sensors = self.sampling.next_block(calibration).await;
         sensors.at_limit = self.limit.is_high();
         sensors.emergency_stop = self.emergency_stop.is_high();
         let sensors = *sensors;
@@ -193,9 +195,9 @@ impl Bench {
         sensors
     }
 
-    /// Sets the outputs; the tick is over.
-    pub fn set(&mut self, actuators: &Actuators) {
-        self.drive.set(actuators.drive_m, actuators.drive_enabled);
+    /// Sets the outputs, the drive on its scale; the tick is over.
+    pub fn set(&mut self, actuators: &Actuators, scale: &DisplacementScale) {
+        self.drive.set(actuators.drive_m, actuators.drive_enabled, scale);
         self.stepper.go(actuators.motor);
         self.timer.end();
     }
@@ -226,24 +228,25 @@ impl Drive {
     /// The output comes on at 0 V, the negative end, and is set to no drive at once; the relay is open meanwhile.
     fn new(output: DacChannel<'static, Blocking>, relay: Output<'static>) -> Self {
         let mut drive = Self { output, relay };
-        drive.put(0.0);
+        // The middle, until the settings say where no drive is.
+        drive.output.set(Value::Bit12Right(OUTPUT_FULL_SCALE_COUNTS.div_ceil(2)));
         drive
     }
 
-    fn put(&mut self, demand_m: f32) {
-        self.output.set(Value::Bit12Right(CALIBRATION.drive.to_counts(demand_m, OUTPUT_FULL_SCALE_COUNTS)));
+    fn put(&mut self, demand_m: f32, scale: &DisplacementScale) {
+        self.output.set(Value::Bit12Right(scale.to_counts(demand_m, OUTPUT_FULL_SCALE_COUNTS)));
     }
 
     /// The relay closes on an output that has been at no drive for a tick, and opens at once.
-    fn set(&mut self, demand_m: f32, enabled: bool) {
+    fn set(&mut self, demand_m: f32, enabled: bool, scale: &DisplacementScale) {
         if !enabled {
             self.relay.set_low();
-            self.put(0.0);
+            self.put(0.0, scale);
         } else if self.relay.is_set_low() {
-            self.put(0.0);
+            self.put(0.0, scale);
             self.relay.set_high();
         } else {
-            self.put(demand_m);
+            self.put(demand_m, scale);
         }
     }
 }

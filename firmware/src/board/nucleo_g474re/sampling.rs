@@ -4,8 +4,8 @@
 //! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
 //! block is there when the tick asks for it.
 
+use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK, lost_block};
 use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
-use damprig_device::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK, lost_block};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::timer::low_level::{MasterMode, RoundTo, Timer};

@@ -127,11 +127,23 @@ pub struct ForceScale {
 impl Default for ForceScale {
     /// Assumed: a sensor of 460 N over a 12-bit converter, its zero set to a tenth of the span.
     fn default() -> Self {
-        Self { newtons_per_count: 0.125, zero_counts: 410.0 }
+        Self::assumed()
     }
 }
 
 impl ForceScale {
+    /// As the default.
+    #[must_use]
+    pub const fn assumed() -> Self {
+        Self { newtons_per_count: 0.125, zero_counts: 410.0 }
+    }
+
+    /// The force, N, of counts or of a mean of counts.
+    #[must_use]
+    pub fn to_force_n(&self, counts: f32) -> f32 {
+        (counts - self.zero_counts) * self.newtons_per_count
+    }
+
     /// The counts nearest to a force, within those of `lowest` to `highest`.
     #[must_use]
     pub fn to_counts(&self, force_n: f32, lowest: u16, highest: u16) -> u16 {
@@ -143,6 +155,7 @@ impl ForceScale {
 /// Checked constants in counts and samples.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactSettings {
+    config: ImpactConfig,
     scale: ForceScale,
     samples_per_tick: usize,
     paces: Paces,
@@ -156,9 +169,14 @@ impl ImpactSettings {
     #[inline(never)]
     pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
         config.validate()?;
-        positive("impacts.newtons_per_count", f64::from(scale.newtons_per_count))?;
+        positive("calibration.walls.newtons_per_count", f64::from(scale.newtons_per_count))?;
         let zero = f64::from(scale.zero_counts);
-        require((0.0..=f64::from(MOST_COUNTS)).contains(&zero), "impacts.zero_counts", zero, "from 0 to 4095")?;
+        require(
+            (0.0..=f64::from(MOST_COUNTS)).contains(&zero),
+            "calibration.walls.zero_counts",
+            zero,
+            "from 0 to 4095",
+        )?;
         let within = (1..=LONGEST_BLOCK).contains(&usize::from(samples_per_tick));
         require(within, "impacts.samples_per_tick", f64::from(samples_per_tick), "from 1 to 64")?;
         Ok(Self::of(config, scale, samples_per_tick))
@@ -177,7 +195,13 @@ impl ImpactSettings {
             longest: samples(config.longest_contact_s).clamp(GUARD as u32 + 2, 1 << 15),
             offset_gain: 1.0 / (OFFSET_S * rate_hz),
         };
-        Self { scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
+        Self { config: *config, scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
+    }
+
+    /// The same constants on the scale of another sensor.
+    #[must_use]
+    pub fn on(&self, scale: &ForceScale) -> Self {
+        Self::of(&self.config, scale, self.samples_per_tick as u8)
     }
 }
 

@@ -5,6 +5,7 @@
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
+pub mod calibration;
 pub mod damper;
 pub mod sensors;
 pub mod signals;
@@ -18,6 +19,7 @@ use crate::control::transient::playback::RecordId;
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
+use crate::settings::Prepared;
 use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
@@ -169,7 +171,9 @@ impl Rig {
             }
             Command::SetImpacts(settings) => {
                 self.must_be_idle()?;
-                self.dampers.meter.adopt(settings);
+                // The scale is the board's.
+                let settings = settings.on(self.dampers.meter.scale());
+                self.dampers.meter.adopt(&settings);
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
@@ -193,6 +197,18 @@ impl Rig {
             Command::Spring(command) => self.ask_spring(*command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),
         }
+        Ok(())
+    }
+
+    /// Takes settings over: interlocks, the friction damper's drive, which has to be homed again, and how impacts are found.
+    ///
+    /// # Errors
+    /// As [`Rig::must_be_idle`].
+    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+        self.must_be_idle()?;
+        self.safety.adopt(&prepared.safety);
+        self.dampers.spring.clone_from(&prepared.spring);
+        self.dampers.meter.adopt(&prepared.impacts);
         Ok(())
     }
 

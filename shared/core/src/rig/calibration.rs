@@ -1,10 +1,13 @@
 //! What the converters' counts mean on the rig, in one place: straight lines, checked here, used by the board.
 //!
-//! The scales are stated assumptions until a rig is calibrated: nobody has measured them. The wall forces stay counts:
-//! what theirs mean is the core's `ForceScale`.
+//! The scales are stated assumptions until a rig is calibrated: nobody has measured them. They are part of the rig's
+//! [`crate::settings`]. The samples of the wall forces stay counts: their [`ForceScale`] is the impact meter's.
 
-use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::{CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
+use super::{CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
+use crate::measure::impacts::{ForceScale, Pair};
+use crate::model::{Invalid, finite, positive, require};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
 
 /// Channels of the slow converter: x, z and the friction damper's spring.
 pub const SLOW_CHANNELS: usize = 3;
@@ -15,37 +18,27 @@ pub const SLOW_BLOCK: usize = SLOW_CHANNELS * SUBSAMPLES;
 /// Conversions of a tick's block of both wall forces.
 pub const WALL_BLOCK: usize = 2 * WALL_SUBSAMPLES;
 
-/// A channel: metres (or newtons) = (counts − zero) · metres (or newtons) per count.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Channel {
+/// What a count on a displacement's channel means: m = (counts − zero) · m per count.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct DisplacementScale {
+    /// m per count; not 0, negative for a sensor that looks the other way.
+    pub metres_per_count: f32,
     /// Counts at zero.
     pub zero_counts: f32,
-    /// m or N per count; greater than 0.
-    pub per_count: f32,
 }
 
-impl Channel {
-    /// A sensor of 0 to `range` over the converter's whole span.
-    #[must_use]
-    pub const fn from_zero(range: f32, full_scale_counts: u16) -> Self {
-        Self { zero_counts: 0.0, per_count: range / full_scale_counts as f32 }
-    }
-
+impl DisplacementScale {
     /// A sensor of ± `range_m` over the converter's whole span, zero in its middle.
     #[must_use]
     pub const fn over_whole_span(range_m: f32, full_scale_counts: u16) -> Self {
         let full = full_scale_counts as f32;
-        Self { zero_counts: 0.5 * full, per_count: 2.0 * range_m / full }
+        Self { zero_counts: 0.5 * full, metres_per_count: 2.0 * range_m / full }
     }
 
-    /// The displacement, m, or the force, N.
+    /// The displacement, m.
     #[must_use]
     pub fn to_si(&self, counts: u16) -> f32 {
-        self.line(f32::from(counts))
-    }
-
-    fn line(&self, counts: f32) -> f32 {
-        (counts - self.zero_counts) * self.per_count
+        (f32::from(counts) - self.zero_counts) * self.metres_per_count
     }
 
     /// The counts nearest to a displacement, at most `most`; what lies beyond either end stays there.
@@ -54,37 +47,59 @@ impl Channel {
     pub fn to_counts(&self, displacement_m: f32, most: u16) -> u16 {
         let displacement_m = if displacement_m.is_nan() { 0.0 } else { displacement_m };
         // The cast drops the fraction and saturates at both ends.
-        let counts = (displacement_m / self.per_count + self.zero_counts + 0.5) as u16;
+        let counts = (displacement_m / self.metres_per_count + self.zero_counts + 0.5) as u16;
         counts.min(most)
     }
 }
 
 /// The rig's channels.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Calibration {
     /// Structure displacement x.
-    pub x: Channel,
+    pub x: DisplacementScale,
     /// Base displacement z.
-    pub z: Channel,
+    pub z: DisplacementScale,
     /// Force in the friction damper's spring.
-    pub spring: Channel,
+    pub spring: ForceScale,
+    /// Forces on both walls.
+    pub walls: ForceScale,
     /// Demanded base displacement.
-    pub drive: Channel,
+    pub drive: DisplacementScale,
 }
 
 impl Calibration {
     /// The two lasers: ±80 mm as 0 V to 5 V (source document), which a divider (assumed exact) brings to the
-    /// converter's span. The spring's force sensor: 0 V to 5 V for 0 to 50 N (assumed). The drive: ±`drive_range_m` over
-    /// the output's span (assumed).
+    /// converter's span. The spring's force sensor: 0 V to 5 V for 0 to 50 N (assumed). The walls' as
+    /// [`ForceScale::assumed`]. The drive: ±`drive_range_m` over the output's span (assumed).
     #[must_use]
     pub const fn assumed(input_full_scale_counts: u16, output_full_scale_counts: u16, drive_range_m: f32) -> Self {
-        let laser = Channel::over_whole_span(0.08, input_full_scale_counts);
+        let laser = DisplacementScale::over_whole_span(0.08, input_full_scale_counts);
         Self {
             x: laser,
             z: laser,
-            spring: Channel::from_zero(50.0, input_full_scale_counts),
-            drive: Channel::over_whole_span(drive_range_m, output_full_scale_counts),
+            spring: ForceScale { newtons_per_count: 50.0 / input_full_scale_counts as f32, zero_counts: 0.0 },
+            walls: ForceScale::assumed(),
+            drive: DisplacementScale::over_whole_span(drive_range_m, output_full_scale_counts),
         }
+    }
+
+    /// Checks every value but the walls', which the impact meter looks at.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        for (names, scale) in [
+            (["calibration.x.metres_per_count", "calibration.x.zero_counts"], &self.x),
+            (["calibration.z.metres_per_count", "calibration.z.zero_counts"], &self.z),
+            (["calibration.drive.metres_per_count", "calibration.drive.zero_counts"], &self.drive),
+        ] {
+            let per_count = scale.metres_per_count;
+            let is_scale = per_count.is_finite() && per_count != 0.0;
+            require(is_scale, names[0], f64::from(per_count), "a finite number other than 0")?;
+            finite(names[1], f64::from(scale.zero_counts))?;
+        }
+        positive("calibration.spring.newtons_per_count", f64::from(self.spring.newtons_per_count))?;
+        finite("calibration.spring.zero_counts", f64::from(self.spring.zero_counts))
     }
 
     /// A tick's blocks as the converters leave them, oldest first: x, z, spring, x, z, …, and low wall, high wall, low
@@ -97,9 +112,9 @@ impl Calibration {
             spring += u32::from(triple[2]);
         }
         sensors.readings = Readings {
-            x: x.reading(self.x.zero_counts, self.x.per_count),
-            z: z.reading(self.z.zero_counts, self.z.per_count),
-            spring_n: self.spring.line(spring as f32 * (1.0 / SUBSAMPLES as f32)),
+            x: x.reading(self.x.zero_counts, self.x.metres_per_count),
+            z: z.reading(self.z.zero_counts, self.z.metres_per_count),
+            spring_n: self.spring.to_force_n(spring as f32 * (1.0 / SUBSAMPLES as f32)),
         };
         for (pair, counts) in sensors.walls.iter_mut().zip(walls.as_chunks::<2>().0) {
             *pair = Pair::new(counts[0], counts[1]);
@@ -145,7 +160,7 @@ mod tests {
         for demand in -49..=49 {
             let demand_m = demand as f32 * 1e-4;
             let error_m = RIG.drive.to_si(RIG.drive.to_counts(demand_m, 4_095)) - demand_m;
-            assert!(error_m.abs() <= 0.5001 * RIG.drive.per_count, "{demand_m}: {error_m}");
+            assert!(error_m.abs() <= 0.5001 * RIG.drive.metres_per_count, "{demand_m}: {error_m}");
         }
     }
 
@@ -161,9 +176,9 @@ mod tests {
         RIG.fill(&slow, &walls, &mut sensors);
         // Triple k holds 3k, −(3k + 1) and 3k + 2 counts: their means over k from 0 to 9, and their farthest.
         let Readings { x, z, spring_n } = sensors.readings;
-        assert_eq!((x.mean_m, x.peak_m), (13.5 * RIG.x.per_count, 27.0 * RIG.x.per_count));
-        assert_eq!((z.mean_m, z.peak_m), (-14.5 * RIG.z.per_count, 28.0 * RIG.z.per_count));
-        assert_eq!(spring_n, 15.5 * RIG.spring.per_count);
+        assert_eq!((x.mean_m, x.peak_m), (13.5 * RIG.x.metres_per_count, 27.0 * RIG.x.metres_per_count));
+        assert_eq!((z.mean_m, z.peak_m), (-14.5 * RIG.z.metres_per_count, 28.0 * RIG.z.metres_per_count));
+        assert_eq!(spring_n, 15.5 * RIG.spring.newtons_per_count);
         for n in 0..WALL_SUBSAMPLES as u16 {
             assert_eq!(sensors.walls[usize::from(n)], Pair::new(2 * n, 2 * n + 1));
         }

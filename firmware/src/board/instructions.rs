@@ -15,7 +15,7 @@ const COUNTER_MASK: u32 = (1 << 24) - 1;
 
 impl InstructionCounter {
     /// Starts SysTick over its whole range, without interrupts.
-    pub(super) fn start(mut timer: SYST) -> Self {
+    pub fn start(mut timer: SYST) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(COUNTER_MASK);
         timer.clear_current();

@@ -1,0 +1,51 @@
+//! Runs the sampled integrator in fixed point on a controller without floating point: prints the bits of every state of the
+//! core's reference runs and what the steps cost, and exits.
+//!
+//! The host makes the same runs with the same function and compares (`tests/fixed_point.rs`).
+
+use cortex_m_semihosting::hio::{self, HostStream};
+use cortex_m_semihosting::hprintln;
+use damprig_core::fixed_point::Fixed;
+use damprig_core::fixed_point::reference::{CASES, Motion, STEPS};
+
+use crate::board::instructions::InstructionCounter;
+use crate::board::mps2_an385::exit;
+
+/// Bytes of a state's line: four numbers of 16 hexadecimal digits, each followed by a space or the line's end.
+const LINE: usize = 4 * 17;
+
+/// Runs, prints `case NAME` before the states of each run and `name = number` lines under the names of `budgets.toml` at the
+/// end, ends the emulator.
+pub fn run(counter: &InstructionCounter) -> ! {
+    counter.check();
+    let (mut sum, mut worst) = (0, 0);
+    let mut output = hio::hstdout().expect("the emulator runs with semihosting");
+    for case in &CASES {
+        hprintln!("case {}", case.name);
+        let mut motion = Motion::<Fixed>::new(case).expect("the case is physical");
+        for step in 0..STEPS {
+            let base_counts = case.base_counts(step);
+            let ((), instructions) = counter.count(|| motion.step(base_counts, &mut ()));
+            sum += u64::from(instructions);
+            worst = worst.max(instructions);
+            print(&motion, &mut output);
+        }
+    }
+    hprintln!("instructions_per_step_mean = {}", sum / (u64::from(STEPS) * CASES.len() as u64));
+    hprintln!("instructions_per_step_worst = {}", worst);
+    exit(true)
+}
+
+/// A state's bits as a line, in one piece: a call of the emulator's for every number would take longer than the runs.
+fn print(motion: &Motion<Fixed>, output: &mut HostStream) {
+    let state = motion.state();
+    let mut line = [b' '; LINE];
+    let numbers = [state.x, state.v, state.offset, state.slide];
+    for (place, number) in line.chunks_exact_mut(17).zip(numbers) {
+        for (digit, byte) in place.iter_mut().take(16).zip((0..16).rev()) {
+            *digit = b"0123456789abcdef"[(number.to_bits() >> (4 * byte)) as usize & 15];
+        }
+    }
+    line[LINE - 1] = b'\n';
+    output.write_all(&line).expect("the emulator takes the line");
+}

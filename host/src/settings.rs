@@ -1,0 +1,247 @@
+//! A board's settings as a TOML file, with units in the names: written for people, read back with answers.
+//!
+//! Which settings there are is said by `damprig-core`'s [`Settings`] alone: names and order come from it.
+
+use std::fmt::Write;
+
+use damprig_core::model::Invalid;
+use damprig_core::settings::{Prepared, Settings, Source as Origin};
+use damprig_protocol::{Answer, Ask};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
+
+use crate::input::{Problem, Refusal, Source, Span, replacement};
+use crate::session::{Session, SessionError};
+
+impl Session {
+    /// The settings in use, and where they come from.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn read_settings(&mut self) -> Result<(Settings, Origin), SessionError> {
+        const WHAT: &str = "tell its settings";
+        match self.ask(WHAT, Ask::Settings)? {
+            Answer::Settings { settings, source } => Ok((settings, source)),
+            _ => Err(SessionError::Confused { what: WHAT }),
+        }
+    }
+}
+
+/// A setting: its place in the file and its value.
+pub type Entry = (Vec<String>, f32);
+
+/// Where settings come from, in words.
+#[must_use]
+pub fn origin_text(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Default => "as delivered: none of this layout are stored",
+        Origin::Stored => "stored",
+        Origin::Damaged => "as delivered: what is stored is damaged",
+        Origin::Host => "set since, not stored",
+    }
+}
+
+/// Every setting with its place, in their order.
+#[must_use]
+pub fn entries(settings: &Settings) -> Vec<Entry> {
+    fn walk(table: &Table, path: &[String], into: &mut Vec<Entry>) {
+        for (key, value) in table {
+            let place: Vec<String> = path.iter().chain([key]).cloned().collect();
+            match value {
+                Value::Table(inner) => walk(inner, &place, into),
+                // The file's `f64` holds what was an `f32`.
+                Value::Float(number) => into.push((place, *number as f32)),
+                _ => {}
+            }
+        }
+    }
+    let mut list = Vec::new();
+    walk(&table(settings), &[], &mut list);
+    list
+}
+
+/// Settings are tables of numbers, whatever their values.
+fn table(settings: &Settings) -> Table {
+    Table::try_from(settings).unwrap_or_default()
+}
+
+/// The settings as a file; `head` goes before them as a comment.
+#[must_use]
+pub fn to_toml(settings: &Settings, head: &str) -> String {
+    let mut text = String::new();
+    for line in head.lines() {
+        let _ = writeln!(text, "# {line}");
+    }
+    let mut section = String::new();
+    for (place, value) in entries(settings) {
+        let (key, path) = place.split_last().map_or(("", ""[..].to_string()), |(key, path)| (key, path.join(".")));
+        if path != section {
+            let _ = write!(text, "\n[{path}]\n");
+            section = path;
+        }
+        // The shortest decimal that reads back as the same number.
+        let _ = writeln!(text, "{key} = {}", decimal(value));
+    }
+    text
+}
+
+/// The shortest decimal of a number, as TOML wants it: with a point or an exponent.
+#[must_use]
+pub fn decimal(value: f32) -> String {
+    format!("{value:?}")
+}
+
+/// Reads settings; what the file leaves out stays as it is in `present`.
+///
+/// # Errors
+/// All problems of the file with their lines: unknown keys with near candidates, what is no number, what is out of range.
+pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusal> {
+    let document = match DeTable::parse(source.text()) {
+        Ok(document) => document,
+        Err(error) => {
+            source.report(Problem {
+                title: "this is no TOML".into(),
+                span: error.span().unwrap_or_default(),
+                allowed: error.message().to_string(),
+                help: None,
+            });
+            source.verdict()?;
+            return Ok(*present);
+        }
+    };
+    let mut template = table(present);
+    let mut spans = Vec::new();
+    fill(source, "", &mut template, document.get_ref(), &mut spans);
+    source.verdict()?;
+    // Of the template's shape, so it is settings.
+    let settings: Settings = template.try_into().unwrap_or(*present);
+    if let Err(invalid) = check(&settings) {
+        let span = spans.iter().find(|(place, _)| is_named(place, &invalid)).map(|(_, span)| span.clone());
+        source.report(Problem {
+            title: format!("`{}` = {} is not allowed", invalid.parameter, decimal(invalid.value as f32)),
+            span: span.unwrap_or_default(),
+            allowed: format!("must be {}", invalid.allowed),
+            help: None,
+        });
+    }
+    source.verdict().map(|()| settings)
+}
+
+/// Checks settings as a board does.
+///
+/// # Errors
+/// Names the first parameter out of range.
+pub fn check(settings: &Settings) -> Result<(), Invalid> {
+    Prepared::new(settings).map(|_| ())
+}
+
+/// Whether the place in the file is the parameter's: some parts of the core name theirs without the table around.
+fn is_named(place: &str, invalid: &Invalid) -> bool {
+    place == invalid.parameter || place.ends_with(&format!(".{}", invalid.parameter))
+}
+
+fn fill(source: &Source, path: &str, template: &mut Table, found: &DeTable<'_>, spans: &mut Vec<(String, Span)>) {
+    let names: Vec<String> = template.keys().cloned().collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    for (key, value) in found {
+        let full = if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
+        let number = number(value);
+        match (template.get_mut(key.get_ref().as_ref()), value.get_ref().as_table()) {
+            (None, _) => source.report(Problem {
+                title: format!("unknown key `{full}`"),
+                span: key.span(),
+                allowed: format!("allowed here: {}", names.join(", ")),
+                help: replacement(key.get_ref(), number, &names).map(|(_, help)| help),
+            }),
+            (Some(Value::Table(inner)), Some(table)) => fill(source, &full, inner, table, spans),
+            (Some(Value::Table(_)), None) => source.report(Problem {
+                title: format!("`{full}` is not allowed"),
+                span: value.span(),
+                allowed: "must be a table".into(),
+                help: Some(format!("write `[{full}]`")),
+            }),
+            (Some(place), _) => match number {
+                Some(number) => {
+                    // As the board has it.
+                    *place = Value::Float(f64::from(number as f32));
+                    spans.push((full, value.span()));
+                }
+                None => source.report(Problem {
+                    title: format!("`{full}` is not allowed"),
+                    span: value.span(),
+                    allowed: "must be a finite number".into(),
+                    help: None,
+                }),
+            },
+        }
+    }
+}
+
+/// The finite number that a board's `f32` can hold.
+fn number(value: &Spanned<DeValue<'_>>) -> Option<f64> {
+    let number: f64 = match value.get_ref() {
+        DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok()?,
+        DeValue::Float(f) => f.as_str().parse().ok()?,
+        _ => return None,
+    };
+    (number as f32).is_finite().then_some(number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_reads_back_to_the_bit() {
+        let mut settings = Settings::default();
+        settings.calibration.x.metres_per_count = 0.1 + 0.2;
+        settings.spring.step_m = f32::MIN_POSITIVE;
+        settings.spring.travel_m = 1e-33;
+        let text = to_toml(&settings, "one\ntwo");
+        let source = Source::new("test", text.clone());
+        let document: Table = text.parse().unwrap();
+        assert_eq!(document["calibration"]["x"].as_table().unwrap().len(), 2, "{text}");
+        let mut template = table(&Settings::default());
+        fill(&source, "", &mut template, DeTable::parse(&text).unwrap().get_ref(), &mut vec![]);
+        assert_eq!(Settings::clone(&template.try_into().unwrap()), settings, "{text}");
+        assert!(source.is_clean());
+    }
+
+    #[test]
+    fn every_setting_is_a_number_with_its_unit_in_its_name() {
+        let all = entries(&Settings::default());
+        assert_eq!(all.len(), 43);
+        const WITHOUT: [&str; 3] = ["half_cycles_ahead", "friction_coefficient", "ringing"];
+        const UNITS: [&str; 7] = ["_m", "_n", "_s", "_hz", "_counts", "_per_count", "_n_per_m"];
+        for (place, _) in &all {
+            let name = place.last().unwrap().as_str();
+            let has_unit = UNITS.iter().any(|unit| name.ends_with(unit)) || WITHOUT.contains(&name);
+            assert!(has_unit, "{place:?}");
+        }
+    }
+
+    #[test]
+    fn what_a_file_leaves_out_stays() {
+        let present = Settings::default();
+        let read = from_toml(&Source::new("test", "[spring]\nstep_m = 4e-6\n"), &present).unwrap();
+        assert_eq!(read.spring.step_m, 4e-6);
+        assert_eq!(Settings { spring: present.spring, ..read }, present);
+    }
+
+    #[test]
+    fn an_unknown_key_is_answered_with_its_neighbour_and_a_bad_value_with_its_line() {
+        let present = Settings::default();
+        let answer = |text: &str| from_toml(&Source::new("board.toml", text), &present).unwrap_err().to_string();
+        let unknown = answer("[spring]\nstep_mm = 0.005\n[safty]\nx = 1\n");
+        for words in ["unknown key `spring.step_mm`", "write `step_m = 0.000005`", "unknown key `safty`", "`safety`"] {
+            assert!(unknown.contains(words), "no {words:?} in:\n{unknown}");
+        }
+        let wrong = answer("\n[safety.limits]\nstructure_m = -1\n");
+        for words in ["board.toml:3", "structure_m` = -1"] {
+            assert!(wrong.contains(words), "no {words:?} in:\n{wrong}");
+        }
+        assert!(answer("[impacts]\nringing = \"much\"\n").contains("must be a finite number"));
+        assert!(answer("spring = 3\n").contains("must be a table"));
+        assert!(answer("[spring\n").contains("no TOML"));
+    }
+}

@@ -1,0 +1,160 @@
+//! Settings in a flash whose supply goes at any operation: the old ones or the new ones are there, never neither, never a mix.
+
+#[path = "support/flash.rs"]
+mod flash;
+
+use damprig_core::settings::{Settings, Source};
+use damprig_device::settings::{Keeper, NotSaved};
+use flash::{Cut, Flash, PAGE, SIZE, WORD};
+
+fn keeper(flash: &mut Flash) -> Keeper<&mut Flash> {
+    Keeper::new(flash, 0..SIZE as u32).expect("two pages")
+}
+
+fn load(flash: &mut Flash) -> (Settings, Source) {
+    keeper(flash).load()
+}
+
+fn save(flash: &mut Flash, settings: &Settings) -> Result<(), NotSaved> {
+    keeper(flash).save(settings)
+}
+
+/// Settings that differ from those of any other number in several places.
+fn numbered(number: u16) -> Settings {
+    let mut settings = Settings::default();
+    settings.calibration.x.zero_counts += f32::from(number);
+    settings.safety.wall_force_n = 100.0 + f32::from(number);
+    settings.impacts.ringing = 0.5 - f32::from(number) * 1e-4;
+    settings
+}
+
+/// Both pages have been used and used again.
+const SAVINGS: u16 = 2;
+
+/// The flash after so many savings.
+fn after(savings: u16) -> Flash {
+    let mut flash = Flash::default();
+    for number in 1..=savings {
+        save(&mut flash, &numbered(number)).unwrap();
+    }
+    flash
+}
+
+const CUTS: [Cut; 8] = [
+    Cut::Before,
+    Cut::Half,
+    Cut::Mixed(1),
+    Cut::Mixed(2),
+    Cut::Mixed(3),
+    Cut::Anything(1),
+    Cut::Anything(2),
+    Cut::After,
+];
+
+#[test]
+fn the_last_saved_settings_are_read_after_any_number_of_savings() {
+    let mut flash = Flash::default();
+    assert_eq!(load(&mut flash), (Settings::default(), Source::Default));
+    for number in 1..=4 * SAVINGS {
+        save(&mut flash, &numbered(number)).unwrap();
+        assert_eq!(load(&mut flash.restarted(None)), (numbered(number), Source::Stored));
+    }
+}
+
+#[test]
+fn a_supply_that_goes_at_any_operation_and_again_leaves_the_old_settings_or_the_new() {
+    let (mut tried, mut old_read) = (0, 0);
+    for savings in 0..=SAVINGS {
+        let before = after(savings);
+        let old = if savings == 0 { Settings::default() } else { numbered(savings) };
+        let (new, third) = (numbered(1000), numbered(2000));
+        let mut whole = before.restarted(None);
+        save(&mut whole, &new).unwrap();
+        assert!(whole.operations > 20, "a record is more than that: {}", whole.operations);
+        for (n, cut) in (0..whole.operations).flat_map(|n| CUTS.map(|cut| (n, cut))) {
+            let here = || format!("saving {savings}, operation {n}, {cut:?}");
+            let mut flash = before.restarted(Some((n, cut)));
+            assert_eq!(save(&mut flash, &new), Err(NotSaved), "{}", here());
+            let (read, source) = load(&mut flash.restarted(None));
+            assert!(read == old || read == new, "{}: neither", here());
+            assert!(savings == 0 || source == Source::Stored, "{}", here());
+            tried += 1;
+            old_read += usize::from(read == old);
+            // Whoever sees the old ones saves again, and the supply goes once more.
+            for (m, second) in (0..whole.operations).flat_map(|m| CUTS.map(|cut| (m, cut))) {
+                let mut flash = flash.restarted(Some((m, second)));
+                assert_eq!(save(&mut flash, &third), Err(NotSaved));
+                let (again, _) = load(&mut flash.restarted(None));
+                assert!(again == read || again == third, "{}, then {m}, {second:?}: neither", here());
+                tried += 1;
+            }
+            let mut flash = flash.restarted(None);
+            save(&mut flash, &third).unwrap_or_else(|NotSaved| panic!("{}: not saved any more", here()));
+            assert_eq!(load(&mut flash), (third, Source::Stored), "{}", here());
+        }
+    }
+    println!("{tried} cuts over {} savings: 0 corruptions, the old settings after {old_read} first cuts", SAVINGS + 1);
+    assert!(old_read > 0 && old_read < tried);
+}
+
+#[test]
+fn a_flash_that_takes_nothing_is_told_and_keeps_what_it_has() {
+    let mut flash = after(3).restarted(Some((0, Cut::Before)));
+    assert_eq!(save(&mut flash, &numbered(9)), Err(NotSaved));
+    assert_eq!(load(&mut flash.restarted(None)), (numbered(3), Source::Stored));
+}
+
+#[test]
+fn a_flash_full_of_anything_reads_as_damaged_and_can_be_saved_to() {
+    let mut flash = Flash::default();
+    for (n, byte) in flash.bytes.iter_mut().enumerate() {
+        *byte = (n * n / 7) as u8;
+    }
+    assert_eq!(load(&mut flash), (Settings::default(), Source::Damaged));
+    save(&mut flash, &numbered(5)).unwrap();
+    assert_eq!(load(&mut flash), (numbered(5), Source::Stored));
+}
+
+#[test]
+fn a_damaged_bit_anywhere_never_gives_other_settings() {
+    let whole = after(1);
+    for bit in 0..8 * 40 * WORD {
+        let mut flash = whole.restarted(None);
+        flash.bytes[bit / 8] ^= 1 << (bit % 8);
+        let (read, source) = load(&mut flash);
+        let as_expected = match source {
+            Source::Stored => read == numbered(1),
+            _ => read == Settings::default(),
+        };
+        assert!(as_expected, "bit {bit}: {source:?}");
+    }
+}
+
+#[test]
+fn a_record_of_another_layout_is_not_read_and_not_called_damaged() {
+    let mut flash = after(1);
+    // The first byte of the layout's hash, and the checksum made good.
+    let length = 16 + u32::from_le_bytes(flash.bytes[12..16].try_into().unwrap()) as usize;
+    flash.bytes[0] ^= 1;
+    let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&flash.bytes[..length]);
+    flash.bytes[length..length + 4].copy_from_slice(&checksum.to_le_bytes());
+    assert_eq!(load(&mut flash), (Settings::default(), Source::Default));
+    save(&mut flash, &numbered(2)).unwrap();
+    assert_eq!(load(&mut flash), (numbered(2), Source::Stored));
+}
+
+#[test]
+fn settings_out_of_range_are_not_believed_however_sound_their_record() {
+    let mut wrong = numbered(1);
+    wrong.spring.step_m = -1.0;
+    let mut flash = Flash::default();
+    save(&mut flash, &wrong).unwrap();
+    assert_eq!(load(&mut flash), (Settings::default(), Source::Damaged));
+}
+
+#[test]
+fn a_place_that_is_not_two_whole_pages_is_refused() {
+    for range in [0..PAGE as u32, 0..SIZE as u32 - 1, 8..SIZE as u32 + 8] {
+        assert!(Keeper::new(&mut Flash::default(), range).is_none());
+    }
+}

@@ -1,0 +1,149 @@
+//! A flash in memory with the controller's pages and words, whose supply goes at a chosen operation.
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+
+/// Two pages of the controller's.
+pub const PAGE: usize = 2048;
+/// What is programmed at once.
+pub const WORD: usize = 8;
+/// What the settings have.
+pub const SIZE: usize = 2 * PAGE;
+
+/// What the operation during which the supply goes leaves behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// Nothing of it is done.
+    Before,
+    /// The first half of it is done.
+    Half,
+    /// Every bit is as it was or as it should become, as a generator has it: cells change one by one.
+    Mixed(u64),
+    /// The word or page is anything, as the flash's error correction may have it.
+    Anything(u64),
+    /// It is all done, but nobody is told.
+    After,
+}
+
+/// No supply, or a word programmed that was not erased.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Failed;
+
+impl NorFlashError for Failed {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+/// The flash.
+#[derive(Clone)]
+pub struct Flash {
+    pub bytes: [u8; SIZE],
+    /// Words programmed and pages erased.
+    pub operations: usize,
+    /// The operation during which the supply goes, counted on from the present.
+    pub cut: Option<(usize, Cut)>,
+    is_off: bool,
+}
+
+impl Default for Flash {
+    fn default() -> Self {
+        Self { bytes: [0xff; SIZE], operations: 0, cut: None, is_off: false }
+    }
+}
+
+fn random(state: &mut u64) -> u8 {
+    // Knuth's multiplier.
+    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 56) as u8
+}
+
+impl Flash {
+    /// What is left when the supply comes back; it goes again at `cut`.
+    pub fn restarted(&self, cut: Option<(usize, Cut)>) -> Self {
+        Self { bytes: self.bytes, operations: 0, cut, is_off: false }
+    }
+
+    /// Does one operation on `at` onwards: `done` is what is there after it.
+    fn operate(&mut self, at: usize, done: &[u8]) -> Result<(), Failed> {
+        if self.is_off {
+            return Err(Failed);
+        }
+        let place = &mut self.bytes[at..at + done.len()];
+        let number = self.operations;
+        self.operations += 1;
+        match self.cut {
+            Some((last, cut)) if last == number => {
+                self.is_off = true;
+                match cut {
+                    Cut::Before => {}
+                    Cut::Half => place[..done.len() / 2].copy_from_slice(&done[..done.len() / 2]),
+                    Cut::Mixed(seed) => {
+                        let mut state = seed ^ at as u64;
+                        for (byte, done) in place.iter_mut().zip(done) {
+                            let changed = random(&mut state);
+                            *byte = (*byte & !changed) | (done & changed);
+                        }
+                    }
+                    Cut::Anything(seed) => {
+                        let mut state = seed ^ at as u64;
+                        place.fill_with(|| random(&mut state));
+                    }
+                    Cut::After => place.copy_from_slice(done),
+                }
+                Err(Failed)
+            }
+            _ => {
+                place.copy_from_slice(done);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl ErrorType for &mut Flash {
+    type Error = Failed;
+}
+
+impl ReadNorFlash for &mut Flash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
+        if self.is_off {
+            return Err(Failed);
+        }
+        let offset = offset as usize;
+        bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl NorFlash for &mut Flash {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
+        assert!((from as usize).is_multiple_of(PAGE) && (to as usize).is_multiple_of(PAGE));
+        for page in (from as usize..to as usize).step_by(PAGE) {
+            self.operate(page, &[0xff; PAGE])?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
+        let offset = offset as usize;
+        assert!(offset.is_multiple_of(WORD) && bytes.len().is_multiple_of(WORD));
+        for (at, word) in (offset..).step_by(WORD).zip(bytes.chunks(WORD)) {
+            // The controller programs an erased word, and any word to zeros.
+            let is_erased = self.bytes[at..at + WORD].iter().all(|byte| *byte == 0xff);
+            if !is_erased && word.iter().any(|byte| *byte != 0) {
+                return Err(Failed);
+            }
+            self.operate(at, word)?;
+        }
+        Ok(())
+    }
+}
