@@ -190,6 +190,15 @@ fn all_three_kinds_are_measured_kept_and_shown() {
         .assert()
         .success()
         .stdout(contains("free_vibration").and(contains("0.00380")));
+    let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("free vibration") && page.contains("0.00380"), "the page lacks them");
+    damprig(&folder)
+        .args(["runs", "export", "run", "--format", "csv", "--what", "transients", "--out", "t.csv"])
+        .assert()
+        .success();
+    let csv = std::fs::read_to_string(folder.path().join("t.csv")).unwrap();
+    assert_eq!(csv.lines().filter(|line| !line.starts_with('#')).count(), 1 + 6, "{csv}");
+    damprig(&folder).args(["runs", "export", "run", "--format", "mat", "--out", "t.mat"]).assert().success();
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! MATLAB's `.mat` (version 7, as MATLAB, Octave and `scipy.io.loadmat` read it).
 //!
-//! Three variables: `run` (what the manifest tells), `samples` and `results`: structs with a field per column, numbers as
-//! double column vectors, names as cell arrays of char. `samples.set_up` and `samples.experiment` are places, from 1, in
+//! Three variables: `run` (what the manifest tells), `samples` and `results` (and `transients` where a run has any): structs
+//! with a field per column, numbers as double column vectors, names as cell arrays of char. `samples.set_up` and `samples.experiment` are places, from 1, in
 //! the cell arrays `samples.set_up_names` and `samples.experiment_names`: a char array per row of telemetry would be most
 //! of the file. `units.samples` and `units.results` have the unit of each field as char.
 //!
@@ -47,7 +47,7 @@ type Columns = IndexMap<String, (Column, String)>;
 
 impl Exporter for Mat {
     fn usual_tables(&self) -> &'static [Table] {
-        &[Table::Results, Table::Samples]
+        &[Table::Results, Table::Samples, Table::Transients]
     }
 
     fn extension(&self) -> &'static str {
@@ -75,6 +75,10 @@ impl Exporter for Mat {
                     }
                     gather(&mut columns, &batch, table)
                 })?;
+                if table == Table::Transients && columns.is_empty() {
+                    // Most runs have none.
+                    continue;
+                }
                 units.insert(
                     table.word().to_string(),
                     structure(columns.iter().map(|(n, (_, u))| (n.clone(), text(u)))),
@@ -114,7 +118,7 @@ fn gather(columns: &mut Columns, batch: &RecordBatch, table: Table) -> Result<()
                 || ["set_up", "experiment"].contains(&field.name().as_str());
             let column = match (is_text, table) {
                 (false, _) => Column::Numbers(Vec::new()),
-                (true, Table::Results) => Column::Texts(Vec::new()),
+                (true, Table::Results | Table::Transients) => Column::Texts(Vec::new()),
                 (true, Table::Samples) => Column::Places(Vec::new(), Vec::new()),
             };
             let name = field_name(field.name(), |n| columns.contains_key(n));

@@ -25,6 +25,8 @@ pub enum Table {
     Samples,
     /// One row a point
     Results,
+    /// One row a record, pulse or free vibration
+    Transients,
 }
 
 impl Table {
@@ -34,6 +36,7 @@ impl Table {
         match self {
             Self::Samples => "samples",
             Self::Results => "results",
+            Self::Transients => "transients",
         }
     }
 }
@@ -80,8 +83,8 @@ impl Part {
             exported.rows += chosen.num_rows() as u64;
             take(chosen)
         };
-        if table == Table::Results {
-            match run.results() {
+        if table != Table::Samples {
+            match if table == Table::Results { run.results() } else { run.transients() } {
                 Ok(batches) => batches.iter().try_for_each(|batch| take_chosen(batch, exported))?,
                 Err(error) => exported.missing.push(error.to_string()),
             }

@@ -62,6 +62,11 @@ impl Exporter for Uff {
                     writer.histories(&last).map_err(|e| failed(&e))?;
                 }
             }
+            if part.tables.contains(&Table::Transients) {
+                exported
+                    .notes
+                    .push("the figures of records and free vibrations are no functions: csv and mat hold them".into());
+            }
             writer.file.flush().map_err(|e| failed(&e))?;
             exported.notes.push(format!("{} functions (dataset 58)", writer.functions));
             if writer.rounded > 0 {

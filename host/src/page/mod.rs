@@ -57,7 +57,7 @@ pub fn page(run: &RunFolder) -> Page {
                     (health::warnings(&facts))
                     section { h2 { "What came of it" } (figures(&facts)) (tables::peaks(&facts)) }
                     section { h2 { "What was run" } (set_ups::set_ups(&facts)) (set_ups::experiments(&facts)) }
-                    section { h2 { "Results" } (tables::results(&facts)) }
+                    section { h2 { "Results" } (tables::results(&facts)) (tables::transients(&facts)) }
                     section { h2 { "Samples, link and losses" } (health::link(&facts)) }
                     section { h2 { "Rig and program" } (health::versions(&facts)) }
                     footer {
@@ -79,7 +79,7 @@ fn figures(facts: &Facts) -> Markup {
         return html! { p.note { "There is no figure: the campaign cannot be read." } };
     };
     if facts.points.is_empty() {
-        return html! { p { "No point was taken." } };
+        return html! { @if facts.taken.transients().is_empty() { p { "No point was taken." } } };
     }
     let shown = facts.shown();
     let drawings: [(Drawing, &str); 2] = [

@@ -94,7 +94,7 @@ pub(super) fn label(facts: &Facts, name: &str) -> String {
 /// A row a point.
 pub(super) fn results(facts: &Facts) -> Markup {
     if facts.points.is_empty() {
-        return html! { p { "None." } };
+        return html! { @if facts.taken.transients().is_empty() { p { "None." } } };
     }
     let place = |p: &Point| (p.shown.set_up.clone(), p.experiment.clone());
     let is_first = |n: usize| n > 0 && place(&facts.points[n]) != place(&facts.points[n - 1]);
@@ -127,5 +127,46 @@ pub(super) fn results(facts: &Facts) -> Markup {
         } }
         p.under { "Segment: how many times the experiment had been started on the set-up before. "
             code { "results.parquet" } " has all columns in full precision." }
+    }
+}
+
+/// A row a record, pulse or free vibration; nothing when there are none.
+pub(super) fn transients(facts: &Facts) -> Markup {
+    let rows = facts.taken.transients();
+    let mm = |metres: f32| number(f64::from(metres) * 1e3, 3);
+    html! {
+        @if !rows.is_empty() {
+            div.wide { table {
+                thead { tr {
+                    th.word { "Set-up" } th.word { "Experiment" } th.word { "Kind" }
+                    th { "max|x|" small { "mm" } } th { "predicted" small { "mm" } }
+                    th { "RMS x" small { "mm" } } th { "max|z|" small { "mm" } }
+                    th { "max|x−z|" small { "mm" } } th { "Base error" small { "% of the demand" } }
+                    th { "Impacts" } th { "x0" small { "mm" } } th { "ζ" small { "of its decay" } }
+                    th { "f" small { "Hz" } } th { "Cycles" }
+                } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            td.word { (label(facts, &row.set_up)) }
+                            td.word { (row.experiment) }
+                            td.word { (row.kind.replace('_', " ")) }
+                            td { (mm(row.x_peak_m)) }
+                            td { (number(row.predicted_x_peak_m * 1e3, 3)) }
+                            td { (mm(row.x_rms_m)) }
+                            td.odd[row.drive_saturated] { (mm(row.z_peak_m)) }
+                            td { (mm(row.relative_peak_m)) }
+                            td { (number(f64::from(100.0 * row.base_error_rms_m / row.wanted_rms_m), 2)) }
+                            td { (row.impacts) }
+                            td { (number(row.start_m * 1e3, 3)) }
+                            td { (number(row.damping_ratio, 5)) }
+                            td { (number(row.frequency_hz, 4)) }
+                            td { @if row.cycles > 0 { (row.cycles) } @else { "–" } }
+                        }
+                    }
+                }
+            } }
+            p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " x over time." }
+        }
     }
 }
