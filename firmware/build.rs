@@ -1,4 +1,4 @@
-//! Hands the linker the memory map of the board that the features choose.
+//! Hands the linker the memory map of the board that the features choose, and where the image says who it is.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -15,11 +15,13 @@ fn main() {
         ),
     };
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy(map, out.join("memory.x"))
-        .unwrap_or_else(|error| panic!("cannot copy {map} to {}: {error}", out.display()));
+    for (script, name) in [(map, "memory.x"), ("identity.x", "identity.x")] {
+        fs::copy(script, out.join(name))
+            .unwrap_or_else(|error| panic!("cannot copy {script} to {}: {error}", out.display()));
+        println!("cargo:rerun-if-changed={script}");
+    }
     println!("cargo:rustc-link-search={}", out.display());
-    println!("cargo:rerun-if-changed={map}");
-    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x", "-Tidentity.x"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
 }

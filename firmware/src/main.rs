@@ -10,6 +10,8 @@ mod board;
 mod callers;
 #[cfg(feature = "board-nucleo-g474re")]
 mod crash;
+#[cfg(not(feature = "board-mps2-an385"))]
+mod identity;
 mod masked;
 mod memory;
 mod tasks;

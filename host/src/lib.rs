@@ -3,6 +3,8 @@
 //! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
 
 pub mod analysis;
+#[cfg(feature = "probe")]
+pub mod board;
 pub mod campaign;
 pub mod commands;
 pub mod devices;

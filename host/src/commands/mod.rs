@@ -5,6 +5,10 @@
 
 mod analysis_report;
 mod devices;
+#[cfg(feature = "probe")]
+mod flash;
+#[cfg(feature = "probe")]
+mod log;
 mod progress;
 mod report;
 mod run;
@@ -14,6 +18,9 @@ mod simulate;
 mod simulate_files;
 mod simulate_report;
 mod transient_report;
+
+#[cfg(not(feature = "probe"))]
+mod without_probe;
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -55,6 +62,20 @@ enum Command {
     Settings(settings::Args),
     /// Simulate a case exactly
     Simulate(simulate::Args),
+    /// Put an image on the controller board
+    #[cfg(feature = "probe")]
+    Flash(flash::Args),
+    /// Show what the controller's firmware says
+    #[cfg(feature = "probe")]
+    Log(log::Args),
+    /// Put an image on the controller board (not in this build)
+    #[cfg(not(feature = "probe"))]
+    #[command(hide = true)]
+    Flash(without_probe::Args),
+    /// Show what the controller's firmware says (not in this build)
+    #[cfg(not(feature = "probe"))]
+    #[command(hide = true)]
+    Log(without_probe::Args),
 }
 
 /// Why a subcommand did not succeed: the words, and the exit code that goes with them.
@@ -84,6 +105,14 @@ pub fn main() -> ExitCode {
         Command::Devices(args) => devices::run(&args),
         Command::Runs(args) => runs::run(&args),
         Command::Settings(args) => settings::run(&args),
+        #[cfg(feature = "probe")]
+        Command::Flash(args) => flash::run(&args),
+        #[cfg(feature = "probe")]
+        Command::Log(args) => log::run(&args),
+        #[cfg(not(feature = "probe"))]
+        Command::Flash(args) => without_probe::run("flash", &args),
+        #[cfg(not(feature = "probe"))]
+        Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
     };
     let (code, message) = match outcome {

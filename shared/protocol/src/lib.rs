@@ -46,6 +46,7 @@
 #![forbid(unsafe_code)]
 
 pub mod frame;
+pub mod image;
 mod message;
 mod refused;
 pub mod upload;

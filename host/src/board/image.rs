@@ -1,0 +1,153 @@
+//! The file of a firmware image: found, and checked before any board is touched. It must be for this chip, lie where the
+//! chip has memory for it (`memory.x`), and speak this program's protocol.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use damprig_protocol::{Identity, SCHEMA, VERSION, image};
+use object::elf::PT_LOAD;
+use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Architecture, Endianness, Object, ObjectSection};
+
+use super::{BOARD, CHIP};
+use crate::session::hex;
+
+/// Bank 1 of the flash: the image's. Bank 2 holds the settings.
+const BANK_1: Range<u64> = 0x0800_0000..0x0804_0000;
+
+/// The RAM in one piece: SRAM1, SRAM2 and the alias of CCM.
+const RAM: Range<u64> = 0x2000_0000..0x2002_0000;
+
+/// Where the images are built, from the top of the project.
+pub const BUILT: &str = "firmware/target/images/nucleo-g474re.elf";
+
+const BUILD: &str = "`tests/firmware` builds the images into firmware/target/images/";
+
+/// An image that fits the controller and this program.
+pub struct Image {
+    /// Its file.
+    pub path: PathBuf,
+    /// Who it is.
+    pub identity: Identity,
+    /// What goes to flash: addresses and bytes.
+    pub pieces: Vec<(u64, Vec<u8>)>,
+}
+
+/// The image in the project that `from` lies in.
+///
+/// # Errors
+/// There is none there or above: says where it looked, and how to build it.
+pub fn find(from: &Path) -> Result<PathBuf, String> {
+    let built = |folder: &Path| folder.join(BUILT);
+    from.ancestors().map(built).find(|path| path.is_file()).ok_or_else(|| {
+        format!(
+            "no image {BUILT} in {} or a folder above it; {BUILD}; or name one: `damprig flash IMAGE.elf`",
+            from.display()
+        )
+    })
+}
+
+impl Image {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// It cannot be read, is no image for this chip, or speaks another protocol: both sides named.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let file =
+            std::fs::read(path).map_err(|e| format!("cannot read the image {}: {e}; {BUILD}", path.display()))?;
+        Self::check(path, &file).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    fn check(path: &Path, file: &[u8]) -> Result<Self, String> {
+        let any = object::File::parse(file).map_err(|e| {
+            format!("this is no ELF file ({e}); wanted is what the linker made, as {BUILT}: no .bin, .hex or .uf2")
+        })?;
+        if any.architecture() != Architecture::Arm {
+            return Err(format!(
+                "this is for {:?}; the controller is an ARM Cortex-M4 ({CHIP}); {BUILD}",
+                any.architecture()
+            ));
+        }
+        let elf = ElfFile32::<Endianness>::parse(file).map_err(|e| format!("this is no 32-bit ELF file: {e}"))?;
+        let identity = identity(&elf)?;
+        let pieces = pieces(&elf).map_err(|why| match &identity {
+            Some(it) if *it.board != *BOARD => {
+                format!("this is the image of the board {}, not of {BOARD}: {why}; {BUILD}", it.board)
+            }
+            _ => format!("this is no image for the {CHIP}: {why}; {BUILD}"),
+        })?;
+        let identity = identity.ok_or_else(|| {
+            format!(
+                "the image does not say who it is (no section {}): it is no damprig firmware, or older than this program; {BUILD}",
+                image::SECTION
+            )
+        })?;
+        belongs(&identity)?;
+        Ok(Self { path: path.into(), identity, pieces })
+    }
+
+    /// Bytes that go to flash.
+    #[must_use]
+    pub fn length(&self) -> usize {
+        self.pieces.iter().map(|(_, bytes)| bytes.len()).sum()
+    }
+}
+
+fn identity(elf: &ElfFile32<'_, Endianness>) -> Result<Option<Identity>, String> {
+    let Some(section) = elf.section_by_name(image::SECTION) else { return Ok(None) };
+    let bytes = section.data().map_err(|e| format!("its section {} cannot be read: {e}", image::SECTION))?;
+    let unknown = || {
+        format!("its section {} is of another layout: it belongs to another version of this program", image::SECTION)
+    };
+    image::from_bytes(bytes).map(Some).ok_or_else(unknown)
+}
+
+fn belongs(it: &Identity) -> Result<(), String> {
+    if *it.board != *BOARD {
+        return Err(format!("this is the image of the board {}, not of {BOARD}; {BUILD}", it.board));
+    }
+    if it.protocol == VERSION && it.schema == SCHEMA {
+        return Ok(());
+    }
+    Err(format!(
+        "the image speaks another protocol: image version {} (schema {}, firmware {} on {}), this program version {VERSION} (schema {}, damprig {}); build the image and the program from the same source",
+        it.protocol,
+        hex(&it.schema),
+        it.firmware,
+        it.board,
+        hex(&SCHEMA),
+        env!("CARGO_PKG_VERSION")
+    ))
+}
+
+/// What goes to flash, checked against the chip's memory.
+fn pieces(elf: &ElfFile32<'_, Endianness>) -> Result<Vec<(u64, Vec<u8>)>, String> {
+    let mut pieces = Vec::new();
+    let endian = elf.endian();
+    for header in elf.elf_program_headers().iter().filter(|header| header.p_type(endian) == PT_LOAD) {
+        let (loaded, lives) = (u64::from(header.p_paddr(endian)), u64::from(header.p_vaddr(endian)));
+        let (length, size) = (u64::from(header.p_filesz(endian)), u64::from(header.p_memsz(endian)));
+        if length > 0 {
+            within("is loaded to", loaded..loaded + length, &[("bank 1 of the flash", BANK_1)])?;
+            let bytes = header.data(endian, elf.data()).map_err(|()| "a segment lies outside the file".to_string())?;
+            pieces.push((loaded, bytes.to_vec()));
+        }
+        if size > 0 {
+            within("lives at", lives..lives + size, &[("bank 1 of the flash", BANK_1), ("the RAM", RAM)])?;
+        }
+    }
+    match pieces.iter().map(|(address, _)| *address).min() {
+        Some(first) if first == BANK_1.start => Ok(pieces),
+        Some(first) => Err(format!("it begins at {first:#010x}, the chip at {:#010x}", BANK_1.start)),
+        None => Err("nothing of it is loaded".into()),
+    }
+}
+
+fn within(what: &str, range: Range<u64>, places: &[(&str, Range<u64>)]) -> Result<(), String> {
+    if places.iter().any(|(_, place)| place.start <= range.start && range.end <= place.end) {
+        return Ok(());
+    }
+    let places: Vec<String> =
+        places.iter().map(|(name, place)| format!("{name} {:#010x}..{:#010x}", place.start, place.end)).collect();
+    Err(format!("a part of it {what} {:#010x}..{:#010x}, outside {}", range.start, range.end, places.join(" and ")))
+}

@@ -1,0 +1,147 @@
+//! `damprig flash` and `damprig log` as far as they go without a probe: every image that the board must not get is refused
+//! before a probe is looked for.
+
+#![cfg(feature = "probe")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{damprig, folder_with};
+use damprig_protocol::image::{LENGTH, to_bytes};
+use tempfile::TempDir;
+
+/// What the command says to an image, and its exit code.
+fn answer(folder: &TempDir, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = damprig(folder).args(arguments).output().expect("the command");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// Both commands refuse these bytes as an image, name the file, and say `words`.
+fn refused(bytes: &[u8], words: &[&str]) {
+    let folder = folder_with("");
+    std::fs::write(folder.path().join("image.elf"), bytes).expect("a file");
+    for command in ["flash", "log"] {
+        let (code, said) = answer(&folder, &[command, "image.elf"]);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(!said.contains("debug probe"), "a probe was looked for: {said}");
+        for word in words.iter().chain(&["image.elf"]) {
+            assert!(said.contains(word), "no {word:?} in: {said}");
+        }
+    }
+}
+
+/// An image that `tests/firmware` built; says so on the output if it has not.
+fn image(name: &str) -> Option<Vec<u8>> {
+    let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../firmware/target/images/{name}.elf"));
+    if path.is_file() {
+        return Some(std::fs::read(path).expect("an image"));
+    }
+    let absent = format!("no image {}: `tests/firmware` builds it", path.display());
+    assert!(std::env::var_os("DAMPRIG_IMAGES").is_none_or(|value| value != "required"), "{absent}");
+    eprintln!("not tested: {absent}");
+    None
+}
+
+/// Where the image says who it is.
+fn identity(image: &mut [u8]) -> &mut [u8] {
+    let own = to_bytes("nucleo-g474re", env!("CARGO_PKG_VERSION"));
+    let at = image.windows(LENGTH).position(|window| window == own).expect("an identity of this program's protocol");
+    &mut image[at..at + LENGTH]
+}
+
+#[test]
+fn a_text_file_is_no_image() {
+    refused(b"firmware\n", &["this is no ELF file", "no .bin, .hex or .uf2"]);
+    refused(b"", &["this is no ELF file"]);
+}
+
+#[test]
+fn a_program_of_this_machine_is_for_another_processor() {
+    let own = std::fs::read(std::env::current_exe().expect("this test")).expect("this test");
+    refused(&own, &["the controller is an ARM Cortex-M4 (STM32G474RETx)"]);
+}
+
+#[test]
+fn an_image_for_the_emulated_board_is_refused_with_both_boards() {
+    let Some(image) = image("mps2-an386") else { return };
+    refused(&image, &["the image of the board mps2-an386, not of nucleo-g474re", "outside bank 1 of the flash"]);
+}
+
+#[test]
+fn an_image_of_another_protocol_is_refused_with_both_sides() {
+    let Some(mut image) = image("nucleo-g474re") else { return };
+    identity(&mut image)[8..10].copy_from_slice(&999_u16.to_le_bytes());
+    let ours = format!("this program version {}", damprig_protocol::VERSION);
+    refused(&image, &["another protocol: image version 999", "on nucleo-g474re", &ours, "from the same source"]);
+}
+
+#[test]
+fn an_image_of_another_schema_is_refused_with_both_hashes() {
+    let Some(mut image) = image("nucleo-g474re") else { return };
+    identity(&mut image)[10..18].copy_from_slice(&[0xab; 8]);
+    let ours = damprig::session::hex(&damprig_protocol::SCHEMA);
+    refused(&image, &["schema abababababababab", &ours]);
+}
+
+#[test]
+fn an_image_that_does_not_say_who_it_is_is_refused() {
+    let Some(mut image) = image("nucleo-g474re") else { return };
+    identity(&mut image)[..4].fill(0);
+    refused(&image, &["its section .damprig.identity", "another layout"]);
+}
+
+#[test]
+fn an_image_that_reaches_beyond_bank_1_is_refused_with_the_place() {
+    let Some(mut image) = image("nucleo-g474re") else { return };
+    // The first program header's physical address, in a 32-bit ELF file.
+    let headers = u32::from_le_bytes(image[28..32].try_into().expect("four bytes")) as usize;
+    image[headers + 12..headers + 16].copy_from_slice(&0x0803_fff0_u32.to_le_bytes());
+    refused(&image, &["is loaded to 0x0803fff0..", "outside bank 1 of the flash 0x08000000..0x08040000"]);
+}
+
+#[test]
+fn a_truncated_image_is_refused_wherever_it_ends() {
+    let Some(image) = image("nucleo-g474re") else { return };
+    for part in [10, 52, 300, 5_000, 90_000, image.len() / 2] {
+        refused(&image[..part], &["image.elf: "]);
+    }
+}
+
+#[test]
+fn without_a_probe_the_right_image_says_what_to_check() {
+    let Some(image) = image("nucleo-g474re") else { return };
+    let folder = folder_with("");
+    let built = folder.path().join("firmware/target/images");
+    std::fs::create_dir_all(&built).expect("folders");
+    std::fs::write(built.join("nucleo-g474re.elf"), &image).expect("a file");
+    if damprig::board::probe::candidates().is_empty() {
+        for command in ["flash", "log"] {
+            let (code, said) = answer(&folder, &[command]);
+            assert_eq!(code, Some(1), "{said}");
+            assert!(said.contains("no debug probe at this machine") && said.contains("plugged in"), "{said}");
+        }
+    } else {
+        eprintln!("not tested: no probe (there is one at this machine, and it is left alone)");
+    }
+}
+
+#[test]
+fn a_missing_image_says_where_it_was_looked_for_and_how_to_build_it() {
+    let folder = folder_with("");
+    let (code, said) = answer(&folder, &["flash"]);
+    assert_eq!(code, Some(2), "{said}");
+    for word in ["firmware/target/images/nucleo-g474re.elf", "folder above it", "`tests/firmware` builds"] {
+        assert!(said.contains(word), "no {word:?} in: {said}");
+    }
+    let (code, said) = answer(&folder, &["log", "other.elf"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("cannot read the image other.elf") && said.contains("`tests/firmware`"), "{said}");
+}
+
+#[test]
+fn a_probe_that_is_none_is_refused_with_how_one_is_written() {
+    let (code, said) = answer(&folder_with(""), &["flash", "--probe", "stlink"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("--probe") && said.contains("VID:PID:SERIAL"), "{said}");
+}
