@@ -231,6 +231,6 @@ fn wrong_settings_are_named() {
     }
     let parameter = |scale, samples| ImpactMeter::new(&good, &scale, samples).unwrap_err().parameter;
     assert_eq!(parameter(ForceScale { newtons_per_count: 0.0, ..FINE }, 10), "calibration.walls.newtons_per_count");
-    assert_eq!(parameter(ForceScale { zero_counts: f32::NAN, ..FINE }, 10), "impacts.zero_counts");
+    assert_eq!(parameter(ForceScale { zero_counts: f32::NAN, ..FINE }, 10), "calibration.walls.zero_counts");
     assert_eq!(parameter(FINE, 65), "impacts.samples_per_tick");
 }

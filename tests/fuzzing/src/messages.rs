@@ -9,7 +9,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 /// Messages that are tried for a choice that none before them has made.
-const TRIES: u32 = 4000;
+const TRIES: u32 = 20_000;
 
 /// A choice: the type by its name and its number of variants, and the place of one of them.
 type Choice = (&'static str, usize, usize);
