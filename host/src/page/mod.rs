@@ -55,9 +55,11 @@ pub fn page(run: &RunFolder) -> Page {
                         (health::state(&facts))
                     }
                     (health::warnings(&facts))
-                    section { h2 { "What came of it" } (figures(&facts)) (tables::peaks(&facts)) }
+                    section { h2 { "What came of it" } (figures(&facts)) (tables::peaks(&facts)) (tables::transients(&facts)) }
                     section { h2 { "What was run" } (set_ups::set_ups(&facts)) (set_ups::experiments(&facts)) }
-                    section { h2 { "Results" } (tables::results(&facts)) (tables::transients(&facts)) }
+                    @if !facts.points.is_empty() {
+                        section { h2 { "Results" } (tables::results(&facts)) }
+                    }
                     section { h2 { "Samples, link and losses" } (health::link(&facts)) }
                     section { h2 { "Rig and program" } (health::versions(&facts)) }
                     footer {

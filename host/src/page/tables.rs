@@ -93,9 +93,6 @@ pub(super) fn label(facts: &Facts, name: &str) -> String {
 
 /// A row a point.
 pub(super) fn results(facts: &Facts) -> Markup {
-    if facts.points.is_empty() {
-        return html! { @if facts.taken.transients().is_empty() { p { "None." } } };
-    }
     let place = |p: &Point| (p.shown.set_up.clone(), p.experiment.clone());
     let is_first = |n: usize| n > 0 && place(&facts.points[n]) != place(&facts.points[n - 1]);
     html! {
