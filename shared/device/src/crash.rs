@@ -66,7 +66,14 @@ impl Record {
         if reset == Reset::Power {
             *self = Self::none();
         }
-        let said_why = self.read().is_some() && self.is_new == 1;
+        let new = self.read().filter(|_| self.is_new == 1);
+        let stalled =
+            |crash: Crash| matches!(crash.cause, CrashCause::ControlStalled | CrashCause::CommunicationStalled);
+        if reset != Reset::Watchdog && new.is_some_and(stalled) {
+            // It went on before the watchdog bit: nothing was ended.
+            *self = Self::none();
+        }
+        let said_why = new.is_some();
         if reset == Reset::Watchdog && !said_why {
             self.write(CrashCause::Watchdog, last_tick, [0; CALLS_TOLD]);
         }
@@ -107,6 +114,16 @@ mod tests {
         let told = record.at_start(Reset::Watchdog, 201).unwrap();
         assert_eq!((told.cause, told.tick, told.count), (CrashCause::CommunicationStalled, 200, 2));
         assert_eq!(record.at_start(Reset::Watchdog, 300).unwrap().cause, CrashCause::Watchdog, "the next is another");
+    }
+
+    #[test]
+    fn a_stall_that_the_watchdog_did_not_end_is_no_crash() {
+        let mut record = Record::none();
+        record.write(CrashCause::ControlStalled, 7, CALLS);
+        assert_eq!(record.at_start(Reset::Pin, 900), None);
+        record.write(CrashCause::ControlStalled, 7, CALLS);
+        assert_eq!(record.at_start(Reset::Watchdog, 7).map(|told| told.cause), Some(CrashCause::ControlStalled));
+        assert!(record.at_start(Reset::Pin, 0).is_some(), "told until the supply goes");
     }
 
     #[test]
