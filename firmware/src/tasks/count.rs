@@ -18,8 +18,7 @@ use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, Shaker};
-use damprig_core::rig::Sensors;
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK};
+use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK};
 use damprig_core::twin::TwinConfig;
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -186,8 +185,8 @@ impl Host<'_> {
     /// Lets the granted ticks pass and counts them.
     fn pass(&mut self, tally: &mut Tally) {
         let calibration = Calibration::assumed(65_520, 4_095, 0.005);
-        let (slow, walls) = ([32_760; SLOW_BLOCK], [410; WALL_BLOCK]);
-        let (mut reader, mut sensors) = (Reader::default(), Sensors::default());
+        let slow = [32_760; SLOW_BLOCK];
+        let mut reader = Reader::default();
         while self.device.control().next_tick() < self.now {
             let before = self.device.control().next_tick();
             let (mut within, mut watched, mut deep) = (0, 0, 0);
@@ -205,7 +204,7 @@ impl Host<'_> {
                     },
                     |tick| {
                         let work = || {
-                            calibration.fill(black_box(&slow), black_box(&walls), black_box(&mut sensors));
+                            black_box(calibration.readings(black_box(&slow)));
                             tick();
                             black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
                         };

@@ -111,9 +111,18 @@ impl Scalar for f32 {
         f64::from(self)
     }
 
+    /// By Heron's steps from half the exponent, which is within 3.5 %: three of them leave roundings only (1 unit in the
+    /// last place). A controller divides in one instruction, while `libm` finds one bit after the other.
     #[inline]
     fn sqrt(self) -> Self {
-        libm::sqrtf(self)
+        if !(Self::MIN_POSITIVE..=Self::MAX).contains(&self) {
+            return libm::sqrtf(self);
+        }
+        let mut root = Self::from_bits(0x1fbd_1df5 + (self.to_bits() >> 1));
+        for _ in 0..3 {
+            root = 0.5 * (root + self / root);
+        }
+        root
     }
 
     /// One instruction of the controller's.

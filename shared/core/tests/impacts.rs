@@ -2,8 +2,8 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ForceScale, HISTORY, ImpactConfig, ImpactMeter, ImpactRecord, Pair};
-use damprig_core::measure::snippet::SNIPPET;
+use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter, ImpactRecord, Pair};
+use damprig_core::measure::snippet::{HISTORY, SNIPPET};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -214,7 +214,7 @@ fn a_snippet_holds_the_samples_around_the_next_impact() {
     let (samples, side) = meter.snippet().samples().unwrap();
     let crossing = (40 * 50..).find(|&n| f32::from(high_side[n] - 1000) * FINE.newtons_per_count >= 2.5).unwrap();
     assert_eq!(side, 1);
-    assert_eq!(samples[..], high_side[crossing - HISTORY..crossing - HISTORY + SNIPPET]);
+    assert_eq!(samples.collect::<Vec<_>>(), high_side[crossing - HISTORY..crossing - HISTORY + SNIPPET]);
 }
 
 #[test]

@@ -95,7 +95,7 @@ impl Bench {
     }
 }
 
-/// What the residual must be at least: noise of a mean of ten on x (5/√10 = 1.6 µm), and little more.
+/// What the residual must be at least: noise of a mean of twenty on x (5/√20 = 1.1 µm), and little more.
 #[test]
 fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
     let truth = set_up(15e-3, 0.5, 0.0038);
@@ -104,7 +104,8 @@ fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
     let before = bench.twin_counts();
     let signals = bench.run(60);
     println!("{signals:?}");
-    assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
+    // An impulse is measured to a few parts in a thousand, so the next impact is some 0.1 ms off, 4 µm of the structure.
+    assert!(signals.residual_rms_m < 8e-6, "{signals:?}");
     assert!(signals.detected - before.1 > 250, "{signals:?}");
     assert_eq!(signals.missing, before.2, "{signals:?}");
     // One may be between its prediction and the end of its pulse at either end of the count.

@@ -1,9 +1,11 @@
 //! The tick task's whole work: orders to the rig, one tick, and what comes out of it.
 
-use crate::orders::{Order, Selection, Work};
+use crate::orders::{Chosen, Order, Selection, Work};
 use crate::store::Store;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, State, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::rig::{
+    Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, Signals, State, TICK_HZ, WALL_SUBSAMPLES,
+};
 use damprig_core::settings::{Prepared, Settings, Source};
 use damprig_protocol::{
     Answer, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS, PlantKind,
@@ -83,10 +85,10 @@ pub struct Row {
     pub tick: u32,
     /// Ticks between rows.
     pub every_ticks: u16,
-    /// Signals chosen.
-    pub width: u8,
-    /// Their values in their order, then nothing.
-    pub values: [f32; MOST_SIGNALS],
+    /// The signals that are asked for: taken out where there is more time than in a tick.
+    pub chosen: Chosen,
+    /// All of them.
+    pub values: Signals,
     /// Nothing follows soon: do not wait for more rows before sending.
     pub last: bool,
 }
@@ -391,9 +393,8 @@ impl Control {
             })
             .into());
         };
-        let rest = samples.get(usize::from(from)..).unwrap_or_default();
         let length = samples.len() as u16;
-        Ok(Answer::Snippet { scale: *scale, side, length, samples: fit(rest.iter().copied()) })
+        Ok(Answer::Snippet { scale: *scale, side, length, samples: fit(samples.skip(usize::from(from))) })
     }
 
     fn identity(&self) -> Identity {
@@ -433,13 +434,8 @@ impl Control {
         let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
         let every_ticks = self.selection.every_ticks;
         if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
-            let signals = self.rig.signals();
-            let chosen = &self.selection.signals;
-            let mut row = Row { tick, every_ticks, width: chosen.len() as u8, values: [0.0; MOST_SIGNALS], last: ends };
-            for (value, &place) in row.values.iter_mut().zip(chosen) {
-                *value = signals.get(usize::from(place)).copied().unwrap_or(0.0);
-            }
-            match lanes.row(row) {
+            let (chosen, values) = (self.selection.chosen, *self.rig.signals());
+            match lanes.row(Row { tick, every_ticks, chosen, values, last: ends }) {
                 Ok(waiting) => keep_most(&mut self.counters.most_rows_waiting, waiting),
                 Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
             }

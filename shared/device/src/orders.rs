@@ -34,15 +34,44 @@ pub struct Order {
 pub struct Selection {
     /// Ticks from row to row; 0 for none.
     pub every_ticks: u16,
-    /// Places in the signal table.
-    pub signals: Vec<u8, MOST_SIGNALS>,
+    /// Which signals.
+    pub chosen: Chosen,
     /// Every impact is an event.
     pub impacts: bool,
 }
 
 impl Default for Selection {
     fn default() -> Self {
-        Self { every_ticks: 0, signals: (0..MOTION_SIGNALS as u8).collect(), impacts: false }
+        Self { every_ticks: 0, chosen: Chosen::default(), impacts: false }
+    }
+}
+
+/// Places in the signal table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chosen {
+    width: u8,
+    places: [u8; MOST_SIGNALS],
+}
+
+impl Default for Chosen {
+    /// The motion.
+    fn default() -> Self {
+        Self { width: MOTION_SIGNALS as u8, places: core::array::from_fn(|n| n as u8) }
+    }
+}
+
+impl Chosen {
+    /// These, whose order is the row's.
+    #[must_use]
+    pub fn new(signals: &Vec<u8, MOST_SIGNALS>) -> Self {
+        let place = |n| signals.get(n).copied().unwrap_or_default();
+        Self { width: signals.len() as u8, places: core::array::from_fn(place) }
+    }
+
+    /// The places.
+    #[must_use]
+    pub fn places(&self) -> &[u8] {
+        &self.places[..usize::from(self.width).min(MOST_SIGNALS)]
     }
 }
 
@@ -209,6 +238,6 @@ fn select(every_ticks: u16, signals: Vec<u8, MOST_SIGNALS>, impacts: bool) -> Re
             return Err(Invalid { parameter: "telemetry.signals", value: f64::from(place), allowed });
         }
     }
-    let signals = if signals.is_empty() { Selection::default().signals } else { signals };
-    Ok(Selection { every_ticks, signals, impacts })
+    let chosen = if signals.is_empty() { Chosen::default() } else { Chosen::new(&signals) };
+    Ok(Selection { every_ticks, chosen, impacts })
 }

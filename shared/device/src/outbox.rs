@@ -25,7 +25,8 @@ impl Batch {
     /// A row that does not follow the one before it at the batch's spacing begins a new batch, so a dropped row is
     /// seen as a gap in the ticks.
     pub fn push(&mut self, row: &Row) {
-        let width = usize::from(row.width).min(row.values.len());
+        let places = row.chosen.places();
+        let width = places.len();
         let continues = self.open.as_ref().is_some_and(|open| {
             let rows = (open.values.len() / width.max(1)) as u32;
             let next_tick = open.first_tick.wrapping_add(rows * u32::from(open.every_ticks));
@@ -45,7 +46,9 @@ impl Batch {
             values: Vec::new(),
         });
         // A full batch is closed below, so there is room for a row.
-        let _ = open.values.extend_from_slice(&row.values[..width]);
+        for place in places {
+            let _ = open.values.push(row.values.get(usize::from(*place)).copied().unwrap_or_default());
+        }
         if open.values.len() + width > MOST_VALUES || row.last {
             self.close();
         }
@@ -94,14 +97,16 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use damprig_protocol::MOST_SIGNALS;
+    use crate::orders::Chosen;
+    use damprig_core::rig::SIGNALS;
 
     const WIDTH: usize = 6;
     /// In a full message.
     const ROWS: usize = MOST_VALUES / WIDTH;
 
     fn row(tick: u32) -> Row {
-        Row { tick, every_ticks: 5, width: WIDTH as u8, values: [tick as f32; MOST_SIGNALS], last: false }
+        let chosen = Chosen::new(&(0..WIDTH as u8).collect());
+        Row { tick, every_ticks: 5, chosen, values: [tick as f32; SIGNALS.len()], last: false }
     }
 
     fn batches(rows: &[Row]) -> std::vec::Vec<Telemetry> {

@@ -4,6 +4,7 @@
 //! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
 //! block is there when the tick asks for it.
 
+use damprig_core::measure::impacts::Pair;
 use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK, lost_block};
 use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
@@ -85,11 +86,11 @@ impl Sampling {
 
     /// Waits for a tick's blocks. Those that came too late to be read are no numbers.
     pub async fn next_block(&mut self, calibration: &Calibration) -> &mut Sensors {
-        let (mut slow, mut walls) = ([0; SLOW_BLOCK], [0; WALL_BLOCK]);
+        let mut slow = [0; SLOW_BLOCK];
         let slow_read = self.slow.read(&mut slow).await;
-        let walls_read = self.walls.read(&mut walls).await;
+        let walls_read = self.walls.read(counts(&mut self.sensors.walls)).await;
         if slow_read.is_ok() && walls_read.is_ok() {
-            calibration.fill(&slow, &walls, &mut self.sensors);
+            self.sensors.readings = calibration.readings(&slow);
         } else {
             self.overruns = self.overruns.saturating_add(1);
             self.sensors = lost_block();
@@ -101,4 +102,11 @@ impl Sampling {
     pub fn overruns(&self) -> u32 {
         self.overruns
     }
+}
+
+/// Pairs as the converter's readings, one wall after the other.
+fn counts(pairs: &mut [Pair; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
+    const { assert!(cfg!(target_endian = "little") && size_of::<[Pair; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()) };
+    // SAFETY: a pair is one word, so it lies as two readings must and has room for them; any bits are a pair.
+    unsafe { &mut *core::ptr::from_mut(pairs).cast() }
 }

@@ -50,6 +50,12 @@ impl<S: Scalar> Segment<S> {
         part
     }
 
+    /// Where it ends, m.
+    #[must_use]
+    pub fn end(&self) -> S {
+        self.0[0] + (self.0[1] + (self.0[2] + self.0[3]))
+    }
+
     /// Velocity at its start, m/step.
     #[must_use]
     pub fn velocity(&self) -> S {

@@ -16,8 +16,8 @@
 //! Everything before a pulse's end is done in the converter's whole counts: fifty samples a tick and wall leave a
 //! controller no time to turn each into a force, and sums of whole numbers lose nothing.
 
-use super::pulse::{Channel, Ended, Finding, LONGEST_BLOCK, Paces, Ring};
-pub use super::pulse::{GUARD, HISTORY, Pair};
+use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Over, Paces};
+pub use super::pulse::{GUARD, Pair};
 use super::snippet::Snippet;
 use crate::model::{Invalid, positive, require};
 use crate::rig::{TICK_HZ, WALL_SUBSAMPLES};
@@ -217,7 +217,9 @@ impl Default for ImpactSettings {
 pub struct ImpactMeter {
     settings: ImpactSettings,
     channels: [Channel; 2],
-    ring: Ring,
+    before: Before,
+    /// A pulse that was over in the last block, with its tick and wall.
+    over: Option<(u32, usize, Over)>,
     /// Highest reading of each wall in the last block while it was touched, counts above its offset; 0 if it was not.
     highest: [f32; 2],
     counts: ImpactCounts,
@@ -246,7 +248,8 @@ impl ImpactMeter {
         Self {
             settings: *settings,
             channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
-            ring: Ring::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
+            before: Before::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
+            over: None,
             highest: [0.0; 2],
             counts: ImpactCounts::default(),
             counted_before_cycle: 0,
@@ -257,6 +260,7 @@ impl ImpactMeter {
     /// Goes on under other settings; pulses in progress are forgotten.
     pub fn adopt(&mut self, settings: &ImpactSettings) {
         self.settings = *settings;
+        self.over = None;
         self.channels = [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces));
     }
 
@@ -281,6 +285,7 @@ impl ImpactMeter {
     /// Counts from zero again; pulses in progress are forgotten.
     pub fn reset(&mut self) {
         self.channels.iter_mut().for_each(Channel::reset);
+        self.over = None;
         self.counts = ImpactCounts::default();
         self.counted_before_cycle = 0;
     }
@@ -303,13 +308,16 @@ impl ImpactMeter {
     }
 
     /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
-    /// longer than announced is cut. Whether either wall was not idle.
+    /// longer than announced is cut. What a pulse was is told with the block after the one that it ended in. Whether that
+    /// took its time: either wall was not idle, or a pulse had ended.
     pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) -> bool {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
         let limits = [&self.channels[0], &self.channels[1]].map(Channel::limit);
         let (reached, sums) = survey(block, limits);
-        self.ring.push(block);
-        let mut busy = false;
+        let mut busy = self.over.is_some();
+        if busy {
+            self.look_at_last(&mut found);
+        }
         for wall in 0..2 {
             let channel = &mut self.channels[wall];
             if !reached[wall] && channel.is_idle() {
@@ -321,24 +329,41 @@ impl ImpactMeter {
                 busy = true;
             }
         }
+        self.before.push(block);
         self.snippet.push(block);
         busy
     }
 
+    // Out of the tick's way, as most blocks do not come here.
+    #[inline(never)]
     fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {
         let mut from = 0;
-        while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.ring, &self.settings.paces) {
+        while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.before, &self.settings.paces)
+        {
             match finding {
-                Finding::Began(at) => self.snippet.trigger(wall, at, block.len(), &self.ring),
-                Finding::Rung => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
-                Finding::Ended(ended) => {
-                    self.counts.impacts[wall] = self.counts.impacts[wall].wrapping_add(1);
-                    self.counts.clipped += u32::from(ended.clipped);
-                    self.counts.held += u32::from(ended.held);
-                    found(&self.record(tick, wall, &ended));
+                Finding::Began(at) => self.snippet.trigger(wall, at),
+                Finding::Over(over) => {
+                    // A second one in a block does not wait.
+                    self.look_at_last(found);
+                    self.over = Some((tick, wall, over));
                 }
             }
         }
+    }
+
+    #[inline(never)]
+    fn look_at_last(&mut self, found: &mut impl FnMut(&ImpactRecord)) {
+        let Some((tick, wall, over)) = &self.over else { return };
+        match self.channels[*wall].look_at(over, &self.settings.paces) {
+            None => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
+            Some(ended) => {
+                self.counts.impacts[*wall] = self.counts.impacts[*wall].wrapping_add(1);
+                self.counts.clipped += u32::from(ended.clipped);
+                self.counts.held += u32::from(ended.held);
+                found(&self.record(*tick, *wall, &ended));
+            }
+        }
+        self.over = None;
     }
 
     fn record(&self, tick: u32, wall: usize, ended: &Ended) -> ImpactRecord {
@@ -363,27 +388,24 @@ const TOGETHER: usize = 16;
 
 /// Whether a reading of each wall reaches its limit, and the sum of its readings: what nearly every block ends with. Both
 /// walls of a pair go through one word.
-#[inline]
+#[inline(never)]
 fn survey(block: &[Pair], limits: [u16; 2]) -> ([bool; 2], [u32; 2]) {
     const TOP: u32 = 0x8000_8000;
     // Added to a reading, it reaches the top bit from the limit on.
     let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
     let (mut reached, mut sums) = (0, [0; 2]);
-    for part in block.chunks(TOGETHER) {
+    let mut take = |part: &[Pair]| {
         let mut both = 0u32;
-        let (fours, rest) = part.as_chunks::<4>();
-        for [a, b, c, d] in fours {
-            both = both.wrapping_add(a.0).wrapping_add(b.0).wrapping_add(c.0).wrapping_add(d.0);
-            reached |= a.0.wrapping_add(reach) | b.0.wrapping_add(reach);
-            reached |= c.0.wrapping_add(reach) | d.0.wrapping_add(reach);
-        }
-        for pair in rest {
+        for pair in part {
             both = both.wrapping_add(pair.0);
             reached |= pair.0.wrapping_add(reach);
         }
         sums[0] += both & 0xffff;
         sums[1] += both >> 16;
-    }
+    };
+    let (parts, rest) = block.as_chunks::<TOGETHER>();
+    parts.iter().for_each(|part| take(part));
+    take(rest);
     ([reached & 0x8000 != 0, reached & 0x8000_0000 != 0], sums)
 }
 

@@ -5,17 +5,13 @@
 /// Samples before the crossing and after the end that belong to a pulse.
 pub const GUARD: usize = 4;
 
-/// Samples of each channel that are kept: what a snippet shows from before its trigger.
-pub const HISTORY: usize = 64;
-
 /// Most samples in a block.
 pub const LONGEST_BLOCK: usize = 64;
 
-const RING: usize = HISTORY + LONGEST_BLOCK;
-
 /// Readings of both walls at one instant in one word, the wall at −d in its lower half: they are copied and looked at
-/// together nearly always.
+/// together nearly always. So a converter that takes one wall after the other leaves them in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(transparent)]
 pub struct Pair(pub u32);
 
 impl Pair {
@@ -33,36 +29,27 @@ impl Pair {
     }
 }
 
-/// The newest samples of both walls.
-#[derive(Clone, Debug)]
-pub(super) struct Ring {
-    samples: [Pair; RING],
-    at: usize,
-}
+/// The last samples before a block: the guards of a pulse that begins at its start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Before([Pair; GUARD]);
 
-impl Ring {
+impl Before {
     pub(super) fn new(resting: u16) -> Self {
-        Self { samples: [Pair::new(resting, resting); RING], at: 0 }
+        Self([Pair::new(resting, resting); GUARD])
     }
 
+    /// The block is over.
     pub(super) fn push(&mut self, block: &[Pair]) {
-        let (first, rest) = block.split_at(block.len().min(RING - self.at));
-        self.samples[self.at..self.at + first.len()].copy_from_slice(first);
-        self.samples[..rest.len()].copy_from_slice(rest);
-        self.at = (self.at + block.len()) % RING;
+        *self = self.up_to(block, block.len());
     }
 
-    /// The [`HISTORY`] samples before the last `newest` ones, oldest first, in two parts.
-    pub(super) fn before(&self, newest: usize) -> [&[Pair]; 2] {
-        let start = (self.at + RING - HISTORY - newest.min(RING - HISTORY)) % RING;
-        let (newer, older) = self.samples.split_at(start);
-        let first = &older[..older.len().min(HISTORY)];
-        [first, &newer[..HISTORY - first.len()]]
-    }
-
-    /// The sample taken `back` samples ago, 1 for the newest.
-    pub(super) fn back(&self, back: usize) -> Pair {
-        self.samples[(self.at + RING - back % RING) % RING]
+    /// The guards before sample `at` of the block.
+    fn up_to(self, block: &[Pair], at: usize) -> Self {
+        let from_block = &block[at.saturating_sub(GUARD)..at];
+        let mut guards = self.0;
+        guards.rotate_left(from_block.len());
+        guards[GUARD - from_block.len()..].copy_from_slice(from_block);
+        Self(guards)
     }
 }
 
@@ -119,20 +106,29 @@ impl Totals {
     /// Of at most [`LONGEST_BLOCK`] samples: the sums stay within their words.
     #[inline(always)]
     fn of(samples: &[Pair], wall: usize) -> Self {
+        const GROUP: usize = 4;
         let (mut sum, mut sums, mut best) = (0u32, 0u32, 0u32);
-        let mut left = samples.len() as u32;
-        for pair in samples {
+        let (groups, rest) = samples.as_chunks::<GROUP>();
+        let mut left = groups.len() as u32 + 1;
+        let mut take = |pair: &Pair, left: u32| {
             let reading = u32::from(pair.of(wall));
             // The sums so far add up to Σ (n − k)·r.
             sum = sum.wrapping_add(reading);
             sums = sums.wrapping_add(sum);
-            // The higher reading, of equal ones the one with more left behind it.
+            // The higher reading, of equal ones the one with more groups left behind its own.
             best = best.max((reading << 16) + left);
+        };
+        for group in groups {
+            group.iter().for_each(|pair| take(pair, left));
             left -= 1;
         }
+        rest.iter().for_each(|pair| take(pair, left));
         let n = samples.len() as u32;
-        let highest_at = n.saturating_sub(best & 0xffff) as usize;
-        Self { sum, moment: n.wrapping_mul(sum).wrapping_sub(sums), highest: (best >> 16) as u16, highest_at }
+        let highest = (best >> 16) as u16;
+        let group = GROUP * (groups.len() + 1).saturating_sub((best & 0xffff) as usize);
+        let within = samples[group.min(samples.len())..].iter().position(|pair| pair.of(wall) == highest);
+        let highest_at = group + within.unwrap_or(0);
+        Self { sum, moment: n.wrapping_mul(sum).wrapping_sub(sums), highest, highest_at }
     }
 }
 
@@ -168,29 +164,22 @@ impl Pulse {
     /// How many of `rest` belong to it: up to the sample with which [`GUARD`] in a row were below `low`, and whether there
     /// is one. Looks at every fourth sample where the force is high: none of the four before it can be the last.
     fn extent(&mut self, rest: &[Pair], wall: usize, low: i32) -> (usize, bool) {
-        let is_low = |pair: &Pair| i32::from(pair.of(wall)) < low;
-        // The run of low samples that the ones before these ended with counts on.
-        let (mut run, mut next) = (self.low, 0);
-        loop {
-            let candidate = next + GUARD - run;
-            let Some(part) = rest.get(next..candidate) else { break };
-            match part.iter().rposition(|pair| !is_low(pair)) {
-                None => {
-                    self.low = GUARD;
-                    return (candidate, true);
-                }
-                Some(high) => {
-                    run = candidate - next - high - 1;
-                    next = candidate;
-                }
+        let is_high = |pair: &Pair| i32::from(pair.of(wall)) >= low;
+        // Where it ends if no sample before is high; the low ones that the samples before these ended with count.
+        let mut end = GUARD - self.low;
+        while let Some(last) = rest.get(end - 1) {
+            let from = end.saturating_sub(GUARD);
+            if is_high(last) {
+                end += GUARD;
+            } else if let Some(high) = rest[from..end - 1].iter().rposition(is_high) {
+                end = from + high + 1 + GUARD;
+            } else {
+                self.low = GUARD;
+                return (end, true);
             }
         }
-        // What is left is shorter than what is missing.
-        let tail = &rest[next..];
-        self.low = match tail.iter().rposition(|pair| !is_low(pair)) {
-            None => run + tail.len(),
-            Some(high) => tail.len() - high - 1,
-        };
+        let low_ones = rest.iter().rev().take(GUARD).take_while(|pair| !is_high(pair)).count();
+        self.low = if low_ones == rest.len() { self.low + low_ones } else { low_ones };
         (rest.len(), false)
     }
 
@@ -217,14 +206,23 @@ pub(super) struct Ended {
     pub held: bool,
 }
 
+/// A pulse that is over and has not been looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Over {
+    pulse: Pulse,
+    /// Samples from the block's start to its end.
+    end: usize,
+    /// Samples between the pulse before it and this one.
+    since: u32,
+}
+
 /// What a channel comes upon in a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Finding {
     /// A pulse begins with this sample.
     Began(usize),
-    Ended(Ended),
-    /// What ended was ringing.
-    Rung,
+    /// A pulse is over: [`Channel::look_at`] says what it was, before the channel takes idle samples.
+    Over(Over),
 }
 
 /// One wall's channel.
@@ -297,13 +295,13 @@ impl Channel {
         self.limit = limit(self.offset, paces);
     }
 
-    /// Goes on from sample `from` of the block, which `ring` holds already, to the next finding.
+    /// Goes on from sample `from` of the block to the next finding.
     pub(super) fn go_on(
         &mut self,
         wall: usize,
         block: &[Pair],
         from: &mut usize,
-        ring: &Ring,
+        before: &Before,
         paces: &Paces,
     ) -> Option<Finding> {
         while *from < block.len() {
@@ -316,7 +314,7 @@ impl Channel {
                     self.since = self.since.saturating_add(quiet as u32);
                     *from += quiet;
                     crossing?;
-                    self.begin(wall, block.len() - *from, ring);
+                    self.begin(wall, &before.up_to(block, *from));
                     return Some(Finding::Began(*from));
                 }
                 Phase::Pulse => {
@@ -328,7 +326,7 @@ impl Channel {
                     *from += length;
                     over |= self.pulse.count >= paces.longest;
                     if over {
-                        return Some(self.end(*from, paces));
+                        return Some(Finding::Over(self.end(*from)));
                     }
                 }
                 Phase::Rest => {
@@ -347,34 +345,43 @@ impl Channel {
         None
     }
 
-    /// A pulse begins `back` samples before the end of what the ring holds.
-    fn begin(&mut self, wall: usize, back: usize, ring: &Ring) {
+    /// A pulse begins after these samples. They are below what it begins with, so none of them is its peak.
+    fn begin(&mut self, wall: usize, guards: &Before) {
         self.phase = Phase::Pulse;
-        self.pulse = Pulse { above: self.offset as i32, ..Pulse::default() };
-        let guards: [Pair; GUARD] = core::array::from_fn(|n| ring.back(back + GUARD - n));
-        self.pulse.push(&guards, wall);
+        let above = self.offset as i32;
+        let mut pulse = Pulse { above, count: GUARD as u32, ..Pulse::default() };
+        for (n, pair) in guards.0.iter().enumerate() {
+            pulse.last = i32::from(pair.of(wall)) - above;
+            pulse.sum += pulse.last;
+            pulse.moment += i64::from(n as i32 * pulse.last);
+        }
+        self.pulse = pulse;
     }
 
     /// The pulse has ended with the sample before `end`.
-    fn end(&mut self, end: usize, paces: &Paces) -> Finding {
-        let pulse = &self.pulse;
-        let held = pulse.low < GUARD;
+    fn end(&mut self, end: usize) -> Over {
+        let held = self.pulse.low < GUARD;
         self.phase = if held { Phase::Rest } else { Phase::Idle };
+        Over { pulse: self.pulse, end, since: core::mem::take(&mut self.since) }
+    }
+
+    /// What a pulse was that is over; none for ringing.
+    #[inline(never)]
+    pub(super) fn look_at(&mut self, over: &Over, paces: &Paces) -> Option<Ended> {
+        let Over { pulse, end, since } = over;
         // What the whole number that was taken off leaves of the offset.
         let fraction = self.offset - pulse.above as f32;
         let count = pulse.count as f32;
         let sum = pulse.sum as f32 - count * fraction;
         let moment = pulse.moment as f32 - 0.5 * count * (count - 1.0) * fraction;
-        let ringing = self.since < paces.refractory && pulse.peak as f32 - fraction < paces.ringing * self.last_peak;
-        self.since = 0;
-        if ringing {
-            return Finding::Rung;
+        if *since < paces.refractory && pulse.peak as f32 - fraction < paces.ringing * self.last_peak {
+            return None;
         }
         let clipped = (pulse.peak + pulse.above) as f32 >= paces.clip;
         let peak = if clipped { pulse.peak as f32 } else { pulse.top() } - fraction;
         self.last_peak = peak;
-        let centre = end as f32 - (count - 1.0 - moment / sum);
-        Finding::Ended(Ended { sum, centre, peak, clipped, held })
+        let centre = *end as f32 - (count - 1.0 - moment / sum);
+        Some(Ended { sum, centre, peak, clipped, held: pulse.low < GUARD })
     }
 }
 

@@ -1,37 +1,45 @@
-//! The shape of one impact: a fixed buffer of force samples from before its trigger until after its end.
+//! The shape of one impact: force samples from before its trigger until after its end.
+//!
+//! While it is armed it is a ring of the newest samples; an impact lets it run on until the trigger has come as near to
+//! its start as it should, and there it stops. So a tick in which an impact begins does no more than others.
 
-use super::pulse::{Pair, Ring};
+use super::pulse::Pair;
 
-/// Samples in a snippet, of which the first [`HISTORY`](super::pulse::HISTORY) are from before the trigger.
+/// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
 pub const SNIPPET: usize = 256;
+
+/// Samples from before the trigger.
+pub const HISTORY: usize = 64;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Off,
+    /// Waits until it holds a history, so many samples more, before it waits for an impact.
+    Gathering(usize),
     Armed,
-    /// From this sample of the present block on.
-    Triggered(usize),
-    Filling,
+    /// So many samples are missing.
+    Filling(usize),
     Full,
 }
 
 /// Records once when armed, and keeps what it has until it is armed again.
 #[derive(Clone, Debug)]
 pub struct Snippet {
-    samples: [u16; SNIPPET],
-    filled: usize,
+    samples: [Pair; SNIPPET],
+    /// The oldest.
+    at: usize,
     wall: usize,
     phase: Phase,
 }
 
 impl Snippet {
     pub(super) fn new() -> Self {
-        Self { samples: [0; SNIPPET], filled: 0, wall: 0, phase: Phase::Off }
+        Self { samples: [Pair::new(0, 0); SNIPPET], at: 0, wall: 0, phase: Phase::Off }
     }
 
+    /// Impacts of the next [`HISTORY`] samples come too early.
     pub(super) fn arm(&mut self) {
-        self.phase = Phase::Armed;
-        self.filled = 0;
+        self.phase = Phase::Gathering(HISTORY);
     }
 
     /// It waits for an impact, or for the end of one.
@@ -42,44 +50,33 @@ impl Snippet {
 
     /// Readings in counts, oldest first, and the side (+1 or −1); `None` until it is full.
     #[must_use]
-    pub fn samples(&self) -> Option<(&[u16; SNIPPET], i8)> {
-        (self.phase == Phase::Full).then_some((&self.samples, if self.wall == 0 { -1 } else { 1 }))
+    pub fn samples(&self) -> Option<(impl ExactSizeIterator<Item = u16>, i8)> {
+        let samples = (self.at..self.at + SNIPPET).map(|n| self.samples[n % SNIPPET].of(self.wall));
+        (self.phase == Phase::Full).then_some((samples, if self.wall == 0 { -1 } else { 1 }))
     }
 
-    /// A pulse has begun with sample `at` of a block of `length`, the newest in the ring.
-    pub(super) fn trigger(&mut self, wall: usize, at: usize, length: usize, ring: &Ring) {
-        if self.phase != Phase::Armed {
-            return;
+    /// A pulse has begun with sample `at` of the present block.
+    pub(super) fn trigger(&mut self, wall: usize, at: usize) {
+        if self.phase == Phase::Armed {
+            self.phase = Phase::Filling(at + SNIPPET - HISTORY);
+            self.wall = wall;
         }
-        self.phase = Phase::Triggered(at);
-        self.wall = wall;
-        self.filled = 0;
-        for part in ring.before(length - at) {
-            self.take(part);
-        }
-    }
-
-    /// As many of the wall's readings as there is room for.
-    fn take(&mut self, pairs: &[Pair]) {
-        let wall = self.wall;
-        let room = &mut self.samples[self.filled..];
-        for (sample, pair) in room.iter_mut().zip(pairs) {
-            *sample = pair.of(wall);
-        }
-        self.filled += pairs.len().min(room.len());
     }
 
     /// The block is over: what of it belongs to the snippet is kept.
     pub(super) fn push(&mut self, block: &[Pair]) {
-        let from = match self.phase {
-            Phase::Triggered(from) => from,
-            Phase::Filling => 0,
-            _ => return,
+        let (phase, length) = match self.phase {
+            Phase::Off | Phase::Full => return,
+            Phase::Armed => (Phase::Armed, block.len()),
+            Phase::Gathering(left) if left > block.len() => (Phase::Gathering(left - block.len()), block.len()),
+            Phase::Gathering(_) => (Phase::Armed, block.len()),
+            Phase::Filling(left) if left > block.len() => (Phase::Filling(left - block.len()), block.len()),
+            Phase::Filling(left) => (Phase::Full, left),
         };
-        self.phase = Phase::Filling;
-        self.take(&block[from..]);
-        if self.filled == SNIPPET {
-            self.phase = Phase::Full;
-        }
+        self.phase = phase;
+        let (first, rest) = block[..length].split_at(length.min(SNIPPET - self.at));
+        self.samples[self.at..self.at + first.len()].copy_from_slice(first);
+        self.samples[..rest.len()].copy_from_slice(rest);
+        self.at = (self.at + length) % SNIPPET;
     }
 }

@@ -4,7 +4,7 @@
 //! [`crate::settings`]. The samples of the wall forces stay counts: their [`ForceScale`] is the impact meter's.
 
 use super::{CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, WALL_SUBSAMPLES};
-use crate::measure::impacts::{ForceScale, Pair};
+use crate::measure::impacts::ForceScale;
 use crate::model::{Invalid, finite, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -102,22 +102,19 @@ impl Calibration {
         finite("calibration.spring.zero_counts", f64::from(self.spring.zero_counts))
     }
 
-    /// A tick's blocks as the converters leave them, oldest first: x, z, spring, x, z, …, and low wall, high wall, low
-    /// wall, …; forces and displacements in SI units, wall forces in counts. The switches are the caller's.
-    pub fn fill(&self, slow: &[u16; SLOW_BLOCK], walls: &[u16; WALL_BLOCK], sensors: &mut Sensors) {
+    /// What a tick's block comes to, as the converter leaves it: x, z, spring, x, z, …, oldest first.
+    #[must_use]
+    pub fn readings(&self, slow: &[u16; SLOW_BLOCK]) -> Readings {
         let ([mut x, mut z], mut spring) = ([CountedBlock::default(); 2], 0);
         for triple in slow.as_chunks::<SLOW_CHANNELS>().0 {
             x.push(triple[0]);
             z.push(triple[1]);
             spring += u32::from(triple[2]);
         }
-        sensors.readings = Readings {
+        Readings {
             x: x.reading(self.x.zero_counts, self.x.metres_per_count),
             z: z.reading(self.z.zero_counts, self.z.metres_per_count),
             spring_n: self.spring.to_force_n(spring as f32 * (1.0 / SUBSAMPLES as f32)),
-        };
-        for (pair, counts) in sensors.walls.iter_mut().zip(walls.as_chunks::<2>().0) {
-            *pair = Pair::new(counts[0], counts[1]);
         }
     }
 }
@@ -171,17 +168,11 @@ mod tests {
             1 => 32_760 - n as u16,
             _ => n as u16,
         });
-        let walls = core::array::from_fn(|n| n as u16);
-        let mut sensors = Sensors::default();
-        RIG.fill(&slow, &walls, &mut sensors);
         // Triple k holds 3k, −(3k + 1) and 3k + 2 counts: their means over k from 0 to 9, and their farthest.
-        let Readings { x, z, spring_n } = sensors.readings;
+        let Readings { x, z, spring_n } = RIG.readings(&slow);
         assert_eq!((x.mean_m, x.peak_m), (13.5 * RIG.x.metres_per_count, 27.0 * RIG.x.metres_per_count));
         assert_eq!((z.mean_m, z.peak_m), (-14.5 * RIG.z.metres_per_count, 28.0 * RIG.z.metres_per_count));
         assert_eq!(spring_n, 15.5 * RIG.spring.newtons_per_count);
-        for n in 0..WALL_SUBSAMPLES as u16 {
-            assert_eq!(sensors.walls[usize::from(n)], Pair::new(2 * n, 2 * n + 1));
-        }
     }
 
     #[test]

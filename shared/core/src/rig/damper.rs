@@ -7,9 +7,6 @@ use crate::measure::impacts::{ImpactMeter, ImpactRecord};
 use crate::twin::{Twin, TwinSignals, Work};
 use heapless::Deque;
 
-/// Work of the twin in a tick that has time for it, in quiet steps.
-const SHARE: u8 = 2;
-
 /// Impacts that wait to be told.
 pub const IMPACTS_WAITING: usize = 8;
 
@@ -73,17 +70,12 @@ impl Dampers {
         pulses
     }
 
-    /// The twin does what this tick leaves room for: a quiet step and an event, or two quiet steps, where there is time.
+    /// The twin does what this tick leaves room for: one piece of its work, and one more if that was a quiet one and it is
+    /// late.
     pub fn follow(&mut self, has_time: bool) {
         let Some(twin) = &mut self.twin else { return };
-        let mut done = if has_time { 0 } else { SHARE };
-        // What may be an impact has a tick for itself.
-        while done < SHARE && (done == 0 || !twin.is_near()) {
-            done += match twin.work() {
-                Work::Nothing => break,
-                Work::Quiet => 1,
-                Work::Event => 2,
-            };
+        if has_time && twin.work() == Work::Quiet && twin.is_late() && !twin.is_near() {
+            twin.work();
         }
         self.twin_signals = *twin.signals();
     }
@@ -117,10 +109,11 @@ impl Dampers {
         }
     }
 
-    /// There is something to tell.
+    /// There is something to tell, and time for it: a busy tick has none until half of what may wait does.
     #[must_use]
-    pub fn has_news(&self) -> bool {
-        !self.happenings.is_empty() || !self.impacts.is_empty()
+    pub fn is_to_tell(&self, busy: bool) -> bool {
+        let waiting = self.impacts.len() + self.happenings.len();
+        waiting > if busy { HAPPENINGS_WAITING / 2 } else { 0 }
     }
 
     /// The next thing to tell.

@@ -318,9 +318,10 @@ impl Rig {
         if actuators.put_plant_back.is_some() {
             self.dampers.put_back();
         }
-        // The rest of what is dear in a tick: the twin waits for one without.
+        // The rest of what is dear in a tick, news and the twin wait for one without.
         let evaluates = self.runner.as_ref().is_some_and(Runner::is_evaluating) || !matches!(outcome, Outcome::Running);
-        self.dampers.follow(!served && !pulses && !evaluates);
+        let tells = self.dampers.is_to_tell(pulses);
+        self.dampers.follow(!served && !pulses && !evaluates && !tells);
         if !matches!(outcome, Outcome::Running)
             && let Some(recorded) = self.record(outcome)
         {
@@ -329,7 +330,7 @@ impl Rig {
         // Events are large: looked at before they are moved about.
         if event.is_none() && self.waiting.is_some() {
             event = self.waiting.take();
-        } else if event.is_none() && self.dampers.has_news() {
+        } else if event.is_none() && tells {
             event = self.dampers.pop();
         }
         self.fill_signals(&readings, &actuators, frequency_hz);

@@ -87,6 +87,8 @@ pub struct Paired {
     pub count: u8,
     /// Their impulses' sum, N·s.
     pub impulse_n_s: f32,
+    /// How long after the measured impact the nearest was predicted, ticks.
+    pub late: f32,
 }
 
 impl Paired {
@@ -172,6 +174,7 @@ impl Matcher {
         };
         self.pair();
         paired.take(&nearest);
+        paired.late = detection.until(nearest.tick, nearest.at);
         self.predicted.retain(|waiting| {
             let same = waiting.side == side && libm::fabsf(nearest.until(waiting.tick, waiting.at)) <= length;
             if same {

@@ -10,42 +10,51 @@
 //! puts the particle where that impact says it is: off the wall with e·w, where the approach speed w = J(1+β)/(m(1+e))
 //! follows from the measured impulse J, and makes good the difference between J and what the twin gave the structure.
 //!
-//! The means of a tick's blocks go in, for z and x alike: the average delays both by the same time, so they match. The
-//! base's cubic needs one sample of the future, so predictions are one tick late, and are compared with the x of then.
-//! Pairing predictions with measurements is [`matching`]'s.
+//! The means of two ticks' blocks are a sample, for z and x alike: the average delays both by the same time, so they match.
+//! The base's cubic needs one sample of the future, so predictions are one sample late, and are compared with the x of
+//! then. Pairing predictions with measurements is [`matching`]'s.
 //!
-//! A controller's tick has no time for everything at once. So the twin may lag: samples and measured impacts wait in
-//! queues, [`Twin::work`] does what the tick leaves room for, and what comes out does not depend on when it is done.
+//! A controller's tick has no time for everything at once: one piece of work is what it has room for. A sample is one
+//! such piece mostly, and every event in it two more, so the twin may lag: samples and measured impacts wait in queues,
+//! and what comes out does not depend on when [`Twin::work`] is done.
 
 pub mod matching;
 
 use crate::integrator::base::{Segment, Track};
-use crate::integrator::sampled::{BegunStep, Impact, Observer, Sampled, Units};
+use crate::integrator::sampled::{BegunStep, Impact, Observer, Sampled, Sought, Units};
 use crate::measure::impacts::ImpactRecord;
 use crate::model::{Initial, Invalid, SetUp, Wall, positive, require};
 use crate::rig::{SUBSAMPLES, TICK_HZ};
+use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Predicted impacts of one tick that are kept; a chatter may have more, too weak to be measured.
+/// Ticks of a sample.
+const SAMPLE_TICKS: usize = 2;
+
+/// Predicted impacts of one sample that are kept; a chatter may have more, too weak to be measured.
 const MOST_IMPACTS: usize = 8;
 
-/// Ticks between two updates of the residual's RMS.
-const ROOT_EVERY: u32 = 8;
+/// Samples between two updates of the residual's RMS.
+const ROOT_EVERY: u32 = 4;
 
 /// Ticks that the twin may lag behind.
 pub const MOST_LAG: usize = 16;
 
 /// Measured impacts that wait for the twin to come to their tick.
-const DETECTIONS_WAITING: usize = 4;
+const DETECTIONS_WAITING: usize = 8;
 
-/// Steps of a tick's motion, at most: a faster structure's twin would never keep up.
-const MOST_STEPS: u8 = 2;
+/// How far the twin must be past a measured impact to learn from it, ticks: by then it has met the wall itself, unless it
+/// is wrong by as much.
+const LEARNT_AFTER: f32 = 2.0;
 
-/// Where the mean of a tick's block lies, in ticks from the tick's start.
-const MEAN_AT: f32 = (SUBSAMPLES as f32 + 1.0) / (2.0 * SUBSAMPLES as f32);
+/// Steps of a sample's motion, at most: a faster structure's twin would never keep up.
+const MOST_STEPS: u8 = 4;
+
+/// Where a sample's mean lies, in samples from its start.
+const MEAN_AT: f32 = ((SAMPLE_TICKS * SUBSAMPLES) as f32 + 1.0) / (2 * SAMPLE_TICKS * SUBSAMPLES) as f32;
 
 /// What the twin is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -85,7 +94,7 @@ impl TwinConfig {
 /// The telemetry of one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwinSignals {
-    /// Predicted x one tick ago, m.
+    /// Predicted x, two to five ticks ago, m: the mean of two.
     pub x_m: f32,
     /// RMS of measured minus predicted x, m; renewed every 8 ticks.
     pub residual_rms_m: f32,
@@ -101,15 +110,16 @@ pub struct TwinSignals {
     pub lost: u32,
 }
 
-/// A tick's means.
+/// The means of [`SAMPLE_TICKS`].
 #[derive(Clone, Copy, Debug)]
 struct Sample {
+    /// The first.
     tick: u32,
     x_m: f32,
     z_m: f32,
 }
 
-/// A tick in progress.
+/// A sample in progress.
 #[derive(Clone, Debug)]
 struct Present {
     sample: Sample,
@@ -117,6 +127,8 @@ struct Present {
     /// The step that comes next.
     part: u8,
     begun: Option<BegunStep<f32>>,
+    /// An event has been found that is not carried out yet.
+    found: bool,
     impacts: Impacts,
     is_over: bool,
 }
@@ -128,6 +140,7 @@ impl Default for Present {
             whole: Segment([0.0; 4]),
             part: 0,
             begun: None,
+            found: false,
             impacts: Impacts { step: 0.0, list: Vec::new() },
             is_over: true,
         }
@@ -159,20 +172,20 @@ impl TwinPlan {
     #[inline(never)]
     pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
         config.validate()?;
-        let tick_s = 1.0 / f64::from(TICK_HZ);
+        let sample_s = SAMPLE_TICKS as f64 / f64::from(TICK_HZ);
         let set_up = &config.set_up;
-        let steps = Sampled::<f32>::steps_per_sample(set_up, tick_s)?;
+        let steps = Sampled::<f32>::steps_per_sample(set_up, sample_s)?;
         require(
             steps <= MOST_STEPS,
             "structure.stiffness_n_per_m",
             set_up.structure.stiffness_n_per_m,
             "low enough for a twin (natural frequency at most 31 Hz)",
         )?;
-        let step_s = tick_s / f64::from(steps);
+        let step_s = sample_s / f64::from(steps);
         let motion = Sampled::new(set_up, Units::metres(step_s), &Initial::default())?;
         // x″ + 2ζω x′ + ω² x of the error, ζ = 0.7; the structure's own stiffness only adds to it.
         let omega = 2.0 * core::f64::consts::PI * f64::from(config.follow_hz);
-        let gains = ((1.4 * omega * tick_s) as f32, (omega * omega * tick_s * step_s) as f32);
+        let gains = ((1.4 * omega * sample_s) as f32, (omega * omega * sample_s * step_s) as f32);
         let (mut restitution, mut approach_per_impulse) = (0.0, 0.0);
         if let Some(particle) = &set_up.particle
             && let Wall::Restitution { coefficient } = particle.wall
@@ -185,7 +198,7 @@ impl TwinPlan {
             motion,
             steps,
             gains,
-            residual_gain: 1.0 / (config.residual_s * TICK_HZ).max(1.0),
+            residual_gain: 1.0 / (config.residual_s / sample_s as f32).max(1.0),
             restitution,
             step_s: step_s as f32,
             approach_per_impulse,
@@ -198,7 +211,9 @@ impl TwinPlan {
 /// The twin.
 #[derive(Clone, Debug)]
 pub struct Twin {
-    waiting: Deque<Sample, MOST_LAG>,
+    /// The first part of a sample.
+    half: Option<Sample>,
+    waiting: Deque<Sample, { MOST_LAG / SAMPLE_TICKS }>,
     detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
     present: Present,
     signals: TwinSignals,
@@ -208,7 +223,7 @@ pub struct Twin {
     matcher: Matcher,
     residual_square: f32,
     measured_before_m: f32,
-    ticks: u32,
+    samples: u32,
 }
 
 impl Twin {
@@ -224,6 +239,7 @@ impl Twin {
     #[must_use]
     pub fn of(plan: TwinPlan) -> Self {
         Self {
+            half: None,
             waiting: Deque::new(),
             detections: Deque::new(),
             present: Present::default(),
@@ -232,7 +248,7 @@ impl Twin {
             matcher: Matcher::new(&plan.matching),
             residual_square: 0.0,
             measured_before_m: 0.0,
-            ticks: 0,
+            samples: 0,
             plan,
         }
     }
@@ -247,14 +263,16 @@ impl Twin {
 
     /// Back to rest with a simulated plant that is put back to its start; what was counted stays counted.
     pub fn put_back(&mut self) {
+        self.half = None;
         self.waiting.clear();
         self.detections.clear();
         self.present.is_over = true;
         self.present.begun = None;
+        self.present.found = false;
         self.plan.motion.rest();
         self.track = Track::default();
         self.measured_before_m = 0.0;
-        self.ticks = 0;
+        self.samples = 0;
     }
 
     /// The motion itself.
@@ -263,8 +281,7 @@ impl Twin {
         &self.plan.motion
     }
 
-    /// A measured impact, whose pulse ended in a tick that has not been handed in yet. It waits for the twin to come there;
-    /// one that finds no room is not counted as detected.
+    /// A measured impact. It waits for the twin to come there; one that finds no room is not counted as detected.
     pub fn detected(&mut self, record: &ImpactRecord) {
         let _ = self.detections.push_back(*record);
     }
@@ -274,7 +291,12 @@ impl Twin {
     pub fn take(&mut self, tick: u32, x_m: f32, z_m: f32) {
         // A reading that is no number would never leave the state again.
         let (x_m, z_m) = if x_m.is_finite() && z_m.is_finite() { (x_m, z_m) } else { (self.measured_before_m, 0.0) };
-        if self.waiting.push_back(Sample { tick, x_m, z_m }).is_err() {
+        let Some(first) = self.half.take() else {
+            self.half = Some(Sample { tick, x_m, z_m });
+            return;
+        };
+        let sample = Sample { tick: first.tick, x_m: 0.5 * (first.x_m + x_m), z_m: 0.5 * (first.z_m + z_m) };
+        if self.waiting.push_back(sample).is_err() {
             self.put_back();
             self.signals.lost = self.signals.lost.saturating_add(1);
         }
@@ -292,11 +314,19 @@ impl Twin {
         self.plan.motion.is_near()
     }
 
-    /// Goes on to the next event or to the end of a step; what that was.
+    /// It lags by more than impacts alone explain.
+    #[must_use]
+    pub fn is_late(&self) -> bool {
+        self.waiting.len() > self.waiting.capacity() / 2
+    }
+
+    /// One piece of work; what that was.
     pub fn work(&mut self) -> Work {
         if self.present.is_over {
             let Some(sample) = self.waiting.pop_front() else { return Work::Nothing };
-            self.begin(sample);
+            if self.begin(sample) {
+                return Work::Learnt;
+            }
         }
         let Self { present, plan, .. } = self;
         let begun = match &mut present.begun {
@@ -306,8 +336,17 @@ impl Twin {
                 none.insert(plan.motion.begin_step(&present.whole.part(present.part, plan.steps)))
             }
         };
-        if !plan.motion.go_on(begun, &mut present.impacts) {
+        if core::mem::take(&mut present.found) {
+            plan.motion.carry_out(begun, &mut present.impacts);
             return Work::Event;
+        }
+        match plan.motion.seek(begun, &mut present.impacts) {
+            Sought::End => {}
+            Sought::Flight => return Work::Event,
+            Sought::Event => {
+                present.found = true;
+                return Work::Event;
+            }
         }
         present.begun = None;
         present.part += 1;
@@ -324,23 +363,35 @@ impl Twin {
         self.signals
     }
 
-    fn begin(&mut self, sample: Sample) {
-        while let Some(record) = self.detections.front().copied()
-            && sample.tick.wrapping_sub(record.tick).cast_signed() >= 0
-        {
+    /// Begins a sample; whether an impact was learnt from before.
+    fn begin(&mut self, sample: Sample) -> bool {
+        // The motion has come to the mean of the last sample but one.
+        let now = SAMPLE_TICKS as f32 * (MEAN_AT - 2.0);
+        let mut learnt = false;
+        while let Some(record) = self.detections.front().copied() {
+            let began = record.centre_ticks - 0.5 * record.contact_s * TICK_HZ;
+            let since = sample.tick.wrapping_sub(record.tick).cast_signed() as f32 + now - began;
+            // It is told a tick late: a twin that does not lag must not come there first. What is no number waits no longer.
+            let is_told = sample.tick.wrapping_sub(record.tick).cast_signed() > 0;
+            if !is_told || since < LEARNT_AFTER {
+                break;
+            }
             self.detections.pop_front();
-            self.learn(&record);
+            self.learn(&record, began, since);
+            learnt = true;
         }
         self.present.whole = self.track.push(sample.z_m);
         self.present.sample = sample;
         self.present.part = 0;
         self.present.is_over = false;
         self.present.impacts.list.clear();
+        learnt
     }
 
-    /// A measured impact of the present tick: pairs it, and learns from it where the particle is.
-    fn learn(&mut self, record: &ImpactRecord) {
-        let began = record.centre_ticks - 0.5 * record.contact_s * TICK_HZ;
+    /// Pairs a measured impact that began so many ticks from the start of its tick and so many ticks ago, and learns from it
+    /// where the particle is.
+    #[inline(never)]
+    fn learn(&mut self, record: &ImpactRecord, began: f32, since: f32) {
         // The measurement's guards are part of a pulse too.
         let length = record.contact_s * TICK_HZ + 1.0;
         let expected = self.matcher.detect(record.tick, began, record.side, length);
@@ -350,13 +401,26 @@ impl Twin {
             return;
         }
         let side = f32::from(record.side);
-        // In the twin's time, which ends one tick ago at the mean of its block; in ticks, then in steps.
-        let since = (MEAN_AT - 1.0 - began) * f32::from(self.plan.steps);
-        let leaving = self.plan.restitution * self.plan.approach_per_impulse * record.impulse_n_s * self.plan.step_s;
-        let clearance = self.plan.motion.coefficients().clearance;
-        self.plan.motion.place_particle(side * (clearance - leaving * since), -side * leaving);
-        let kick = side * (record.impulse_n_s - expected.impulse_n_s) / self.plan.impulse_per_kick;
-        self.plan.motion.nudge(kick * since, kick);
+        let per_tick = f32::from(self.plan.steps) * (1.0 / SAMPLE_TICKS as f32);
+        let since = since * per_tick;
+        let leaves = self.plan.restitution * self.plan.approach_per_impulse * self.plan.step_s;
+        let leaving = leaves * record.impulse_n_s;
+        let (c, state) = (self.plan.motion.coefficients(), self.plan.motion.state());
+        let per_impulse = side / self.plan.impulse_per_kick;
+        // What the twin took for it, and since when: nothing if it has not met the wall.
+        let (expected_leaving, expected_since) = (leaves * expected.impulse_n_s, since - expected.late * per_tick);
+        let (offset, slide) = if expected.count == 1 {
+            let moved = leaving * since - expected_leaving * expected_since;
+            (state.offset - side * moved, state.slide - side * (leaving - expected_leaving))
+        } else {
+            // From the wall, the structure's acceleration being its spring's.
+            let pull = -c.stiffness / c.mass * (state.x - self.present.whole.end());
+            let moved = leaving * since + 0.5 * side * pull * since * since;
+            (side * (c.clearance - moved), -side * leaving - pull * since)
+        };
+        self.plan.motion.place_particle(offset, slide);
+        let moved = per_impulse * (record.impulse_n_s * since - expected.impulse_n_s * expected_since);
+        self.plan.motion.nudge(moved, per_impulse * (record.impulse_n_s - expected.impulse_n_s));
     }
 
     fn end(&mut self) {
@@ -364,7 +428,7 @@ impl Twin {
         let Sample { tick, x_m, .. } = self.present.sample;
         let steps = f32::from(self.plan.steps);
         for impact in &self.present.impacts.list {
-            let at = MEAN_AT - 2.0 + impact.at / steps;
+            let at = SAMPLE_TICKS as f32 * (MEAN_AT - 2.0 + impact.at / steps);
             let kick = if impact.kick < 0.0 { -impact.kick } else { impact.kick };
             self.matcher.predict(tick, at, impact.side, kick * self.plan.impulse_per_kick);
         }
@@ -372,16 +436,16 @@ impl Twin {
         let predicted_m = self.plan.motion.state().x;
         let residual = self.measured_before_m - predicted_m;
         self.measured_before_m = x_m;
-        self.ticks = self.ticks.saturating_add(1);
-        // The first block has no x before it.
-        if self.ticks > 1 {
+        self.samples = self.samples.saturating_add(1);
+        // The first sample has no x before it.
+        if self.samples > 1 {
             self.residual_square += (residual * residual - self.residual_square) * self.plan.residual_gain;
             self.plan.motion.nudge(self.plan.gains.0 * residual, self.plan.gains.1 * residual);
         }
         let counts = self.matcher.counts();
         // It changes slowly, and a root is dear.
-        let residual_rms_m = if tick.is_multiple_of(ROOT_EVERY) {
-            libm::sqrtf(self.residual_square)
+        let residual_rms_m = if self.samples.is_multiple_of(ROOT_EVERY) {
+            Scalar::sqrt(self.residual_square)
         } else {
             self.signals.residual_rms_m
         };
@@ -402,13 +466,15 @@ impl Twin {
 pub enum Work {
     /// There was nothing to do.
     Nothing,
-    /// A step's end was reached without an event.
+    /// A step's end was reached.
     Quiet,
-    /// An event was found and handled: twice the work.
+    /// An event was found, or carried out.
     Event,
+    /// Measured impacts were learnt from.
+    Learnt,
 }
 
-/// The impacts of one tick, counted from its first step.
+/// The impacts of one sample, counted from its first step.
 #[derive(Clone, Debug)]
 struct Impacts {
     step: f32,
