@@ -30,7 +30,7 @@ pub struct Order {
 }
 
 /// What rows of telemetry hold.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
     /// Ticks from row to row; 0 for none.
     pub every_ticks: u16,
@@ -38,12 +38,6 @@ pub struct Selection {
     pub chosen: Chosen,
     /// Every impact is an event.
     pub impacts: bool,
-}
-
-impl Default for Selection {
-    fn default() -> Self {
-        Self { every_ticks: 0, chosen: Chosen::default(), impacts: false }
-    }
 }
 
 /// Places in the signal table.
