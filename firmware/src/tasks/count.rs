@@ -18,7 +18,8 @@ use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, Shaker};
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK};
+use damprig_core::rig::SUBSAMPLES;
+use damprig_core::rig::calibration::{Calibration, SlowBlock};
 use damprig_core::twin::TwinConfig;
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -185,7 +186,7 @@ impl Host<'_> {
     /// Lets the granted ticks pass and counts them.
     fn pass(&mut self, tally: &mut Tally) {
         let calibration = Calibration::assumed(65_520, 4_095, 0.005);
-        let slow = [32_760; SLOW_BLOCK];
+        let slow: SlowBlock = [[32_760; 3]; SUBSAMPLES];
         let mut reader = Reader::default();
         while self.device.control().next_tick() < self.now {
             let before = self.device.control().next_tick();

@@ -5,7 +5,7 @@
 //! block is there when the tick asks for it.
 
 use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, WALL_BLOCK, lost_block};
+use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, SlowBlock, WALL_BLOCK, lost_block};
 use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::time::Hertz;
@@ -86,8 +86,8 @@ impl Sampling {
 
     /// Waits for a tick's blocks. Those that came too late to be read are no numbers.
     pub async fn next_block(&mut self, calibration: &Calibration) -> &mut Sensors {
-        let mut slow = [0; SLOW_BLOCK];
-        let slow_read = self.slow.read(&mut slow).await;
+        let mut slow = SlowBlock::default();
+        let slow_read = self.slow.read(slow.as_flattened_mut()).await;
         let walls_read = self.walls.read(counts(&mut self.sensors.walls)).await;
         if slow_read.is_ok() && walls_read.is_ok() {
             self.sensors.readings = calibration.readings(&slow);
@@ -106,7 +106,11 @@ impl Sampling {
 
 /// Pairs as the converter's readings, one wall after the other.
 fn counts(pairs: &mut [Pair; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
-    const { assert!(cfg!(target_endian = "little") && size_of::<[Pair; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()) };
+    const {
+        assert!(
+            cfg!(target_endian = "little") && size_of::<[Pair; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
+        )
+    };
     // SAFETY: a pair is one word, so it lies as two readings must and has room for them; any bits are a pair.
     unsafe { &mut *core::ptr::from_mut(pairs).cast() }
 }

@@ -37,7 +37,7 @@ use crate::model::{Initial, Invalid, SetUp, Wall, require};
 use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, Touch};
-pub use pieces::{BegunStep, Sought};
+pub use pieces::{BegunStep, Progress};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -319,12 +319,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Advances by one step of base motion.
     pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
         let mut begun = self.begin_step(base);
-        loop {
-            match self.seek(&mut begun, observer) {
-                Sought::End => break,
-                Sought::Flight => {}
-                Sought::Event => self.carry_out(&mut begun, observer),
-            }
+        while self.look(&mut begun, observer, false) == Progress::Under {
+            self.carry_out(&mut begun, observer);
         }
     }
 

@@ -12,7 +12,10 @@ use serde::{Deserialize, Serialize};
 /// Channels of the slow converter: x, z and the friction damper's spring.
 pub const SLOW_CHANNELS: usize = 3;
 
-/// Conversions of a tick's block of the slow channels.
+/// A tick's block of the slow channels, oldest first: counts of x, z and the spring.
+pub type SlowBlock = [[u16; SLOW_CHANNELS]; SUBSAMPLES];
+
+/// Its conversions.
 pub const SLOW_BLOCK: usize = SLOW_CHANNELS * SUBSAMPLES;
 
 /// Conversions of a tick's block of both wall forces.
@@ -102,13 +105,12 @@ impl Calibration {
         finite("calibration.spring.zero_counts", f64::from(self.spring.zero_counts))
     }
 
-    /// What a tick's block comes to, as the converter leaves it: x, z, spring, x, z, …, oldest first.
+    /// What a tick's block comes to.
     #[must_use]
-    pub fn readings(&self, slow: &[u16; SLOW_BLOCK]) -> Readings {
-        let ([mut x, mut z], mut spring) = ([CountedBlock::default(); 2], 0);
-        for triple in slow.as_chunks::<SLOW_CHANNELS>().0 {
-            x.push(triple[0]);
-            z.push(triple[1]);
+    pub fn readings(&self, slow: &SlowBlock) -> Readings {
+        let [x, z] = [0, 1].map(|channel| CountedBlock::of(slow, channel));
+        let mut spring = 0;
+        for triple in slow {
             spring += u32::from(triple[2]);
         }
         Readings {
@@ -163,11 +165,7 @@ mod tests {
 
     #[test]
     fn the_converters_samples_go_to_their_channels_in_order() {
-        let slow = core::array::from_fn(|n| match n % 3 {
-            0 => 32_760 + n as u16,
-            1 => 32_760 - n as u16,
-            _ => n as u16,
-        });
+        let slow = core::array::from_fn(|k| [32_760 + 3 * k as u16, 32_760 - (3 * k as u16 + 1), 3 * k as u16 + 2]);
         // Triple k holds 3k, −(3k + 1) and 3k + 2 counts: their means over k from 0 to 9, and their farthest.
         let Readings { x, z, spring_n } = RIG.readings(&slow);
         assert_eq!((x.mean_m, x.peak_m), (13.5 * RIG.x.metres_per_count, 27.0 * RIG.x.metres_per_count));

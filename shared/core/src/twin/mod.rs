@@ -15,13 +15,13 @@
 //! then. Pairing predictions with measurements is [`matching`]'s.
 //!
 //! A controller's tick has no time for everything at once: one piece of work is what it has room for. A sample is one
-//! such piece mostly, and every event in it two more, so the twin may lag: samples and measured impacts wait in queues,
+//! such piece mostly, and every event in it three more, so the twin may lag: samples and measured impacts wait in queues,
 //! and what comes out does not depend on when [`Twin::work`] is done.
 
 pub mod matching;
 
 use crate::integrator::base::{Segment, Track};
-use crate::integrator::sampled::{BegunStep, Impact, Observer, Sampled, Sought, Units};
+use crate::integrator::sampled::{BegunStep, Impact, Observer, Progress, Sampled, Units};
 use crate::measure::impacts::ImpactRecord;
 use crate::model::{Initial, Invalid, SetUp, Wall, positive, require};
 use crate::rig::{SUBSAMPLES, TICK_HZ};
@@ -127,8 +127,6 @@ struct Present {
     /// The step that comes next.
     part: u8,
     begun: Option<BegunStep<f32>>,
-    /// An event has been found that is not carried out yet.
-    found: bool,
     impacts: Impacts,
     is_over: bool,
 }
@@ -140,7 +138,6 @@ impl Default for Present {
             whole: Segment([0.0; 4]),
             part: 0,
             begun: None,
-            found: false,
             impacts: Impacts { step: 0.0, list: Vec::new() },
             is_over: true,
         }
@@ -268,7 +265,6 @@ impl Twin {
         self.detections.clear();
         self.present.is_over = true;
         self.present.begun = None;
-        self.present.found = false;
         self.plan.motion.rest();
         self.track = Track::default();
         self.measured_before_m = 0.0;
@@ -336,17 +332,8 @@ impl Twin {
                 none.insert(plan.motion.begin_step(&present.whole.part(present.part, plan.steps)))
             }
         };
-        if core::mem::take(&mut present.found) {
-            plan.motion.carry_out(begun, &mut present.impacts);
+        if plan.motion.go_on(begun, &mut present.impacts) == Progress::Under {
             return Work::Event;
-        }
-        match plan.motion.seek(begun, &mut present.impacts) {
-            Sought::End => {}
-            Sought::Flight => return Work::Event,
-            Sought::Event => {
-                present.found = true;
-                return Work::Event;
-            }
         }
         present.begun = None;
         present.part += 1;
@@ -468,7 +455,7 @@ pub enum Work {
     Nothing,
     /// A step's end was reached.
     Quiet,
-    /// An event was found, or carried out.
+    /// An event was suspected, found or carried out.
     Event,
     /// Measured impacts were learnt from.
     Learnt,

@@ -3,15 +3,27 @@
 use super::{Event, Flight, Joint, Sampled, Touch};
 use crate::integrator::base::Segment;
 use crate::integrator::modes::{Contact, Grip, Mode, signed};
-use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
+use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure, might_fail};
 use crate::scalar::Scalar;
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
-    /// The first violated guard within `rest`, and the time until then.
-    pub(super) fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
+    /// The first violated guard within `rest`, and the time until then. A first look, which is cheaper, is content with any
+    /// that could be violated.
+    pub(super) fn next_event(
+        &self,
+        mode: Mode,
+        flight: &Flight<S>,
+        base: &Segment<S>,
+        rest: S,
+        first_look: bool,
+    ) -> (S, Option<Event>) {
         let mut first = (rest, None);
         let mut consider = |guard: &Polynomial<S>, event: Event| {
-            if let Some(at) = first_failure(guard, first.0)
+            if first_look {
+                if might_fail(guard, rest) {
+                    first.1 = Some(event);
+                }
+            } else if let Some(at) = first_failure(guard, first.0)
                 && (first.1.is_none() || at < first.0)
             {
                 first = (at, Some(event));
