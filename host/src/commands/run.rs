@@ -350,6 +350,7 @@ impl Job<'_> {
             at: jiff::Zoned::now().to_string(),
             reason: reason.clone(),
             counters: tally.counters,
+            controller: tally.controller,
             wall_s: wall.as_secs_f64(),
         };
         let ended = Entry::Ended(ended);

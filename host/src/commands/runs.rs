@@ -220,6 +220,10 @@ fn show(run: &RunFolder) -> Outcome {
     if m.resumed > 0 || c.interruptions > 0 {
         println!("Taken up again {} times; the link or the device was lost {} times", m.resumed, c.interruptions);
     }
+    if let Some(controller) = &m.controller {
+        println!("Controller: {}", controller.line());
+        controller.complaints().iter().for_each(|what| println!("Controller: {what}"));
+    }
     let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
     println!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
     let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);

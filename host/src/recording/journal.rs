@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checksum::FileRecord;
 use super::clock::{ClockFit, Pair};
+use super::controller::Controller;
 use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
 use super::transients::TransientRow;
@@ -124,6 +125,9 @@ pub struct Finished {
     pub lost_rows: u64,
     /// Device time against host time; none under a granted clock.
     pub clock: Option<ClockFit>,
+    /// How the controller kept up since the program began.
+    #[serde(default)]
+    pub controller: Option<Controller>,
 }
 
 /// The program has ended.
@@ -135,6 +139,9 @@ pub struct Ended {
     pub reason: Option<String>,
     /// What was lost since the program began.
     pub counters: Counters,
+    /// How the controller kept up since the program began; none when it was never asked.
+    #[serde(default)]
+    pub controller: Option<Controller>,
     /// Wall time since the program began, s.
     pub wall_s: f64,
 }

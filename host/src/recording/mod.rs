@@ -19,6 +19,7 @@
 
 pub mod checksum;
 pub mod clock;
+pub mod controller;
 pub mod folder;
 pub mod impacts;
 pub mod journal;

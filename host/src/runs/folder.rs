@@ -109,6 +109,7 @@ impl RunFolder {
             // It has not been written since the beginning.
             let taken = Taken::of(&lines.entries);
             manifest.points_taken = taken.points();
+            manifest.controller = taken.controller();
             let open = part::open_parts(path).into_iter().filter(|(n, _)| taken.sealed.iter().all(|s| s.part != *n));
             let open_rows = open.filter_map(|(_, file)| part::salvage(&file).ok()).map(|s| s.rows);
             manifest.sample_rows = taken.sealed.iter().map(|s| s.rows).chain(open_rows).sum();
