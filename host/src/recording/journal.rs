@@ -17,7 +17,8 @@ use super::controller::Controller;
 use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
 use super::transients::TransientRow;
-use super::{ResultRow, Signal, StorageError, regular};
+use super::{ResultRow, Signal, StorageError};
+use crate::input::regular;
 
 /// The journal's name in a run folder.
 pub const JOURNAL: &str = "journal.jsonl";

@@ -29,7 +29,6 @@ mod number;
 pub mod parquet;
 pub mod part;
 pub mod recorder;
-pub mod regular;
 pub mod row;
 pub mod samples;
 mod sound;

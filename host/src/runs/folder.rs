@@ -12,12 +12,12 @@ use arrow_array::RecordBatch;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::manifest::Manifest;
-use crate::input::near;
+use crate::input::{near, regular};
 use crate::recording::journal::{self, JOURNAL};
 use crate::recording::manifest::FORMAT;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
-use crate::recording::{part, regular, samples, transients};
+use crate::recording::{part, samples, transients};
 
 /// Why a run cannot be read. The text names the file and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

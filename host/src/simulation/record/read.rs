@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::at2::at2;
 use super::{Quantity, Record};
-use crate::input::near;
+use crate::input::{near, regular};
 
 /// Standard gravity by definition, m/s²: what "g" means in a record.
 pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -64,8 +64,8 @@ pub struct RecordError(pub String);
 /// # Errors
 /// Names file, line and value; for a missing file, those that look like it.
 pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
-    let text =
-        fs::read(path).map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    let text = regular::read_input(path)
+        .map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
     let text = String::from_utf8_lossy(&text);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
     let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
