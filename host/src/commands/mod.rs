@@ -3,6 +3,22 @@
 //! To add one: a file with its clap `Args` and a function that returns [`Outcome`], and a line each in
 //! `Command` and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
 
+/// Prints a line. When nobody reads any more (`| head`), what runs goes on all the same: it has a rig to stop.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// As `say!`, where errors go.
+macro_rules! warn {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod analysis_report;
 mod devices;
 #[cfg(feature = "probe")]
@@ -96,6 +112,9 @@ pub type Outcome = Result<(), Failure>;
 #[must_use]
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
+    // A file beyond the limit of the system (`ulimit -f`) then fails as on a full disk: with words, and the rig is stopped.
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     if !matches!(command, Command::Run(_)) {
         // `damprig runs show … | head` ends quietly. A run must not: it has a rig to stop.
         sigpipe::reset();
@@ -121,7 +140,7 @@ pub fn main() -> ExitCode {
         Err(Failure::Input(message)) => (2, message),
         Err(Failure::Interrupted(message)) => (130, message),
     };
-    eprintln!("error: {message}");
+    warn!("error: {message}");
     ExitCode::from(code)
 }
 
@@ -140,12 +159,10 @@ fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
 
 #[cfg(unix)]
 fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    use signal_hook::consts::{SIGTERM, SIGXFSZ};
+    use signal_hook::consts::SIGTERM;
     use signal_hook::flag::{register, register_conditional_shutdown};
     register_conditional_shutdown(SIGTERM, 130, Arc::clone(stop))?;
     register(SIGTERM, Arc::clone(stop))?;
-    // A file beyond the limit of the system (`ulimit -f`) then fails as on a full disk, and the rig is stopped.
-    register(SIGXFSZ, Arc::default())?;
     Ok(())
 }
 

@@ -328,6 +328,10 @@ fn export(args: &Export) -> Outcome {
     }
     let exporter = args.format.exporter();
     let tables = args.what.map_or_else(|| exporter.usual_tables().to_vec(), |table| vec![table]);
+    if let Some((table, why)) = tables.iter().find_map(|table| Some((table, exporter.cannot_hold(*table)?))) {
+        let format = exporter.extension();
+        return Err(Failure::Input(format!("--format {format} --what {}: {why}", table.word())));
+    }
     let out = args.out.clone().unwrap_or_else(|| {
         let one = if args.what.is_some() || exporter.holds_one_table() { tables.first() } else { None };
         let word = one.map_or(String::new(), |table| format!("-{}", table.word()));

@@ -39,7 +39,7 @@ pub struct FreeVibration {
 const LIMITS: [Limit; 5] = [
     ("level_m", LEAST, f32::MAX, "greater than 0"),
     ("hold_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
-    ("measure_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+    ("measure_s", 1.0 / TICK_HZ, LONGEST_S, "a tick or more, at most 10⁹"),
     ("timeout_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
     ("cycles", 1.0, f32::MAX, "1 or more"),
 ];
