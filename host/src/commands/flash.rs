@@ -213,8 +213,9 @@ fn reset(reset: Reset) -> &'static str {
     match reset {
         Reset::Unknown => "unknown",
         Reset::Power => "power-on or a sagging supply",
-        Reset::Pin => "the reset button or the debugger",
-        Reset::Software => "the firmware itself",
+        Reset::Pin => "the reset button, or the debugger",
+        // The debugger asks for it as the firmware does.
+        Reset::Software => "the firmware itself, or the debugger",
         Reset::Watchdog => "the watchdog",
     }
 }

@@ -168,10 +168,43 @@ fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use clap::{CommandFactory, Parser};
 
     #[test]
     fn the_command_line_is_sound() {
         super::Cli::command().debug_assert();
+    }
+
+    /// Commands in a text: in backticks, or on lines of their own.
+    fn commands(text: &str) -> Vec<&str> {
+        let quoted = text.split('`').skip(1).step_by(2);
+        let lines = text.lines().map(|line| line.split(" # ").next().unwrap_or(line));
+        let lines = lines.map(|line| line.split("   ").find(|part| !part.is_empty()).unwrap_or(""));
+        let all = quoted.filter(|span| !span.contains('\n')).chain(lines).map(str::trim);
+        // `a|b` stands for several.
+        all.filter(|command| command.starts_with("damprig ") && !command.contains(['|', '…'])).collect()
+    }
+
+    #[test]
+    fn every_command_of_the_documents_is_one_that_there_is() {
+        let top = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        for (document, least) in [("README.md", 5), ("firmware/README.md", 5), ("host/RUN_FOLDER.md", 3)] {
+            let text = std::fs::read_to_string(top.join(document)).expect("a document of the project");
+            let commands = commands(&text);
+            assert!(commands.len() >= least, "{document}: {commands:?}");
+            for command in commands {
+                // The command without its arguments is spoken of, too.
+                let words: Vec<&str> = command.split_whitespace().collect();
+                if words[1..].iter().all(|word| !word.contains(['.', ':', '-', '=']) && *word == word.to_lowercase()) {
+                    let cli = super::Cli::command();
+                    let known = words[1..].iter().try_fold(&cli, |at, word| at.find_subcommand(word));
+                    assert!(known.is_some(), "{document}: `{command}`");
+                } else if let Err(error) = super::Cli::try_parse_from(&words)
+                    && error.exit_code() != 0
+                {
+                    panic!("{document}: `{command}`: {error}");
+                }
+            }
+        }
     }
 }
