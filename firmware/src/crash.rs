@@ -3,14 +3,13 @@
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::{ExceptionFrame, exception};
 use damprig_device::crash::Record;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 
 use crate::board::nucleo_g474re::settings;
-use crate::callers;
+use crate::{callers, tick};
 
 /// The words, and the last tick.
 struct Kept(UnsafeCell<MaybeUninit<(Record, u32)>>);
@@ -21,8 +20,6 @@ unsafe impl Sync for Kept {}
 #[unsafe(link_section = ".uninit.crash")]
 static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 
-static TICK: AtomicU32 = AtomicU32::new(0);
-
 fn kept() -> (*mut Record, *mut u32) {
     let kept = KEPT.0.get().cast::<(Record, u32)>();
     // SAFETY: the addresses alone are taken.
@@ -30,15 +27,10 @@ fn kept() -> (*mut Record, *mut u32) {
 }
 
 /// The rig's tick, for the record.
-pub fn note_tick(tick: u32) {
-    TICK.store(tick, Ordering::Relaxed);
+pub fn note_tick(next: u32) {
+    tick::note(next);
     // SAFETY: the control tick alone writes it; whoever reads it has masked interrupts or runs before the tasks.
-    unsafe { kept().1.write_volatile(tick) };
-}
-
-/// The rig's tick as control has noted it last.
-pub fn tick() -> u32 {
-    TICK.load(Ordering::Relaxed)
+    unsafe { kept().1.write_volatile(next) };
 }
 
 /// At the start, before any task: what is to be told of earlier runs.
@@ -61,7 +53,7 @@ pub fn note(cause: CrashCause, calls: [u32; CALLS_TOLD]) {
         // SAFETY: interrupts are masked, and plain words are sound whatever they hold.
         unsafe {
             let mut words = record.read_volatile();
-            words.write(cause, TICK.load(Ordering::Relaxed), calls);
+            words.write(cause, tick::now(), calls);
             record.write_volatile(words);
         }
     });

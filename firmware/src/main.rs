@@ -15,6 +15,8 @@ mod identity;
 mod masked;
 mod memory;
 mod tasks;
+#[cfg(not(feature = "board-mps2-an385"))]
+mod tick;
 
 #[cfg(not(feature = "board-mps2-an385"))]
 use defmt_rtt as _;

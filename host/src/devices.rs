@@ -4,9 +4,11 @@
 
 use std::time::Duration;
 
+use damprig_protocol::Counters;
 use serialport::{SerialPortType, UsbPortInfo};
 
 use crate::link::Address;
+use crate::recording::controller::Controller;
 use crate::session::Session;
 
 /// A serial port.
@@ -42,6 +44,8 @@ pub enum Answer {
         firmware: String,
         /// What ended an earlier run of its firmware.
         last_crash: Option<String>,
+        /// What it has counted since its supply came on and should not have, in words.
+        complaints: Vec<String>,
     },
     /// Something else, or nothing: in words.
     None(String),
@@ -88,7 +92,8 @@ pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
             return Found { port, answer: Answer::NotAsked };
         }
         let answer = match Session::open(&Address::Serial((&port.path).into()), timeout) {
-            Ok(session) => Answer::Device {
+            Ok(mut session) => Answer::Device {
+                complaints: session.status().map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
                 board: session.identity.board.to_string(),
                 firmware: session.identity.firmware.to_string(),
                 last_crash: session.description.last_crash.map(|crash| crash.to_string()),
@@ -98,6 +103,12 @@ pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
         Found { port, answer }
     };
     ports.into_iter().map(one).collect()
+}
+
+/// What a board has counted since it started and should not have, in words.
+#[must_use]
+pub fn complaints(counters: &Counters) -> Vec<String> {
+    Controller::between(&Counters::default(), counters).complaints()
 }
 
 /// The only device that answered.
@@ -153,7 +164,10 @@ mod tests {
     }
 
     fn device(path: &str) -> Found {
-        found(path, Answer::Device { board: "nucleo".into(), firmware: "0.1.0".into(), last_crash: None })
+        found(
+            path,
+            Answer::Device { board: "nucleo".into(), firmware: "0.1.0".into(), last_crash: None, complaints: vec![] },
+        )
     }
 
     #[test]

@@ -5,11 +5,11 @@
 //! [`crate::run`]'s business.
 
 mod idle;
+mod status;
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use damprig_core::rig::Status;
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
@@ -138,6 +138,8 @@ pub struct Session {
     reports: VecDeque<Report>,
     replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
     seq: u16,
+    /// The board's latest counters, and the number of the question that they answered.
+    counters: Option<(u16, Counters)>,
     bad_frames: u64,
     stale_messages: u64,
     granted_until: Option<u32>,
@@ -196,6 +198,7 @@ impl Session {
             reports: VecDeque::new(),
             replies: VecDeque::new(),
             seq: 0,
+            counters: None,
             bad_frames: 0,
             stale_messages: 0,
             granted_until: None,
@@ -305,7 +308,10 @@ impl Session {
                         continue;
                     }
                     match message {
-                        FromDevice::Reply { seq, answer } => self.replies.push_back((seq, answer)),
+                        FromDevice::Reply { seq, answer } => {
+                            self.hear_counters(seq, &answer);
+                            self.replies.push_back((seq, answer));
+                        }
                         FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
                         FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
                         FromDevice::Clock { tick } => self.clock_tick = self.clock_tick.max(tick),
@@ -371,22 +377,6 @@ impl Session {
         match self.ask(what, ask)? {
             Answer::Done => Ok(()),
             _ => Err(SessionError::Confused { what }),
-        }
-    }
-
-    /// State and counters.
-    ///
-    /// # Errors
-    /// As [`Session::ask`].
-    pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
-        match self.ask("say how it is", Ask::Status)? {
-            Answer::Status { status, counters } => {
-                // A late grant may have carried the device further than the present one.
-                self.clock_tick = self.clock_tick.max(status.tick);
-                self.granted_until = self.granted_until.map(|until| until.max(status.tick));
-                Ok((status, counters))
-            }
-            _ => Err(SessionError::Confused { what: "say how it is" }),
         }
     }
 

@@ -112,6 +112,14 @@ pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusa
     let mut template = table(present);
     let mut spans = Vec::new();
     fill(source, "", &mut template, document.get_ref(), &mut spans);
+    if spans.is_empty() && source.is_clean() {
+        source.report(Problem {
+            title: "the file sets nothing".into(),
+            span: 0..0,
+            allowed: "one setting or more; `damprig settings export` writes them all".into(),
+            help: None,
+        });
+    }
     source.verdict()?;
     // Of the template's shape, so it is settings.
     let settings: Settings = template.try_into().unwrap_or(*present);

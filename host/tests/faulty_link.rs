@@ -220,7 +220,13 @@ fn over_faults(unit: Unit, seed: u64) {
     match unit {
         Unit::Frame => assert!(disturbed.rows() * 10 > undisturbed.rows() * 9),
         // Nearly every message of 64 values is hit by then.
-        Unit::Byte => assert!(tally.counters.bad_frames_host > 0 && tally.counters.missing_records > 0),
+        Unit::Byte => {
+            assert!(tally.counters.bad_frames_host > 0 && tally.counters.missing_records > 0);
+            // The board's own word, on its way over the same line.
+            let told = tally.controller.expect("the board was asked");
+            assert!(told.bad_frames > 0 && told.overruns == 0, "{told:?}");
+            assert_eq!(tally.counters.bad_frames_device, told.bad_frames);
+        }
     }
 }
 

@@ -145,3 +145,18 @@ fn a_probe_that_is_none_is_refused_with_how_one_is_written() {
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("--probe") && said.contains("VID:PID:SERIAL"), "{said}");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_or_a_folder_is_no_image_and_is_not_waited_for() {
+    let folder = folder_with("");
+    std::fs::create_dir(folder.path().join("folder.elf")).expect("a folder");
+    let pipe = folder.path().join("pipe.elf");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+    for (file, kind) in [("folder.elf", "a folder"), ("pipe.elf", "a pipe")] {
+        let output = damprig(&folder).args(["flash", file]).timeout(common::PATIENCE).output().expect("the command");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("cannot read the image {file}: this is {kind}, no plain file")), "{said}");
+    }
+}

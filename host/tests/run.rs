@@ -321,3 +321,15 @@ fn every_impact_that_was_felt_is_a_row_and_the_walls_take_turns() {
     assert!(peak_n.iter().chain(&impulse_n_s).all(|value| *value > 0.0));
     assert_eq!(table.schema().field_with_name("impulse_n_s").unwrap().metadata()["unit"], "N·s");
 }
+
+#[test]
+fn every_campaign_that_is_shipped_is_sound() {
+    let campaigns = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns");
+    let files = std::fs::read_dir(campaigns).unwrap().map(|entry| entry.unwrap().path());
+    let files: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();
+    assert!(files.len() > 4, "{files:?}");
+    let folder = folder_with("");
+    for file in files {
+        damprig(&folder).arg("run").arg(&file).arg("--dry-run").assert().success();
+    }
+}

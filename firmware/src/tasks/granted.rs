@@ -7,6 +7,7 @@ use damprig_device::simulated::{Progress, Simulated};
 use static_cell::StaticCell;
 
 use crate::board::mps2_an386::{self, Line};
+use crate::tick;
 
 /// Ticks between two looks at the line.
 const TICKS_BETWEEN_LOOKS: u32 = 100;
@@ -24,7 +25,9 @@ pub async fn run(mut line: Line, device: &'static mut Simulated<f32>) -> ! {
         while let Some(byte) = line.try_read() {
             device.receive(&[byte]);
         }
-        if device.run(TICKS_BETWEEN_LOOKS, |bytes| line.write(bytes)) == Progress::Standing {
+        let progress = device.run(TICKS_BETWEEN_LOOKS, |bytes| line.write(bytes));
+        tick::note(device.control().next_tick());
+        if progress == Progress::Standing {
             let byte = line.read().await;
             device.receive(&[byte]);
         }

@@ -10,6 +10,7 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Architecture, Endianness, Object, ObjectSection};
 
 use super::{BOARD, CHIP};
+use crate::input::regular;
 use crate::session::hex;
 
 /// Bank 1 of the flash: the image's. Bank 2 holds the settings.
@@ -54,7 +55,7 @@ impl Image {
     /// It cannot be read, is no image for this chip, or speaks another protocol: both sides named.
     pub fn read(path: &Path) -> Result<Self, String> {
         let file =
-            std::fs::read(path).map_err(|e| format!("cannot read the image {}: {e}; {BUILD}", path.display()))?;
+            regular::read_input(path).map_err(|e| format!("cannot read the image {}: {e}; {BUILD}", path.display()))?;
         Self::check(path, &file).map_err(|why| format!("{}: {why}", path.display()))
     }
 

@@ -136,6 +136,10 @@ fn read(
     let wanted = section.texts("set_ups");
     let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
     let shaker: Option<&Shaker> = rig.and_then(|rig| rig.shaker.as_ref());
+    if kind.is_none() && section.has_own("kind") {
+        // Which keys it may have is not known.
+        return None;
+    }
     let read = match kind {
         Some(1) => transient::playback(&section, index, rig).map(Kind::Playback),
         Some(2) => transient::impulse(&section, rig).map(Kind::Playback),

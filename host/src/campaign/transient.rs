@@ -160,10 +160,25 @@ pub(super) fn playback(section: &Section, index: usize, rig: Option<&RigSettings
     let is_linear = baseline.map_or(record.quantity == Quantity::Acceleration, |word| word == 1);
     let rate_hz = wanted_rate.as_ref().map(|n| n.value).unwrap_or((1.0 / record.step_s).min(f64::from(TICK_HZ)));
     let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() + 1.0;
+    if rate_hz < LEAST_RATE_HZ {
+        let allowed =
+            format!("has a sample each {:.3e} s; at most {} s can be played", record.step_s, 1.0 / LEAST_RATE_HZ);
+        section.refuse("file", &file, allowed, Some("give `time_step_s` in seconds, or resample the record".into()));
+        return None;
+    }
+    if count < 2.0 {
+        let allowed = format!(
+            "{} samples in {:.3e} s: at {rate_hz} Hz the base would have no time to move",
+            record.samples.len(),
+            record.duration_s()
+        );
+        section.refuse("file", &file, allowed, Some("give `time_step_s` in seconds".into()));
+        return None;
+    }
     if count > MOST_SAMPLES as f64 {
         let fits = two_digits_down((MOST_SAMPLES - 1) as f64 / record.duration_s());
         let allowed = format!(
-            "gives {count:.0} samples in {} s; the controller's record buffer of 40 KiB holds {MOST_SAMPLES}",
+            "gives {count:.0} samples in {:.2} s; the controller's record buffer of 40 KiB holds {MOST_SAMPLES}",
             record.duration_s()
         );
         let help = Some(format!("write sample_rate_hz = {fits}, or cut the record"));
@@ -217,10 +232,13 @@ impl Ends {
     }
 }
 
+/// Fewest samples that the controller plays in a second, Hz.
+const LEAST_RATE_HZ: f64 = 0.1;
+
 fn sample_rate(section: &Section) -> Option<Number> {
     let most = f64::from(TICK_HZ);
-    let allowed = format!("from 0.1 to the controller's tick rate of {most}");
-    section.number_if("sample_rate_hz", |v| (0.1..=most).contains(&v), &allowed)
+    let allowed = format!("from {LEAST_RATE_HZ} to the controller's tick rate of {most}");
+    section.number_if("sample_rate_hz", |v| (LEAST_RATE_HZ..=most).contains(&v), &allowed)
 }
 
 /// A record as displacements at the rate at which it is played, and what was done to it in words.
@@ -336,6 +354,11 @@ pub(super) fn impulse(section: &Section, rig: Option<&RigSettings>) -> Option<Pl
         return None;
     }
     let most_hz = (MOST_SAMPLES - 1) as f64 / seconds;
+    if most_hz < LEAST_RATE_HZ {
+        let most_s = (MOST_SAMPLES - 1) as f64 / LEAST_RATE_HZ;
+        section.refuse("duration_s", &duration.span, format!("must be greater than 0, at most {most_s}"), None);
+        return None;
+    }
     let rate_hz = wanted_rate.map_or(f64::from(TICK_HZ).min(most_hz), |n| n.value);
     if rate_hz > most_hz * (1.0 + 1e-9) {
         let allowed =
@@ -418,6 +441,12 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
     if let Some(rig) = rig.filter(|rig| x0 > crate::prediction::USABLE * rig.displacement_limit_m) {
         let most = crate::prediction::USABLE * rig.displacement_limit_m;
         let allowed = format!("must be within the displacement limit: ±{most:.4} m of ±{} m", rig.displacement_limit_m);
+        section.refuse("start_m", &start.span, allowed, None);
+        return None;
+    }
+    // A half-cycle counts from a hundredth of x0 on: three standard deviations of the mean over a tick's ten samples.
+    if let Some(noise) = rig.map(|rig| rig.sensor_noise_rms_m).filter(|noise| x0 < 100.0 * noise) {
+        let allowed = format!("must be ±{:.3e} or more: a hundred times sensor_noise_rms_m = {noise}", 100.0 * noise);
         section.refuse("start_m", &start.span, allowed, None);
         return None;
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
-use damprig_protocol::{ClockSource, Reset};
+use damprig_protocol::{ClockSource, Counters, Reset};
 use indicatif::ProgressBar;
 use probe_rs::flashing::{ProgressEvent, ProgressOperation};
 use probe_rs::probe::DebugProbeSelector;
@@ -16,6 +16,7 @@ use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
 use crate::devices::{ask, only, ports};
 use crate::link::Address;
+use crate::recording::controller::Controller;
 use crate::session::{Session, hex};
 use crate::settings::origin_text;
 
@@ -92,8 +93,8 @@ pub fn run(args: &Args) -> Outcome {
     attached.reset().map_err(Failure::Failed)?;
     drop(attached);
     eprintln!("written and verified; the board begins anew");
-    let session = hear(args, &probe)?;
-    tell(&image, &session)
+    let mut session = hear(args, &probe)?;
+    tell(&image, &mut session)
 }
 
 /// A bar for each thing that is done.
@@ -173,7 +174,10 @@ fn place(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
 ///
 /// # Errors
 /// It runs something else than what was written.
-fn tell(image: &Image, session: &Session) -> Outcome {
+fn tell(image: &Image, session: &mut Session) -> Outcome {
+    let counted = session.status().map(|(_, counters)| Controller::between(&Counters::default(), &counters));
+    let health = counted.map_or_else(|e| e.to_string(), |c| [vec![c.line()], c.complaints()].concat().join("; "));
+    let session = &*session;
     let (it, about) = (&session.identity, &session.description);
     let revision = if about.revision.is_empty() { "revision unknown" } else { about.revision.as_str() };
     println!("{} at {}", it.board, session.name());
@@ -182,6 +186,7 @@ fn tell(image: &Image, session: &Session) -> Outcome {
     println!("  clock     {}", clock(about.clock_source));
     println!("  reset by  {}", reset(about.reset));
     println!("  settings  {}", origin_text(about.settings));
+    println!("  health    {health}");
     println!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
     if (&it.board, &it.firmware) == (&image.identity.board, &image.identity.firmware) {
         return Ok(());
@@ -208,8 +213,9 @@ fn reset(reset: Reset) -> &'static str {
     match reset {
         Reset::Unknown => "unknown",
         Reset::Power => "power-on or a sagging supply",
-        Reset::Pin => "the reset button or the debugger",
-        Reset::Software => "the firmware itself",
+        Reset::Pin => "the reset button, or the debugger",
+        // The debugger asks for it as the firmware does.
+        Reset::Software => "the firmware itself, or the debugger",
         Reset::Watchdog => "the watchdog",
     }
 }

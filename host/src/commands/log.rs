@@ -11,7 +11,8 @@ use super::flash::At;
 use super::{Failure, Outcome};
 use crate::board::CHIP;
 
-/// Shows the log of the controller's firmware, with source lines, until Ctrl-C.
+/// Shows the log of the controller's firmware until Ctrl-C: level, source line, and the board's time, which is that of the
+/// samples.
 ///
 /// Attaches without a reset: the rig goes on. Needs the command `probe-rs` (`cargo install probe-rs-tools`).
 #[derive(Debug, ClapArgs)]

@@ -3,6 +3,22 @@
 //! To add one: a file with its clap `Args` and a function that returns [`Outcome`], and a line each in
 //! `Command` and [`main`]. What the subcommands do is the library's; here are flags, words and exit codes.
 
+/// Prints a line. When nobody reads any more (`| head`), what runs goes on all the same: it has a rig to stop.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// As `say!`, where errors go.
+macro_rules! warn {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod analysis_report;
 mod devices;
 #[cfg(feature = "probe")]
@@ -96,6 +112,9 @@ pub type Outcome = Result<(), Failure>;
 #[must_use]
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
+    // A file beyond the limit of the system (`ulimit -f`) then fails as on a full disk: with words, and the rig is stopped.
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     if !matches!(command, Command::Run(_)) {
         // `damprig runs show … | head` ends quietly. A run must not: it has a rig to stop.
         sigpipe::reset();
@@ -121,7 +140,7 @@ pub fn main() -> ExitCode {
         Err(Failure::Input(message)) => (2, message),
         Err(Failure::Interrupted(message)) => (130, message),
     };
-    eprintln!("error: {message}");
+    warn!("error: {message}");
     ExitCode::from(code)
 }
 
@@ -140,21 +159,52 @@ fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
 
 #[cfg(unix)]
 fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    use signal_hook::consts::{SIGTERM, SIGXFSZ};
+    use signal_hook::consts::SIGTERM;
     use signal_hook::flag::{register, register_conditional_shutdown};
     register_conditional_shutdown(SIGTERM, 130, Arc::clone(stop))?;
     register(SIGTERM, Arc::clone(stop))?;
-    // A file beyond the limit of the system (`ulimit -f`) then fails as on a full disk, and the rig is stopped.
-    register(SIGXFSZ, Arc::default())?;
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
+    use clap::{CommandFactory, Parser};
 
     #[test]
     fn the_command_line_is_sound() {
         super::Cli::command().debug_assert();
+    }
+
+    /// Commands in a text: in backticks, or on lines of their own.
+    fn commands(text: &str) -> Vec<&str> {
+        let quoted = text.split('`').skip(1).step_by(2);
+        let lines = text.lines().map(|line| line.split(" # ").next().unwrap_or(line));
+        let lines = lines.map(|line| line.split("   ").find(|part| !part.is_empty()).unwrap_or(""));
+        let all = quoted.filter(|span| !span.contains('\n')).chain(lines).map(str::trim);
+        // `a|b` stands for several.
+        all.filter(|command| command.starts_with("damprig ") && !command.contains(['|', '…'])).collect()
+    }
+
+    #[test]
+    fn every_command_of_the_documents_is_one_that_there_is() {
+        let top = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        for (document, least) in [("README.md", 5), ("firmware/README.md", 5), ("host/RUN_FOLDER.md", 3)] {
+            let text = std::fs::read_to_string(top.join(document)).expect("a document of the project");
+            let commands = commands(&text);
+            assert!(commands.len() >= least, "{document}: {commands:?}");
+            for command in commands {
+                // The command without its arguments is spoken of, too.
+                let words: Vec<&str> = command.split_whitespace().collect();
+                if words[1..].iter().all(|word| !word.contains(['.', ':', '-', '=']) && *word == word.to_lowercase()) {
+                    let cli = super::Cli::command();
+                    let known = words[1..].iter().try_fold(&cli, |at, word| at.find_subcommand(word));
+                    assert!(known.is_some(), "{document}: `{command}`");
+                } else if let Err(error) = super::Cli::try_parse_from(&words)
+                    && error.exit_code() != 0
+                {
+                    panic!("{document}: `{command}`: {error}");
+                }
+            }
+        }
     }
 }

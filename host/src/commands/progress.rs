@@ -1,6 +1,6 @@
 //! Progress: a bar with an estimate on a terminal; elsewhere a line per set-up of a campaign, nothing for a simulation.
 
-use std::io::{BufRead, IsTerminal};
+use std::io::{BufRead, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -100,7 +100,7 @@ impl Progress {
         let Some(line) = self.line.take() else { return };
         if self.bar.is_hidden() {
             let peak = line.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
-            println!("[{}/{}] {}: {} points{peak}", self.mounted, self.set_ups.len(), line.label, line.points);
+            say!("[{}/{}] {}: {} points{peak}", self.mounted, self.set_ups.len(), line.label, line.points);
         }
     }
 }
@@ -123,7 +123,7 @@ impl Watcher for Progress {
             return Err(RunError::NobodyThere(message));
         }
         self.bar.suspend(|| {
-            eprint!("Mount set-up {:?}: {what}. Press Enter when it is ready. ", set_up.name);
+            let _ = write!(std::io::stderr(), "Mount set-up {:?}: {what}. Press Enter when it is ready. ", set_up.name);
             let mut answer = String::new();
             match std::io::stdin().lock().read_line(&mut answer) {
                 Ok(count) if count > 0 => Ok(()),
@@ -154,6 +154,6 @@ impl Watcher for Progress {
 
     fn link(&mut self, state: &str) {
         // Above the bar, or where errors go: it stands there in the morning.
-        self.bar.suspend(|| eprintln!("link: {state}"));
+        self.bar.suspend(|| warn!("link: {state}"));
     }
 }

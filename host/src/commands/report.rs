@@ -70,11 +70,13 @@ pub fn summary(manifest: &Manifest) -> String {
     let clock = manifest.clock;
     let tick_hz = manifest.device.as_ref().map_or(0.0, |d| d.tick_hz);
     let counters = manifest.counters;
+    let late = manifest.controller.map_or(0, |c| c.overruns);
+    let late = if late > 0 { format!("; {late} ticks of the board came too late") } else { String::new() };
     let speed = clock.rig_s / clock.wall_s;
     // Nothing was timed: a run whose end could not be noted.
     let speed = if speed.is_finite() { format!(" ({speed:.0} times real time)") } else { String::new() };
     format!(
-        "{} of {} points; {:.0} s of rig time in {:.2} s{speed} at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}",
+        "{} of {} points; {:.0} s of rig time in {:.2} s{speed} at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}{late}",
         manifest.points_taken,
         manifest.points_planned,
         clock.rig_s,

@@ -123,14 +123,14 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let campaign = Campaign::read(file).map_err(input)?;
     let predictions = prediction::predict(&campaign).map_err(input)?;
     let expected = prediction::transient::predict(&campaign).map_err(input)?;
-    println!("Campaign {} ({})", campaign.name, file.display());
+    say!("Campaign {} ({})", campaign.name, file.display());
     if !predictions.is_empty() {
-        println!("{}", report::plan(&campaign, &predictions));
+        say!("{}", report::plan(&campaign, &predictions));
     }
-    transient_report::plan(&campaign, &expected).iter().for_each(|plan| println!("{plan}"));
+    transient_report::plan(&campaign, &expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predictions, &expected)?;
     if args.dry_run {
-        println!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.displacement_limit_m * 1e3);
+        say!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.displacement_limit_m * 1e3);
         return Ok(());
     }
     let stop = Arc::new(AtomicBool::new(false));
@@ -167,16 +167,16 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         held => held,
     };
     let earlier = Earlier::read(&path).map_err(input)?;
-    println!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
+    say!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
     for warning in &earlier.warnings {
-        println!("WRONG  {warning}");
+        say!("WRONG  {warning}");
     }
     let is_over = ReadFolder::open(&path).is_ok_and(|run| run.manifest().status == "complete");
     if is_over && earlier.is_complete() {
-        println!("The run is complete: all {} points are taken. Nothing was done.", earlier.campaign.points());
+        say!("The run is complete: all {} points are taken. Nothing was done.", earlier.campaign.points());
         return Ok(());
     }
-    earlier.intentions().iter().for_each(|line| println!("- {line}"));
+    earlier.intentions().iter().for_each(|line| say!("- {line}"));
     let campaign = &earlier.campaign;
     let predictions = prediction::predict(campaign).map_err(input)?;
     let expected = prediction::transient::predict(campaign).map_err(input)?;
@@ -219,12 +219,12 @@ fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected])
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
     let session = Session::open(rig, Duration::from_secs_f64(args.timeout)).map_err(failed)?;
     if let Some(crash) = session.description.last_crash {
-        eprintln!(
+        warn!(
             "note: the board began anew after a crash: {crash}\n  addr2line -f -e IMAGE with these addresses tells the lines"
         );
     }
     if session.description.clock_source == ClockSource::InternalOscillator {
-        eprintln!("note: the board's crystal did not start: its ticks, and every frequency, are off by up to 1 %");
+        warn!("note: the board's crystal did not start: its ticks, and every frequency, are off by up to 1 %");
     }
     Ok(session)
 }
@@ -282,7 +282,7 @@ impl Job<'_> {
         stop: &AtomicBool,
     ) -> Outcome {
         let device = &begin.device;
-        println!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
+        say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
         let mut manifest = self.manifest(&begin);
         let plan = Plan {
             signals: begin.signals.clone(),
@@ -350,6 +350,7 @@ impl Job<'_> {
             at: jiff::Zoned::now().to_string(),
             reason: reason.clone(),
             counters: tally.counters,
+            controller: tally.controller,
             wall_s: wall.as_secs_f64(),
         };
         let ended = Entry::Ended(ended);
@@ -383,11 +384,11 @@ impl Job<'_> {
         manifest.files = sums.clone().unwrap_or_default();
         let written = noted.and(told).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         if has_sines {
-            println!("{}", report::results(self.campaign, &rows));
+            say!("{}", report::results(self.campaign, &rows));
         }
-        transient_report::results(taken.transients()).iter().for_each(|table| println!("{table}"));
-        println!("{}", report::summary(&manifest));
-        println!("Run folder: {}", path.display());
+        transient_report::results(taken.transients()).iter().for_each(|table| say!("{table}"));
+        say!("{}", report::summary(&manifest));
+        say!("Run folder: {}", path.display());
         if let Err(error) = &result {
             let (taken, planned) = (manifest.points_taken, manifest.points_planned);
             let shown = path.display();

@@ -220,6 +220,10 @@ fn show(run: &RunFolder) -> Outcome {
     if m.resumed > 0 || c.interruptions > 0 {
         println!("Taken up again {} times; the link or the device was lost {} times", m.resumed, c.interruptions);
     }
+    if let Some(controller) = &m.controller {
+        println!("Controller: {}", controller.line());
+        controller.complaints().iter().for_each(|what| println!("Controller: {what}"));
+    }
     let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
     println!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
     let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);
@@ -324,6 +328,10 @@ fn export(args: &Export) -> Outcome {
     }
     let exporter = args.format.exporter();
     let tables = args.what.map_or_else(|| exporter.usual_tables().to_vec(), |table| vec![table]);
+    if let Some((table, why)) = tables.iter().find_map(|table| Some((table, exporter.cannot_hold(*table)?))) {
+        let format = exporter.extension();
+        return Err(Failure::Input(format!("--format {format} --what {}: {why}", table.word())));
+    }
     let out = args.out.clone().unwrap_or_else(|| {
         let one = if args.what.is_some() || exporter.holds_one_table() { tables.first() } else { None };
         let word = one.map_or(String::new(), |table| format!("-{}", table.word()));

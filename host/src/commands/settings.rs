@@ -1,6 +1,5 @@
 //! `damprig settings`: what a board is before an experiment says anything, looked at, changed, kept, and carried to files.
 
-use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,6 +10,7 @@ use damprig_protocol::Ask;
 
 use super::devices::Rig;
 use super::{Failure, Outcome};
+use crate::export::whole::{to_failure, write_new};
 use crate::input::{Source, near};
 use crate::session::Session;
 use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
@@ -105,6 +105,13 @@ pub fn run(args: &Args) -> Outcome {
             // It was read above.
             let Some(source) = file else { return Ok(()) };
             let wanted = from_toml(&source, &present).map_err(|e| Failure::Input(e.to_string()))?;
+            let own = &session.identity.board;
+            if let Some(other) = board_of(source.text()).filter(|other| *other != own.as_str()) {
+                eprintln!(
+                    "note: {} is of the board {other}, this is {own}: its sensors' scales come along",
+                    source.name()
+                );
+            }
             send(&mut session, &present, &wanted, *save)
         }
     }
@@ -114,19 +121,23 @@ fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::Failed(error.to_string())
 }
 
+/// The board that an exported file says it is of.
+fn board_of(text: &str) -> Option<&str> {
+    text.lines().find_map(|line| line.strip_prefix("# Settings of ")?.split_once(", firmware ")).map(|(board, _)| board)
+}
+
 fn head(session: &Session, origin: Origin) -> String {
     let (board, firmware) = (&session.identity.board, &session.identity.firmware);
     format!("Settings of {board}, firmware {firmware} ({})", origin_text(origin))
 }
 
 fn export(file: &Path, text: &str) -> Outcome {
-    let written =
-        OpenOptions::new().write(true).create_new(true).open(file).and_then(|mut f| f.write_all(text.as_bytes()));
-    written.map_err(|error| {
-        let exists = error.kind() == std::io::ErrorKind::AlreadyExists;
-        let fix = if exists { ": move it away, or name another" } else { "" };
-        Failure::Input(format!("cannot write {}: {error}{fix}", file.display()))
-    })?;
+    if file.symlink_metadata().is_ok() {
+        let message = format!("cannot write {}: it exists; move it away, or name another", file.display());
+        return Err(Failure::Input(message));
+    }
+    // Half a file would be imported without a word: what it leaves out stays.
+    write_new(file, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(failed)?;
     println!("written to {}", file.display());
     Ok(())
 }
@@ -159,11 +170,18 @@ fn save(session: &mut Session) -> Outcome {
 /// `present` with the values of `KEY=VALUE` texts.
 fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
     let names: Vec<String> = entries(present).into_iter().map(|(place, _)| place.join(".")).collect();
-    let mut text = String::new();
+    let (mut text, mut given) = (String::new(), Vec::new());
     for value in values {
         let Some((key, number)) = value.split_once('=').map(|(key, number)| (key.trim(), number.trim())) else {
             return Err(Failure::Input(format!("{value:?}: write KEY=VALUE, for example spring.step_m=4e-6")));
         };
+        if key.is_empty() {
+            return Err(Failure::Input(format!("{value:?}: write KEY=VALUE, for example spring.step_m=4e-6")));
+        }
+        if given.contains(&key) {
+            return Err(Failure::Input(format!("`{key}` is given twice: leave out one")));
+        }
+        given.push(key);
         if !names.iter().any(|name| name == key) {
             let last = key.rsplit('.').next().unwrap_or(key);
             let same = |name: &&String| name.rsplit('.').next() == Some(last);

@@ -139,6 +139,12 @@ pub trait Exporter {
         false
     }
 
+    /// Why a table has no place in the format, if it has none.
+    fn cannot_hold(&self, table: Table) -> Option<&'static str> {
+        let _ = table;
+        None
+    }
+
     /// The end of the file's name, without the dot.
     fn extension(&self) -> &'static str;
 

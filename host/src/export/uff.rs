@@ -36,6 +36,11 @@ impl Exporter for Uff {
         "uff"
     }
 
+    fn cannot_hold(&self, table: Table) -> Option<&'static str> {
+        let why = "the figures of records and free vibrations are no functions; csv and mat hold them";
+        (table == Table::Transients).then_some(why)
+    }
+
     fn export(&self, run: &RunFolder, part: &Part, out: &Path) -> Result<Exported, ReadError> {
         let failed = to_failure(out);
         write_whole(out, |file| {
@@ -61,11 +66,6 @@ impl Exporter for Uff {
                 if let Some(last) = stretch {
                     writer.histories(&last).map_err(|e| failed(&e))?;
                 }
-            }
-            if part.tables.contains(&Table::Transients) {
-                exported
-                    .notes
-                    .push("the figures of records and free vibrations are no functions: csv and mat hold them".into());
             }
             writer.file.flush().map_err(|e| failed(&e))?;
             exported.notes.push(format!("{} functions (dataset 58)", writer.functions));

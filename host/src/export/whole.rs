@@ -38,7 +38,7 @@ pub(crate) fn write_new<T>(
     write: impl FnOnce(&mut NamedTempFile) -> Result<T, ReadError>,
 ) -> Result<T, ReadError> {
     if out.symlink_metadata().is_ok() {
-        return Err(failed(out, &"it exists; move it away or give another name with --out"));
+        return Err(failed(out, &"it exists; move it away or give another name"));
     }
     let folder = match out.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),

@@ -5,9 +5,11 @@
 //! are and which values are physical is said by the readers ([`crate::campaign`]) and the model.
 
 mod range;
+pub mod regular;
 pub mod section;
 mod suggest;
 
+use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,6 +18,9 @@ use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
 pub use section::{Number, Section, Text};
 pub use suggest::{near, replacement};
+
+/// A run folder's campaign, which somebody may mean who names the folder.
+const CAMPAIGN: &str = "campaign.toml";
 
 /// Where a value stands in its file, in bytes.
 pub type Span = Range<usize>;
@@ -47,14 +52,18 @@ impl Source {
     /// # Errors
     /// Names the file and says why it cannot be read; when it does not exist, names files that look like it.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        match std::fs::read_to_string(path) {
+        let text = regular::read_input(path)
+            .and_then(|bytes| String::from_utf8(bytes).map_err(|e| Error::new(ErrorKind::InvalidData, e)));
+        match text {
             Ok(text) => Ok(Self::new(path.display().to_string(), text)),
             Err(error) => {
                 let mut answer = format!("cannot read {}: {error}", path.display());
-                if error.kind() == std::io::ErrorKind::NotFound {
+                if error.kind() == ErrorKind::NotFound {
                     answer.push_str(&neighbours(path));
-                } else if error.kind() == std::io::ErrorKind::InvalidData {
+                } else if error.kind() == ErrorKind::InvalidData {
                     answer.push_str("\n  it must be a text in UTF-8");
+                } else if path.join(CAMPAIGN).is_file() {
+                    answer.push_str(&format!("\n  did you mean {}?", path.join(CAMPAIGN).display()));
                 }
                 Err(Refusal(answer))
             }

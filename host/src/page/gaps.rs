@@ -6,7 +6,7 @@ use arrow_array::RecordBatch;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
-use crate::recording::regular;
+use crate::input::regular;
 use crate::recording::taken::Taken;
 use crate::runs::columns::{numbers, texts};
 use crate::runs::folder::{is_open_part, read_samples, sample_files};

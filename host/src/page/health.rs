@@ -5,6 +5,7 @@ use maud::{Markup, html};
 
 use super::facts::Facts;
 use super::tables::{moment, number, short};
+use crate::recording::controller::Controller;
 
 /// A measured base amplitude that is off by more than this share of the one that was set is pointed out.
 const NOTABLE_BASE_ERROR: f64 = 0.05;
@@ -45,6 +46,7 @@ pub(super) fn warnings(facts: &Facts) -> Markup {
         list.push(format!("at {saturated} points the drive was at its limit"));
     }
     list.extend(base_errors(facts));
+    list.extend(facts.manifest.controller.iter().flat_map(Controller::complaints));
     for begin in &facts.taken.begun {
         if let Some(crash) = &begin.device.last_crash {
             list.push(format!("{}: the board had begun anew after a crash: {crash}", moment(&begin.at)));
@@ -103,6 +105,7 @@ pub(super) fn link(facts: &Facts) -> Markup {
             dt { "Interruptions" }
             dd { (c.interruptions) " of the link or the device; taken up again " (m.resumed) " times" }
         }
+        (controller(facts))
         @if facts.gaps.count > 0 { (gaps(facts)) }
         @if !facts.link.is_empty() {
             h3 { "Link" }
@@ -113,6 +116,37 @@ pub(super) fn link(facts: &Facts) -> Markup {
         }
         (ends(facts))
         (starts(facts))
+    }
+}
+
+/// How the controller kept up: its ticks, its queues, its side of the link.
+fn controller(facts: &Facts) -> Markup {
+    let Some(c) = facts.manifest.controller else { return html! {} };
+    // The ticks of a simulated board take no time.
+    let is_real = facts.taken.begun.iter().any(|begin| !begin.device.simulated);
+    let time = |us: f64, digits| if is_real { number(us, digits) } else { "–".into() };
+    let row = |what: &str, unit: &str, value: String, since: &str| {
+        html! { tr { td.word { (what) } td { (value) } td.word { (unit) } td.word { (since) } } }
+    };
+    let (run, start) = ("in this run", "since the board started");
+    html! {
+        h3 { "Controller" }
+        div.wide { table {
+            thead { tr { th.word { "What" } th { "Value" } th.word { "Unit" } th.word { "Counted" } } }
+            tbody {
+                (row("Ticks that came too late", "", c.overruns.to_string(), run))
+                (row("Longest tick", "µs", time(c.longest_tick_us.into(), 0), start))
+                (row("Largest jitter of a tick", "µs", time(c.largest_jitter_us.into(), 0), start))
+                (row("Interrupts masked for at most", "µs", time(c.longest_masked_us(), 1), start))
+                (row("Rows of samples without room", "", c.rows_dropped.to_string(), run))
+                (row("Replies and events without room", "", c.replies_dropped.to_string(), run))
+                (row("Requests without room", "", c.requests_dropped.to_string(), run))
+                (row("Most rows waiting", "", c.most_rows_waiting.to_string(), start))
+                (row("Most replies and events waiting", "", c.most_replies_waiting.to_string(), start))
+                (row("Broken frames", "", c.bad_frames.to_string(), run))
+            }
+        } }
+        @if !is_real { p.under { "A simulated board: its ticks take no time." } }
     }
 }
 

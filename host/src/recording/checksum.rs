@@ -7,7 +7,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{StorageError, regular};
+use super::StorageError;
+use crate::input::regular;
 
 /// A file as it was when the run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

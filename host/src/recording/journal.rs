@@ -13,10 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use super::checksum::FileRecord;
 use super::clock::{ClockFit, Pair};
+use super::controller::Controller;
 use super::impacts::Impacts;
 use super::manifest::{Counters, Device};
 use super::transients::TransientRow;
-use super::{ResultRow, Signal, StorageError, regular};
+use super::{ResultRow, Signal, StorageError};
+use crate::input::regular;
 
 /// The journal's name in a run folder.
 pub const JOURNAL: &str = "journal.jsonl";
@@ -124,6 +126,9 @@ pub struct Finished {
     pub lost_rows: u64,
     /// Device time against host time; none under a granted clock.
     pub clock: Option<ClockFit>,
+    /// How the controller kept up since the program began.
+    #[serde(default)]
+    pub controller: Option<Controller>,
 }
 
 /// The program has ended.
@@ -135,6 +140,9 @@ pub struct Ended {
     pub reason: Option<String>,
     /// What was lost since the program began.
     pub counters: Counters,
+    /// How the controller kept up since the program began; none when it was never asked.
+    #[serde(default)]
+    pub controller: Option<Controller>,
     /// Wall time since the program began, s.
     pub wall_s: f64,
 }

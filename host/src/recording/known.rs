@@ -14,10 +14,10 @@ use arrow_array::{RecordBatch, StringArray};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::part::{Stream, open_parts, read_stream, salvage};
-use super::regular;
 use super::samples::{self, JOINED, Label};
 use super::taken::Taken;
 use super::transients::TRANSIENTS;
+use crate::input::regular;
 use crate::runs::columns::values;
 
 /// What a journal does not know.

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::Signal;
 use super::checksum::FileRecord;
 use super::clock::ClockFit;
+use super::controller::Controller;
 use super::row::COLUMNS;
 use super::taken::Taken;
 use crate::campaign::{Campaign, CampaignSetUp};
@@ -201,6 +202,8 @@ pub struct Manifest {
     pub signals: Vec<Signal>,
     /// What got lost.
     pub counters: Counters,
+    /// How the controller kept up, as far as the journal tells; absent when it was never asked.
+    pub controller: Option<Controller>,
     /// Durations.
     pub clock: Clock,
     /// Times that the run was taken up again.
@@ -233,6 +236,7 @@ impl Manifest {
             telemetry_rate_hz: campaign.telemetry.rate_hz,
             signals: Vec::new(),
             counters: Counters::default(),
+            controller: None,
             clock: Clock::default(),
             resumed: 0,
             segments: Vec::new(),
@@ -245,6 +249,7 @@ impl Manifest {
     pub fn note(&mut self, taken: &Taken, rows: u64) {
         self.points_taken = taken.points();
         self.sample_rows = rows;
+        self.controller = taken.controller();
         self.resumed = taken.begun.len().saturating_sub(1);
         let segment = |s: &super::journal::Segment| {
             let finished = taken

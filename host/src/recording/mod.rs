@@ -19,6 +19,7 @@
 
 pub mod checksum;
 pub mod clock;
+pub mod controller;
 pub mod folder;
 pub mod impacts;
 pub mod journal;
@@ -28,7 +29,6 @@ mod number;
 pub mod parquet;
 pub mod part;
 pub mod recorder;
-pub mod regular;
 pub mod row;
 pub mod samples;
 mod sound;

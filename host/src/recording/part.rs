@@ -20,7 +20,8 @@ use arrow_schema::{DataType, Metadata, Schema, SchemaRef};
 use super::parquet::{Kept, field, write_whole};
 use super::samples::{self, Label};
 use super::sound::sound_length;
-use super::{Signal, StorageError, regular};
+use super::{Signal, StorageError};
+use crate::input::regular;
 
 /// A part is closed when it holds this many rows, if its point has not ended before.
 pub(super) const MOST_ROWS: u64 = 100_000;

@@ -17,7 +17,8 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::journal::Sealed;
 use super::parquet::{Kept, field, write_whole};
-use super::{Signal, StorageError, checksum, regular};
+use super::{Signal, StorageError, checksum};
+use crate::input::regular;
 
 /// The joined samples of a complete run.
 pub const JOINED: &str = "samples.parquet";

@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use super::ResultRow;
+use super::controller::Controller;
 use super::impacts::Impacts;
 use super::journal::{Begin, Ended, Entry, Finished, Sealed, Segment};
 use super::manifest::Counters;
@@ -32,6 +33,8 @@ pub struct Taken {
     pub link: Vec<String>,
     /// Impacts as they were reported.
     pub impacts: Vec<Impacts>,
+    /// The latest word on the controller since each time that the program began.
+    controllers: Vec<Option<Controller>>,
     transients: Vec<TransientRow>,
     rows: Vec<ResultRow>,
     superseded: Vec<ResultRow>,
@@ -49,7 +52,10 @@ impl Taken {
     /// One more line.
     pub fn add(&mut self, entry: &Entry) {
         match entry {
-            Entry::Begin(begin) => self.begun.push((**begin).clone()),
+            Entry::Begin(begin) => {
+                self.begun.push((**begin).clone());
+                self.controllers.push(None);
+            }
             Entry::Segment(segment) => {
                 if segment.anew {
                     let is_earlier = |r: &ResultRow| r.set_up == segment.set_up && r.experiment == segment.experiment;
@@ -77,14 +83,20 @@ impl Taken {
                 self.sealed.retain(|s| s.part != sealed.part);
                 self.sealed.push(sealed.clone());
             }
-            Entry::Finished(finished) => self.finished.push(finished.clone()),
+            Entry::Finished(finished) => {
+                self.hear_of_the_controller(finished.controller);
+                self.finished.push(finished.clone());
+            }
             Entry::Clock(_) => {}
             Entry::Link { what, at } => self.link.push(format!("{at}: {what}")),
             Entry::Joined { rows, left } => {
                 self.joined = Some(*rows);
                 self.left.clone_from(left);
             }
-            Entry::Ended(ended) => self.ended.push(ended.clone()),
+            Entry::Ended(ended) => {
+                self.hear_of_the_controller(ended.controller);
+                self.ended.push(ended.clone());
+            }
         }
     }
 
@@ -159,6 +171,20 @@ impl Taken {
         sum
     }
 
+    /// It tells of all since the program began.
+    fn hear_of_the_controller(&mut self, now: Option<Controller>) {
+        if let (Some(latest), Some(_)) = (self.controllers.last_mut(), now) {
+            *latest = now;
+        }
+    }
+
+    /// How the controller kept up, over all runs of the program; none when nothing was heard of it. Of a run of the
+    /// program that was killed, up to the last segment that came to its end.
+    #[must_use]
+    pub fn controller(&self) -> Option<Controller> {
+        self.controllers.iter().flatten().copied().reduce(Controller::and)
+    }
+
     /// Parts that were damaged when the others were joined: their rows are in no file that can be relied on.
     pub fn left_parts(&self) -> impl Iterator<Item = &Sealed> {
         self.sealed.iter().filter(|s| self.left.contains(&s.part))
@@ -214,6 +240,41 @@ mod tests {
         assert_eq!(taken.missing("a", "e", 6), [1..3, 4..6]);
         assert_eq!(taken.missing("b", "e", 2).first(), Some(&(0..2)));
         assert!(taken.missing("a", "e", 1).is_empty());
+    }
+
+    #[test]
+    fn the_controllers_latest_word_of_each_part_counts_and_the_parts_add_up() {
+        let device = r#"{"link":"","board":"","firmware":"","protocol_version":1,"protocol_schema":"","simulated":true,"plant":"","clock":"","tick_hz":1.0}"#;
+        let begin = format!(
+            r#"{{"entry":"begin","at":"","damprig":"","device":{device},"signals":[],"every_ticks":1,"campaign":""}}"#
+        );
+        let finished = |controller: &str| {
+            format!(
+                r#"{{"entry":"finished","set_up":"a","experiment":"e","segment":0,"end_tick":1,"lost_rows":0,"clock":null{controller}}}"#
+            )
+        };
+        let ended = |controller: &str| {
+            format!(r#"{{"entry":"ended","at":"","reason":null,"counters":{{}},"wall_s":1.0{controller}}}"#)
+        };
+        let told = |overruns: u32, tick_us: u32| {
+            format!(r#","controller":{{"overruns":{overruns},"longest_tick_us":{tick_us}}}"#)
+        };
+        let sum = |lines: &[String]| {
+            let entries: Vec<Entry> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+            Taken::of(&entries).controller().map(|c| (c.overruns, c.longest_tick_us))
+        };
+        // A part that ended in order, one that was killed, one that never asked.
+        let parts = [
+            begin.clone(),
+            finished(&told(1, 90)),
+            ended(&told(3, 90)),
+            begin.clone(),
+            finished(&told(2, 40)),
+            begin.clone(),
+            ended(""),
+        ];
+        assert_eq!(sum(&parts), Some((5, 90)));
+        assert_eq!(sum(&[begin, finished(""), ended("")]), None, "an older journal");
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! what was taken is kept. One start of the device is `segment`'s, bytes and time-outs are [`crate::session`]'s, files
 //! are [`crate::recording`]'s, words for people the command's (through [`Watcher`]).
 
+mod controller;
 mod convert;
 mod in_order;
 mod reconnect;
@@ -24,6 +25,7 @@ use damprig_protocol::{Ask, ClockSource, PlantKind};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::input::Refusal;
+use crate::recording::controller::Controller;
 use crate::recording::journal::Entry;
 use crate::recording::manifest::{BoardSettings, Counters, Device};
 use crate::recording::recorder::Recording;
@@ -32,6 +34,7 @@ use crate::recording::transients::TransientRow;
 use crate::recording::{ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
 use crate::settings::origin_text;
+use controller::Readings;
 pub use convert::Selection;
 pub use reconnect::Reconnect;
 use segment::{End, Segment, Task};
@@ -144,6 +147,8 @@ pub struct Tally {
     pub rig_s: f64,
     /// What got lost.
     pub counters: Counters,
+    /// How the controller kept up; none when it was never asked.
+    pub controller: Option<Controller>,
 }
 
 /// What the device says about itself, for the manifest.
@@ -194,6 +199,7 @@ pub struct Run<'a> {
     every_ticks: u16,
     tally: Tally,
     taken: Taken,
+    readings: Readings,
     began: Instant,
 }
 
@@ -211,8 +217,20 @@ impl<'a> Run<'a> {
     ) -> Self {
         let every_ticks = campaign.telemetry.every_ticks();
         let tally = Tally { rig_s: taken.ticks() as f64 / f64::from(TICK_HZ), ..Tally::default() };
-        let (reconnect, began) = (None, Instant::now());
-        Self { campaign, session, recorder, watcher, stop, selection, reconnect, every_ticks, tally, taken, began }
+        Self {
+            campaign,
+            session,
+            recorder,
+            watcher,
+            stop,
+            selection,
+            reconnect: None,
+            every_ticks,
+            tally,
+            taken,
+            readings: Readings::default(),
+            began: Instant::now(),
+        }
     }
 
     /// A link that is lost is opened again.
@@ -229,11 +247,11 @@ impl<'a> Run<'a> {
             self.end_drive(&result);
         }
         // A device that is gone need not be waited for again.
-        if !matches!(result, Err(RunError::Session(_)))
-            && let Ok((_, device)) = self.session.status()
-        {
-            self.tally.counters.bad_frames_device = u64::from(device.bad_frames);
+        if !matches!(result, Err(RunError::Session(_))) {
+            let _ = self.session.status();
         }
+        self.tally.controller = self.controller();
+        self.tally.counters.bad_frames_device = self.tally.controller.map_or(0, |c| c.bad_frames);
         self.tally.counters.bad_frames_host += self.session.bad_frames();
         self.tally.counters.dropped_rows_host = self.recorder.dropped_rows();
         (self.tally, result)
@@ -259,7 +277,14 @@ impl<'a> Run<'a> {
     fn make_ready(&mut self) -> Result<(), SessionError> {
         let watcher = &mut *self.watcher;
         self.session.bring_to_idle(|what| watcher.link(what))?;
+        self.controller();
         self.end_telemetry()
+    }
+
+    /// How the controller kept up since the run began, by what it said last.
+    fn controller(&mut self) -> Option<Controller> {
+        self.session.counters().into_iter().for_each(|now| self.readings.take(now));
+        self.readings.sum()
     }
 
     /// The next start that an experiment on a set-up needs, if any.
@@ -280,6 +305,8 @@ impl<'a> Run<'a> {
             let last = match Segment::carry_out(self, &task) {
                 Ok(End::Finished) => "results were lost on the way and the device keeps them no more".to_string(),
                 Ok(End::Forgotten) => {
+                    self.readings.board_began_anew();
+                    self.session.forget_counters();
                     self.interrupted("the device began anew in mid-run: it was reset");
                     self.make_ready()?;
                     "the device was reset".to_string()

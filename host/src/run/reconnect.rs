@@ -76,6 +76,8 @@ impl Run<'_> {
             return Err(SessionError::Another { link: before.link, board: before.board, what });
         }
         self.tally.counters.bad_frames_host += self.session.bad_frames();
+        // What it said last.
+        self.controller();
         *self.session = session;
         self.make_ready()
     }

@@ -219,6 +219,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         if self.run.every_ticks > 0 {
             self.run.end_telemetry()?;
         }
+        // As it was when the segment ended: the program may be killed in the next.
+        let _ = self.run.session.status();
+        let controller = self.run.controller();
         self.run.note(Entry::Finished(Finished {
             set_up: self.task.set_up.name.clone(),
             experiment: self.task.experiment.name.clone(),
@@ -226,6 +229,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             end_tick: self.track.latest_tick(),
             lost_rows: 0,
             clock: self.clock.fit(),
+            controller,
         }));
         Ok(End::Finished)
     }

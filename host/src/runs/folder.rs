@@ -12,12 +12,12 @@ use arrow_array::RecordBatch;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use super::manifest::Manifest;
-use crate::input::near;
+use crate::input::{near, regular};
 use crate::recording::journal::{self, JOURNAL};
 use crate::recording::manifest::FORMAT;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
-use crate::recording::{part, regular, samples, transients};
+use crate::recording::{part, samples, transients};
 
 /// Why a run cannot be read. The text names the file and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -109,6 +109,7 @@ impl RunFolder {
             // It has not been written since the beginning.
             let taken = Taken::of(&lines.entries);
             manifest.points_taken = taken.points();
+            manifest.controller = taken.controller();
             let open = part::open_parts(path).into_iter().filter(|(n, _)| taken.sealed.iter().all(|s| s.part != *n));
             let open_rows = open.filter_map(|(_, file)| part::salvage(&file).ok()).map(|s| s.rows);
             manifest.sample_rows = taken.sealed.iter().map(|s| s.rows).chain(open_rows).sum();

@@ -5,6 +5,7 @@
 use serde::Deserialize;
 
 use crate::recording::checksum::FileRecord;
+use crate::recording::controller::Controller;
 
 /// A recorded quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
@@ -118,6 +119,9 @@ pub struct Manifest {
     /// What got lost.
     #[serde(default)]
     pub counters: Counters,
+    /// How the controller kept up; absent in older runs, and when it was never asked.
+    #[serde(default)]
+    pub controller: Option<Controller>,
     /// Times that the run was taken up again.
     #[serde(default)]
     pub resumed: usize,

@@ -108,8 +108,8 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
         let text = format!("{name}: line {} was torn by a kill and counts as nothing", list.join(", "));
         found.push(Finding::Good(text));
     }
-    if let (Some(begin), Ok(now)) = (taken.begun.first(), std::fs::read_to_string(path.join("campaign.toml"))) {
-        let different = campaign_differences(&begin.campaign, &now);
+    if let (Some(begin), Ok(now)) = (taken.begun.first(), Source::read(&path.join("campaign.toml"))) {
+        let different = campaign_differences(&begin.campaign, now.text());
         if !different.is_empty() {
             let list = different.join("\n  ");
             let text = format!("campaign.toml is not the campaign that the run was begun with ({name}):\n  {list}");

@@ -74,6 +74,8 @@ pub enum Fate {
     Pass,
     /// Flip a bit of it.
     Corrupt,
+    /// Send this in its place.
+    Replace(Box<FromDevice>),
     /// Close the connection instead.
     Close,
     /// Send nothing any more, but stay connected.
@@ -160,12 +162,13 @@ fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl
         for &byte in &said {
             let Some(Ok(message)) = from_board.push::<FromDevice>(byte) else { continue };
             let mut frame = [0; frame::LONGEST];
-            let length = frame::encode(&message, &mut frame).expect("it came as a frame");
+            let mut length = frame::encode(&message, &mut frame).expect("it came as a frame");
             heard.finished +=
                 usize::from(matches!(message, FromDevice::Event { event: Happening::Finished { .. }, .. }));
             match fate(&message) {
                 Fate::Pass => {}
                 Fate::Corrupt => frame[length / 2] ^= 0x10,
+                Fate::Replace(other) => length = frame::encode(&*other, &mut frame).expect("it fits"),
                 Fate::Close => {
                     let _ = stream.write_all(&out);
                     return heard;

@@ -336,6 +336,15 @@ fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
 }
 
 #[test]
+fn a_measurement_shorter_than_a_tick_would_never_end_and_is_refused() {
+    for measure_s in [1e-9, 1e-4, 0.9e-3] {
+        let refused = free_vibration::Plan::new(FreeVibration { measure_s, ..free() }).unwrap_err();
+        assert_eq!(refused.parameter, "measure_s", "{measure_s}");
+    }
+    assert!(free_vibration::Plan::new(FreeVibration { measure_s: 1e-3, ..free() }).is_ok());
+}
+
+#[test]
 fn a_free_vibration_is_held_measured_and_over() {
     let config = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(bare()) };
     let mut stages = Vec::new();

@@ -9,7 +9,7 @@ use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::{Peri, pac, peripherals, rcc};
 
 use super::clock::CORE_HZ;
-use crate::{callers, crash};
+use crate::{callers, crash, tick};
 
 /// Looks per second.
 const LOOKS_HZ: u32 = 100;
@@ -41,8 +41,8 @@ pub fn watch(_timer: Peri<'static, peripherals::TIM7>) {
 #[embassy_stm32::interrupt]
 unsafe fn TIM7_DAC() {
     pac::TIM7.sr().write(|flags| flags.set_uif(false));
-    let tick = crash::tick();
-    if TICK_BEFORE.swap(tick, Ordering::Relaxed) != tick {
+    let noted = tick::now();
+    if TICK_BEFORE.swap(noted, Ordering::Relaxed) != noted {
         WITHOUT.store(0, Ordering::Relaxed);
     } else if WITHOUT.fetch_add(1, Ordering::Relaxed) + 1 == MOST_LOOKS {
         // The first of the calls is the exception's own mark; those after it are who called what was interrupted.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::at2::at2;
 use super::{Quantity, Record};
-use crate::input::near;
+use crate::input::{near, regular};
 
 /// Standard gravity by definition, m/s²: what "g" means in a record.
 pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -64,8 +64,11 @@ pub struct RecordError(pub String);
 /// # Errors
 /// Names file, line and value; for a missing file, those that look like it.
 pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
-    let text =
-        fs::read(path).map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    let text = regular::read_input(path)
+        .map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    if text.contains(&0) {
+        return Err(RecordError(format!("{}: this is no text: it must be CSV or an AT2 file", path.display())));
+    }
     let text = String::from_utf8_lossy(&text);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
     let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
@@ -164,9 +167,15 @@ impl Rows {
     }
 }
 
+/// Characters of the columns' names in an answer.
+const MOST_OF_NAMES: usize = 200;
+
 /// The time step, s, and the values of a table.
 fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
     let rows = rows(text)?;
+    if rows.rows.is_empty() {
+        return Err("it holds no row of numbers".into());
+    }
     let width = rows.rows.first().map_or(0, |(_, fields)| fields.len());
     let time = match (&spec.time_column, spec.time_step_s) {
         (Some(_), Some(_)) => return Err("`time_step_s` and `time_column` are both given: leave out one".into()),
@@ -183,6 +192,7 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
             let others: Vec<usize> = (0..width).filter(|c| Some(*c) != time).collect();
             let [only] = others[..] else {
                 let names = rows.header.as_ref().map_or(format!("1 to {width}"), |h| h.join(", "));
+                let names: String = names.escape_debug().take(MOST_OF_NAMES).collect();
                 return Err(format!("there are {width} columns ({names}): say which holds the values with `column`"));
             };
             only
@@ -195,9 +205,20 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
                 .get(column)
                 .ok_or_else(|| format!("line {line}: {} columns where the first row has {width}", fields.len()))?;
             finite(text).ok_or_else(|| {
-                format!("line {line}, column {}: {text:?} is not allowed: must be a finite number", column + 1)
+                let with_point = text.replace(',', ".");
+                let fix = if text.contains(',') && finite(&with_point).is_some() {
+                    format!("; write the decimals after a point: {with_point}")
+                } else {
+                    String::new()
+                };
+                format!("line {line}, column {}: {text:?} is not allowed: must be a finite number{fix}", column + 1)
             })
         };
+        // A decimal comma makes two columns of one.
+        if let Some(more) = fields.get(width..).filter(|more| more.iter().any(|field| !field.is_empty())) {
+            let count = width + more.len();
+            return Err(format!("line {line}: {count} columns where the first row has {width}"));
+        }
         if let Some(column) = time {
             let t = number(column)?;
             if let Some(last) = times.last().filter(|last| t <= **last) {

@@ -36,11 +36,15 @@ pub struct FreeVibration {
     pub index: u16,
 }
 
+/// What lasts for no tick never ends.
+const TICK_S: f32 = 1.0 / TICK_HZ;
+const A_TICK_OR_MORE: &str = "a tick or more, at most 10⁹";
+
 const LIMITS: [Limit; 5] = [
     ("level_m", LEAST, f32::MAX, "greater than 0"),
-    ("hold_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
-    ("measure_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
-    ("timeout_s", LEAST, LONGEST_S, "greater than 0, at most 10⁹ ticks"),
+    ("hold_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
+    ("measure_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
+    ("timeout_s", TICK_S, LONGEST_S, A_TICK_OR_MORE),
     ("cycles", 1.0, f32::MAX, "1 or more"),
 ];
 

@@ -1,0 +1,63 @@
+//! Every file that is read is a plain file: a pipe or a device in its place would be waited for, or read, for ever.
+
+use std::fs::{self, File, FileType};
+use std::io::{self, Read};
+use std::path::Path;
+
+/// A file that a person names holds at most so much, bytes: a record of millions of samples, or an image with its debug
+/// information, is smaller.
+pub const MOST_BYTES: u64 = 256 << 20;
+
+/// Opens a file to read it.
+///
+/// # Errors
+/// When it cannot be opened, or is something else: says what.
+pub fn open(path: &Path) -> io::Result<File> {
+    let kind = fs::metadata(path)?.file_type();
+    if !kind.is_file() {
+        return Err(io::Error::other(format!("this is {}, no plain file", name(kind))));
+    }
+    File::open(path)
+}
+
+/// Reads a file whole.
+///
+/// # Errors
+/// As [`open`]; when it cannot be read.
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads a file that a person named.
+///
+/// # Errors
+/// As [`read`]; when it holds more than [`MOST_BYTES`].
+pub fn read_input(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    // One that still grows, too.
+    open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MOST_BYTES {
+        let message = format!("it holds more than the {} MiB that are read; is it the right file?", MOST_BYTES >> 20);
+        return Err(io::Error::other(message));
+    }
+    Ok(bytes)
+}
+
+fn name(kind: FileType) -> &'static str {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::FileTypeExt;
+        if kind.is_fifo() {
+            return "a pipe";
+        }
+        if kind.is_socket() {
+            return "a socket";
+        }
+        if kind.is_char_device() || kind.is_block_device() {
+            return "a device";
+        }
+    }
+    if kind.is_dir() { "a folder" } else { "something else" }
+}

@@ -1,0 +1,32 @@
+//! What the images' log lines carry, as far as it can be told without a probe: the board's time, and the texts that
+//! `damprig log` looks up in the image.
+
+use damprig_tests::support::images::find;
+use object::{Object, ObjectSymbol};
+
+/// What defmt keeps of an image's formats: names of symbols, in JSON.
+fn formats(image: &str) -> Option<Vec<String>> {
+    let bytes = std::fs::read(find(image)?).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    let names = file.symbols().filter_map(|symbol| symbol.name().ok().map(String::from));
+    Some(names.filter(|name| name.contains("\"tag\":\"defmt_")).collect())
+}
+
+#[test]
+fn every_log_line_carries_the_boards_time_in_milliseconds() {
+    for image in ["nucleo-g474re", "mps2-an386"] {
+        let Some(formats) = formats(image) else { continue };
+        let stamps: Vec<&String> = formats.iter().filter(|f| f.contains("\"tag\":\"defmt_timestamp\"")).collect();
+        assert_eq!(stamps.len(), 1, "{image}: {formats:?}");
+        assert!(stamps[0].contains("{=u32:tms}"), "{image}: {}", stamps[0]);
+        println!("{image}: {}", stamps[0]);
+    }
+}
+
+#[test]
+fn the_controllers_lines_can_be_looked_up_in_its_image() {
+    let Some(formats) = formats("nucleo-g474re") else { return };
+    for line in ["damprig {} on {}", "the line took no bytes"] {
+        assert!(formats.iter().any(|format| format.contains(line)), "{line:?} is not in {formats:?}");
+    }
+}
