@@ -86,7 +86,10 @@ fn search<S: Scalar>(guard: &Polynomial<S>, end: S, first_step: bool) -> Option<
     let mut g = *guard;
     let mut divided_out = 0;
     while g[0] == S::ZERO && divided_out < COEFFICIENTS {
-        g.rotate_left(1);
+        for n in 1..COEFFICIENTS {
+            g[n - 1] = g[n];
+        }
+        g[COEFFICIENTS - 1] = S::ZERO;
         divided_out += 1;
     }
     if divided_out == COEFFICIENTS {

@@ -310,10 +310,10 @@ impl Twin {
         self.plan.motion.is_near()
     }
 
-    /// It lags by more than impacts alone explain.
+    /// One sample more, and it begins again.
     #[must_use]
     pub fn is_late(&self) -> bool {
-        self.waiting.len() > self.waiting.capacity() / 2
+        self.waiting.len() + 1 >= self.waiting.capacity()
     }
 
     /// One piece of work; what that was.
