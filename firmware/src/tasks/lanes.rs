@@ -3,13 +3,17 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use damprig_device::control::{Lanes, Row};
-use damprig_device::orders::{Order, Work};
+use damprig_device::orders::{self, Work};
 use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_protocol::FromDevice;
+use damprig_protocol::ask::PassedOver;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::zerocopy_channel;
 use static_cell::StaticCell;
+
+/// A request made ready. A real structure is no plant to set.
+pub type Order = orders::Order<PassedOver>;
 
 /// The ends of the queue of orders on their way from the line to control. Orders are large: they are made and served where
 /// they lie.

@@ -3,12 +3,11 @@
 use core::sync::atomic::Ordering;
 
 use damprig_device::intake::Intake;
-use damprig_device::orders::Order;
-use damprig_protocol::ToDevice;
+use damprig_protocol::ask::ToDevice;
 use embassy_stm32::usart::BufferedUartRx;
 use embedded_io_async::Read;
 
-use crate::tasks::lanes::{BAD_FRAMES, OrdersIn, REQUESTS_DROPPED, counted};
+use crate::tasks::lanes::{BAD_FRAMES, Order, OrdersIn, REQUESTS_DROPPED, counted};
 
 /// Owns the line's receiving side.
 #[embassy_executor::task]

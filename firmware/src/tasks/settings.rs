@@ -3,10 +3,10 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use damprig_core::plant::PlantConfig;
 use damprig_core::rig::Refusal;
 use damprig_core::settings::Settings;
 use damprig_device::control::{Bench, RealPlant, Saving};
+use damprig_protocol::ask::PassedOver;
 use damprig_protocol::{Clock, PlantKind};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
@@ -30,16 +30,16 @@ pub async fn run(mut keeper: BoardKeeper) -> ! {
 /// Control's side: a real structure, and a flash.
 pub struct Structure;
 
-impl Bench for Structure {
-    const PLANT: PlantKind = RealPlant::PLANT;
-    const CLOCK: Clock = RealPlant::CLOCK;
+impl Bench<PassedOver> for Structure {
+    const PLANT: PlantKind = <RealPlant as Bench>::PLANT;
+    const CLOCK: Clock = <RealPlant as Bench>::CLOCK;
 
-    fn set_plant(&mut self, config: &PlantConfig) -> Result<(), Refusal> {
+    fn set_plant(&mut self, config: &PassedOver) -> Result<(), Refusal> {
         RealPlant.set_plant(config)
     }
 
     fn restart(&mut self) -> Result<(), Refusal> {
-        RealPlant.restart()
+        Bench::<PassedOver>::restart(&mut RealPlant)
     }
 
     fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal> {

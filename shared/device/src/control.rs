@@ -16,8 +16,8 @@ use heapless::{Deque, Vec};
 /// Numbers of served requests that are kept, to know a repetition: a late copy may come after some that followed it.
 const SERVED_KEPT: usize = 8;
 
-/// What the rig drives, as far as orders can touch it.
-pub trait Bench {
+/// What the rig drives, as far as orders can touch it; `P` is what a simulated plant is made of.
+pub trait Bench<P = PlantConfig> {
     /// Real, or simulated in which precision.
     const PLANT: PlantKind;
 
@@ -28,7 +28,7 @@ pub trait Bench {
     ///
     /// # Errors
     /// A value that is not physical, or a plant that cannot be set.
-    fn set_plant(&mut self, config: &PlantConfig) -> Result<(), Refusal>;
+    fn set_plant(&mut self, config: &P) -> Result<(), Refusal>;
 
     /// Puts a simulated plant back to its start, its noise too.
     ///
@@ -61,11 +61,11 @@ pub enum Saving {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RealPlant;
 
-impl Bench for RealPlant {
+impl<P> Bench<P> for RealPlant {
     const PLANT: PlantKind = PlantKind::Real;
     const CLOCK: Clock = Clock::RealTime;
 
-    fn set_plant(&mut self, _: &PlantConfig) -> Result<(), Refusal> {
+    fn set_plant(&mut self, _: &P) -> Result<(), Refusal> {
         Err(Refusal::NotHere("this board drives a real structure: its plant cannot be set"))
     }
 
@@ -228,7 +228,13 @@ impl Control {
     }
 
     /// Takes one order: answers it. What is left in its place has been served.
-    pub fn serve(&mut self, order: &mut Order, bench: &mut impl Bench, store: &mut Store, lanes: &mut impl Lanes) {
+    pub fn serve<P>(
+        &mut self,
+        order: &mut Order<P>,
+        bench: &mut impl Bench<P>,
+        store: &mut Store,
+        lanes: &mut impl Lanes,
+    ) {
         self.hear();
         if order.at_tick.is_some_and(|at| at > self.next_tick()) {
             self.refuse(order.seq, Refusal::NotHere("only a simulated board lets a request wait for its tick"), lanes);
@@ -249,7 +255,13 @@ impl Control {
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
     /// have been lost, nor one before it, of which a copy was late on the way.
-    fn carry_out(&mut self, order: &mut Order, bench: &mut impl Bench, store: &mut Store, lanes: &mut impl Lanes) {
+    fn carry_out<P>(
+        &mut self,
+        order: &mut Order<P>,
+        bench: &mut impl Bench<P>,
+        store: &mut Store,
+        lanes: &mut impl Lanes,
+    ) {
         // Not by `==`: comparing whole questions costs 3.5 KB of flash.
         if matches!(order.work, Work::Identify) {
             // A conversation begins, and counts its requests anew.
@@ -290,7 +302,7 @@ impl Control {
     }
 
     /// Saves the settings, or begins to: then the reply waits.
-    fn save(&mut self, seq: u16, bench: &mut impl Bench) -> Result<Answer, Refused> {
+    fn save<P>(&mut self, seq: u16, bench: &mut impl Bench<P>) -> Result<Answer, Refused> {
         self.rig.must_be_idle()?;
         match bench.save(&self.settings)? {
             Saving::Done => self.settings_source = Source::Stored,
@@ -301,7 +313,7 @@ impl Control {
 
     /// Answers a request to save that has ended; to be called in every tick of a board that takes its time to save.
     #[inline(never)]
-    pub fn end_saving(&mut self, bench: &mut impl Bench, lanes: &mut impl Lanes) {
+    pub fn end_saving<P>(&mut self, bench: &mut impl Bench<P>, lanes: &mut impl Lanes) {
         if let Some(seq) = self.saving
             && let Some(outcome) = bench.saved()
         {
@@ -318,11 +330,11 @@ impl Control {
         }
     }
 
-    fn answer(
+    fn answer<P>(
         &mut self,
         seq: u16,
-        work: &mut Work,
-        bench: &mut impl Bench,
+        work: &mut Work<P>,
+        bench: &mut impl Bench<P>,
         store: &mut Store,
     ) -> Result<Answer, Refused> {
         match work {
@@ -406,7 +418,7 @@ impl Control {
         }
     }
 
-    fn describe<B: Bench>(&self, _: &B) -> Description {
+    fn describe<P, B: Bench<P>>(&self, _: &B) -> Description {
         Description {
             tick_hz: TICK_HZ,
             clock: B::CLOCK,
@@ -430,7 +442,8 @@ impl Control {
         if self.rig.state() == State::Idle {
             store.check();
         }
-        let (actuators, event) = self.rig.tick(sensors, store.record());
+        // Events are large, and nearly always none: looked at where they lie.
+        let (actuators, event) = &self.rig.tick(sensors, store.record());
         let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
         let every_ticks = self.selection.every_ticks;
         if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
@@ -440,17 +453,17 @@ impl Control {
                 Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
             }
         }
-        if let Some(event) = event.and_then(|event| self.happening(event)) {
+        if let Some(event) = event.as_ref().and_then(|event| self.happening(event)) {
             let seq = self.event_seq;
             self.event_seq = seq.wrapping_add(1);
             self.say(FromDevice::Event { seq, tick, event }, lanes);
         }
-        actuators
+        *actuators
     }
 
     /// What the host is told of an event.
-    fn happening(&self, event: Event) -> Option<Happening> {
-        Some(match event {
+    fn happening(&self, event: &Event) -> Option<Happening> {
+        Some(match *event {
             Event::Point(result) => Happening::Point(result),
             Event::Fault(fault) => Happening::Fault(fault),
             Event::Finished { points } => Happening::Finished {

@@ -1,6 +1,8 @@
 //! Received bytes to messages; what is no message is counted.
 
-use damprig_protocol::{ToDevice, frame::Reader};
+use damprig_protocol::ask::ToDevice;
+use damprig_protocol::frame::Reader;
+use serde::de::DeserializeOwned;
 
 /// Finds messages in the received bytes.
 #[derive(Clone, Debug, Default)]
@@ -11,7 +13,7 @@ pub struct Intake {
 
 impl Intake {
     /// Takes one byte; the message that it completes, if any.
-    pub fn push(&mut self, byte: u8) -> Option<ToDevice> {
+    pub fn push<P: DeserializeOwned>(&mut self, byte: u8) -> Option<ToDevice<P>> {
         match self.reader.push(byte)? {
             Ok(message) => Some(message),
             Err(_) => {

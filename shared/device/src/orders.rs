@@ -14,19 +14,20 @@ use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
 use damprig_core::settings::Prepared;
 use damprig_core::twin::TwinPlan;
+use damprig_protocol::MOST_SIGNALS;
+use damprig_protocol::ask::{Ask, Request};
 use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES};
-use damprig_protocol::{Ask, MOST_SIGNALS, Request};
 use heapless::Vec;
 
-/// A request as the control tick takes it.
+/// A request as the control tick takes it; `P` is what a simulated plant is made of, or what a real board makes of that.
 #[derive(Clone, Debug)]
-pub struct Order {
+pub struct Order<P = PlantConfig> {
     /// The request's number.
     pub seq: u16,
     /// On a simulated board: the tick before which it is carried out.
     pub at_tick: Option<u32>,
     /// What to do.
-    pub work: Work,
+    pub work: Work<P>,
 }
 
 /// What rows of telemetry hold.
@@ -72,7 +73,7 @@ impl Chosen {
 /// What an order is for.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
-pub enum Work {
+pub enum Work<P = PlantConfig> {
     /// Who is there?
     Identify,
     /// Bounds, clock, health of the last run.
@@ -113,7 +114,7 @@ pub enum Work {
     /// What to send.
     SetTelemetry(Selection),
     /// A simulated plant.
-    SetPlant(PlantConfig),
+    SetPlant(P),
     /// The settings in use.
     Settings,
     /// Settings to use.
@@ -126,13 +127,16 @@ pub enum Work {
     Refuse(Invalid),
 }
 
-impl Order {
+impl<P> Order<P> {
     /// Checks and makes what the request asks for. Takes its time: not for the control tick. A function of its own, as are
     /// those that make the parts: inlined into one, they would carry their large results about word by word.
     #[must_use]
     #[inline(never)]
-    pub fn prepare(request: Request) -> Self {
-        let work = Work::prepare(request.ask).unwrap_or_else(Work::Refuse);
+    pub fn prepare(request: Request<P>) -> Self {
+        let work = match Work::prepare(request.ask) {
+            Ok(work) => work,
+            Err(invalid) => Work::Refuse(invalid),
+        };
         Self { seq: request.seq, at_tick: request.at_tick, work }
     }
 
@@ -143,8 +147,9 @@ impl Order {
     }
 }
 
-impl Work {
-    fn prepare(ask: Ask) -> Result<Self, Invalid> {
+impl<P> Work<P> {
+    #[inline(never)]
+    fn prepare(ask: Ask<P>) -> Result<Self, Invalid> {
         Ok(Self::Command(match ask {
             Ask::Identify => return Ok(Self::Identify),
             Ask::Describe => return Ok(Self::Describe),
@@ -206,7 +211,7 @@ impl Work {
     }
 }
 
-fn begin_upload(bytes: u32, crc32: u32) -> Result<Work, Invalid> {
+fn begin_upload<P>(bytes: u32, crc32: u32) -> Result<Work<P>, Invalid> {
     if bytes == 0 || bytes > MOST_BYTES || !bytes.is_multiple_of(2) {
         let allowed = "an even number from 2 to 40960: the record buffer holds 20480 samples of two bytes";
         return Err(Invalid { parameter: "upload.bytes", value: f64::from(bytes), allowed });
@@ -214,7 +219,7 @@ fn begin_upload(bytes: u32, crc32: u32) -> Result<Work, Invalid> {
     Ok(Work::BeginUpload { bytes, crc32 })
 }
 
-fn chunk(offset: u32, data: Vec<u8, CHUNK_BYTES>) -> Result<Work, Invalid> {
+fn chunk<P>(offset: u32, data: Vec<u8, CHUNK_BYTES>) -> Result<Work<P>, Invalid> {
     let refuse = |parameter, value| Err(Invalid { parameter, value, allowed: "even: a sample has two bytes" });
     if !offset.is_multiple_of(2) {
         return refuse("upload.offset", f64::from(offset));

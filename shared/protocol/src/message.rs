@@ -1,23 +1,18 @@
-//! The message tables.
+//! The message tables: what a device says. What a host asks is in [`crate::ask`].
 
-use damprig_core::control::friction_spring::{self as spring, SpringCommand, SpringConfig};
+use damprig_core::control::friction_spring as spring;
 use damprig_core::control::limits::Fault;
-use damprig_core::control::safety::SafetyConfig;
-use damprig_core::control::stepped_sine::SteppedSine;
-use damprig_core::control::transient::{FreeVibration, Playback};
-use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactRecord};
+use damprig_core::measure::impacts::{ForceScale, ImpactRecord};
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
-use damprig_core::plant::PlantConfig;
 use damprig_core::rig::Status;
 use damprig_core::settings::{Settings, Source};
-use damprig_core::twin::TwinConfig;
 use heapless::{String, Vec};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::refused::Refused;
-use crate::upload::{CHUNK_BYTES, Progress};
+use crate::upload::Progress;
 
 /// Most telemetry signals in a row.
 pub const MOST_SIGNALS: usize = 16;
@@ -33,114 +28,6 @@ pub const CALLS_TOLD: usize = 6;
 
 /// Most values (rows × signals) in one telemetry message.
 pub const MOST_VALUES: usize = 64;
-
-/// From the host.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
-pub enum ToDevice {
-    /// Asks for something; gets exactly one reply.
-    Request(Request),
-    /// A simulated board may run its clock up to (not including) this tick.
-    Grant {
-        /// The first tick that may not run yet.
-        until_tick: u32,
-    },
-}
-
-/// A question or a command.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Request {
-    /// Returned with the reply; a repeated number is the same request again.
-    pub seq: u16,
-    /// On a simulated board: the tick before which it is carried out; at once if none is given.
-    pub at_tick: Option<u32>,
-    /// What is asked.
-    pub ask: Ask,
-}
-
-/// What a host may ask.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)]
-pub enum Ask {
-    /// Who is there? Never changes its place in this list.
-    Identify,
-    /// What are your signals and bounds?
-    Describe,
-    /// State, tick and counters.
-    Status,
-    /// Set the interlocks.
-    SetSafety(SafetyConfig),
-    /// Set the simulated plant (simulated boards only).
-    SetPlant(PlantConfig),
-    /// Set the experiment.
-    Configure(SteppedSine),
-    /// Send one row of telemetry every so many ticks, and say when impacts happen.
-    SetTelemetry {
-        /// Ticks from row to row; 0 for none.
-        every_ticks: u16,
-        /// What a row holds: places in the signal table, in any order. Empty for the motion alone.
-        signals: Vec<u8, MOST_SIGNALS>,
-        /// Every impact is an event.
-        impacts: bool,
-    },
-    /// Begin the experiment: the tick restarts at 0, a simulated plant from its start.
-    Start,
-    /// End the experiment.
-    Stop,
-    /// A result that did not arrive.
-    Result {
-        /// Its place in the frequency list.
-        index: u16,
-    },
-    /// Forget a latched fault.
-    ClearFault,
-    /// A part of the signal table.
-    Signals {
-        /// The first place wanted.
-        from: u8,
-    },
-    /// Set the friction damper's drive.
-    SetSpring(SpringConfig),
-    /// Home, touch off, press, release, halt.
-    Spring(SpringCommand),
-    /// Set how impacts are found.
-    SetImpacts(ImpactConfig),
-    /// Let a twin of this set-up run along, or none.
-    SetTwin(Option<TwinConfig>),
-    /// Record the shape of the next impact.
-    ArmSnippet,
-    /// A part of the last recorded shape.
-    Snippet {
-        /// The first sample wanted.
-        from: u16,
-    },
-    /// The settings in use.
-    Settings,
-    /// Use these settings from now on; they are not saved.
-    SetSettings(Settings),
-    /// Keep the settings in use over power cuts. The reply comes when that is done.
-    SaveSettings,
-    /// Make room for an upload, or go on with exactly this one. Idle only.
-    BeginUpload {
-        /// Its length: even, at most [`crate::upload::MOST_BYTES`].
-        bytes: u32,
-        /// Its [`crate::upload::checksum`].
-        crc32: u32,
-    },
-    /// A part of the upload that was begun last. Idle only.
-    UploadChunk {
-        /// Its place, even; taken only where it goes on with what is there.
-        offset: u32,
-        /// An even number of bytes; none to ask how far the upload has come.
-        data: Vec<u8, CHUNK_BYTES>,
-    },
-    /// Set a playback of the uploaded record as the experiment.
-    ConfigurePlayback(Playback),
-    /// Set a free vibration as the experiment.
-    ConfigureFreeVibration(FreeVibration),
-    /// The result of the last record or free vibration, if it did not arrive.
-    Transient,
-}
 
 /// From the device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]

@@ -269,7 +269,9 @@ impl Rig {
         Ok(self.dampers.spring.handle(command)?)
     }
 
-    /// One control tick; `record` is lent to it for a playback. At most one event results.
+    /// One control tick; `record` is lent to it for a playback. At most one event results. Not inlined: what
+    /// calls it is built for size.
+    #[inline(never)]
     pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> (Actuators, Option<Event>) {
         let tick = self.tick;
         let readings = sensors.readings;
