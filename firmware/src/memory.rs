@@ -1,4 +1,4 @@
-//! Copying and clearing of memory, eight words at a time. The compiler's own loops for this processor take five
+//! Copying, moving and clearing of memory, eight words at a time. The compiler's own loops for this processor take five
 //! instructions a word, and much of what a tick does is moving samples, rows and messages.
 //!
 //! Stands in for the functions that the compiler calls (Run-time ABI for the Arm Architecture, section 4.3.4); its own are
@@ -71,6 +71,47 @@ global_asm!(
     "and r2, r2, #3",
     "b 3b",
     ".size memcpy, . - memcpy",
+    ".section .text.damprig_memmove, \"ax\", %progbits",
+    ".balign 4",
+    ".global memmove, __aeabi_memmove, __aeabi_memmove4, __aeabi_memmove8",
+    ".type memmove, %function",
+    ".type __aeabi_memmove, %function",
+    ".type __aeabi_memmove4, %function",
+    ".type __aeabi_memmove8, %function",
+    ".thumb_func",
+    "memmove:",
+    ".thumb_func",
+    "__aeabi_memmove:",
+    ".thumb_func",
+    "__aeabi_memmove4:",
+    ".thumb_func",
+    "__aeabi_memmove8:",
+    // memcpy reads before it writes and goes upwards: right unless the place begins within what is moved.
+    "subs r3, r0, r1",
+    "cmp r3, r2",
+    "bhs memcpy",
+    "push {{r0, lr}}",
+    "add r0, r0, r2",
+    "add r1, r1, r2",
+    "orr r3, r0, r1",
+    "orr r3, r3, r2",
+    "lsls r3, r3, #30",
+    "bne 2f",
+    "1:",
+    "subs r2, r2, #4",
+    "blo 3f",
+    "ldr r3, [r1, #-4]!",
+    "str r3, [r0, #-4]!",
+    "b 1b",
+    "2:",
+    "subs r2, r2, #1",
+    "blo 3f",
+    "ldrb r3, [r1, #-1]!",
+    "strb r3, [r0, #-1]!",
+    "b 2b",
+    "3:",
+    "pop {{r0, pc}}",
+    ".size memmove, . - memmove",
     ".section .text.damprig_memclr, \"ax\", %progbits",
     ".balign 4",
     ".global __aeabi_memclr4, __aeabi_memclr8",
@@ -110,10 +151,11 @@ global_asm!(
 #[cfg(feature = "count-instructions")]
 unsafe extern "C" {
     fn memcpy(to: *mut u8, from: *const u8, bytes: usize) -> *mut u8;
+    fn memmove(to: *mut u8, from: *const u8, bytes: usize) -> *mut u8;
     fn __aeabi_memclr4(at: *mut u8, bytes: usize);
 }
 
-/// Copies and clears every length up to 100 bytes, at every place within a word, and looks at every byte.
+/// Copies, moves and clears every length up to 100 bytes, at every place within a word, and looks at every byte.
 ///
 /// # Panics
 /// One is wrong.
@@ -133,6 +175,17 @@ pub fn check() {
             for (n, byte) in to.0.iter().enumerate() {
                 let copied = (at + 4..at + 4 + length).contains(&n);
                 assert!(*byte == if copied { (n - at - 4 + start) as u8 } else { MARK }, "copy of {} bytes", length);
+            }
+        }
+        for (from, at) in (0..12).flat_map(|from| (0..12).map(move |at| (from, at))) {
+            let mut both = Words(core::array::from_fn(|n| n as u8));
+            let first = both.0.as_mut_ptr();
+            // SAFETY: 11 + 100 bytes lie within it.
+            let (place, returned) = unsafe { (first.add(at), memmove(first.add(at), first.add(from), length)) };
+            assert!(returned == place);
+            for (n, byte) in both.0.iter().enumerate() {
+                let moved = (at..at + length).contains(&n);
+                assert!(*byte == if moved { n - at + from } else { n } as u8, "move of {} bytes", length);
             }
         }
         let mut to = Words([MARK; 112]);

@@ -17,18 +17,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         rest: S,
         first_look: bool,
     ) -> (S, Option<Event>) {
-        let mut first = (rest, None);
-        let mut consider = |guard: &Polynomial<S>, event: Event| {
-            if first_look {
-                if might_fail(guard, rest) {
-                    first.1 = Some(event);
-                }
-            } else if let Some(at) = first_failure(guard, first.0)
-                && (first.1.is_none() || at < first.0)
-            {
-                first = (at, Some(event));
-            }
-        };
+        let mut first = First { at: rest, event: None, first_look };
+        let mut consider = |guard: &Polynomial<S>, event: Event| first.consider(guard, event);
         match mode.contact {
             Contact::Absent => {}
             Contact::Free(direction) => {
@@ -105,6 +95,29 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 consider(&needed, Event::GripBreaks);
             }
         }
-        first
+        (first.at, first.event)
+    }
+}
+
+/// The first of the events so far.
+struct First<S> {
+    at: S,
+    event: Option<Event>,
+    first_look: bool,
+}
+
+impl<S: Scalar> First<S> {
+    // Called in six places.
+    #[inline(never)]
+    fn consider(&mut self, guard: &Polynomial<S>, event: Event) {
+        if self.first_look {
+            if might_fail(guard, self.at) {
+                self.event = Some(event);
+            }
+        } else if let Some(at) = first_failure(guard, self.at)
+            && (self.event.is_none() || at < self.at)
+        {
+            (self.at, self.event) = (at, Some(event));
+        }
     }
 }
