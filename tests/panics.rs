@@ -17,7 +17,11 @@ const JUSTIFIED: [(&str, &str); 11] = [
         "len_mismatch_fail",
         "both sides of a copy are cut to one length first: rings of bytes, words of the flash, texts",
     ),
-    ("panic_const", "divisors are constants or checked; a finished future is not polled again by its executor"),
+    (
+        "expect_failed",
+        "one body for several that are equal: divisors are constants or checked, a finished future is not polled again by its \
+         executor, a list is filled from no more than it holds",
+    ),
     ("assert_failed", "embassy's rings of the converters: half a ring is read at a time, by the array's type"),
     (
         "unwrap_failed",

@@ -240,8 +240,8 @@ fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
     std::fs::remove_file(&part).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&part).status().unwrap().success());
     let verify = damprig(&folder).args(["runs", "verify", "out"]).timeout(PATIENCE).assert().code(1);
-    verify.stdout(contains("000001.parquet: cannot read it: this is no plain file"));
+    verify.stdout(contains("000001.parquet: cannot read it: this is a pipe, no plain file"));
     let export = ["runs", "export", "out", "--format", "csv"];
-    damprig(&folder).args(export).timeout(PATIENCE).assert().code(1).stderr(contains("this is no plain file"));
+    damprig(&folder).args(export).timeout(PATIENCE).assert().code(1).stderr(contains("this is a pipe, no plain file"));
     damprig(&folder).args(["run", "--resume", "out"]).timeout(PATIENCE).assert().success();
 }

@@ -191,6 +191,7 @@ impl Host<'_> {
         while self.device.control().next_tick() < self.now {
             let before = self.device.control().next_tick();
             let (mut within, mut watched, mut deep) = (0, 0, 0);
+            let mut serves = true;
             let counter = self.counter;
             let (_, whole) = counter.count(|| {
                 self.device.run_watched(
@@ -203,13 +204,20 @@ impl Host<'_> {
                             }
                         }
                     },
-                    |tick| {
+                    |part| {
+                        // An order with its samples before it, then the tick with its output after it.
                         let work = || {
-                            black_box(calibration.readings(black_box(&slow)));
-                            tick();
-                            black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                            if serves {
+                                black_box(calibration.readings(black_box(&slow)));
+                            }
+                            part();
+                            if !serves {
+                                black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                            }
                         };
-                        ((((), within), deep), watched) = counter.count(|| depth(|| counter.count(work)));
+                        let ((((), counted), depth), around) = counter.count(|| depth(|| counter.count(work)));
+                        (within, watched, deep) = (within + counted, watched + around, deep.max(depth));
+                        serves = false;
                     },
                 )
             });

@@ -121,6 +121,15 @@ impl Lanes for Waiting {
     }
 }
 
+/// What was served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Served {
+    Nothing,
+    Order,
+    /// An experiment has begun.
+    Start,
+}
+
 /// Whether a simulated board's clock can go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
@@ -208,7 +217,8 @@ impl<S: PlantScalar> Simulated<S> {
         self.run_watched(most_ticks, out, |tick| tick())
     }
 
-    /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once.
+    /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once: an order,
+    /// then the rest.
     pub fn run_watched(
         &mut self,
         most_ticks: u32,
@@ -222,10 +232,12 @@ impl<S: PlantScalar> Simulated<S> {
                 return Progress::Standing;
             }
             let mut actuators = Actuators::default();
-            watch(&mut || {
-                self.serve_next();
-                actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting);
-            });
+            let mut starts = false;
+            watch(&mut || starts = self.serve_front() == Served::Start);
+            if starts {
+                self.put_to_start();
+            }
+            watch(&mut || actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting));
             self.bench.settle();
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
@@ -266,8 +278,17 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
-    /// Serves the request at the head of the queue, and one that waited for this tick.
+    /// Serves what comes next, and puts everything to its start if that begins an experiment; whether there was something.
     fn serve_next(&mut self) -> bool {
+        let served = self.serve_front();
+        if served == Served::Start {
+            self.put_to_start();
+        }
+        served != Served::Nothing
+    }
+
+    /// Serves the request at the head of the queue, and one that waited for this tick.
+    fn serve_front(&mut self) -> Served {
         let tick = self.control.next_tick();
         if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
             && let Some(mut order) = self.scheduled.take()
@@ -275,7 +296,7 @@ impl<S: PlantScalar> Simulated<S> {
             self.control.serve(&mut order, &mut self.bench, &mut self.store, &mut self.waiting);
         }
         let place = self.orders.front();
-        let Some(order) = place else { return false };
+        let Some(order) = place else { return Served::Nothing };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
         if order.at_tick.is_some_and(|at| at > tick) {
             self.control.hear();
@@ -288,25 +309,26 @@ impl<S: PlantScalar> Simulated<S> {
                 }
             }
             self.orders.drop_front();
-            return true;
+            return Served::Order;
         }
         let starts = order.is_start() && self.control.rig().state() == State::Idle;
         self.control.serve(order, &mut self.bench, &mut self.store, &mut self.waiting);
         self.orders.drop_front();
-        if starts && self.control.rig().state() != State::Idle {
-            // A new count of ticks: credit of the old one means nothing, nor does an order for a tick of it.
-            self.scheduled = None;
-            self.until_tick = 0;
-            self.clock_told = true;
-            // The plant is at its start; the friction damper's seat stays where it is.
-            let Sensors { readings: Readings { spring_n, .. }, at_limit, .. } = self.sensors;
-            self.sensors = Sensors { at_limit, ..Sensors::default() };
-            self.sensors.readings.spring_n = spring_n;
-            self.pace = Pace::default();
-            self.batch = Batch::default();
-            self.waiting.rows.clear();
-        }
-        true
+        if starts && self.control.rig().state() != State::Idle { Served::Start } else { Served::Order }
+    }
+
+    /// A new count of ticks: credit of the old one means nothing, nor does an order for a tick of it.
+    fn put_to_start(&mut self) {
+        self.scheduled = None;
+        self.until_tick = 0;
+        self.clock_told = true;
+        // The plant is at its start; the friction damper's seat stays where it is.
+        let Sensors { readings: Readings { spring_n, .. }, at_limit, .. } = self.sensors;
+        self.sensors = Sensors { at_limit, ..Sensors::default() };
+        self.sensors.readings.spring_n = spring_n;
+        self.pace = Pace::default();
+        self.batch = Batch::default();
+        self.waiting.rows.clear();
     }
 
     fn next_message(&mut self) -> Option<FromDevice> {

@@ -62,24 +62,24 @@ pub enum FromDevice {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
 pub enum Answer {
-    /// To [`Ask::Identify`].
+    /// To [`Ask::Identify`](crate::Ask::Identify).
     Identity(Identity),
     /// Carried out.
     Done,
-    /// To [`Ask::Describe`].
+    /// To [`Ask::Describe`](crate::Ask::Describe).
     Description(Description),
-    /// To [`Ask::Status`].
+    /// To [`Ask::Status`](crate::Ask::Status).
     Status {
         /// The rig's.
         status: Status,
         /// The link's.
         counters: Counters,
     },
-    /// To [`Ask::Result`].
+    /// To [`Ask::Result`](crate::Ask::Result).
     Result(PointResult),
-    /// To [`Ask::Signals`]: the table from there on, as much as fits.
+    /// To [`Ask::Signals`](crate::Ask::Signals): the table from there on, as much as fits.
     Signals(Vec<Signal, SIGNALS_TOLD>),
-    /// To [`Ask::Snippet`].
+    /// To [`Ask::Snippet`](crate::Ask::Snippet).
     Snippet {
         /// What the samples mean.
         scale: ForceScale,
@@ -90,16 +90,16 @@ pub enum Answer {
         /// Counts from there on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
     },
-    /// To [`Ask::Settings`].
+    /// To [`Ask::Settings`](crate::Ask::Settings).
     Settings {
         /// The settings in use.
         settings: Settings,
         /// Where they come from.
         source: Source,
     },
-    /// To [`Ask::BeginUpload`] and [`Ask::UploadChunk`].
+    /// To [`Ask::BeginUpload`](crate::Ask::BeginUpload) and [`Ask::UploadChunk`](crate::Ask::UploadChunk).
     Upload(Progress),
-    /// To [`Ask::Transient`].
+    /// To [`Ask::Transient`](crate::Ask::Transient).
     Transient(TransientResult),
 }
 
@@ -121,7 +121,7 @@ pub struct Identity {
 pub enum Clock {
     /// The board's own.
     RealTime,
-    /// The host's, by [`ToDevice::Grant`].
+    /// The host's, by [`ToDevice::Grant`](crate::ToDevice::Grant).
     Granted,
 }
 
@@ -156,7 +156,7 @@ pub struct Description {
     pub plant: PlantKind,
     /// Most frequencies in one experiment.
     pub most_points: u16,
-    /// Length of the signal table ([`Ask::Signals`]).
+    /// Length of the signal table ([`Ask::Signals`](crate::Ask::Signals)).
     pub signals: u8,
     /// Most of them in a row.
     pub most_signals: u8,

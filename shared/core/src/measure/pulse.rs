@@ -45,11 +45,12 @@ impl Before {
 
     /// The guards before sample `at` of the block.
     fn up_to(self, block: &[Pair], at: usize) -> Self {
-        let from_block = &block[at.saturating_sub(GUARD)..at];
-        let mut guards = self.0;
-        guards.rotate_left(from_block.len());
-        guards[GUARD - from_block.len()..].copy_from_slice(from_block);
-        Self(guards)
+        Self(core::array::from_fn(|n| {
+            // So many samples before `at`.
+            let back = GUARD - n;
+            let in_block = at.checked_sub(back).and_then(|place| block.get(place));
+            *in_block.unwrap_or(&self.0[(GUARD + at).saturating_sub(back).min(GUARD - 1)])
+        }))
     }
 }
 
