@@ -303,13 +303,6 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         &self.c
     }
 
-    /// The particle may meet a wall in the next step, by its present speed and an eighth more.
-    #[must_use]
-    pub fn is_near(&self) -> bool {
-        let State { offset, slide, .. } = self.state;
-        self.has_particle && offset.abs() + slide.abs() * S::from_f64(1.125) >= self.c.clearance
-    }
-
     /// Steps in which events were so many that the search for them was given up.
     #[must_use]
     pub fn unresolved(&self) -> u32 {

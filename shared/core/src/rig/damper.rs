@@ -4,8 +4,11 @@ use super::{Readings, Sensors};
 use crate::control::friction_spring::{Cause, Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand};
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::{ImpactMeter, ImpactRecord};
-use crate::twin::{Twin, TwinSignals, Work};
+use crate::twin::{Twin, TwinSignals};
 use heapless::Deque;
+
+/// Pieces of work of a twin that is late, at most: a sample of the fastest structure with an impact in every step is 16.
+const PIECES_WHEN_LATE: u8 = 64;
 
 /// Impacts that wait to be told.
 pub const IMPACTS_WAITING: usize = 8;
@@ -70,11 +73,17 @@ impl Dampers {
         pulses
     }
 
-    /// The twin does what this tick leaves room for: one piece of its work, and one more if that was a quiet one and it is
-    /// late.
+    /// The twin does what this tick leaves room for: one piece of its work. Before it would lose its place, as that of a fast
+    /// structure or in a long chatter, it takes more than there is room for.
     pub fn follow(&mut self, has_time: bool) {
         let Some(twin) = &mut self.twin else { return };
-        if has_time && twin.work() == Work::Quiet && twin.is_late() && !twin.is_near() {
+        if has_time {
+            twin.work();
+        }
+        for _ in 0..PIECES_WHEN_LATE {
+            if !twin.is_late() {
+                break;
+            }
             twin.work();
         }
         self.twin_signals = *twin.signals();
@@ -128,5 +137,41 @@ impl Dampers {
     #[must_use]
     pub fn lost(&self) -> u32 {
         self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Particle, SetUp, Structure, Wall};
+    use crate::rig::{Reading, TICK_HZ};
+    use crate::sine::Phase;
+    use crate::twin::TwinConfig;
+
+    #[test]
+    fn a_twin_of_a_fast_structure_and_one_that_gets_no_time_keep_their_place() {
+        let particle = Particle {
+            mass_kg: 0.16,
+            clearance_m: 2e-3,
+            friction_coefficient: 0.05,
+            wall: Wall::Restitution { coefficient: 0.3 },
+        };
+        for (frequency_hz, z_m, time_every) in [(30.0, 1e-4, 1), (30.0, 1e-4, 3), (2.5, 2e-3, u32::MAX)] {
+            let structure = Structure::from_modal(1.6, f64::from(frequency_hz), 0.0038);
+            let set_up = SetUp { particle: Some(particle), ..SetUp::bare(structure) };
+            let twin = Some(Twin::new(&TwinConfig { follow_hz: 0.0, ..TwinConfig::new(set_up) }).unwrap());
+            let (mut dampers, mut phase) = (Dampers { twin, ..Dampers::default() }, Phase::default());
+            for tick in 0..5000u32 {
+                phase.advance(Phase::increment(frequency_hz, TICK_HZ));
+                let sensors = Sensors {
+                    readings: Readings { z: Reading::still(z_m * phase.sin_cos().0), ..Sensors::default().readings },
+                    ..Sensors::default()
+                };
+                dampers.measure(tick, &sensors, &sensors.readings, frequency_hz);
+                dampers.follow(tick % time_every == 0);
+                assert_eq!(dampers.twin_signals.lost, 0, "{frequency_hz} Hz, time every {time_every}, tick {tick}");
+            }
+            assert!(dampers.twin_signals.predicted > 10, "{:?}", dampers.twin_signals);
+        }
     }
 }

@@ -304,12 +304,6 @@ impl Twin {
         &self.signals
     }
 
-    /// The particle may meet a wall in the next step: that may be twice the work.
-    #[must_use]
-    pub fn is_near(&self) -> bool {
-        self.plan.motion.is_near()
-    }
-
     /// One sample more, and it begins again.
     #[must_use]
     pub fn is_late(&self) -> bool {
