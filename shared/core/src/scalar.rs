@@ -131,3 +131,21 @@ impl Scalar for f32 {
         libm::fabsf(self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_single_precision_root_is_within_a_unit_in_the_last_place() {
+        let mut bits = 1u32;
+        while bits < f32::INFINITY.to_bits() {
+            let (value, root) = (f32::from_bits(bits), <f32 as Scalar>::sqrt(f32::from_bits(bits)));
+            let off = root.to_bits().abs_diff(libm::sqrtf(value).to_bits());
+            assert!(off <= 1, "√{value:e} is {root:e}, {off} off");
+            bits += 10_007;
+        }
+        assert_eq!([0.0, f32::INFINITY].map(<f32 as Scalar>::sqrt), [0.0, f32::INFINITY]);
+        assert!([-1.0, f32::NAN].map(<f32 as Scalar>::sqrt).iter().all(|root| root.is_nan()));
+    }
+}

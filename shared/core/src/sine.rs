@@ -80,6 +80,19 @@ mod tests {
     }
 
     #[test]
+    fn an_increment_is_the_nearest_whole_step() {
+        for n in 0..200_000u32 {
+            let (frequency_hz, tick_hz) = (n as f32 * 0.004_987, if n % 2 == 0 { 1000.0 } else { 50_000.0 });
+            let exact = f64::from(frequency_hz) * 4_294_967_296.0 / f64::from(tick_hz);
+            let increment = f64::from(Phase::increment(frequency_hz, tick_hz));
+            // Parts of a frequency below 2⁻³² Hz do not count.
+            assert!((increment - exact).abs() <= 0.500_01, "{frequency_hz} Hz at {tick_hz} Hz: {increment}, {exact}");
+        }
+        assert_eq!(Phase::increment(1000.0, 1000.0), u32::MAX);
+        assert_eq!([-1.0, f32::NAN].map(|odd| Phase::increment(odd, 1000.0)), [0, 0]);
+    }
+
+    #[test]
     fn a_cycle_ends_exactly_as_often_as_the_frequency_says() {
         let increment = Phase::increment(2.45, 1000.0);
         let mut phase = Phase::default();

@@ -1,8 +1,8 @@
 //! The sampled driver against exact results, in both precisions, at the controller's tick.
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
-use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Progress, Sampled, Units};
+use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use std::f64::consts::PI;
 
@@ -238,4 +238,47 @@ fn a_conservative_damper_keeps_its_energy() {
     let before = energy(&sampled);
     (0..60_000).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut ()));
     assert!((energy(&sampled) / before - 1.0).abs() < 1e-10, "{}", energy(&sampled) / before);
+}
+
+/// Impacts as they come, in steps.
+#[derive(Default, PartialEq, Debug)]
+struct Seen<S>(Vec<Impact<S>>);
+
+impl<S: Copy> Observer<S> for Seen<S> {
+    fn impact(&mut self, impact: &Impact<S>) {
+        self.0.push(*impact);
+    }
+}
+
+#[test]
+fn a_step_in_pieces_is_the_step_bit_for_bit() {
+    fn run<S: Scalar + Default + PartialEq, J: damprig_core::integrator::sampled::Joint<S>>(whole: Sampled<S, J>) {
+        let (mut whole, mut pieces) = (whole.clone(), whole);
+        let (mut seen, mut seen_in_pieces) = (Seen::default(), Seen::default());
+        let mut most = 0;
+        for step in 0..20_000 {
+            let base = sine_segment(3e-3, 2.0 * PI * 2.4, step);
+            whole.step(&base, &mut seen);
+            let mut begun = pieces.begin_step(&base);
+            let mut count = 1;
+            while pieces.go_on(&mut begun, &mut seen_in_pieces) == Progress::Under {
+                count += 1;
+            }
+            most = most.max(count);
+            assert_eq!((whole.state(), whole.mode()), (pieces.state(), pieces.mode()), "step {step}");
+        }
+        assert_eq!(seen, seen_in_pieces);
+        assert!(most >= 4, "an impact takes a look, a search, itself and the rest: {most}");
+    }
+    let damper = Some(FrictionDamper { force_n: 0.4 });
+    let hybrid = SetUp { friction_damper: damper, ..with_particle(0.0038, 0.1, 5e-3, 0.4, 0.08) };
+    let mut soft = hybrid;
+    if let Some(particle) = &mut soft.particle {
+        particle.wall =
+            Wall::Voigt { stiffness_n_per_m: 2e5, damping_n_s_per_m: 5.0, release: Release::ZeroPenetration };
+    }
+    let (units, initial) = (Units::metres(STEP_S), Initial::default());
+    run(Sampled::<f32>::new(&hybrid, units, &initial).unwrap());
+    run(Sampled::<f64>::new(&hybrid, units, &initial).unwrap());
+    run(Joined::<f64>::joined(&soft, units, &initial).unwrap());
 }

@@ -310,12 +310,12 @@ impl Twin {
         self.waiting.len() + 1 >= self.waiting.capacity()
     }
 
-    /// One piece of work; what that was.
-    pub fn work(&mut self) -> Work {
+    /// One piece of work: learning from impacts, or [`Sampled::go_on`]. Whether there was something to do.
+    pub fn work(&mut self) -> bool {
         if self.present.is_over {
-            let Some(sample) = self.waiting.pop_front() else { return Work::Nothing };
+            let Some(sample) = self.waiting.pop_front() else { return false };
             if self.begin(sample) {
-                return Work::Learnt;
+                return true;
             }
         }
         let Self { present, plan, .. } = self;
@@ -327,20 +327,20 @@ impl Twin {
             }
         };
         if plan.motion.go_on(begun, &mut present.impacts) == Progress::Under {
-            return Work::Event;
+            return true;
         }
         present.begun = None;
         present.part += 1;
         if present.part == self.plan.steps {
             self.end();
         }
-        Work::Quiet
+        true
     }
 
     /// One tick at once: hands it in and works until nothing is left to do.
     pub fn tick(&mut self, tick: u32, x_m: f32, z_m: f32) -> TwinSignals {
         self.take(tick, x_m, z_m);
-        while self.work() != Work::Nothing {}
+        while self.work() {}
         self.signals
     }
 
@@ -440,19 +440,6 @@ impl Twin {
             lost: self.signals.lost,
         };
     }
-}
-
-/// What a piece of work was.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Work {
-    /// There was nothing to do.
-    Nothing,
-    /// A step's end was reached.
-    Quiet,
-    /// An event was suspected, found or carried out.
-    Event,
-    /// Measured impacts were learnt from.
-    Learnt,
 }
 
 /// The impacts of one sample, counted from its first step.
