@@ -42,7 +42,7 @@ pub trait Scalar:
     /// The value as `f64` (exact for both floating-point types).
     fn to_f64(self) -> f64;
 
-    /// The square root, correctly rounded as IEEE 754 asks; of a number that is not negative.
+    /// The square root of a number that is not negative, within a unit in the last place.
     #[must_use]
     fn sqrt(self) -> Self;
 
@@ -113,10 +113,18 @@ impl Scalar for f32 {
 
     /// By Heron's steps from half the exponent, which is within 3.5 %: three of them leave roundings only (1 unit in the
     /// last place). A controller divides in one instruction, while `libm` finds one bit after the other.
-    #[inline]
+    #[inline(never)]
     fn sqrt(self) -> Self {
-        if !(Self::MIN_POSITIVE..=Self::MAX).contains(&self) {
-            return libm::sqrtf(self);
+        if self < Self::MIN_POSITIVE {
+            // Scaled by 2⁴⁸ it is a normal number; what is below zero has no root.
+            return match self {
+                0.0 => self,
+                _ if self < 0.0 => Self::NAN,
+                _ => Scalar::sqrt(self * 281_474_976_710_656.0) * (1.0 / 16_777_216.0),
+            };
+        }
+        if self.is_nan() || self > Self::MAX {
+            return self;
         }
         let mut root = Self::from_bits(0x1fbd_1df5 + (self.to_bits() >> 1));
         for _ in 0..3 {

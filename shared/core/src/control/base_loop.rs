@@ -52,6 +52,7 @@
 
 use crate::measure::lock_in::LockIn;
 use crate::model::{Invalid, positive, require};
+use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -165,7 +166,7 @@ impl BaseLoop {
         let square = self.sine * self.sine + self.cosine * self.cosine;
         let is_too_much = square > self.limit * self.limit;
         if is_too_much {
-            let scale = self.limit / libm::sqrtf(square);
+            let scale = self.limit / Scalar::sqrt(square);
             self.sine *= scale;
             self.cosine *= scale;
         }
@@ -186,7 +187,7 @@ impl BaseLoop {
         self.lock_in.end_cycle();
         // The nominal length: with z in phase with the sine, the tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
-        self.amplitude = libm::sqrtf(self.lock_in.squared_amplitude(1)) / samples;
+        self.amplitude = Scalar::sqrt(self.lock_in.squared_amplitude(1)) / samples;
         self.lock_in = LockIn::default();
         self.half_travel = self.travel.take().map_or(0.0, |(low, high)| (high - low) * 0.5);
         let within = (self.amplitude - target_m).abs() <= self.tolerance * target_m;

@@ -159,6 +159,17 @@ pub fn signed<S: Scalar>(direction: Sign, value: S) -> S {
     }
 }
 
+/// As [`signed`], of each of them.
+#[must_use]
+#[inline]
+pub fn all_signed<S: Scalar, const N: usize>(direction: Sign, values: [S; N]) -> [S; N] {
+    match direction {
+        1.. => values,
+        0 => [S::ZERO; N],
+        _ => values.map(|value| -value),
+    }
+}
+
 /// The sign of `value`.
 #[must_use]
 pub fn sign<S: Scalar>(value: S) -> Sign {

@@ -5,6 +5,7 @@
 //! amplitude, harmonics half the square of their part.
 
 use crate::rig::TICK_HZ;
+use crate::scalar::Scalar;
 
 /// Follows one displacement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,7 +38,7 @@ impl CycleAmplitude {
             let mean = self.sum / n;
             let variance = self.squares / n - mean * mean;
             // Rounding can take a variance of nothing below zero; no number stays none.
-            let latest = variance.is_finite().then(|| libm::sqrtf(2.0 * variance.max(0.0)));
+            let latest = variance.is_finite().then(|| Scalar::sqrt(2.0 * variance.max(0.0)));
             *self = Self { latest, ..Self::default() };
         }
         self.latest

@@ -313,7 +313,7 @@ impl ImpactMeter {
     pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) -> bool {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
         let limits = [&self.channels[0], &self.channels[1]].map(Channel::limit);
-        let (reached, sums) = survey(block, limits);
+        let Survey { reached, means } = Survey::of(block, limits);
         let mut busy = self.over.is_some();
         if busy {
             self.look_at_last(&mut found);
@@ -322,7 +322,7 @@ impl ImpactMeter {
             let channel = &mut self.channels[wall];
             if !reached[wall] && channel.is_idle() {
                 self.highest[wall] = 0.0;
-                channel.idle(sums[wall], block.len(), &self.settings.paces);
+                channel.idle(means[wall], block.len(), &self.settings.paces);
             } else {
                 self.follow(tick, wall, block, &mut found);
                 self.highest[wall] = self.channels[wall].take_highest();
@@ -383,30 +383,42 @@ impl ImpactMeter {
     }
 }
 
-/// Pairs that are added up before their two sums are taken apart: sixteen of twelve bits stay within sixteen bits.
-const TOGETHER: usize = 16;
+/// Pairs that are looked at together: the more, the fewer turns. The first of them counts for the offsets.
+const TOGETHER: usize = 10;
 
-/// Whether a reading of each wall reaches its limit, and the sum of its readings: what nearly every block ends with. Both
-/// walls of a pair go through one word.
-#[inline(never)]
-fn survey(block: &[Pair], limits: [u16; 2]) -> ([bool; 2], [u32; 2]) {
-    const TOP: u32 = 0x8000_8000;
-    // Added to a reading, it reaches the top bit from the limit on.
-    let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
-    let (mut reached, mut sums) = (0, [0; 2]);
-    let mut take = |part: &[Pair]| {
-        let mut both = 0u32;
-        for pair in part {
-            both = both.wrapping_add(pair.0);
-            reached |= pair.0.wrapping_add(reach);
+/// What nearly every block comes to.
+struct Survey {
+    /// Whether a reading of each wall reaches its limit.
+    reached: [bool; 2],
+    /// The mean of some of each wall's readings, evenly spread.
+    means: [f32; 2],
+}
+
+impl Survey {
+    /// Of a block, whose walls go through one word; [`Pair`]s of readings below 2¹⁵.
+    #[inline]
+    fn of(block: &[Pair], limits: [u16; 2]) -> Self {
+        const TOP: u32 = 0x8000_8000;
+        // Added to a reading, it reaches the top bit from the limit on.
+        let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
+        let (mut reached, mut sums) = (0, [0u32; 2]);
+        let mut add = |pair: &Pair| {
+            sums[0] += u32::from(pair.of(0));
+            sums[1] += u32::from(pair.of(1));
+        };
+        let (parts, rest) = block.as_chunks::<TOGETHER>();
+        for part in parts {
+            add(&part[0]);
+            part.iter().for_each(|pair| reached |= pair.both().wrapping_add(reach));
         }
-        sums[0] += both & 0xffff;
-        sums[1] += both >> 16;
-    };
-    let (parts, rest) = block.as_chunks::<TOGETHER>();
-    parts.iter().for_each(|part| take(part));
-    take(rest);
-    ([reached & 0x8000 != 0, reached & 0x8000_0000 != 0], sums)
+        for pair in rest {
+            add(pair);
+            reached |= pair.both().wrapping_add(reach);
+        }
+        let share = 1.0 / (parts.len() + rest.len()).max(1) as f32;
+        let means = sums.map(|sum| sum as f32 * share);
+        Self { reached: [reached & 0x8000 != 0, reached & 0x8000_0000 != 0], means }
+    }
 }
 
 #[cfg(test)]
@@ -424,10 +436,14 @@ mod tests {
             let block: heapless::Vec<Pair, 64> =
                 (0..length).map(|_| Pair::new(next(4096) as u16, next(4096) as u16)).collect();
             for limits in [[4000, 4000], [4090, 1], [0, 4095], [4096, 4096]] {
-                let (reached, sums) = survey(&block, limits);
+                let Survey { reached, means } = Survey::of(&block, limits);
                 for wall in 0..2 {
                     assert_eq!(reached[wall], block.iter().any(|pair| pair.of(wall) >= limits[wall]));
-                    assert_eq!(sums[wall], block.iter().map(|pair| u32::from(pair.of(wall))).sum::<u32>());
+                    let (parts, rest) = block.as_chunks::<TOGETHER>();
+                    let counted: heapless::Vec<f64, 64> =
+                        parts.iter().map(|part| &part[0]).chain(rest).map(|pair| f64::from(pair.of(wall))).collect();
+                    let mean = counted.iter().sum::<f64>() / counted.len() as f64;
+                    assert!((f64::from(means[wall]) - mean).abs() <= 2.0 * f64::from(f32::EPSILON) * mean);
                 }
             }
         }

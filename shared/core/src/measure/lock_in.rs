@@ -1,6 +1,7 @@
 //! Amplitude and phase of a signal at the drive frequency.
 
 use super::sum::Sum;
+use crate::scalar::Scalar;
 
 /// Correlates a signal with the drive's sine and cosine over whole cycles.
 ///
@@ -33,7 +34,7 @@ impl LockIn {
     #[must_use]
     pub fn amplitude_and_phase(&self, samples: u32) -> (f32, f32) {
         let (sine, cosine) = self.components(samples);
-        (libm::sqrtf(sine * sine + cosine * cosine), libm::atan2f(cosine, sine))
+        (Scalar::sqrt(sine * sine + cosine * cosine), libm::atan2f(cosine, sine))
     }
 
     /// The squared amplitude alone: what a sum over harmonics needs, without a root or an angle for each.

@@ -4,6 +4,7 @@ use super::lock_in::LockIn;
 use super::sum::Sum;
 use super::trend::Trend;
 use crate::rig::Readings;
+use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -156,18 +157,18 @@ impl PointMeter {
         for lock_in in &self.z_harmonics {
             harmonics += lock_in.squared_amplitude(self.samples);
         }
-        let distortion = if z_amplitude > 0.0 { libm::sqrtf(harmonics) / z_amplitude } else { 0.0 };
+        let distortion = if z_amplitude > 0.0 { Scalar::sqrt(harmonics) / z_amplitude } else { 0.0 };
         let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f32::MAX, f32::MAX));
         PointResult {
             index: place.index,
             frequency_hz: place.frequency_hz,
             z_amplitude_m: z_amplitude,
             z_distortion: distortion,
-            drive_amplitude_m: libm::sqrtf(self.drive.squared_amplitude(self.samples)),
+            drive_amplitude_m: Scalar::sqrt(self.drive.squared_amplitude(self.samples)),
             drive_saturated: place.drive_saturated,
             x_amplitude_m: harmonic.x_amplitude_m,
             phase_rad: harmonic.phase_rad,
-            x_rms_m: libm::sqrtf(self.squares.value() / self.samples.max(1) as f32),
+            x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1) as f32),
             x_mean_cycle_max_m: self.sum_of_maxima.value() / self.cycles.max(1) as f32,
             x_max_m: self.max,
             x_last_cycle_max_m: self.last_max,

@@ -8,24 +8,30 @@ pub const GUARD: usize = 4;
 /// Most samples in a block.
 pub const LONGEST_BLOCK: usize = 64;
 
-/// Readings of both walls at one instant in one word, the wall at −d in its lower half: they are copied and looked at
-/// together nearly always. So a converter that takes one wall after the other leaves them in memory.
+/// Readings of both walls at one instant in one word, the wall at −d in its lower half on a board: they are copied and
+/// looked at together nearly always. So a converter that takes one wall after the other leaves them in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct Pair(pub u32);
+#[repr(C, align(4))]
+pub struct Pair([u16; 2]);
 
 impl Pair {
     /// Counts on the wall at −d and at +d.
     #[must_use]
     pub const fn new(low: u16, high: u16) -> Self {
-        Self(low as u32 | (high as u32) << 16)
+        Self([low, high])
     }
 
     /// The reading of wall 0 (at −d) or 1.
     #[must_use]
     #[inline]
-    pub fn of(self, wall: usize) -> u16 {
-        (self.0 >> (16 * wall)) as u16
+    pub fn of(&self, wall: usize) -> u16 {
+        self.0[wall & 1]
+    }
+
+    /// Both in one word.
+    #[inline]
+    pub(super) fn both(&self) -> u32 {
+        u32::from(self.0[0]) | u32::from(self.0[1]) << 16
     }
 }
 
@@ -43,8 +49,17 @@ impl Before {
         *self = self.up_to(block, block.len());
     }
 
-    /// The guards before sample `at` of the block.
-    fn up_to(self, block: &[Pair], at: usize) -> Self {
+    /// The guards before sample `at` of the block: all within it, nearly always.
+    #[inline(always)]
+    fn up_to(&self, block: &[Pair], at: usize) -> Self {
+        match block.get(..at).and_then(<[Pair]>::last_chunk) {
+            Some(guards) => Self(*guards),
+            None => self.partly_from(block, at),
+        }
+    }
+
+    #[inline(never)]
+    fn partly_from(&self, block: &[Pair], at: usize) -> Self {
         Self(core::array::from_fn(|n| {
             // So many samples before `at`.
             let back = GUARD - n;
@@ -107,23 +122,25 @@ impl Totals {
     /// Of at most [`LONGEST_BLOCK`] samples: the sums stay within their words.
     #[inline(always)]
     fn of(samples: &[Pair], wall: usize) -> Self {
-        const GROUP: usize = 4;
+        const GROUP: usize = 5;
         let (mut sum, mut sums, mut best) = (0u32, 0u32, 0u32);
-        let (groups, rest) = samples.as_chunks::<GROUP>();
-        let mut left = groups.len() as u32 + 1;
-        let mut take = |pair: &Pair, left: u32| {
+        // The sums so far add up to Σ (n − k)·r.
+        let mut add = |pair: &Pair| {
             let reading = u32::from(pair.of(wall));
-            // The sums so far add up to Σ (n − k)·r.
             sum = sum.wrapping_add(reading);
             sums = sums.wrapping_add(sum);
-            // The higher reading, of equal ones the one with more groups left behind its own.
-            best = best.max((reading << 16) + left);
+            reading
         };
+        let (groups, rest) = samples.as_chunks::<GROUP>();
+        let mut left = groups.len() as u32 + 1;
         for group in groups {
-            group.iter().for_each(|pair| take(pair, left));
+            let top = group.iter().fold(0, |top, pair| add(pair).max(top));
+            // The higher top, of equal ones the one with more groups left behind its own.
+            best = best.max((top << 16) + left);
             left -= 1;
         }
-        rest.iter().for_each(|pair| take(pair, left));
+        let top = rest.iter().fold(0, |top, pair| add(pair).max(top));
+        best = best.max((top << 16) + left);
         let n = samples.len() as u32;
         let highest = (best >> 16) as u16;
         let group = GROUP * (groups.len() + 1).saturating_sub((best & 0xffff) as usize);
@@ -168,11 +185,13 @@ impl Pulse {
         let is_high = |pair: &Pair| i32::from(pair.of(wall)) >= low;
         // Where it ends if no sample before is high; the low ones that the samples before these ended with count.
         let mut end = GUARD - self.low;
-        while let Some(last) = rest.get(end - 1) {
-            let from = end.saturating_sub(GUARD);
-            if is_high(last) {
+        loop {
+            while rest.get(end - 1).is_some_and(is_high) {
                 end += GUARD;
-            } else if let Some(high) = rest[from..end - 1].iter().rposition(is_high) {
+            }
+            let from = end.saturating_sub(GUARD);
+            let Some(before) = rest.get(from..end).map(|run| &run[..run.len() - 1]) else { break };
+            if let Some(high) = before.iter().rposition(is_high) {
                 end = from + high + 1 + GUARD;
             } else {
                 self.low = GUARD;
@@ -289,10 +308,10 @@ impl Channel {
         self.limit
     }
 
-    /// Takes `count` idle samples of this sum.
-    pub(super) fn idle(&mut self, sum: u32, count: usize, paces: &Paces) {
+    /// Takes `count` idle samples of this mean.
+    pub(super) fn idle(&mut self, mean: f32, count: usize, paces: &Paces) {
         self.since = self.since.saturating_add(count as u32);
-        self.offset += (sum as f32 - count as f32 * self.offset) * paces.offset_gain;
+        self.offset += (mean - self.offset) * (count as f32 * paces.offset_gain);
         self.limit = limit(self.offset, paces);
     }
 

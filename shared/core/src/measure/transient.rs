@@ -12,6 +12,7 @@
 
 use super::sum::Sum;
 use crate::rig::{Readings, TICK_HZ};
+use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -122,7 +123,7 @@ impl TransientMeter {
     #[inline(never)]
     pub fn result(&self) -> TransientResult {
         let per_tick = 1.0 / self.ticks.max(1) as f32;
-        let rms = |sum: f32| libm::sqrtf(sum * per_tick);
+        let rms = |sum: f32| Scalar::sqrt(sum * per_tick);
         let [x, z, relative, error, along, rate, wanted] = self.sums.map(|sum| sum.value());
         let late = if rate > 0.0 { -along / rate } else { 0.0 };
         // Rounding can take an error of nothing below zero.

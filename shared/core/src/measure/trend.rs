@@ -1,6 +1,7 @@
 //! Whether a sequence of cycle maxima still drifts, and how much it scatters.
 
 use super::sum::Sum;
+use crate::scalar::Scalar;
 
 /// Least-squares line through equally spaced values, updated value by value: the squared residuals are summed as they
 /// appear (each the error of the line so far, reduced by its leverage), so nothing is lost by subtracting large sums.
@@ -53,7 +54,7 @@ impl Trend {
         }
         let n = self.count as f32;
         let slope = self.covariance.value() / spread(n);
-        Some((slope / mean, libm::sqrtf(self.squares / n) / mean))
+        Some((slope / mean, Scalar::sqrt(self.squares / n) / mean))
     }
 }
 

@@ -1,5 +1,7 @@
 //! The spring's line, fitted through the points of a touch-off.
 
+use crate::scalar::Scalar;
+
 /// Points of a touch-off.
 pub const POINTS: usize = 8;
 
@@ -40,7 +42,7 @@ pub fn fit(points: &[(f32, f32); POINTS]) -> Option<Line> {
     }
     let reach = force / slope;
     let variance = squares / (n - 2.0) / (slope * slope) * (1.0 / n + reach * reach / spread);
-    Some(Line { zero: position - reach, slope, zero_error: libm::sqrtf(variance) })
+    Some(Line { zero: position - reach, slope, zero_error: Scalar::sqrt(variance) })
 }
 
 #[cfg(test)]

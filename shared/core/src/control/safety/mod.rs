@@ -224,6 +224,7 @@ pub struct NotSafe {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Safety {
     config: SafetyConfig,
+    longest: Longest,
     x: Watch,
     z: Watch,
     envelope: Envelope,
@@ -233,6 +234,14 @@ pub struct Safety {
     trip: Option<Trip>,
     stage: SafeStage,
     fade: f32,
+}
+
+/// The longest times that are allowed, ticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Longest {
+    frozen: u32,
+    saturated: u32,
+    silent: u32,
 }
 
 fn ticks(seconds: f32) -> u32 {
@@ -259,8 +268,14 @@ impl Safety {
     }
 
     fn of(config: SafetyConfig) -> Self {
+        let longest = Longest {
+            frozen: ticks(config.frozen_s),
+            saturated: ticks(config.saturated_s),
+            silent: ticks(config.host_silent_s),
+        };
         Self {
             config,
+            longest,
             x: Watch::default(),
             z: Watch::default(),
             envelope: Envelope::default(),
@@ -327,7 +342,7 @@ impl Safety {
 
     /// Goes on under other constants; what is latched stays latched.
     pub fn adopt(&mut self, other: &Self) {
-        self.config = other.config;
+        (self.config, self.longest) = (other.config, other.longest);
     }
 
     /// The constants.
@@ -345,7 +360,7 @@ impl Safety {
             self.x.forgive();
             self.z.forgive();
         }
-        let frozen = ticks(config.frozen_s);
+        let Longest { frozen, saturated, silent } = self.longest;
         let defect = [
             (self.x.push(&readings.x, config.sensor_range_m, frozen), readings.x.peak_m),
             (self.z.push(&readings.z, config.sensor_range_m, frozen), readings.z.peak_m),
@@ -377,10 +392,10 @@ impl Safety {
         if signs.wall_force_n >= config.wall_force_n || signs.wall_force_n.is_nan() {
             return trip(Danger::WallForce, signs.wall_force_n, config.wall_force_n);
         }
-        if signs.driving && self.saturated_ticks > ticks(config.saturated_s) {
+        if signs.driving && self.saturated_ticks > saturated {
             return trip(Danger::DriveSaturated, config.saturated_s, config.saturated_s);
         }
-        if signs.driving && config.host_silent_s > 0.0 && self.silent_ticks > ticks(config.host_silent_s) {
+        if signs.driving && config.host_silent_s > 0.0 && self.silent_ticks > silent {
             return trip(Danger::HostSilent, config.host_silent_s, config.host_silent_s);
         }
         None

@@ -30,6 +30,8 @@ pub struct Runner {
     /// Since the present frequency began.
     driven_ticks: u32,
     phase: Phase,
+    /// Sine and cosine of the drive's phase in the last ticks, the oldest first.
+    waves: [(f32, f32); DELAY_TICKS as usize],
     increment: u32,
     frequency_hz: f32,
     /// Place on the ramp, 0 to 1.
@@ -57,6 +59,7 @@ impl Runner {
             rest: RestWait::default(),
             driven_ticks: 0,
             phase: Phase::default(),
+            waves: Default::default(),
             increment: 0,
             frequency_hz: 0.0,
             gain: 0.0,
@@ -220,6 +223,9 @@ impl Runner {
         // Without a corner at either end.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wave = self.phase.sin_cos();
+        let wave_then = self.waves[0];
+        self.waves.rotate_left(1);
+        self.waves[DELAY_TICKS as usize - 1] = wave;
         let amplitude = plan.sine.amplitude_m;
         let (Drive::ClosedLoop(_), Some(now), true) = (&plan.sine.drive, now, self.driving) else {
             let full = match plan.sine.drive {
@@ -229,7 +235,7 @@ impl Runner {
             return (ramp * full, None);
         };
         let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
-        let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, then.sin_cos(), wave);
+        let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, wave_then, wave);
         if then.0.checked_add(self.increment).is_none() {
             self.base.end_cycle(amplitude);
             if let Some(value) = self.base.runaway(amplitude) {

@@ -2,7 +2,7 @@
 
 use super::{Event, Flight, Joint, Sampled, Touch};
 use crate::integrator::base::Segment;
-use crate::integrator::modes::{Contact, Grip, Mode, signed};
+use crate::integrator::modes::{Contact, Grip, Mode, all_signed, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure, might_fail};
 use crate::scalar::Scalar;
 
@@ -23,19 +23,22 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Contact::Absent => {}
             Contact::Free(direction) => {
                 let d = self.c.clearance;
-                let far = flight.offset[0].abs() + polynomial::reach(&flight.offset, rest);
+                let reach = polynomial::reach(&flight.offset, rest);
                 let touch = self.joint.link().map_or(Touch::Clear, |link| link.touch);
                 if let Some((side, guard)) = self.joint.link().and_then(|link| link.contact(&flight.offset)) {
                     consider(&guard, Event::LetGo(side));
-                } else if far >= d {
+                } else if flight.offset[0].abs() + reach >= d {
                     for side in [1, -1] {
                         if touch == Touch::Leaving(side) {
-                            let mut past = flight.offset.map(|coefficient| signed(side, coefficient));
+                            let mut past = all_signed(side, flight.offset);
                             past[0] -= d;
                             consider(&past, Event::Inside(side));
                             continue;
                         }
-                        let mut gap = flight.offset.map(|coefficient| -signed(side, coefficient));
+                        if signed(side, flight.offset[0]) + reach < d {
+                            continue;
+                        }
+                        let mut gap = all_signed(-side, flight.offset);
                         gap[0] += d;
                         if self.slide_released && gap[0] == S::ZERO {
                             gap[2] = gap[2].max(S::ZERO);
@@ -44,7 +47,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                     }
                 }
                 if self.c.friction_acceleration > S::ZERO {
-                    let mut slide = polynomial::derivative(&flight.offset).map(|s| signed(direction, s));
+                    let mut slide = all_signed(direction, polynomial::derivative(&flight.offset));
                     if self.slide_released {
                         slide[1] = slide[1].max(S::ZERO);
                     }
@@ -70,7 +73,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         match mode.grip {
             Grip::Slip(0) => {}
             Grip::Slip(direction) => {
-                let mut slip = polynomial::derivative(&flight.stretch).map(|s| signed(direction, s));
+                let mut slip = all_signed(direction, polynomial::derivative(&flight.stretch));
                 if self.slip_released {
                     slip[0] = S::ZERO;
                     slip[1] = slip[1].max(S::ZERO);
