@@ -8,9 +8,10 @@ use std::time::{Duration, Instant};
 
 use damprig::link::Link;
 use damprig::session::{Session, SessionError};
-use damprig_core::rig::{Reading, Sensors, State};
-use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
+use damprig_core::rig::{Reading, Sensors, Signals, State};
+use damprig_device::control::{Birth, Control, Name, RealPlant};
 use damprig_device::intake::Intake;
+use damprig_device::lanes::{Lanes, Row, Saying};
 use damprig_device::orders::Order;
 use damprig_device::store::Store;
 use damprig_protocol::frame::{self, LONGEST};
@@ -35,12 +36,12 @@ struct Board {
 struct Said(Vec<FromDevice>);
 
 impl Lanes for Said {
-    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
+    fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
+        self.0.push(saying.into());
         Ok(self.0.len())
     }
 
-    fn row(&mut self, _: Row) -> Result<usize, ()> {
+    fn row(&mut self, _: Row<&Signals>) -> Result<usize, ()> {
         Ok(0)
     }
 }

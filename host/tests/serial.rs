@@ -8,9 +8,10 @@ mod unix {
     use std::net::TcpListener;
     use std::time::{Duration, Instant};
 
-    use damprig_core::rig::{Reading, Sensors};
-    use damprig_device::control::{Birth, Control, Lanes, Name, RealPlant, Row};
+    use damprig_core::rig::{Reading, Sensors, Signals};
+    use damprig_device::control::{Birth, Control, Name, RealPlant};
     use damprig_device::intake::Intake;
+    use damprig_device::lanes::{Lanes, Row, Saying};
     use damprig_device::orders::Order;
     use damprig_device::outbox::Batch;
     use damprig_device::simulated::{Progress, Simulated};
@@ -109,13 +110,13 @@ mod unix {
     }
 
     impl Lanes for Waiting {
-        fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
-            self.urgent.push(message);
+        fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
+            self.urgent.push(saying.into());
             Ok(self.urgent.len())
         }
 
-        fn row(&mut self, row: Row) -> Result<usize, ()> {
-            self.batch.push(&row);
+        fn row(&mut self, row: Row<&Signals>) -> Result<usize, ()> {
+            self.batch.push(&row.copied());
             self.full.extend(std::iter::from_fn(|| self.batch.pop()).map(FromDevice::Telemetry));
             Ok(self.full.len())
         }

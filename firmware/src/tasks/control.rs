@@ -32,7 +32,15 @@ pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Sourc
     bench.start();
     loop {
         let sensors = bench.next_block(&control.settings().calibration).await;
-        if let Some(order) = orders.try_receive() {
+        if !orders.is_empty() {
+            control.expect_order();
+        }
+        control.end_saving(&mut Structure, &mut Outgoing);
+        let actuators = control.tick(&sensors, store, &mut Outgoing);
+        bench.set(&actuators, &control.settings().calibration.drive);
+        if control.has_time()
+            && let Some(order) = orders.try_receive()
+        {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
             control.note_timing(bench.timing());
             let starts = order.is_start();
@@ -43,9 +51,6 @@ pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Sourc
                 ROWS.clear();
             }
         }
-        control.end_saving(&mut Structure, &mut Outgoing);
-        let actuators = control.tick(&sensors, store, &mut Outgoing);
-        bench.set(&actuators, &control.settings().calibration.drive);
         crash::note_tick(control.next_tick());
         // A tick that does not come here, and a line whose tasks do not run, let the watchdog bite.
         if line.is_alive() {

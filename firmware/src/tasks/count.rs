@@ -2,7 +2,8 @@
 //!
 //! The load is everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and
 //! held at a friction ratio, both walls listened to, the twin running along, telemetry of sixteen signals in every tick,
-//! and a host that asks for something in every other tick. What a tick takes besides (the interrupt and the queues'
+//! and a host that asks for something in every fourth tick: one after the other of what may be asked of a running
+//! experiment. What a tick takes besides (the interrupt and the queues'
 //! locks) is not in it; the plant's and the line's own instructions are left out.
 
 use core::hint::black_box;
@@ -18,12 +19,12 @@ use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, Shaker};
-use damprig_core::rig::SUBSAMPLES;
 use damprig_core::rig::calibration::{Calibration, SlowBlock};
+use damprig_core::rig::{SUBSAMPLES, State};
 use damprig_core::twin::TwinConfig;
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, Signal, Telemetry, ToDevice};
+use damprig_protocol::{Answer, Ask, FromDevice, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
 
 use crate::board::mps2_an386::{InstructionCounter, exit};
 
@@ -76,7 +77,7 @@ struct Depths {
 pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     counter.check();
     crate::memory::check();
-    let mut host = Host { counter, device, seq: 0, now: 0, depths: Depths::default() };
+    let mut host = Host { counter, device, seq: 0, now: 0, depths: Depths::default(), replies: [0; 2] };
     let mut orders = Tally::default();
     // The plant is no part of a board: it is set while the clock stands.
     host.send(Ask::SetPlant(plant()));
@@ -101,12 +102,16 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     host.now = 0;
     let (mut tally, mut served) = (Tally::default(), Tally::default());
     for tick in (0..TICKS).step_by(2) {
-        let asked = tick % 4 == 0;
-        if asked {
-            host.send(Ask::Status);
+        let asks = tick % 4 == 0;
+        // First the grant: what comes while the clock stands is served outside a tick.
+        host.grant(2);
+        if asks {
+            host.send(asked(tick / 4, matches!(host.device.control().rig().state(), State::Running(_))));
         }
-        host.let_pass(2, if asked { &mut served } else { &mut tally });
+        host.pass(if asks { &mut served } else { &mut tally });
     }
+    let [done, refused] = host.replies;
+    assert!(refused < done && done + refused + 5 > u32::from(host.seq), "{} done, {} refused", done, refused);
     let points = host.device.control().rig().status().points;
     let impacts = host.device.control().rig().signals()[12];
     assert!(points == 2 && impacts > 20.0, "the load did not run: {} points, {} impacts", points, impacts);
@@ -133,7 +138,7 @@ fn depth_of_sending() -> usize {
     let values = (0..64u8).map(f32::from).collect();
     let telemetry = Telemetry { seq: 1, first_tick: 2, every_ticks: 1, width: 16, values };
     let signal = || Signal { name: "signal".try_into().unwrap_or_default(), unit: "m".try_into().unwrap_or_default() };
-    let signals = Answer::Signals((0..8).map(|_| signal()).collect());
+    let signals = Answer::Signals((0..SIGNALS_TOLD).map(|_| signal()).collect());
     let mut out = [0; LONGEST];
     [FromDevice::Telemetry(telemetry), FromDevice::Reply { seq: 3, answer: Ok(signals) }]
         .iter()
@@ -148,6 +153,8 @@ struct Host<'a> {
     /// The tick granted.
     now: u32,
     depths: Depths,
+    /// Carried out and refused.
+    replies: [u32; 2],
 }
 
 impl Host<'_> {
@@ -188,10 +195,11 @@ impl Host<'_> {
         let calibration = Calibration::assumed(65_520, 4_095, 0.005);
         let slow: SlowBlock = [[32_760; 3]; SUBSAMPLES];
         let mut reader = Reader::default();
+        let replies = &mut self.replies;
         while self.device.control().next_tick() < self.now {
             let before = self.device.control().next_tick();
             let (mut within, mut watched, mut deep) = (0, 0, 0);
-            let mut serves = true;
+            let mut ticks = true;
             let counter = self.counter;
             let (_, whole) = counter.count(|| {
                 self.device.run_watched(
@@ -199,25 +207,24 @@ impl Host<'_> {
                     |bytes| {
                         for &byte in bytes {
                             if let Some(Ok(FromDevice::Reply { answer, .. })) = reader.push(byte) {
-                                let fine = matches!(answer, Ok(Answer::Done | Answer::Status { .. }));
-                                assert!(fine, "the load is refused");
+                                replies[usize::from(answer.is_err())] += 1;
                             }
                         }
                     },
                     |part| {
-                        // An order with its samples before it, then the tick with its output after it.
+                        // The tick with its samples before it and its output after it, then an order.
                         let work = || {
-                            if serves {
+                            if ticks {
                                 black_box(calibration.readings(black_box(&slow)));
                             }
                             part();
-                            if !serves {
+                            if ticks {
                                 black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
                             }
                         };
                         let ((((), counted), depth), around) = counter.count(|| depth(|| counter.count(work)));
                         (within, watched, deep) = (within + counted, watched + around, deep.max(depth));
-                        serves = false;
+                        ticks = false;
                     },
                 )
             });
@@ -252,6 +259,31 @@ fn plant() -> PlantConfig {
         walls: Some(WallSensors::default()),
         spring: Some(SpringPlant::default()),
         ..PlantConfig::ideal(set_up())
+    }
+}
+
+/// What a host may ask for while an experiment runs, one after the other; a new target seldom, so that the spring gets to it.
+fn asked(turn: u32, is_running: bool) -> Ask {
+    if turn % 256 == 0 {
+        return Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
+    }
+    match turn % 16 {
+        0 => Ask::Signals { from: 0 },
+        1 => Ask::Describe,
+        2 => Ask::ArmSnippet,
+        3 => Ask::Settings,
+        4 => Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
+        5 => Ask::Identify,
+        6 => Ask::Snippet { from: 0 },
+        7 => Ask::Result { index: 0 },
+        // In vain.
+        8..=12 if !is_running => Ask::Status,
+        8 => Ask::Start,
+        9 => Ask::BeginUpload { bytes: 2, crc32: 0 },
+        10 => Ask::SetSpring(SpringConfig { step_m: -1.0, ..SpringConfig::default() }),
+        11 => Ask::SetTwin(None),
+        12 => Ask::Spring(SpringCommand::TouchOff),
+        _ => Ask::Status,
     }
 }
 

@@ -2,10 +2,10 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use damprig_device::control::{Lanes, Row};
+use damprig_core::rig::Signals;
+use damprig_device::lanes::{Lanes, Row, Saying};
 use damprig_device::orders::{self, Work};
 use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
-use damprig_protocol::FromDevice;
 use damprig_protocol::ask::PassedOver;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
@@ -33,7 +33,7 @@ pub fn orders() -> (OrdersIn, OrdersOut) {
 }
 
 /// Replies and events on their way to the line.
-pub static URGENT: Channel<CriticalSectionRawMutex, FromDevice, REPLIES_WAITING> = Channel::new();
+pub static URGENT: Channel<CriticalSectionRawMutex, Saying, REPLIES_WAITING> = Channel::new();
 
 /// Telemetry rows on their way to the line.
 pub static ROWS: Channel<CriticalSectionRawMutex, Row, ROWS_WAITING> = Channel::new();
@@ -53,13 +53,13 @@ pub fn counted(counter: &AtomicU32) -> u32 {
 pub struct Outgoing;
 
 impl Lanes for Outgoing {
-    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
-        URGENT.try_send(message).map_err(|_| ())?;
+    fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
+        URGENT.try_send(saying).map_err(|_| ())?;
         Ok(URGENT.len())
     }
 
-    fn row(&mut self, row: Row) -> Result<usize, ()> {
-        ROWS.try_send(row).map_err(|_| ())?;
+    fn row(&mut self, row: Row<&Signals>) -> Result<usize, ()> {
+        ROWS.try_send(row.copied()).map_err(|_| ())?;
         Ok(ROWS.len())
     }
 }

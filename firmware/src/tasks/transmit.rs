@@ -30,15 +30,15 @@ pub async fn run(mut transmitter: BufferedUartTx<'static>, mut led: Output<'stat
 
 async fn next(batch: &mut Batch) -> FromDevice {
     loop {
-        if let Ok(message) = URGENT.try_receive() {
-            return message;
+        if let Ok(saying) = URGENT.try_receive() {
+            return saying.into();
         }
         if let Some(telemetry) = batch.pop() {
             return FromDevice::Telemetry(telemetry);
         }
         // `select` asks in this order.
         match select(URGENT.receive(), ROWS.receive()).await {
-            Either::First(message) => return message,
+            Either::First(saying) => return saying.into(),
             Either::Second(row) => {
                 if row.tick == 0 {
                     // What is left of the old count of ticks.

@@ -143,7 +143,7 @@ fn a_chaotic_motion_is_followed_too() {
     let truth = set_up(30e-3, 0.5, 0.0038);
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
     let mut alarms = 0;
-    let mut last = TwinSignals::default();
+    let mut last = TwinSignals::NOTHING;
     for _ in 0..120_000 {
         last = bench.tick();
         alarms += u32::from(last.alarm);

@@ -1,15 +1,15 @@
 //! The tick task's whole work: orders to the rig, one tick, and what comes out of it.
 
-use crate::orders::{Chosen, Order, Selection, Work};
+use crate::lanes::{Lanes, Row, Saying};
+use crate::orders::{Order, Selection, Work};
 use crate::store::Store;
+use damprig_core::measure::snippet::SNIPPET;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{
-    Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, Signals, State, TICK_HZ, WALL_SUBSAMPLES,
-};
+use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, State, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::settings::{Prepared, Settings, Source};
 use damprig_protocol::{
-    Answer, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS, PlantKind,
-    Refused, Reset, SCHEMA, Signal, Timing, VERSION, clipped,
+    Answer, Clock, ClockSource, Counters, Crash, Description, Happening, Identity, MOST_SIGNALS, PlantKind, Reset,
+    SAMPLES_TOLD, SCHEMA, Timing, VERSION, clipped,
 };
 use heapless::{Deque, Vec};
 
@@ -78,38 +78,6 @@ impl<P> Bench<P> for RealPlant {
     }
 }
 
-/// One row of telemetry.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Row {
-    /// Its tick.
-    pub tick: u32,
-    /// Ticks between rows.
-    pub every_ticks: u16,
-    /// The signals that are asked for: taken out where there is more time than in a tick.
-    pub chosen: Chosen,
-    /// All of them.
-    pub values: Signals,
-    /// Nothing follows soon: do not wait for more rows before sending.
-    pub last: bool,
-}
-
-/// Where control puts what it has to say. Neither may wait: a full lane says no, and control counts it.
-pub trait Lanes {
-    /// Replies, events and clock messages; how many wait now.
-    ///
-    /// # Errors
-    /// There is no room.
-    #[allow(clippy::result_unit_err)] // The only failure is "full", and the caller counts it.
-    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()>;
-
-    /// Telemetry; how many rows wait now.
-    ///
-    /// # Errors
-    /// There is no room.
-    #[allow(clippy::result_unit_err)]
-    fn row(&mut self, row: Row) -> Result<usize, ()>;
-}
-
 /// Who this device says it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Name {
@@ -152,8 +120,10 @@ impl Default for Birth {
 /// Owns the rig.
 #[derive(Clone, Debug)]
 pub struct Control {
-    name: Name,
-    birth: Birth,
+    /// Made once: texts take time to copy.
+    identity: Identity,
+    /// But for what a bench and the settings say.
+    description: Description,
     rig: Rig,
     settings: Settings,
     settings_source: Source,
@@ -161,7 +131,7 @@ pub struct Control {
     saving: Option<u16>,
     selection: Selection,
     served: Deque<u16, SERVED_KEPT>,
-    last_refused: Option<Refused>,
+    last_refused: Option<Refusal>,
     event_seq: u16,
     counters: Counters,
     rows_dropped_before_start: u32,
@@ -172,8 +142,27 @@ impl Control {
     #[must_use]
     pub fn new(name: Name, birth: Birth) -> Self {
         Self {
-            name,
-            birth,
+            identity: Identity {
+                protocol: VERSION,
+                schema: SCHEMA,
+                firmware: clipped(name.firmware),
+                board: clipped(name.board),
+            },
+            description: Description {
+                tick_hz: TICK_HZ,
+                clock: Clock::RealTime,
+                plant: PlantKind::Real,
+                most_points: damprig_core::control::stepped_sine::MOST_POINTS as u16,
+                signals: SIGNALS.len() as u8,
+                most_signals: MOST_SIGNALS as u8,
+                force_rate_hz: TICK_HZ * WALL_SUBSAMPLES as f32,
+                clock_source: birth.clock_source,
+                revision: clipped(name.revision),
+                profile: clipped(name.profile),
+                reset: birth.reset,
+                last_crash: birth.last_crash,
+                settings: Source::Default,
+            },
             rig: Rig::new(),
             settings: Settings::default(),
             settings_source: Source::Default,
@@ -243,6 +232,17 @@ impl Control {
         self.carry_out(order, bench, store, lanes);
     }
 
+    /// An order waits to be served after the tick that comes next.
+    pub fn expect_order(&mut self) {
+        self.rig.expect_order();
+    }
+
+    /// Whether the last tick has left time for the order that was expected.
+    #[must_use]
+    pub fn has_time(&self) -> bool {
+        self.rig.has_time()
+    }
+
     /// Something was heard of the host.
     pub(crate) fn hear(&mut self) {
         self.rig.hear_host();
@@ -250,7 +250,7 @@ impl Control {
 
     /// Answers that a request is not carried out.
     pub(crate) fn refuse(&mut self, seq: u16, why: Refusal, lanes: &mut impl Lanes) {
-        self.say(FromDevice::Reply { seq, answer: Err(why.into()) }, lanes);
+        self.say(Saying::Reply { seq, answer: Err(why) }, lanes);
     }
 
     /// Answers. A number that was served is answered again but not carried out again: not the last one, whose reply may
@@ -277,7 +277,7 @@ impl Control {
         let is_question = order.work.is_question();
         let answer = if repeated && is_last && !is_question {
             let done = if order.work.is_upload() { Answer::Upload(store.progress()) } else { Answer::Done };
-            self.last_refused.clone().map_or(Ok(done), Err)
+            self.last_refused.map_or(Ok(done), Err)
         } else if repeated && !is_question {
             // Nobody waits for this answer any more.
             Ok(Answer::Done)
@@ -290,19 +290,15 @@ impl Control {
             }
             // Cannot fail: room was made above.
             let _ = self.served.push_back(order.seq);
-            // Large, and nearly always nothing.
-            match &answer {
-                Ok(_) => self.last_refused = None,
-                Err(refused) => self.last_refused = Some(refused.clone()),
-            }
+            self.last_refused = answer.as_ref().err().copied();
         }
         if self.saving != Some(order.seq) {
-            self.say(FromDevice::Reply { seq: order.seq, answer }, lanes);
+            self.say(Saying::Reply { seq: order.seq, answer }, lanes);
         }
     }
 
     /// Saves the settings, or begins to: then the reply waits.
-    fn save<P>(&mut self, seq: u16, bench: &mut impl Bench<P>) -> Result<Answer, Refused> {
+    fn save<P>(&mut self, seq: u16, bench: &mut impl Bench<P>) -> Result<Answer, Refusal> {
         self.rig.must_be_idle()?;
         match bench.save(&self.settings)? {
             Saving::Done => self.settings_source = Source::Stored,
@@ -318,15 +314,12 @@ impl Control {
             && let Some(outcome) = bench.saved()
         {
             self.saving = None;
-            let answer = match outcome {
-                Ok(()) => {
-                    self.settings_source = Source::Stored;
-                    Ok(Answer::Done)
-                }
-                Err(why) => Err(Refused::from(why)),
-            };
-            self.last_refused = answer.as_ref().err().cloned();
-            self.say(FromDevice::Reply { seq, answer }, lanes);
+            if outcome.is_ok() {
+                self.settings_source = Source::Stored;
+            }
+            let answer = outcome.map(|()| Answer::Done);
+            self.last_refused = answer.as_ref().err().copied();
+            self.say(Saying::Reply { seq, answer }, lanes);
         }
     }
 
@@ -336,20 +329,20 @@ impl Control {
         work: &mut Work<P>,
         bench: &mut impl Bench<P>,
         store: &mut Store,
-    ) -> Result<Answer, Refused> {
+    ) -> Result<Answer, Refusal> {
         match work {
-            Work::Identify => Ok(Answer::Identity(self.identity())),
+            Work::Identify => Ok(Answer::Identity(self.identity.clone())),
             Work::Describe => Ok(Answer::Description(self.describe(bench))),
             Work::Status => Ok(Answer::Status { status: self.rig.status(), counters: self.counters }),
-            Work::Signals { from } => Ok(Answer::Signals(signals(*from))),
+            Work::Signals(part) => Ok(Answer::Signals(core::mem::take(part))),
             Work::Result { index } => match self.rig.result(*index) {
                 Some(result) => Ok(Answer::Result(*result)),
-                None => Err(Refusal::NotHere("that result is not kept (any more)").into()),
+                None => Err(Refusal::NotHere("that result is not kept (any more)")),
             },
             Work::Snippet { from } => self.snippet(*from),
             Work::Transient => match self.rig.transient() {
                 Some(result) => Ok(Answer::Transient(*result)),
-                None => Err(Refusal::NotHere("there is no such result since the last start").into()),
+                None => Err(Refusal::NotHere("there is no such result since the last start")),
             },
             Work::BeginUpload { bytes, crc32 } => {
                 self.rig.must_be_idle()?;
@@ -367,7 +360,7 @@ impl Control {
             }
             Work::Settings => Ok(Answer::Settings { settings: self.settings, source: self.settings_source }),
             // Nothing begins while the flash is written to.
-            _ if self.saving.is_some() => Err(Refusal::NotHere("the settings are being saved: ask again").into()),
+            _ if self.saving.is_some() => Err(Refusal::NotHere("the settings are being saved: ask again")),
             Work::SetSettings(prepared) => {
                 self.rig.adopt(prepared)?;
                 (self.settings, self.settings_source) = (prepared.settings, Source::Host);
@@ -383,7 +376,7 @@ impl Control {
                 if matches!(command, Command::Start) {
                     self.rig.could_start()?;
                     if self.rig.wanted_record().is_some_and(|wanted| !store.holds(&wanted)) {
-                        return Err(Refusal::NotHere("upload the record that this playback names first").into());
+                        return Err(Refusal::NotHere("upload the record that this playback names first"));
                     }
                     bench.restart()?;
                     self.rows_dropped_before_start = self.counters.rows_dropped;
@@ -391,49 +384,28 @@ impl Control {
                 self.rig.handle(command)?;
                 Ok(Answer::Done)
             }
-            Work::Refuse(invalid) => Err(Refusal::Invalid(*invalid).into()),
+            Work::Refuse(invalid) => Err(Refusal::Invalid(*invalid)),
         }
     }
 
-    fn snippet(&self, from: u16) -> Result<Answer, Refused> {
+    fn snippet(&self, from: u16) -> Result<Answer, Refusal> {
         let (snippet, scale) = self.rig.snippet();
-        let Some((samples, side)) = snippet.samples() else {
+        let mut samples = Vec::new();
+        // Never more than there is room for.
+        let _ = samples.resize_default(SAMPLES_TOLD);
+        let Some((copied, side)) = snippet.copy(usize::from(from), &mut samples) else {
             return Err(Refusal::NotHere(if snippet.is_armed() {
                 "no impact has come since the snippet was armed"
             } else {
                 "no snippet was armed"
-            })
-            .into());
+            }));
         };
-        let length = samples.len() as u16;
-        Ok(Answer::Snippet { scale: *scale, side, length, samples: fit(samples.skip(usize::from(from))) })
-    }
-
-    fn identity(&self) -> Identity {
-        Identity {
-            protocol: VERSION,
-            schema: SCHEMA,
-            firmware: clipped(self.name.firmware),
-            board: clipped(self.name.board),
-        }
+        samples.truncate(copied);
+        Ok(Answer::Snippet { scale: *scale, side, length: SNIPPET as u16, samples })
     }
 
     fn describe<P, B: Bench<P>>(&self, _: &B) -> Description {
-        Description {
-            tick_hz: TICK_HZ,
-            clock: B::CLOCK,
-            plant: B::PLANT,
-            most_points: damprig_core::control::stepped_sine::MOST_POINTS as u16,
-            signals: SIGNALS.len() as u8,
-            most_signals: MOST_SIGNALS as u8,
-            force_rate_hz: TICK_HZ * WALL_SUBSAMPLES as f32,
-            clock_source: self.birth.clock_source,
-            revision: clipped(self.name.revision),
-            profile: clipped(self.name.profile),
-            reset: self.birth.reset,
-            last_crash: self.birth.last_crash,
-            settings: self.settings_source,
-        }
+        Description { clock: B::CLOCK, plant: B::PLANT, settings: self.settings_source, ..self.description.clone() }
     }
 
     /// One tick of the rig, to which the store lends its record.
@@ -447,7 +419,7 @@ impl Control {
         let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
         let every_ticks = self.selection.every_ticks;
         if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
-            let (chosen, values) = (self.selection.chosen, *self.rig.signals());
+            let (chosen, values) = (self.selection.chosen, self.rig.signals());
             match lanes.row(Row { tick, every_ticks, chosen, values, last: ends }) {
                 Ok(waiting) => keep_most(&mut self.counters.most_rows_waiting, waiting),
                 Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
@@ -456,7 +428,7 @@ impl Control {
         if let Some(event) = event.as_ref().and_then(|event| self.happening(event)) {
             let seq = self.event_seq;
             self.event_seq = seq.wrapping_add(1);
-            self.say(FromDevice::Event { seq, tick, event }, lanes);
+            self.say(Saying::Event { seq, tick, event }, lanes);
         }
         *actuators
     }
@@ -476,8 +448,8 @@ impl Control {
         })
     }
 
-    fn say(&mut self, message: FromDevice, lanes: &mut impl Lanes) {
-        match lanes.urgent(message) {
+    fn say(&mut self, saying: Saying, lanes: &mut impl Lanes) {
+        match lanes.urgent(saying) {
             Ok(waiting) => keep_most(&mut self.counters.most_replies_waiting, waiting),
             Err(()) => self.counters.replies_dropped = self.counters.replies_dropped.saturating_add(1),
         }
@@ -486,15 +458,4 @@ impl Control {
 
 fn keep_most(most: &mut u8, now: usize) {
     *most = (*most).max(now.min(usize::from(u8::MAX)) as u8);
-}
-
-/// The signal table from a place on.
-fn signals<const N: usize>(from: u8) -> Vec<Signal, N> {
-    let rest = SIGNALS.get(usize::from(from)..).unwrap_or_default();
-    fit(rest.iter().map(|(name, unit)| Signal { name: clipped(name), unit: clipped(unit) }))
-}
-
-/// As many as there is room for.
-fn fit<T, const N: usize>(items: impl Iterator<Item = T>) -> Vec<T, N> {
-    items.take(N).collect()
 }

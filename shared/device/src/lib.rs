@@ -20,6 +20,7 @@
 pub mod control;
 pub mod crash;
 pub mod intake;
+pub mod lanes;
 pub mod orders;
 pub mod outbox;
 pub mod settings;

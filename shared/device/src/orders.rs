@@ -14,9 +14,9 @@ use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
 use damprig_core::settings::Prepared;
 use damprig_core::twin::TwinPlan;
-use damprig_protocol::MOST_SIGNALS;
 use damprig_protocol::ask::{Ask, Request};
 use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES};
+use damprig_protocol::{MOST_SIGNALS, SIGNALS_TOLD, Signal, clipped};
 use heapless::Vec;
 
 /// A request as the control tick takes it; `P` is what a simulated plant is made of, or what a real board makes of that.
@@ -43,9 +43,10 @@ pub struct Selection {
 
 /// Places in the signal table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(C, align(4))] // Whole words are copied faster, and every row has it.
 pub struct Chosen {
-    width: u8,
     places: [u8; MOST_SIGNALS],
+    width: u8,
 }
 
 impl Default for Chosen {
@@ -80,11 +81,8 @@ pub enum Work<P = PlantConfig> {
     Describe,
     /// State and counters.
     Status,
-    /// A part of the signal table.
-    Signals {
-        /// The first place wanted.
-        from: u8,
-    },
+    /// A part of the signal table, as it is answered: its texts take time to copy.
+    Signals(Vec<Signal, SIGNALS_TOLD>),
     /// A result that did not arrive.
     Result {
         /// Its place.
@@ -154,7 +152,7 @@ impl<P> Work<P> {
             Ask::Identify => return Ok(Self::Identify),
             Ask::Describe => return Ok(Self::Describe),
             Ask::Status => return Ok(Self::Status),
-            Ask::Signals { from } => return Ok(Self::Signals { from }),
+            Ask::Signals { from } => return Ok(Self::Signals(signals(from))),
             Ask::Result { index } => return Ok(Self::Result { index }),
             Ask::Snippet { from } => return Ok(Self::Snippet { from }),
             Ask::Settings => return Ok(Self::Settings),
@@ -197,7 +195,7 @@ impl<P> Work<P> {
             Self::Identify
                 | Self::Describe
                 | Self::Status
-                | Self::Signals { .. }
+                | Self::Signals(_)
                 | Self::Result { .. }
                 | Self::Snippet { .. }
                 | Self::Transient
@@ -228,6 +226,13 @@ fn chunk<P>(offset: u32, data: Vec<u8, CHUNK_BYTES>) -> Result<Work<P>, Invalid>
         return refuse("upload.data", data.len() as f64);
     }
     Ok(Work::UploadChunk { offset, data })
+}
+
+/// The signal table from a place on, as much as is told at once.
+fn signals(from: u8) -> Vec<Signal, SIGNALS_TOLD> {
+    let rest = SIGNALS.get(usize::from(from)..).unwrap_or_default();
+    let named = rest.iter().map(|(name, unit)| Signal { name: clipped(name), unit: clipped(unit) });
+    named.take(SIGNALS_TOLD).collect()
 }
 
 fn select(every_ticks: u16, signals: Vec<u8, MOST_SIGNALS>, impacts: bool) -> Result<Selection, Invalid> {

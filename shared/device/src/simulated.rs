@@ -4,14 +4,15 @@
 //! requests are served at once and everything that waits for the line goes out. So nothing that a host can see
 //! depends on how fast either side runs, and a run repeats bit for bit.
 
-use crate::control::{Bench, Birth, Control, Lanes, Name, Row, Saving};
+use crate::control::{Bench, Birth, Control, Name, Saving};
 use crate::intake::Intake;
+use crate::lanes::{Lanes, Row, Saying};
 use crate::orders::Order;
 use crate::outbox::{Batch, Pace};
 use crate::store::Store;
 use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
-use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, State};
+use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, Signals, State};
 use damprig_core::scalar::Scalar;
 use damprig_core::settings::Settings;
 use damprig_protocol::frame::{self, LONGEST};
@@ -105,18 +106,18 @@ impl Slots {
 
 #[derive(Debug, Default)]
 struct Waiting {
-    urgent: Deque<FromDevice, REPLIES_WAITING>,
+    urgent: Deque<Saying, REPLIES_WAITING>,
     rows: Deque<Row, ROWS_WAITING>,
 }
 
 impl Lanes for Waiting {
-    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.urgent.push_back(message).map_err(|_| ())?;
+    fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
+        self.urgent.push_back(saying).map_err(|_| ())?;
         Ok(self.urgent.len())
     }
 
-    fn row(&mut self, row: Row) -> Result<usize, ()> {
-        self.rows.push_back(row).map_err(|_| ())?;
+    fn row(&mut self, row: Row<&Signals>) -> Result<usize, ()> {
+        self.rows.push_back(row.copied()).map_err(|_| ())?;
         Ok(self.rows.len())
     }
 }
@@ -194,7 +195,6 @@ impl<S: PlantScalar> Simulated<S> {
                     }
                     if self.stands() {
                         self.serve_next();
-                        self.bench.settle();
                     }
                 }
             }
@@ -217,8 +217,8 @@ impl<S: PlantScalar> Simulated<S> {
         self.run_watched(most_ticks, out, |tick| tick())
     }
 
-    /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once: an order,
-    /// then the rest.
+    /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once: the tick,
+    /// then an order for which it has left time.
     pub fn run_watched(
         &mut self,
         most_ticks: u32,
@@ -231,16 +231,19 @@ impl<S: PlantScalar> Simulated<S> {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
-            let mut actuators = Actuators::default();
-            let mut starts = false;
-            watch(&mut || starts = self.serve_front() == Served::Start);
-            if starts {
-                self.put_to_start();
+            self.serve_due();
+            if self.orders.front().is_some() {
+                self.control.expect_order();
             }
+            let mut actuators = Actuators::default();
             watch(&mut || actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting));
-            self.bench.settle();
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
+            }
+            if self.control.has_time() {
+                let mut starts = false;
+                watch(&mut || starts = self.serve_front() == Served::Start);
+                self.settle(starts);
             }
             self.pace.tick();
             while self.pace.is_clear()
@@ -262,9 +265,7 @@ impl<S: PlantScalar> Simulated<S> {
             while let Some(message) = self.next_message() {
                 write(&message, frame, out);
             }
-            let served = self.serve_next();
-            self.bench.settle();
-            if !served {
+            if !self.serve_next() {
                 break;
             }
         }
@@ -278,30 +279,39 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
-    /// Serves what comes next, and puts everything to its start if that begins an experiment; whether there was something.
+    /// Serves what comes next while the clock stands; whether there was something.
     fn serve_next(&mut self) -> bool {
+        self.serve_due();
         let served = self.serve_front();
-        if served == Served::Start {
-            self.put_to_start();
-        }
+        self.settle(served == Served::Start);
         served != Served::Nothing
     }
 
-    /// Serves the request at the head of the queue, and one that waited for this tick.
-    fn serve_front(&mut self) -> Served {
-        let tick = self.control.next_tick();
-        if self.scheduled.as_ref().is_some_and(|order| order.at_tick.is_none_or(|at| at <= tick))
-            && let Some(mut order) = self.scheduled.take()
-        {
-            self.control.serve(&mut order, &mut self.bench, &mut self.store, &mut self.waiting);
+    /// Does what was served asks of the plant, and puts everything to its start if that began an experiment.
+    fn settle(&mut self, starts: bool) {
+        self.bench.settle();
+        if starts {
+            self.put_to_start();
         }
-        let place = self.orders.front();
-        let Some(order) = place else { return Served::Nothing };
-        self.control.note(self.intake.bad_frames(), self.requests_dropped);
-        if order.at_tick.is_some_and(|at| at > tick) {
+    }
+
+    /// Serves what waited for this tick, and lays aside what waits for a later one.
+    fn serve_due(&mut self) {
+        let tick = self.control.next_tick();
+        let is_due = |order: &Order| order.at_tick.is_none_or(|at| at <= tick);
+        if let Some(mut order) = self.scheduled.take_if(|order| is_due(order)) {
+            self.control.serve(&mut order, &mut self.bench, &mut self.store, &mut self.waiting);
+            self.bench.settle();
+        }
+        while let Some(order) = self.orders.front().as_ref().filter(|order| order.at_tick.is_some()) {
+            if is_due(order) {
+                let starts = self.serve_front() == Served::Start;
+                self.settle(starts);
+                continue;
+            }
             self.control.hear();
             match &self.scheduled {
-                None => self.scheduled = place.take(),
+                None => self.scheduled = self.orders.front().take(),
                 Some(waiting) if waiting.seq == order.seq => {}
                 Some(_) => {
                     let why = Refusal::NotHere("another request already waits for its tick");
@@ -309,8 +319,13 @@ impl<S: PlantScalar> Simulated<S> {
                 }
             }
             self.orders.drop_front();
-            return Served::Order;
         }
+    }
+
+    /// Serves the request at the head of the queue.
+    fn serve_front(&mut self) -> Served {
+        let Some(order) = self.orders.front() else { return Served::Nothing };
+        self.control.note(self.intake.bad_frames(), self.requests_dropped);
         let starts = order.is_start() && self.control.rig().state() == State::Idle;
         self.control.serve(order, &mut self.bench, &mut self.store, &mut self.waiting);
         self.orders.drop_front();
@@ -332,8 +347,8 @@ impl<S: PlantScalar> Simulated<S> {
     }
 
     fn next_message(&mut self) -> Option<FromDevice> {
-        if let Some(message) = self.waiting.urgent.pop_front() {
-            return Some(message);
+        if let Some(saying) = self.waiting.urgent.pop_front() {
+            return Some(saying.into());
         }
         loop {
             if let Some(batch) = self.batch.pop() {

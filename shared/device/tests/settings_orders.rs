@@ -4,9 +4,10 @@ use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Refusal, Sensors};
+use damprig_core::rig::{Refusal, Sensors, Signals};
 use damprig_core::settings::{Settings, Source};
-use damprig_device::control::{Bench, Birth, Control, Lanes, Name, Row, Saving};
+use damprig_device::control::{Bench, Birth, Control, Name, Saving};
+use damprig_device::lanes::{Lanes, Row, Saying};
 use damprig_device::orders::Order;
 use damprig_device::store::Store;
 use damprig_protocol::{Answer, Ask, Clock, FromDevice, PlantKind, Refused, Request};
@@ -45,12 +46,12 @@ impl Bench for Board {
 struct Said(Vec<FromDevice>);
 
 impl Lanes for Said {
-    fn urgent(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
+    fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
+        self.0.push(saying.into());
         Ok(1)
     }
 
-    fn row(&mut self, _: Row) -> Result<usize, ()> {
+    fn row(&mut self, _: Row<&Signals>) -> Result<usize, ()> {
         Ok(1)
     }
 }

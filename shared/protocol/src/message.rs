@@ -18,10 +18,10 @@ use crate::upload::Progress;
 pub const MOST_SIGNALS: usize = 16;
 
 /// Signals of the table in one answer.
-pub const SIGNALS_TOLD: usize = 8;
+pub const SIGNALS_TOLD: usize = 4;
 
 /// Samples of a snippet in one answer.
-pub const SAMPLES_TOLD: usize = 64;
+pub const SAMPLES_TOLD: usize = 32;
 
 /// Calls of a [`Crash`].
 pub const CALLS_TOLD: usize = 6;

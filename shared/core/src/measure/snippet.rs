@@ -48,11 +48,21 @@ impl Snippet {
         !matches!(self.phase, Phase::Off | Phase::Full)
     }
 
-    /// Readings in counts, oldest first, and the side (+1 or −1); `None` until it is full.
-    #[must_use]
-    pub fn samples(&self) -> Option<(impl ExactSizeIterator<Item = u16>, i8)> {
-        let samples = (self.at..self.at + SNIPPET).map(|n| self.samples[n % SNIPPET].of(self.wall));
-        (self.phase == Phase::Full).then_some((samples, if self.wall == 0 { -1 } else { 1 }))
+    /// Copies readings in counts, the oldest first, from the one in place `from` on, as many as there are and `to` takes: how
+    /// many, and the side (+1 or −1). `None` until it is full.
+    #[inline(never)]
+    pub fn copy(&self, from: usize, to: &mut [u16]) -> Option<(usize, i8)> {
+        if self.phase != Phase::Full {
+            return None;
+        }
+        let from = from.min(SNIPPET);
+        let copied = to.len().min(SNIPPET - from);
+        let (newer, older) = self.samples.split_at((self.at + from) % SNIPPET);
+        let (first, rest) = to[..copied].split_at_mut(copied.min(older.len()));
+        for (to, from) in [(first, older), (rest, newer)] {
+            to.iter_mut().zip(from).for_each(|(to, pair)| *to = pair.of(self.wall));
+        }
+        Some((copied, if self.wall == 0 { -1 } else { 1 }))
     }
 
     /// A pulse has begun with sample `at` of the present block.
@@ -76,7 +86,9 @@ impl Snippet {
         self.phase = phase;
         let (first, rest) = block[..length].split_at(length.min(SNIPPET - self.at));
         self.samples[self.at..self.at + first.len()].copy_from_slice(first);
-        self.samples[..rest.len()].copy_from_slice(rest);
+        if !rest.is_empty() {
+            self.samples[..rest.len()].copy_from_slice(rest);
+        }
         self.at = (self.at + length) % SNIPPET;
     }
 }

@@ -24,10 +24,11 @@ pub struct Dampers {
     pub(super) twin: Option<Twin>,
     amplitude: CycleAmplitude,
     pub(super) base_amplitude_m: Option<f32>,
-    pub(super) twin_signals: TwinSignals,
     pub(super) impacts_in_cycle: u32,
     impacts: Deque<ImpactRecord, IMPACTS_WAITING>,
     happenings: Deque<Happening, HAPPENINGS_WAITING>,
+    /// Pulses that ended before this tick are of a plant that has been put back.
+    put_back_at: u32,
     lost: u32,
 }
 
@@ -48,10 +49,12 @@ impl Dampers {
         self.base_amplitude_m = None;
         self.impacts_in_cycle = 0;
         self.impacts.clear();
+        self.put_back_at = 0;
     }
 
-    /// The twin begins again with a simulated plant that was put back to its start.
-    pub fn put_back(&mut self) {
+    /// The twin begins again with a simulated plant that is put back to its start after this tick.
+    pub fn put_back(&mut self, tick: u32) {
+        self.put_back_at = tick.wrapping_add(1);
         if let Some(twin) = &mut self.twin {
             twin.put_back();
         }
@@ -60,9 +63,11 @@ impl Dampers {
     /// What this tick's samples show; whether there was a force on a wall, which takes its time.
     pub fn measure(&mut self, tick: u32, sensors: &Sensors, readings: &Readings, frequency_hz: f32) -> bool {
         self.base_amplitude_m = self.amplitude.push(readings.z.mean_m, frequency_hz);
-        let Self { meter, twin, impacts, lost, .. } = self;
+        let Self { meter, twin, impacts, lost, put_back_at, .. } = self;
         let pulses = meter.push(tick, &sensors.walls, |record| {
-            if let Some(twin) = twin {
+            if let Some(twin) = twin
+                && record.tick >= *put_back_at
+            {
                 twin.detected(record);
             }
             *lost += u32::from(impacts.push_back(*record).is_err());
@@ -86,7 +91,18 @@ impl Dampers {
             }
             twin.work();
         }
-        self.twin_signals = *twin.signals();
+    }
+
+    /// The twin has to make up for ticks that left it no time.
+    #[must_use]
+    pub fn twin_lags(&self) -> bool {
+        self.twin.as_ref().is_some_and(Twin::lags)
+    }
+
+    /// What the twin shows; nothing without one.
+    #[must_use]
+    pub fn twin_signals(&self) -> &TwinSignals {
+        self.twin.as_ref().map_or(&TwinSignals::NOTHING, Twin::signals)
     }
 
     /// A cycle of the drive has ended.
@@ -95,12 +111,18 @@ impl Dampers {
     }
 
     /// The spring's tick; a fault's cause with the value that broke the limit, and the limit.
-    pub fn tick_spring(&mut self, sensors: &Sensors, readings: &Readings) -> (Motor, Option<(Cause, f32, f32)>) {
+    pub fn tick_spring(
+        &mut self,
+        sensors: &Sensors,
+        readings: &Readings,
+        is_busy: bool,
+    ) -> (Motor, Option<(Cause, f32, f32)>) {
         let (motor, happening) = self.spring.tick(&Inputs {
             force_n: readings.spring_n,
             at_switch: sensors.at_limit,
             x_peak_m: readings.x.peak_m,
             base_amplitude_m: self.base_amplitude_m,
+            is_busy,
         });
         let Some(happening) = happening else { return (motor, None) };
         self.lost += u32::from(self.happenings.push_back(happening).is_err());
@@ -121,8 +143,8 @@ impl Dampers {
     /// There is something to tell, and time for it: a busy tick has none until half of what may wait does.
     #[must_use]
     pub fn is_to_tell(&self, busy: bool) -> bool {
-        let waiting = self.impacts.len() + self.happenings.len();
-        waiting > if busy { HAPPENINGS_WAITING / 2 } else { 0 }
+        let waits = !(self.impacts.is_empty() && self.happenings.is_empty());
+        waits && (!busy || self.impacts.len() + self.happenings.len() > HAPPENINGS_WAITING / 2)
     }
 
     /// The next thing to tell.
@@ -143,10 +165,43 @@ impl Dampers {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::impacts::Pair;
     use crate::model::{Particle, SetUp, Structure, Wall};
     use crate::rig::{Reading, TICK_HZ};
     use crate::sine::Phase;
     use crate::twin::TwinConfig;
+
+    #[test]
+    fn a_pulse_of_a_plant_that_was_put_back_is_told_and_not_taught() {
+        let particle = Particle {
+            mass_kg: 0.16,
+            clearance_m: 7.5e-3,
+            friction_coefficient: 0.05,
+            wall: Wall::Restitution { coefficient: 0.5 },
+        };
+        let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
+        let quiet = Sensors::default();
+        let mut touched = quiet;
+        // A half-sine of 0.4 ms in the middle of the tick's block, ended when the block is.
+        for (n, pair) in touched.walls[10..30].iter_mut().enumerate() {
+            let force = 800.0 * libm::sinf(core::f32::consts::PI * (n as f32 + 0.5) / 20.0);
+            *pair = Pair::new(pair.of(0), pair.of(1) + force as u16);
+        }
+        for (put_back_at, taught) in [(None, 1), (Some(50), 0), (Some(40), 1)] {
+            let twin = Some(Twin::new(&TwinConfig::new(set_up)).unwrap());
+            let mut dampers = Dampers { twin, ..Dampers::default() };
+            for tick in 0..200 {
+                let sensors = if tick == 50 { &touched } else { &quiet };
+                dampers.measure(tick, sensors, &sensors.readings, 2.5);
+                if put_back_at == Some(tick) {
+                    dampers.put_back(tick);
+                }
+                dampers.follow(true);
+            }
+            assert_eq!((dampers.impacts(), dampers.impacts.len()), (1, 1), "{put_back_at:?}");
+            assert_eq!(dampers.twin_signals().detected, taught, "{put_back_at:?}");
+        }
+    }
 
     #[test]
     fn a_twin_of_a_fast_structure_and_one_that_gets_no_time_keep_their_place() {
@@ -169,9 +224,9 @@ mod tests {
                 };
                 dampers.measure(tick, &sensors, &sensors.readings, frequency_hz);
                 dampers.follow(tick % time_every == 0);
-                assert_eq!(dampers.twin_signals.lost, 0, "{frequency_hz} Hz, time every {time_every}, tick {tick}");
+                assert_eq!(dampers.twin_signals().lost, 0, "{frequency_hz} Hz, time every {time_every}, tick {tick}");
             }
-            assert!(dampers.twin_signals.predicted > 10, "{:?}", dampers.twin_signals);
+            assert!(dampers.twin_signals().predicted > 10, "{:?}", dampers.twin_signals());
         }
     }
 }

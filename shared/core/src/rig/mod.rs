@@ -30,6 +30,9 @@ pub use words::{Command, Event, Refusal, State, Status};
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
 
+/// Ticks that an order waits for one that is free, at most: longer than a contact takes.
+pub const LONGEST_WAIT: u8 = 64;
+
 /// The rig.
 #[derive(Clone, Debug)]
 pub struct Rig {
@@ -45,6 +48,9 @@ pub struct Rig {
     fault: Option<Fault>,
     finishing: bool,
     host_heard: bool,
+    /// An order waits for a tick that has time for it; since how many ticks.
+    order_waits: Option<u8>,
+    has_time: bool,
     waiting: Option<Event>,
     signals: Signals,
 }
@@ -72,6 +78,8 @@ impl Rig {
             fault: None,
             finishing: false,
             host_heard: false,
+            order_waits: None,
+            has_time: false,
             waiting: None,
             signals: [0.0; SIGNALS.len()],
         }
@@ -138,6 +146,18 @@ impl Rig {
         self.host_heard = true;
     }
 
+    /// An order waits to be served after the tick that comes next.
+    pub fn expect_order(&mut self) {
+        self.order_waits.get_or_insert(0);
+    }
+
+    /// Whether the last tick has left time to serve the order that was expected. After [`LONGEST_WAIT`] ticks it is said to
+    /// have.
+    #[must_use]
+    pub fn has_time(&self) -> bool {
+        self.has_time
+    }
+
     /// Refuses what may only be done while nothing moves.
     ///
     /// # Errors
@@ -151,7 +171,8 @@ impl Rig {
         }
     }
 
-    /// Carries out a command. An experiment and a twin are taken out of it, which is cheaper than copying them.
+    /// Carries out a command. An experiment is taken out of it, which is cheaper than copying it; a twin is copied, which is cheaper
+    /// than moving it about.
     ///
     /// # Errors
     /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
@@ -177,8 +198,7 @@ impl Rig {
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
-                self.dampers.twin = twin.take().map(Twin::of);
-                self.dampers.twin_signals = Default::default();
+                self.dampers.twin = twin.as_ref().map(Twin::of);
             }
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
@@ -276,9 +296,8 @@ impl Rig {
         let tick = self.tick;
         let readings = sensors.readings;
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
-        let served = self.host_heard;
         let pulses = self.dampers.measure(tick, sensors, &readings, frequency_hz);
-        let (motor, spring_fault) = self.dampers.tick_spring(sensors, &readings);
+        let (motor, spring_fault) = self.dampers.tick_spring(sensors, &readings, pulses);
         let mut event = None;
         if let Some((cause, value, limit)) = spring_fault
             && self.runner.is_some()
@@ -318,12 +337,15 @@ impl Rig {
             }
         }
         if actuators.put_plant_back.is_some() {
-            self.dampers.put_back();
+            self.dampers.put_back(tick);
         }
-        // The rest of what is dear in a tick, news and the twin wait for one without.
-        let evaluates = self.runner.as_ref().is_some_and(Runner::is_evaluating) || !matches!(outcome, Outcome::Running);
-        let tells = self.dampers.is_to_tell(pulses);
-        self.dampers.follow(!served && !pulses && !evaluates && !tells);
+        // One dear thing a tick: news, an order and the twin wait for one without, in this order.
+        let evaluates = self.runner.as_ref().is_some_and(|runner| runner.is_evaluating() || runner.cycle_ended())
+            || !matches!(outcome, Outcome::Running);
+        let tells = self.waiting.is_some() || self.dampers.is_to_tell(pulses);
+        let is_free = !pulses && !evaluates && !tells && event.is_none() && !self.dampers.spring.has_decided();
+        self.has_time = self.leave_time(is_free);
+        self.dampers.follow(is_free && !self.has_time);
         if !matches!(outcome, Outcome::Running)
             && let Some(recorded) = self.record(outcome)
         {
@@ -338,6 +360,18 @@ impl Rig {
         self.fill_signals(&readings, &actuators, frequency_hz);
         self.tick = self.tick.wrapping_add(1);
         (actuators, event)
+    }
+
+    /// Whether there is an order to serve after this tick: one has come, and the tick is free, or it has waited for long. A
+    /// twin that orders keep from its work goes first.
+    fn leave_time(&mut self, is_free: bool) -> bool {
+        let Some(waited) = &mut self.order_waits else { return false };
+        *waited += 1;
+        let serves = is_free && !self.dampers.twin_lags() || *waited >= LONGEST_WAIT;
+        if serves {
+            self.order_waits = None;
+        }
+        serves
     }
 
     fn signs(&mut self, sensors: &Sensors) -> Signs {
@@ -418,7 +452,7 @@ impl Rig {
     fn fill_signals(&mut self, readings: &Readings, actuators: &Actuators, frequency_hz: f32) {
         let dampers = &self.dampers;
         let spring = &dampers.spring;
-        let twin = &dampers.twin_signals;
+        let twin = dampers.twin_signals();
         let [low, high] = dampers.meter.highest_n();
         let number = |flag: bool| if flag { 1.0 } else { 0.0 };
         self.signals = [

@@ -92,7 +92,7 @@ impl TwinConfig {
 }
 
 /// The telemetry of one tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwinSignals {
     /// Predicted x, two to five ticks ago, m: the mean of two.
     pub x_m: f32,
@@ -108,6 +108,12 @@ pub struct TwinSignals {
     pub alarm: bool,
     /// Times that it lagged too far behind and began again.
     pub lost: u32,
+}
+
+impl TwinSignals {
+    /// Of a twin that has seen nothing.
+    pub const NOTHING: Self =
+        Self { x_m: 0.0, residual_rms_m: 0.0, predicted: 0, detected: 0, missing: 0, alarm: false, lost: 0 };
 }
 
 /// The means of [`SAMPLE_TICKS`].
@@ -229,24 +235,24 @@ impl Twin {
     /// # Errors
     /// As [`TwinPlan::new`].
     pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
-        Ok(Self::of(TwinPlan::new(config)?))
+        Ok(Self::of(&TwinPlan::new(config)?))
     }
 
     /// A twin at rest.
     #[must_use]
-    pub fn of(plan: TwinPlan) -> Self {
+    pub fn of(plan: &TwinPlan) -> Self {
         Self {
             half: None,
             waiting: Deque::new(),
             detections: Deque::new(),
             present: Present::default(),
-            signals: TwinSignals::default(),
+            signals: TwinSignals::NOTHING,
             track: Track::default(),
             matcher: Matcher::new(&plan.matching),
             residual_square: 0.0,
             measured_before_m: 0.0,
             samples: 0,
-            plan,
+            plan: plan.clone(),
         }
     }
 
@@ -255,7 +261,7 @@ impl Twin {
         self.put_back();
         self.matcher.restart();
         self.residual_square = 0.0;
-        self.signals = TwinSignals::default();
+        self.signals = TwinSignals::NOTHING;
     }
 
     /// Back to rest with a simulated plant that is put back to its start; what was counted stays counted.
@@ -302,6 +308,12 @@ impl Twin {
     #[must_use]
     pub fn signals(&self) -> &TwinSignals {
         &self.signals
+    }
+
+    /// More than half of what may wait does.
+    #[must_use]
+    pub fn lags(&self) -> bool {
+        self.waiting.len() > self.waiting.capacity() / 2
     }
 
     /// One sample more, and it begins again.

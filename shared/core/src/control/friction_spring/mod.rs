@@ -94,6 +94,7 @@ pub struct FrictionSpring {
     braking: bool,
     saturated: bool,
     waiting: bool,
+    has_decided: bool,
     /// A ratio waits for a measured Z.
     without_z: bool,
     target_force_n: f32,
@@ -145,6 +146,7 @@ impl FrictionSpring {
             braking: false,
             saturated: false,
             waiting: false,
+            has_decided: false,
             without_z: false,
             target_force_n: 0.0,
             force_n: 0.0,
@@ -191,6 +193,12 @@ impl FrictionSpring {
     #[must_use]
     pub fn target_force_n(&self) -> f32 {
         self.target_force_n
+    }
+
+    /// It has looked at a settled force in the last tick, which takes its time.
+    #[must_use]
+    pub fn has_decided(&self) -> bool {
+        self.has_decided
     }
 
     /// It presses as a brake.
@@ -389,6 +397,7 @@ impl FrictionSpring {
 
     fn work(&mut self, inputs: &Inputs, force_n: f32) -> (i8, Option<Happening>) {
         self.waiting = false;
+        self.has_decided = false;
         match self.task {
             Task::Stand => (self.ramp.tick(&self.paces.fast, None), None),
             Task::SeekSwitch | Task::LeaveSwitch | Task::BackOff => self.home(inputs.at_switch),
@@ -405,8 +414,11 @@ impl FrictionSpring {
                 (0, None)
             }
             Task::Average(mut mean) => {
-                let averaged = mean.push(force_n, self.paces.average);
+                // What follows is put off while there is no time, but not for ever.
+                let count = if inputs.is_busy { 2 * self.paces.average } else { self.paces.average };
+                let averaged = mean.push(force_n, count);
                 self.task = Task::Average(mean);
+                self.has_decided = averaged.is_some();
                 (0, averaged.and_then(|force_n| self.keep(force_n, inputs.base_amplitude_m)))
             }
             Task::Release => self.release(inputs.at_switch),
