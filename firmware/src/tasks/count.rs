@@ -264,7 +264,7 @@ fn plant() -> PlantConfig {
 
 /// What a host may ask for while an experiment runs, one after the other; a new target seldom, so that the spring gets to it.
 fn asked(turn: u32, is_running: bool) -> Ask {
-    if turn % 256 == 0 {
+    if turn.is_multiple_of(256) {
         return Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
     }
     match turn % 16 {

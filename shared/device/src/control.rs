@@ -355,7 +355,7 @@ impl Control {
                 Ok(Answer::Upload(store.progress()))
             }
             Work::SetTelemetry(selection) => {
-                self.selection.clone_from(selection);
+                self.selection = *selection;
                 Ok(Answer::Done)
             }
             Work::Settings => Ok(Answer::Settings { settings: self.settings, source: self.settings_source }),

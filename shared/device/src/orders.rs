@@ -31,7 +31,7 @@ pub struct Order<P = PlantConfig> {
 }
 
 /// What rows of telemetry hold.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Selection {
     /// Ticks from row to row; 0 for none.
     pub every_ticks: u16,

@@ -169,7 +169,7 @@ enum Event {
 }
 
 /// A set-up in motion, driven by base samples; `J` says whether soft walls or a tuned mass are part of it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sampled<S, J = Rigid> {
     c: Coefficients<S>,
     has_particle: bool,

@@ -132,7 +132,7 @@ impl<S: Scalar> Table<S> {
         let mut a = self.a;
         let mut last: Option<(S, S)> = None;
         for _ in 0..MOST_EVALUATIONS {
-            let mut trial = motion.clone();
+            let mut trial = *motion;
             trial.step(&self.segment(a), &mut ());
             let gained = momentum(&trial) - before;
             if let Some((last_a, last_gained)) = last

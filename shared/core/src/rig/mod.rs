@@ -188,7 +188,7 @@ impl Rig {
             }
             Command::SetSpring(spring) => {
                 self.must_be_idle()?;
-                self.dampers.spring.clone_from(spring);
+                self.dampers.spring = *spring;
             }
             Command::SetImpacts(settings) => {
                 self.must_be_idle()?;
@@ -227,7 +227,7 @@ impl Rig {
     pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
         self.must_be_idle()?;
         self.safety.adopt(&prepared.safety);
-        self.dampers.spring.clone_from(&prepared.spring);
+        self.dampers.spring = prepared.spring;
         self.dampers.meter.adopt(&prepared.impacts);
         Ok(())
     }

@@ -151,7 +151,7 @@ impl Default for Present {
 }
 
 /// What a twin is made from: checked, and worked out where there is time for it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct TwinPlan {
     motion: Sampled<f32>,
     steps: u8,
@@ -252,7 +252,7 @@ impl Twin {
             residual_square: 0.0,
             measured_before_m: 0.0,
             samples: 0,
-            plan: plan.clone(),
+            plan: *plan,
         }
     }
 

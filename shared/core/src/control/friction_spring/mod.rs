@@ -79,7 +79,7 @@ struct Paces {
 }
 
 /// The controller.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct FrictionSpring {
     config: SpringConfig,
     paces: Paces,
