@@ -1,4 +1,4 @@
-//! The control tick: a block of samples, at most one order, one tick of the rig, the outputs, the watchdog.
+//! The control tick: a block of samples, one tick of the rig, the outputs, an order if there is time for it, the watchdog.
 //!
 //! Runs above every other task and never waits for one.
 
@@ -32,8 +32,8 @@ pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Sourc
     bench.start();
     loop {
         let sensors = bench.next_block(&control.settings().calibration).await;
-        if !orders.is_empty() {
-            control.expect_order();
+        if let Some(order) = orders.try_receive() {
+            control.expect(order);
         }
         control.end_saving(&mut Structure, &mut Outgoing);
         let actuators = control.tick(&sensors, store, &mut Outgoing);
@@ -51,6 +51,7 @@ pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Sourc
                 ROWS.clear();
             }
         }
+        bench.end_tick();
         crash::note_tick(control.next_tick());
         // A tick that does not come here, and a line whose tasks do not run, let the watchdog bite.
         if line.is_alive() {

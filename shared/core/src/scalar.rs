@@ -1,6 +1,6 @@
 //! The numbers a calculation runs in: `f64` on a computer, `f32` on the controller, from one source.
 //!
-//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷ √`, comparison, `|·|`), so code
+//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`) and a root made of that, so code
 //! written against it gives the same bits on every machine. Anything else (sine, exponential) is called
 //! by path from [`libm`] or [`crate::sine`] at the place where it is needed. `num_traits::Float` was not
 //! taken: built for a host it forwards to the system's functions, whose last bits differ.

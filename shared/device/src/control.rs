@@ -1,4 +1,4 @@
-//! The tick task's whole work: orders to the rig, one tick, and what comes out of it.
+//! The tick task's whole work: one tick of the rig, what comes out of it, and an order after it.
 
 use crate::lanes::{Lanes, Row, Saying};
 use crate::orders::{Order, Selection, Work};
@@ -225,6 +225,7 @@ impl Control {
         lanes: &mut impl Lanes,
     ) {
         self.hear();
+        self.rig.forget_order();
         if order.at_tick.is_some_and(|at| at > self.next_tick()) {
             self.refuse(order.seq, Refusal::NotHere("only a simulated board lets a request wait for its tick"), lanes);
             return;
@@ -232,9 +233,10 @@ impl Control {
         self.carry_out(order, bench, store, lanes);
     }
 
-    /// An order waits to be served after the tick that comes next.
-    pub fn expect_order(&mut self) {
-        self.rig.expect_order();
+    /// This order waits to be served after the tick that comes next. What stops something does not wait for a free one.
+    pub fn expect<P>(&mut self, order: &Order<P>) {
+        self.hear();
+        self.rig.expect_order(order.stops());
     }
 
     /// Whether the last tick has left time for the order that was expected.

@@ -98,6 +98,10 @@ impl Slots {
         &mut self.slots[self.first]
     }
 
+    fn has_one_for_a_tick(&self) -> bool {
+        self.slots.iter().flatten().any(|order| order.at_tick.is_some())
+    }
+
     fn drop_front(&mut self) {
         self.slots[self.first] = None;
         self.first = (self.first + 1) % REQUESTS_WAITING;
@@ -227,13 +231,13 @@ impl<S: PlantScalar> Simulated<S> {
     ) -> Progress {
         let mut frame = [0; LONGEST];
         for _ in 0..most_ticks {
+            self.serve_due();
             if self.stands() {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
-            self.serve_due();
-            if self.orders.front().is_some() {
-                self.control.expect_order();
+            if let Some(order) = self.orders.front() {
+                self.control.expect(order);
             }
             let mut actuators = Actuators::default();
             watch(&mut || actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting));
@@ -241,9 +245,9 @@ impl<S: PlantScalar> Simulated<S> {
                 self.sensors = plant.tick(&actuators);
             }
             if self.control.has_time() {
-                let mut starts = false;
-                watch(&mut || starts = self.serve_front() == Served::Start);
-                self.settle(starts);
+                let mut served = Served::Nothing;
+                watch(&mut || served = self.serve_front());
+                self.settle(served);
             }
             self.pace.tick();
             while self.pace.is_clear()
@@ -281,37 +285,42 @@ impl<S: PlantScalar> Simulated<S> {
 
     /// Serves what comes next while the clock stands; whether there was something.
     fn serve_next(&mut self) -> bool {
-        self.serve_due();
+        let was_due = self.serve_due();
         let served = self.serve_front();
-        self.settle(served == Served::Start);
-        served != Served::Nothing
+        self.settle(served);
+        was_due || served != Served::Nothing
     }
 
     /// Does what was served asks of the plant, and puts everything to its start if that began an experiment.
-    fn settle(&mut self, starts: bool) {
+    fn settle(&mut self, served: Served) {
         self.bench.settle();
-        if starts {
+        if served == Served::Start {
             self.put_to_start();
         }
     }
 
-    /// Serves what waited for this tick, and lays aside what waits for a later one.
-    fn serve_due(&mut self) {
+    /// Serves what waited for this tick, lays aside what waits for a later one, and lets neither wait behind what has no
+    /// tick; whether there was something.
+    fn serve_due(&mut self) -> bool {
         let tick = self.control.next_tick();
-        let is_due = |order: &Order| order.at_tick.is_none_or(|at| at <= tick);
-        if let Some(mut order) = self.scheduled.take_if(|order| is_due(order)) {
-            self.control.serve(&mut order, &mut self.bench, &mut self.store, &mut self.waiting);
-            self.bench.settle();
+        let mut was_due = false;
+        if let Some(mut order) = self.scheduled.take_if(|order| order.at_tick.is_none_or(|at| at <= tick)) {
+            let served = serve(&mut order, &mut self.control, &mut self.bench, &mut self.store, &mut self.waiting);
+            self.settle(served);
+            was_due = true;
         }
-        while let Some(order) = self.orders.front().as_ref().filter(|order| order.at_tick.is_some()) {
-            if is_due(order) {
-                let starts = self.serve_front() == Served::Start;
-                self.settle(starts);
+        while self.orders.has_one_for_a_tick() {
+            was_due = true;
+            let tick = self.control.next_tick();
+            let place = self.orders.front();
+            let Some(order) = place.as_ref().filter(|order| order.at_tick.is_some_and(|at| at > tick)) else {
+                let served = self.serve_front();
+                self.settle(served);
                 continue;
-            }
+            };
             self.control.hear();
             match &self.scheduled {
-                None => self.scheduled = self.orders.front().take(),
+                None => self.scheduled = place.take(),
                 Some(waiting) if waiting.seq == order.seq => {}
                 Some(_) => {
                     let why = Refusal::NotHere("another request already waits for its tick");
@@ -320,16 +329,16 @@ impl<S: PlantScalar> Simulated<S> {
             }
             self.orders.drop_front();
         }
+        was_due
     }
 
     /// Serves the request at the head of the queue.
     fn serve_front(&mut self) -> Served {
         let Some(order) = self.orders.front() else { return Served::Nothing };
         self.control.note(self.intake.bad_frames(), self.requests_dropped);
-        let starts = order.is_start() && self.control.rig().state() == State::Idle;
-        self.control.serve(order, &mut self.bench, &mut self.store, &mut self.waiting);
+        let served = serve(order, &mut self.control, &mut self.bench, &mut self.store, &mut self.waiting);
         self.orders.drop_front();
-        if starts && self.control.rig().state() != State::Idle { Served::Start } else { Served::Order }
+        served
     }
 
     /// A new count of ticks: credit of the old one means nothing, nor does an order for a tick of it.
@@ -357,6 +366,18 @@ impl<S: PlantScalar> Simulated<S> {
             self.batch.push(&self.waiting.rows.pop_front()?);
         }
     }
+}
+
+fn serve<S: PlantScalar>(
+    order: &mut Order,
+    control: &mut Control,
+    bench: &mut SimulatedBench<S>,
+    store: &mut Store,
+    waiting: &mut Waiting,
+) -> Served {
+    let starts = order.is_start() && control.rig().state() == State::Idle;
+    control.serve(order, bench, store, waiting);
+    if starts && control.rig().state() != State::Idle { Served::Start } else { Served::Order }
 }
 
 /// Sends `message`; the bytes it took.

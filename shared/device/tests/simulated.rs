@@ -208,6 +208,45 @@ fn a_command_with_a_tick_waits_for_it() {
 }
 
 #[test]
+fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_told() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    host.seq += 1;
+    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(3000), ask: Ask::Stop }));
+    let messages = host.grant(3000);
+    let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("it is said");
+    let (reply, clock) =
+        (place(|m| matches!(m, FromDevice::Reply { .. })), place(|m| matches!(m, FromDevice::Clock { tick: 3000 })));
+    assert!(reply < clock);
+}
+
+#[test]
+fn a_command_with_a_tick_does_not_wait_behind_one_without() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    host.grant(3000);
+    host.send(&ToDevice::Grant { until_tick: 6000 });
+    for (at_tick, ask) in [(None, Ask::Status), (Some(3000), Ask::Stop)] {
+        host.seq += 1;
+        host.send(&ToDevice::Request(Request { seq: host.seq, at_tick, ask }));
+    }
+    host.board.run(1, |_| {});
+    assert_eq!(host.board.control().rig().state(), State::Stopping);
+}
+
+#[test]
+fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
+    let mut host = ready();
+    host.grant(100);
+    host.seq += 1;
+    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(200), ask: Ask::Start }));
+    host.grant(1000);
+    let rig = host.board.control().rig();
+    assert!(matches!(rig.state(), State::Running(_)));
+    assert_eq!(rig.next_tick(), 0);
+}
+
+#[test]
 fn a_damaged_frame_is_counted_and_changes_nothing() {
     let mut host = ready();
     let mut out = [0; LONGEST];

@@ -66,7 +66,7 @@ pub type Request = ask::Request<PlantConfig>;
 pub type Ask = ask::Ask<PlantConfig>;
 
 /// Changes when an older or newer other side could misread something that the schema does not show.
-pub const VERSION: u16 = 3;
+pub const VERSION: u16 = 4;
 
 /// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
 pub const SCHEMA: [u8; 8] = schema();

@@ -195,10 +195,14 @@ impl Bench {
         sensors
     }
 
-    /// Sets the outputs, the drive on its scale; the tick is over.
+    /// Sets the outputs, the drive on its scale.
     pub fn set(&mut self, actuators: &Actuators, scale: &DisplacementScale) {
         self.drive.set(actuators.drive_m, actuators.drive_enabled, scale);
         self.stepper.go(actuators.motor);
+    }
+
+    /// The tick is over, an order after it too.
+    pub fn end_tick(&mut self) {
         self.timer.end();
     }
 

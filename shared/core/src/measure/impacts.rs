@@ -390,7 +390,7 @@ const TOGETHER: usize = 10;
 struct Survey {
     /// Whether a reading of each wall reaches its limit.
     reached: [bool; 2],
-    /// The mean of some of each wall's readings, evenly spread.
+    /// The mean of some of each wall's readings: of one in ten, in a block of whole tens.
     means: [f32; 2],
 }
 

@@ -54,7 +54,8 @@ impl Dampers {
 
     /// The twin begins again with a simulated plant that is put back to its start after this tick.
     pub fn put_back(&mut self, tick: u32) {
-        self.put_back_at = tick.wrapping_add(1);
+        // A contact that the putting back has cut off ends in the tick after.
+        self.put_back_at = tick.wrapping_add(2);
         if let Some(twin) = &mut self.twin {
             twin.put_back();
         }
@@ -187,7 +188,7 @@ mod tests {
             let force = 800.0 * libm::sinf(core::f32::consts::PI * (n as f32 + 0.5) / 20.0);
             *pair = Pair::new(pair.of(0), pair.of(1) + force as u16);
         }
-        for (put_back_at, taught) in [(None, 1), (Some(50), 0), (Some(40), 1)] {
+        for (put_back_at, taught) in [(None, 1), (Some(50), 0), (Some(49), 0), (Some(48), 1)] {
             let twin = Some(Twin::new(&TwinConfig::new(set_up)).unwrap());
             let mut dampers = Dampers { twin, ..Dampers::default() };
             for tick in 0..200 {

@@ -30,8 +30,8 @@ pub use words::{Command, Event, Refusal, State, Status};
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
 
-/// Ticks that an order waits for one that is free, at most: longer than a contact takes.
-pub const LONGEST_WAIT: u8 = 64;
+/// Ticks that an order waits for one that is free, at most: longer than most contacts take.
+pub const LONGEST_WAIT: u8 = 32;
 
 /// The rig.
 #[derive(Clone, Debug)]
@@ -146,9 +146,17 @@ impl Rig {
         self.host_heard = true;
     }
 
-    /// An order waits to be served after the tick that comes next.
-    pub fn expect_order(&mut self) {
-        self.order_waits.get_or_insert(0);
+    /// An order waits to be served after the tick that comes next, or after one that is free if it is not urgent.
+    pub fn expect_order(&mut self, is_urgent: bool) {
+        let waited = self.order_waits.get_or_insert(0);
+        if is_urgent {
+            *waited = LONGEST_WAIT;
+        }
+    }
+
+    /// It has been served, or waits no longer.
+    pub fn forget_order(&mut self) {
+        self.order_waits = None;
     }
 
     /// Whether the last tick has left time to serve the order that was expected. After [`LONGEST_WAIT`] ticks it is said to
@@ -366,7 +374,7 @@ impl Rig {
     /// twin that orders keep from its work goes first.
     fn leave_time(&mut self, is_free: bool) -> bool {
         let Some(waited) = &mut self.order_waits else { return false };
-        *waited += 1;
+        *waited = waited.saturating_add(1);
         let serves = is_free && !self.dampers.twin_lags() || *waited >= LONGEST_WAIT;
         if serves {
             self.order_waits = None;

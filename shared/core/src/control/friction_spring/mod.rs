@@ -195,7 +195,7 @@ impl FrictionSpring {
         self.target_force_n
     }
 
-    /// It has looked at a settled force in the last tick, which takes its time.
+    /// It has looked at a settled force in the last tick, which takes its time, and not in the one before.
     #[must_use]
     pub fn has_decided(&self) -> bool {
         self.has_decided
@@ -397,7 +397,8 @@ impl FrictionSpring {
 
     fn work(&mut self, inputs: &Inputs, force_n: f32) -> (i8, Option<Happening>) {
         self.waiting = false;
-        self.has_decided = false;
+        // Not twice in a row: an average may be of a single tick.
+        let may_decide = !core::mem::take(&mut self.has_decided);
         match self.task {
             Task::Stand => (self.ramp.tick(&self.paces.fast, None), None),
             Task::SeekSwitch | Task::LeaveSwitch | Task::BackOff => self.home(inputs.at_switch),
@@ -418,7 +419,7 @@ impl FrictionSpring {
                 let count = if inputs.is_busy { 2 * self.paces.average } else { self.paces.average };
                 let averaged = mean.push(force_n, count);
                 self.task = Task::Average(mean);
-                self.has_decided = averaged.is_some();
+                self.has_decided = may_decide && averaged.is_some();
                 (0, averaged.and_then(|force_n| self.keep(force_n, inputs.base_amplitude_m)))
             }
             Task::Release => self.release(inputs.at_switch),
