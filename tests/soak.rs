@@ -15,8 +15,11 @@ use damprig_tests::support::images::find;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Of each frequency.
+/// Of each frequency, at least.
 const DWELL_S: u32 = 20;
+
+/// Frequencies: below what a controller holds.
+const MOST_POINTS: u32 = 90;
 
 const TICK_HZ: u64 = 1000;
 
@@ -25,9 +28,10 @@ fn seconds() -> u32 {
     text.parse().unwrap_or_else(|_| panic!("DAMPRIG_SOAK_S={text}: must be a whole number of seconds"))
 }
 
-/// A hybrid damper at as many frequencies as it takes.
+/// A hybrid damper at as many frequencies, or as long at each, as it takes.
 fn campaign(seconds: u32) -> String {
-    let points = seconds.div_ceil(DWELL_S);
+    let dwell_s = seconds.div_ceil(MOST_POINTS).max(DWELL_S);
+    let points = seconds.div_ceil(dwell_s);
     let frequencies: Vec<String> =
         (0..points).map(|n| format!("{}", 2.2 + 0.6 * f64::from(n) / f64::from(points))).collect();
     format!(
@@ -53,7 +57,7 @@ kind = "stepped_sine"
 frequencies_hz = [{}]
 start = "from_rest"
 settle_s = 0.0
-dwell_s = {DWELL_S}
+dwell_s = {dwell_s}
 [telemetry]
 rate_hz = {TICK_HZ}
 signals = ["x", "z", "drive", "frequency", "x_peak", "impacts", "wall_low", "wall_high"]
