@@ -2,9 +2,8 @@
 //!
 //! The load is everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and
 //! held at a friction ratio, both walls listened to, the twin running along, telemetry of sixteen signals in every tick,
-//! and a host that asks for something in every fourth tick: one after the other of what may be asked of a running
-//! experiment. What a tick takes besides (the interrupt and the queues'
-//! locks) is not in it; the plant's and the line's own instructions are left out.
+//! and a host that asks for something in every fourth tick, one thing after the other. What a tick takes besides (the
+//! interrupt and the queues' locks) is not in it; the plant's and the line's own instructions are left out.
 
 use core::hint::black_box;
 

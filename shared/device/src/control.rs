@@ -233,10 +233,19 @@ impl Control {
         self.carry_out(order, bench, store, lanes);
     }
 
-    /// This order waits to be served after the tick that comes next. What stops something does not wait for a free one.
-    pub fn expect<P>(&mut self, order: &Order<P>) {
+    /// This order waits to be served after the tick that comes next, or after a later one that leaves time. What stops something
+    /// is carried out at once and again when it is served; only its answer waits.
+    pub fn expect<P>(&mut self, order: &mut Order<P>) {
         self.hear();
-        self.rig.expect_order(order.stops());
+        let is_new = order.at_tick.is_none() && !self.served.iter().any(|seq| *seq == order.seq);
+        if is_new
+            && let Work::Command(command) = &mut order.work
+            && command.stops()
+        {
+            // A refusal is told when it is served.
+            let _ = self.rig.handle(command);
+        }
+        self.rig.expect_order();
     }
 
     /// Whether the last tick has left time for the order that was expected.

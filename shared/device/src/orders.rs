@@ -4,7 +4,7 @@
 //! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
 
 use damprig_core::control::experiment::Experiment;
-use damprig_core::control::friction_spring::{FrictionSpring, SpringCommand};
+use damprig_core::control::friction_spring::FrictionSpring;
 use damprig_core::control::safety::Safety;
 use damprig_core::control::stepped_sine::Plan;
 use damprig_core::control::transient::{free_vibration, playback};
@@ -136,12 +136,6 @@ impl<P> Order<P> {
             Err(invalid) => Work::Refuse(invalid),
         };
         Self { seq: request.seq, at_tick: request.at_tick, work }
-    }
-
-    /// It lets something stop.
-    #[must_use]
-    pub fn stops(&self) -> bool {
-        matches!(self.work, Work::Command(Command::Stop | Command::Spring(SpringCommand::Halt)))
     }
 
     /// It begins an experiment.

@@ -172,15 +172,19 @@ mod tests {
     use crate::sine::Phase;
     use crate::twin::TwinConfig;
 
-    #[test]
-    fn a_pulse_of_a_plant_that_was_put_back_is_told_and_not_taught() {
+    fn set_up(natural_frequency_hz: f64, clearance_m: f64) -> SetUp {
         let particle = Particle {
             mass_kg: 0.16,
-            clearance_m: 7.5e-3,
+            clearance_m,
             friction_coefficient: 0.05,
-            wall: Wall::Restitution { coefficient: 0.5 },
+            wall: Wall::Restitution { coefficient: 0.3 },
         };
-        let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
+        SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, natural_frequency_hz, 0.0038)) }
+    }
+
+    #[test]
+    fn a_pulse_of_a_plant_that_was_put_back_is_told_and_not_taught() {
+        let set_up = set_up(2.5, 7.5e-3);
         let quiet = Sensors::default();
         let mut touched = quiet;
         // A half-sine of 0.4 ms in the middle of the tick's block, ended when the block is.
@@ -206,15 +210,8 @@ mod tests {
 
     #[test]
     fn a_twin_of_a_fast_structure_and_one_that_gets_no_time_keep_their_place() {
-        let particle = Particle {
-            mass_kg: 0.16,
-            clearance_m: 2e-3,
-            friction_coefficient: 0.05,
-            wall: Wall::Restitution { coefficient: 0.3 },
-        };
         for (frequency_hz, z_m, time_every) in [(30.0, 1e-4, 1), (30.0, 1e-4, 3), (2.5, 2e-3, u32::MAX)] {
-            let structure = Structure::from_modal(1.6, f64::from(frequency_hz), 0.0038);
-            let set_up = SetUp { particle: Some(particle), ..SetUp::bare(structure) };
+            let set_up = set_up(f64::from(frequency_hz), 2e-3);
             let twin = Some(Twin::new(&TwinConfig { follow_hz: 0.0, ..TwinConfig::new(set_up) }).unwrap());
             let (mut dampers, mut phase) = (Dampers { twin, ..Dampers::default() }, Phase::default());
             for tick in 0..5000u32 {

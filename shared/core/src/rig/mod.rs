@@ -146,12 +146,9 @@ impl Rig {
         self.host_heard = true;
     }
 
-    /// An order waits to be served after the tick that comes next, or after one that is free if it is not urgent.
-    pub fn expect_order(&mut self, is_urgent: bool) {
-        let waited = self.order_waits.get_or_insert(0);
-        if is_urgent {
-            *waited = LONGEST_WAIT;
-        }
+    /// An order waits to be served after a tick that leaves time for it.
+    pub fn expect_order(&mut self) {
+        self.order_waits.get_or_insert(0);
     }
 
     /// It has been served, or waits no longer.
@@ -374,7 +371,7 @@ impl Rig {
     /// twin that orders keep from its work goes first.
     fn leave_time(&mut self, is_free: bool) -> bool {
         let Some(waited) = &mut self.order_waits else { return false };
-        *waited = waited.saturating_add(1);
+        *waited += 1;
         let serves = is_free && !self.dampers.twin_lags() || *waited >= LONGEST_WAIT;
         if serves {
             self.order_waits = None;

@@ -341,3 +341,37 @@ impl Runner {
         *outcome = if is_last { Outcome::Finished(result) } else { Outcome::Point(result) };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::base_loop::ClosedLoop;
+    use crate::control::stepped_sine::SteppedSine;
+    use crate::measure::point::SteadyLimits;
+    use crate::rig::Readings;
+
+    #[test]
+    fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {
+        let plan = Plan::new(SteppedSine {
+            start: Start::CarryOver,
+            amplitude_m: 1e-3,
+            drive: Drive::ClosedLoop(ClosedLoop::default()),
+            ramp_s: 0.1,
+            settle_s: 1.0,
+            dwell_s: 4.0,
+            steady: SteadyLimits::default(),
+            frequencies_hz: [2.5].into_iter().collect(),
+            first_index: 0,
+        })
+        .unwrap();
+        let (mut runner, readings) = (Runner::new(&plan), Readings::default());
+        for tick in 0..1000 {
+            runner.tick(&plan, &Now { tick, readings: &readings, impacts: 0 }, &mut Outcome::Running);
+            if tick >= DELAY_TICKS {
+                // The phase is the next tick's by now.
+                let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));
+                assert_eq!(runner.waves[0], then.sin_cos(), "tick {tick}");
+            }
+        }
+    }
+}

@@ -1,11 +1,9 @@
 //! `report.html` in a run folder and `damprig runs report`: what the page says of complete, broken off, damaged and
 //! maliciously named runs.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
+use crate::common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
 use damprig_protocol::FromDevice;
 use predicates::prelude::*;
 use predicates::str::contains;

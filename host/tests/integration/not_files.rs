@@ -1,13 +1,11 @@
 //! A folder, a pipe or a device where a file is meant: told at once and by name, never waited for.
 #![cfg(unix)]
 
-mod common;
-
 use std::path::Path;
 use std::process::Command as Tool;
 
+use crate::common::{PATIENCE, damprig, folder_with, short};
 use assert_cmd::Command;
-use common::{PATIENCE, damprig, folder_with, short};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;

@@ -1,12 +1,10 @@
 //! What goes wrong at a desk: a reader that goes away, a disk that fills, a file that is not what it is taken for. Each ends
 //! in words that say what to do, and never in a rig that goes on.
 
-mod common;
-
 use std::io::Read;
 use std::process::{Command as Program, Stdio};
 
-use common::{PATIENCE, damprig, folder_with, manifest, short};
+use crate::common::{PATIENCE, damprig, folder_with, manifest, short};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;

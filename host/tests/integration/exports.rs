@@ -4,14 +4,12 @@
 //! that has them (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was
 //! left out.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::common::{damprig, folder_with, read_parquet, short};
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
-use common::{damprig, folder_with, read_parquet, short};
 use parquet::arrow::ArrowWriter;
 use predicates::prelude::*;
 use predicates::str::contains;

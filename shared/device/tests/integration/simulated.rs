@@ -31,6 +31,11 @@ impl Host {
         self.board.receive(&out[..length]);
     }
 
+    fn send_for(&mut self, at_tick: Option<u32>, ask: Ask) {
+        self.seq += 1;
+        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick, ask }));
+    }
+
     /// Runs until the clock stands; every message that came.
     fn run(&mut self) -> Vec<FromDevice> {
         let mut received = vec![];
@@ -197,8 +202,7 @@ fn a_new_conversation_may_use_the_numbers_of_the_one_before() {
 fn a_command_with_a_tick_waits_for_it() {
     let mut host = ready();
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    host.seq += 1;
-    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(3000), ask: Ask::Stop }));
+    host.send_for(Some(3000), Ask::Stop);
     let messages = host.grant(2999);
     assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "served too early");
     let messages = host.grant(6000);
@@ -211,8 +215,7 @@ fn a_command_with_a_tick_waits_for_it() {
 fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_told() {
     let mut host = ready();
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    host.seq += 1;
-    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(3000), ask: Ask::Stop }));
+    host.send_for(Some(3000), Ask::Stop);
     let messages = host.grant(3000);
     let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("it is said");
     let (reply, clock) =
@@ -227,8 +230,7 @@ fn a_command_with_a_tick_does_not_wait_behind_one_without() {
     host.grant(3000);
     host.send(&ToDevice::Grant { until_tick: 6000 });
     for (at_tick, ask) in [(None, Ask::Status), (Some(3000), Ask::Stop)] {
-        host.seq += 1;
-        host.send(&ToDevice::Request(Request { seq: host.seq, at_tick, ask }));
+        host.send_for(at_tick, ask);
     }
     host.board.run(1, |_| {});
     assert_eq!(host.board.control().rig().state(), State::Stopping);
@@ -238,8 +240,7 @@ fn a_command_with_a_tick_does_not_wait_behind_one_without() {
 fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
     let mut host = ready();
     host.grant(100);
-    host.seq += 1;
-    host.send(&ToDevice::Request(Request { seq: host.seq, at_tick: Some(200), ask: Ask::Start }));
+    host.send_for(Some(200), Ask::Start);
     host.grant(1000);
     let rig = host.board.control().rig();
     assert!(matches!(rig.state(), State::Running(_)));
@@ -358,7 +359,7 @@ fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
 }
 
 /// d/Z = 10, e = 0.5, β = 0.1, f = fn: the symmetric orbit with two impacts a cycle has max|x| = 3.753385 Z
-/// (Masri & Caughey 1966; `core/tests/sampled.rs` has the formula).
+/// (Masri & Caughey 1966; `core/tests/integration/sampled.rs` has the formula).
 #[test]
 fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
     let z_m = 1.5e-3;

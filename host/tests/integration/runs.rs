@@ -1,10 +1,8 @@
 //! `damprig runs`: sound and damaged run folders, and exports. Damaged means real files, cut or changed.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{damprig, folder_with, rows, short};
+use crate::common::{damprig, folder_with, rows, short};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;

@@ -1,7 +1,5 @@
 //! Boards at a serial line, and boards with a clock of their own.
 
-mod common;
-
 #[cfg(unix)]
 mod unix {
     use std::io::{Read, Write};

@@ -1,14 +1,12 @@
 //! A disk that stands still in the middle of a run on a rig that does not wait: the link goes on, the results are right,
 //! and what was dropped is counted where it is missing.
 
-mod common;
-
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use common::{PATIENCE, short};
+use crate::common::{PATIENCE, short};
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::input::Source;
 use damprig::link::VirtualRig;

@@ -1,12 +1,10 @@
 //! Run folders that somebody or something has changed before a run is taken up again: what cannot be told apart from the
 //! run's own is refused, and nothing that the journal does not know is joined, written over or removed.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use common::{PATIENCE, cut_off, damprig, manifest, result_rows, sample_rows, short};
+use crate::common::{PATIENCE, cut_off, damprig, manifest, result_rows, sample_rows, short};
 use damprig::recording::RunFolder;
 use damprig::recording::journal::{self, JOURNAL, Journal};
 use damprig::recording::taken::Taken;
@@ -160,7 +158,7 @@ fn a_manifest_of_a_later_format_or_of_another_run_is_refused() {
 
 #[test]
 fn both_a_folder_and_a_campaign_are_refused_with_a_usage_that_works() {
-    let folder = common::folder_with(&short());
+    let folder = crate::common::folder_with(&short());
     let answer = damprig(&folder).args(["run", "--resume", "out", "test.toml"]).assert().code(2);
     let right = contains("damprig run [OPTIONS] --resume <DIR>\n");
     answer.stderr(right.and(contains("--resume <DIR> [CAMPAIGN.toml]").not()));

@@ -1,8 +1,6 @@
 //! `damprig run` from the file to the folder, and what is left of a run that ends badly.
 
-mod common;
-
-use common::{
+use crate::common::{
     Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, rows, sample_rows, short,
 };
 use damprig_protocol::{Ask, FromDevice, ToDevice};

@@ -1,14 +1,12 @@
 //! `damprig simulate` for its user: the shipped cases, histories, pictures, interruption.
 
-mod common;
-
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Stdio};
 
+use crate::common::{damprig, read_parquet};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
-use common::{damprig, read_parquet};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -79,7 +77,7 @@ fn every_shipped_case_runs_and_is_summarised_drawn_and_recorded() {
         }
         let svg = std::fs::read_to_string(folder.path().join("motion.svg")).unwrap();
         assert!(svg.contains("structure") && svg.contains("Time (s)"));
-        assert!(common::rows(folder.path().join("motion.parquet")) > 1000);
+        assert!(crate::common::rows(folder.path().join("motion.parquet")) > 1000);
     }
 }
 
@@ -126,7 +124,7 @@ fn a_parquet_history_is_the_csv_one_with_units() {
         batches.iter().flat_map(|b| b.column(1).as_primitive::<Float64Type>().values().to_vec()).collect();
     assert_eq!(x.len(), 100_001, "several chunks");
     assert!(x.iter().zip(&columns[1].1).all(|(x, text)| text.parse() == Ok(*x)));
-    assert!(common::rows(folder.path().join("motion.impacts.parquet")) > 900);
+    assert!(crate::common::rows(folder.path().join("motion.impacts.parquet")) > 900);
 }
 
 #[test]
@@ -234,7 +232,7 @@ fn an_interrupted_run_keeps_its_history_its_impacts_and_its_figures() {
 fn an_interrupted_parquet_history_is_readable() {
     let folder = folder(&spid("{ duration_s = 1e9 }"));
     let answer = interrupted(&folder, "motion.parquet");
-    let rows = common::rows(folder.path().join("motion.parquet"));
+    let rows = crate::common::rows(folder.path().join("motion.parquet"));
     let expected = answer["stopped_at_s"].as_f64().unwrap() * 5.0;
     assert!((rows as f64 - expected).abs() <= 1.0, "{rows} rows in {expected}");
 }

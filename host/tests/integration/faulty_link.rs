@@ -1,8 +1,6 @@
 //! A campaign over links that drop, delay, duplicate and reorder what they carry: it completes with the results of a
 //! run that nobody disturbed, and what was lost of the samples is counted.
 
-mod common;
-
 use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::path::Path;
@@ -10,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-use common::short;
+use crate::common::short;
 use damprig::campaign::{Campaign, CampaignSetUp};
 use damprig::input::Source;
 use damprig::link::{Link, VirtualRig};

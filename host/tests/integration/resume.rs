@@ -1,16 +1,14 @@
 //! A run that was killed, cut off or stopped goes on where it was: nothing is measured twice, nothing is lost, and the
 //! results are those of a run that nobody disturbed.
 
-mod common;
-
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use arrow_array::RecordBatch;
-use common::{
+use crate::common::{
     Fate, Served, cut_off, damprig, folder_with, is_point, manifest, read_parquet, result_rows, sample_rows, short,
 };
+use arrow_array::RecordBatch;
 use damprig::recording::journal;
 use damprig::recording::taken::Taken;
 use predicates::prelude::*;

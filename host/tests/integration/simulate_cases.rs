@@ -1,12 +1,10 @@
 //! What a case may say: equal words give equal motions, forces and records give their closed forms, and what cannot be is
 //! refused with key, value, what is allowed and the likely fix.
 
-mod common;
-
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
-use common::damprig;
+use crate::common::damprig;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,12 +1,10 @@
 //! How the controller kept up in a run: what it counted in this run alone, told wherever a run is looked at, and added up
 //! over the parts of a run that was taken up again.
 
-mod common;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use common::{Fate, Served, damprig, folder_with, is_point, manifest, short};
+use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, short};
 use damprig_protocol::{Answer, FromDevice, Timing};
 use predicates::prelude::*;
 use predicates::str::contains;

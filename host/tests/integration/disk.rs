@@ -1,8 +1,6 @@
 //! Disks that are full, that cannot be written, or whose folder goes away: it is said, the rig is stopped, and what was
 //! taken before can be read.
 
-mod common;
-
 #[cfg(target_os = "linux")]
 mod linux {
     use std::path::{Path, PathBuf};

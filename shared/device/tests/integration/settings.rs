@@ -1,11 +1,8 @@
 //! Settings in a flash whose supply goes at any operation: the old ones or the new ones are there, never neither, never a mix.
 
-#[path = "support/flash.rs"]
-mod flash;
-
+use crate::support::flash::{Cut, Flash, PAGE, SIZE, WORD};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::settings::{Keeper, NotSaved};
-use flash::{Cut, Flash, PAGE, SIZE, WORD};
 
 fn keeper(flash: &mut Flash) -> Keeper<&mut Flash> {
     Keeper::new(flash, 0..SIZE as u32).expect("two pages")

@@ -1,11 +1,9 @@
 //! Records, pulses and free vibrations in a campaign: what comes of them, how they are taken up again, and what is
 //! refused.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Fate, Served, damprig, folder_with, manifest, read_parquet};
+use crate::common::{Fate, Served, damprig, folder_with, manifest, read_parquet};
 use damprig::input::Source;
 use damprig::recording::journal;
 use damprig::recording::taken::Taken;

@@ -1,10 +1,8 @@
 //! What `damprig simulate` must not do: destroy what it reads, misread a unit, drop a wish in silence, run without end.
 
-mod common;
-
 use std::process::Output;
 
-use common::damprig;
+use crate::common::damprig;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -1,9 +1,7 @@
 //! `damprig settings` as a user has it, against a simulated board that lives on between the commands.
 
-mod common;
-
+use crate::common::{Fate, Served, damprig, folder_with, manifest, short};
 use assert_cmd::assert::Assert;
-use common::{Fate, Served, damprig, folder_with, manifest, short};
 use tempfile::TempDir;
 
 struct Board {

@@ -1,9 +1,7 @@
 //! What is wrong with a campaign is answered with line, key, value, what is allowed, and the likely fix,
 //! before anything moves.
 
-mod common;
-
-use common::{damprig, folder_with, short};
+use crate::common::{damprig, folder_with, short};
 
 /// The short campaign with one text in the place of another.
 fn edited(from: &str, to: &str) -> String {

@@ -3,11 +3,9 @@
 
 #![cfg(feature = "probe")]
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{damprig, folder_with};
+use crate::common::{damprig, folder_with};
 use damprig_protocol::image::{LENGTH, to_bytes};
 use tempfile::TempDir;
 

@@ -37,7 +37,7 @@ fn touched() -> Sensors {
 /// Ticks until the rig has time for an order that comes now.
 fn waits(rig: &mut Rig, mut sensors: impl FnMut(u32) -> Sensors) -> u32 {
     for tick in 1..1000 {
-        rig.expect_order(false);
+        rig.expect_order();
         rig.tick(&sensors(tick), &[]);
         if rig.has_time() {
             return tick;
@@ -62,17 +62,6 @@ fn an_order_waits_until_a_contact_is_over() {
 }
 
 #[test]
-fn an_order_to_stop_does_not_wait() {
-    let mut rig = running();
-    rig.expect_order(false);
-    rig.tick(&touched(), &[]);
-    assert!(!rig.has_time());
-    rig.expect_order(true);
-    rig.tick(&touched(), &[]);
-    assert!(rig.has_time());
-}
-
-#[test]
 fn a_contact_that_does_not_end_holds_no_order_up_for_long() {
     let mut rig = running();
     for _ in 0..3 {
@@ -88,7 +77,7 @@ fn a_flood_of_orders_leaves_the_twin_its_time() {
     rig.handle(&mut Command::SetTwin(Some(plan))).unwrap();
     let mut served = 0;
     for tick in 0..4000u32 {
-        rig.expect_order(false);
+        rig.expect_order();
         let readings = Readings { z: Reading::still(1e-3 * libm::sinf(tick as f32 * 0.0157)), ..Readings::default() };
         rig.tick(&Sensors { readings, ..Sensors::default() }, &[]);
         served += u32::from(rig.has_time());

@@ -1,0 +1,16 @@
+//! Tests of the core through its public interface, one file for each part.
+
+mod base_loop;
+mod closed_forms;
+mod exact_properties;
+mod friction_spring;
+mod impacts;
+mod joined;
+mod orders;
+mod safety;
+mod sampled;
+mod scalars;
+mod second_method;
+mod shaker;
+mod transient;
+mod twin;

@@ -1,0 +1,8 @@
+//! Tests of the device side of the link, through the messages that a host sends.
+
+mod dampers;
+mod settings;
+mod settings_orders;
+mod simulated;
+mod support;
+mod uploads;
