@@ -114,7 +114,7 @@ fn soak(what: &str, rig: &str) {
     let impacts = table(&run.join("impacts.parquet"));
     let impacts: u64 = impacts.iter().map(|batch| batch.num_rows() as u64).sum();
     assert_eq!(impacts as f32, counted, "the device has counted other impacts than it has reported");
-    let verified = damprig.command().args(["runs", "verify"]).arg(&run).output().unwrap();
+    let verified = damprig().args(["runs", "verify"]).arg(&run).output().unwrap();
     assert!(verified.status.success(), "{}", told(&verified));
     println!("{what}: {expected} ticks of 8 signals and {impacts} impacts, none lost, in {wall_s:.0} s");
 }
