@@ -34,5 +34,5 @@ pub mod run;
 
 pub use case::Case;
 pub(crate) use loading::record as record_keys;
-pub use motion::{ImpactRecord, Samples, Viewer};
+pub use motion::{AccumulationRecord, ImpactRecord, Samples, Viewer};
 pub use run::{Answer, Request, simulate};

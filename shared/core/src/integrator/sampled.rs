@@ -100,7 +100,7 @@ pub struct Impact<S> {
     pub at: S,
     /// +1 where y − x = +d.
     pub side: Sign,
-    /// |y′ − x′| just before.
+    /// |y′ − x′| just before; greater than 0.
     pub approach: S,
     /// Momentum given to the structure over its mass: the change of x′.
     pub kick: S,
@@ -118,9 +118,20 @@ pub trait Observer<S> {
         let _ = (start, length, flight);
     }
 
-    /// The particle hit a wall.
+    /// The particle hit a wall at speed. A particle that starts to press on a soft wall from rest makes no impact.
     fn impact(&mut self, impact: &Impact<S>) {
         let _ = impact;
+    }
+
+    /// Accumulating impacts ended at `at` (steps from the start of the step) in a particle resting on the hard wall of
+    /// `side`; the last impact reported holds those still to come.
+    fn accumulation(&mut self, at: S, side: Sign) {
+        let _ = (at, side);
+    }
+
+    /// The particle starts to press on the soft wall of `side` at `at` (steps from the start of the step).
+    fn contact_start(&mut self, at: S, side: Sign) {
+        let _ = (at, side);
     }
 
     /// The soft wall of `side` let go at `at` (steps from the start of the step), the particle leaving at `separation`.
@@ -318,7 +329,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     fn current_mode(&self) -> Mode {
-        self.mode.unwrap_or(Mode { grip: Grip::Slip(0), contact: Contact::Absent })
+        self.mode.unwrap_or(Mode { grip: Grip::Absent, contact: Contact::Absent })
     }
 
     /// The motion from the present state in `mode`.
@@ -333,12 +344,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         stretch[0] = self.state.x - z[0];
         match mode.grip {
             Grip::Stuck => x[1..4].copy_from_slice(&z[1..4]),
-            Grip::Slip(direction) => {
+            Grip::Absent | Grip::Slip(_) => {
                 let weights = match mode.contact {
                     Contact::Held(_) => &self.together,
                     Contact::Absent | Contact::Free(_) => &self.alone,
                 };
-                let force = self.c.drag(mode.contact) - signed(direction, self.c.damper_force);
+                let force = self.c.drag(mode.contact) - self.c.resistance(mode.grip);
                 x[1] = self.state.v;
                 stretch[1] = x[1] - z[1];
                 x[2] = force * weights.half_inverse_mass
@@ -393,6 +404,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             base_acceleration: base.acceleration(),
             joint_force: self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, self.state.slide)),
             applied_force: S::ZERO,
+            rounding: S::ZERO,
         };
         modes::resolve(&self.c, self.has_particle, &situation)
     }
@@ -400,7 +412,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     fn handle(&mut self, event: Event, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
-            Grip::Slip(_) => self.state.v - base.velocity(),
+            Grip::Absent | Grip::Slip(_) => self.state.v - base.velocity(),
         };
         match event {
             Event::Wall(side) => {
@@ -424,6 +436,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Event::HoldBreaks(direction) => {
                 self.slide_released = true;
                 self.mode = Some(Mode { contact: Contact::Free(direction), ..mode });
+                self.press_from_rest(direction, at, observer);
             }
             Event::GripBreaks => {
                 self.slip_released = true;
@@ -446,11 +459,16 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         // A bounce whose height cannot be told from zero next to the clearance is the end of a chatter.
         let pressing = signed(side, self.flight(self.current_mode(), base).offset[2]);
         let height = self.c.clearance * S::EPSILON * S::from_u8(16);
-        if pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4) {
+        let rests = pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4);
+        if rests {
             (self.state.v, self.state.slide) = modes::impact(&self.c, S::ZERO, v, slide);
             self.state.slide = S::ZERO;
             self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
         }
         observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
+        // Without restitution one impact ends it.
+        if rests && self.c.restitution > S::ZERO {
+            observer.accumulation(at, side);
+        }
     }
 }
