@@ -42,7 +42,6 @@ mass_kg = 1.6
 natural_frequency_hz = 2.5
 damping_ratio = 0.0038
 [rig]
-sensor_range_m = 0.080
 sensor_resolution_m = 10e-6
 sensor_noise_rms_m = 5e-6
 noise_seed = 7

@@ -75,6 +75,15 @@ pub enum SessionError {
         /// The device now.
         what: String,
     },
+    /// The board's settings are not those that the run was begun with.
+    #[error(
+        "the board's settings have changed since the run was begun:\n  {}\n  put them back (`damprig settings set`), or run the campaign anew",
+        differences.join("\n  ")
+    )]
+    Settings {
+        /// One difference a line.
+        differences: Vec<String>,
+    },
     /// The device said no.
     #[error("the device refused to {what}: {why}")]
     Refused {

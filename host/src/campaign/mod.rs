@@ -5,6 +5,7 @@
 //! them out is [`crate::run`]'s.
 
 mod experiment;
+mod limits;
 mod rig;
 mod set_up;
 mod shape;
@@ -13,11 +14,13 @@ pub mod transient;
 
 use std::path::Path;
 
+use damprig_core::settings::Settings;
 use toml::de::DeTable;
 
 use crate::input::{Problem, Refusal, Section, Source};
 
 pub use experiment::{Experiment, Kind};
+pub use limits::CampaignLimits;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::{CampaignSetUp, SetUpSpec, SpringSpec, SpringTarget};
 pub use stepped_sine::{Start, SteppedSine};
@@ -60,6 +63,28 @@ impl Campaign {
             return Err(Refusal("the campaign is incomplete".into()));
         };
         Ok(Self { name, rig, telemetry, set_ups, experiments, source })
+    }
+
+    /// Puts the campaign on a board: its settings are the base of every limit, and say what the set-ups leave out of their
+    /// friction damper's spring. `is_simulated` boards have the campaign's sensors.
+    ///
+    /// # Errors
+    /// Every limit of the campaign that is looser than the board's, with both values.
+    pub fn on_board(&mut self, board: &Settings, is_simulated: bool) -> Result<(), Refusal> {
+        let rig = &mut self.rig;
+        rig.board = *board;
+        rig.acting = rig.limits.acting(&self.source, &board.safety);
+        if is_simulated && rig.sensor_resolution_m as f32 > board.safety.resolution_m {
+            self.source.report(rig::too_coarse(rig));
+        }
+        let base_limit_m = rig.base_limit_m();
+        self.set_ups.iter_mut().for_each(|set_up| set_up.spec.on_board(&board.spring));
+        for experiment in &mut self.experiments {
+            if let Kind::Playback(playback) = &mut experiment.kind {
+                playback.drive_limit_m = base_limit_m;
+            }
+        }
+        self.source.verdict()
     }
 
     /// Points of the whole campaign: each frequency, record or release on each of its set-ups.

@@ -57,13 +57,22 @@ pub enum SpringTarget {
 pub struct SpringSpec {
     /// What it is set to.
     pub target: SpringTarget,
-    /// μe between block and structure.
+    /// μe between block and structure; the board's unless stated.
     pub friction_coefficient: f64,
-    /// k_s as far as known, N/m: the rig measures it.
+    /// k_s as far as known, N/m: the rig measures it; the board's unless stated.
     pub stiffness_n_per_m: f64,
+    /// Whether the campaign states the friction coefficient, and whether the stiffness.
+    states: [bool; 2],
 }
 
 impl SpringSpec {
+    /// μe and k_s where the campaign states them.
+    #[must_use]
+    pub fn stated(&self) -> [Option<f64>; 2] {
+        let [friction, stiffness] = self.states;
+        [friction.then_some(self.friction_coefficient), stiffness.then_some(self.stiffness_n_per_m)]
+    }
+
     /// The normal force that is wanted on a structure of this stiffness at base amplitude Z, N.
     #[must_use]
     pub fn normal_force_n(&self, structure_stiffness_n_per_m: f64, base_amplitude_m: f64) -> f64 {
@@ -88,6 +97,14 @@ pub struct SetUpSpec {
 }
 
 impl SetUpSpec {
+    /// Takes what the campaign does not state of the spring from the board's settings.
+    pub(super) fn on_board(&mut self, board: &SpringConfig) {
+        let Some(spring) = &mut self.spring else { return };
+        let [friction, stiffness] = spring.stated();
+        spring.friction_coefficient = friction.unwrap_or(f64::from(board.friction_coefficient));
+        spring.stiffness_n_per_m = stiffness.unwrap_or(f64::from(board.stiffness_n_per_m));
+    }
+
     /// The set-up in SI units at base amplitude Z, m.
     #[must_use]
     pub fn at(&self, base_amplitude_m: f64) -> SetUp {
@@ -400,6 +417,7 @@ fn read_spring(table: Section) -> Option<SpringSpec> {
             "normal_force_n" => SpringTarget::NormalForce(number.value),
             _ => SpringTarget::Deflection(number.value),
         },
+        states: [friction.is_some(), stiffness.is_some()],
         friction_coefficient: friction.map_or(f64::from(default.friction_coefficient), |n| n.value),
         stiffness_n_per_m: stiffness.map_or(f64::from(default.stiffness_n_per_m), |n| n.value),
     })

@@ -204,7 +204,7 @@ pub(super) fn playback(section: &Section, index: usize, rig: Option<&RigSettings
         ramp_s: rest.ramp_s,
         tail_s: rest.tail_s,
         rest_level_m: rest.level_m,
-        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
+        drive_limit_m: rig.map_or(1.0, RigSettings::base_limit_m),
         key,
         span,
     };
@@ -391,7 +391,7 @@ pub(super) fn impulse(section: &Section, rig: Option<&RigSettings>) -> Option<Pl
         ramp_s: ends.ramp_s,
         tail_s: ends.tail_s,
         rest_level_m: ends.level_m,
-        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
+        drive_limit_m: rig.map_or(1.0, RigSettings::base_limit_m),
         key: "amplitude_m",
         span: amplitude.span,
     };
@@ -436,12 +436,6 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
     if let Some(level) = level.as_ref().filter(|level| level.value >= x0) {
         let help = Some(format!("write level_m = {:.3e}", 0.8 * x0));
         section.refuse("level_m", &level.span, format!("must be below |start_m| = {x0}"), help);
-        return None;
-    }
-    if let Some(rig) = rig.filter(|rig| x0 > crate::prediction::USABLE * rig.displacement_limit_m) {
-        let most = crate::prediction::USABLE * rig.displacement_limit_m;
-        let allowed = format!("must be within the displacement limit: ±{most:.4} m of ±{} m", rig.displacement_limit_m);
-        section.refuse("start_m", &start.span, allowed, None);
         return None;
     }
     // A half-cycle counts from a hundredth of x0 on: three standard deviations of the mean over a tick's ten samples.

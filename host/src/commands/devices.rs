@@ -10,6 +10,7 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use super::{Failure, Outcome};
 use crate::devices::{Answer, Found, ask, only, ports};
 use crate::link::Address;
+use crate::settings::read_board;
 
 /// Lists the serial ports and the boards that answer at them.
 #[derive(Debug, ClapArgs)]
@@ -84,10 +85,15 @@ impl Rig {
     /// Where it is.
     ///
     /// # Errors
-    /// `auto`, and there is not exactly one board.
+    /// `auto`, and there is not exactly one board; a virtual board's settings that cannot be read.
     pub fn find(&self) -> Result<Address, Failure> {
         match self {
-            Self::At(address) => Ok(address.clone()),
+            Self::At(address) => {
+                if let Address::Virtual { board: Some(board), .. } = address {
+                    read_board(board).map_err(|e| Failure::Input(e.to_string()))?;
+                }
+                Ok(address.clone())
+            }
             Self::Auto => {
                 only(&ask(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
             }

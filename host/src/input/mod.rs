@@ -43,6 +43,7 @@ pub struct Problem {
 pub struct Source {
     name: String,
     text: String,
+    is_recorded: bool,
     problems: Mutex<Vec<Problem>>,
 }
 
@@ -73,7 +74,20 @@ impl Source {
     /// A text that is at hand already; `name` stands for the file in answers.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), text: text.into(), problems: Mutex::default() }
+        Self { name: name.into(), text: text.into(), is_recorded: false, problems: Mutex::default() }
+    }
+
+    /// The copy in a run folder, which may be older than this program: keys that are refused since then are ignored.
+    #[must_use]
+    pub fn recorded(mut self) -> Self {
+        self.is_recorded = true;
+        self
+    }
+
+    /// Whether it is the copy in a run folder.
+    #[must_use]
+    pub fn is_recorded(&self) -> bool {
+        self.is_recorded
     }
 
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {

@@ -3,6 +3,7 @@
 use std::io;
 use std::time::Duration;
 
+use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Name;
 use damprig_device::simulated::{PlantScalar, Progress, Simulated};
 
@@ -18,11 +19,19 @@ pub struct VirtualRig<S> {
 }
 
 impl<S: PlantScalar> VirtualRig<S> {
-    /// An idle board without a plant.
+    /// An idle board without a plant, its settings as delivered.
     #[must_use]
     pub fn new() -> Self {
+        Self::of(None)
+    }
+
+    /// An idle board without a plant that has kept these settings; none are as delivered.
+    #[must_use]
+    pub fn of(settings: Option<&Settings>) -> Self {
         let name = Name::new(env!("CARGO_PKG_VERSION"), "virtual");
-        Self { board: Box::new(Simulated::new(name)) }
+        let mut board = Box::new(Simulated::new(name));
+        settings.into_iter().for_each(|settings| board.start_with(settings, Source::Stored));
+        Self { board }
     }
 }
 

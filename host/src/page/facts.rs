@@ -9,6 +9,7 @@ use crate::campaign::Campaign;
 use crate::figure::campaign::Shown;
 use crate::input::Source;
 use crate::recording::journal::{self, Entry};
+use crate::recording::manifest::BoardSettings;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
 use crate::runs::columns::{Value, column, numbers, texts};
@@ -70,7 +71,8 @@ impl Facts {
             Entry::Link { what, at } => Some((at.clone(), what.clone())),
             _ => None,
         });
-        let campaign = read_campaign(path);
+        let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());
+        let campaign = read_campaign(path, board);
         let batches = match &campaign {
             Ok(campaign) if !taken.rows().is_empty() => {
                 results(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
@@ -111,8 +113,14 @@ impl Facts {
     }
 }
 
-fn read_campaign(path: &Path) -> Result<Campaign, String> {
-    Source::read(&path.join("campaign.toml")).and_then(Campaign::parse).map_err(|e| e.to_string())
+fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign, String> {
+    let source = Source::read(&path.join("campaign.toml")).map_err(|e| e.to_string())?;
+    let mut campaign = Campaign::parse(source.recorded()).map_err(|e| e.to_string())?;
+    if let Some(board) = board {
+        // What was refused did not run.
+        let _ = campaign.on_board(&board.settings, false);
+    }
+    Ok(campaign)
 }
 
 fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {

@@ -6,6 +6,7 @@ use damprig_core::settings::Settings;
 use serde::{Deserialize, Serialize};
 
 use super::Signal;
+use super::acting::ActingSetting;
 use super::checksum::FileRecord;
 use super::clock::ClockFit;
 use super::controller::Controller;
@@ -59,7 +60,7 @@ pub struct Device {
     /// What ended an earlier run of the firmware since its supply came on.
     #[serde(default)]
     pub last_crash: Option<String>,
-    /// The settings that it had when the run began. The campaign's limits and constants take their place while it lasts.
+    /// Its settings when the run began: the base of [`Manifest::acting_settings`].
     #[serde(default)]
     pub settings: Option<BoardSettings>,
 }
@@ -210,6 +211,8 @@ pub struct Manifest {
     pub resumed: usize,
     /// Each start of the device.
     pub segments: Vec<SegmentRecord>,
+    /// The limits and spring properties that acted, each with its origin.
+    pub acting_settings: Vec<ActingSetting>,
     /// The set-ups in SI units.
     pub set_ups: Vec<SetUpRecord>,
     /// The other files of the folder when the run ended; empty before.
@@ -240,6 +243,7 @@ impl Manifest {
             clock: Clock::default(),
             resumed: 0,
             segments: Vec::new(),
+            acting_settings: Vec::new(),
             set_ups,
             files: Vec::new(),
             results_columns: columns.collect(),

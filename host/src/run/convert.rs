@@ -2,9 +2,8 @@
 
 use std::ops::Range;
 
-use damprig_core::control::friction_spring::SpringConfig;
-use damprig_core::control::limits::{Fault, Limits};
-use damprig_core::control::safety::SafetyConfig;
+use damprig_core::control::friction_spring::SpringSetUp;
+use damprig_core::control::limits::Fault;
 use damprig_core::control::stepped_sine as core_sine;
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::spring::SpringPlant;
@@ -14,7 +13,7 @@ use damprig_core::rig::TICK_HZ;
 use damprig_core::twin::TwinConfig;
 
 use super::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use crate::recording::samples::Label;
 use crate::recording::{ResultRow, Signal};
@@ -83,7 +82,10 @@ pub(super) fn label(set_up: &CampaignSetUp, experiment: &Experiment, segment: u3
     }
 }
 
-/// The plant that a simulated rig is to be.
+/// Stiffness of the simulated spring over the one that is known of it: a little stiffer than its data sheet says.
+const SPRING_DEVIATION: f64 = 1.074;
+
+/// The plant that a simulated rig is to be: the set-up, on a board whose settings are right about its sensors and its screw.
 pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> PlantConfig {
     PlantConfig {
         set_up: set_up.model(),
@@ -91,14 +93,19 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
         particle_start_m: set_up.particle_start_m(),
         base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
         sensors: SensorModel {
-            range_m: rig.sensor_range_m as f32,
+            range_m: rig.sensor_range_m(),
             resolution_m: rig.sensor_resolution_m as f32,
             noise_rms_m: rig.sensor_noise_rms_m as f32,
             seed: u64::from(rig.noise_seed),
         },
         data_sheet: rig.data_sheet,
-        walls: set_up.model().particle.map(|_| WallSensors::default()),
+        walls: set_up
+            .model()
+            .particle
+            .map(|_| WallSensors { scale: rig.board.calibration.walls, ..WallSensors::default() }),
         spring: set_up.spring().map(|spring| SpringPlant {
+            step_m: rig.board.spring.step_m,
+            stiffness_n_per_m: (SPRING_DEVIATION * spring.stiffness_n_per_m) as f32,
             friction_coefficient: spring.friction_coefficient as f32,
             seed: u64::from(rig.noise_seed),
             ..SpringPlant::default()
@@ -106,13 +113,13 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
     }
 }
 
-/// The constants of the friction damper's drive.
-pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringConfig {
-    SpringConfig {
-        stiffness_n_per_m: spring.stiffness_n_per_m as f32,
-        friction_coefficient: spring.friction_coefficient as f32,
+/// What the set-up says of its friction damper's spring.
+pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringSetUp {
+    let [friction_coefficient, stiffness_n_per_m] = spring.stated().map(|value| value.map(|value| value as f32));
+    SpringSetUp {
+        stiffness_n_per_m,
+        friction_coefficient,
         structure_stiffness_n_per_m: set_up.model().structure.stiffness_n_per_m as f32,
-        ..SpringConfig::default()
     }
 }
 
@@ -121,30 +128,6 @@ pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &E
     let is_driven = experiment.free_vibration().is_none();
     let is_wanted = is_driven && selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
     is_wanted.then(|| TwinConfig::new(set_up.model()))
-}
-
-/// The interlocks. A displacement sensor counts as frozen after half a second, or half a period if that is longer.
-pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> SafetyConfig {
-    let limit_m = rig.displacement_limit_m as f32;
-    let lowest_hz = experiment.frequencies_hz().iter().copied().fold(f64::INFINITY, f64::min);
-    // What the sensor cannot resolve does not move.
-    let base_m = match &experiment.kind {
-        Kind::SteppedSine(_) => set_up.base_amplitude_m,
-        Kind::Playback(playback) => playback.peak_m(),
-        Kind::FreeVibration(_) => 0.0,
-    };
-    let is_seen = base_m > 5.0 * rig.sensor_resolution_m;
-    SafetyConfig {
-        limits: Limits { structure_m: limit_m, base_m: limit_m },
-        sensor_range_m: 1.05 * rig.sensor_range_m as f32,
-        half_cycles_ahead: rig.half_cycles_ahead as f32,
-        frozen_s: if is_seen { (0.5 / lowest_hz).max(0.5) as f32 } else { 0.0 },
-        // A drive at its limit is told with the point's result.
-        saturated_s: 1e6,
-        host_silent_s: rig.host_silent_s as f32,
-        brake_n: rig.brake_n as f32,
-        ..SafetyConfig::default()
-    }
 }
 
 /// These points of the experiment as the controller takes them.

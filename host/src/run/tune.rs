@@ -6,7 +6,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringConfig, SpringFault, Stage, Target};
+use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringFault, Stage, Target};
 use damprig_protocol::{Ask, Happening as Event, PlantKind};
 
 use super::{Run, RunError, convert};
@@ -26,8 +26,7 @@ impl Run<'_> {
         spring: &SpringSpec,
         keeps_ratio: bool,
     ) -> Result<(), RunError> {
-        let config = convert::spring(set_up, spring);
-        self.session.tell("take the spring's constants", Ask::SetSpring(config))?;
+        self.session.tell("take the set-up's spring", Ask::SetSpring(convert::spring(set_up, spring)))?;
         self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
         self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, Happening::OnTarget { .. }))?;
         let on_target = |happening: &Happening| matches!(happening, Happening::OnTarget { .. });
@@ -54,8 +53,7 @@ impl Run<'_> {
     pub(super) fn free(&mut self, set_up: &CampaignSetUp) -> Result<(), RunError> {
         if self.session.description.plant != PlantKind::Real {
             // The simulated plant is a new one, and so is its spring.
-            let new = Ask::SetSpring(SpringConfig::default());
-            return Ok(self.session.tell("forget the spring's position", new)?);
+            return Ok(());
         }
         let begun = Instant::now();
         let mut asked = false;

@@ -8,6 +8,7 @@ mod exports;
 mod faulty_link;
 mod flash;
 mod idle;
+mod limits;
 mod not_files;
 mod refusals;
 mod report;

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 /// A campaign with one experiment on a bare structure.
 fn with(experiment: &str) -> TempDir {
     folder_with(&format!(
-        "name = \"t\"\nstructure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n[rig]\nsensor_range_m = 0.08\nsensor_noise_rms_m = 5e-6\n[[set_up]]\nname = \"bare\"\nlabel = \"Bare\"\nbase_amplitude_m = 0.003\n[[experiment]]\nname = \"e\"\n{experiment}\n[telemetry]\nrate_hz = 200\nsignals = [\"x\"]\n"
+        "name = \"t\"\nstructure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n[rig]\nsensor_noise_rms_m = 5e-6\n[[set_up]]\nname = \"bare\"\nlabel = \"Bare\"\nbase_amplitude_m = 0.003\n[[experiment]]\nname = \"e\"\n{experiment}\n[telemetry]\nrate_hz = 200\nsignals = [\"x\"]\n"
     ))
 }
 

@@ -1,15 +1,15 @@
 //! What a rig is before a host says anything: its sensors' scales, its limits, and the constants of its friction damper and
 //! its walls.
 //!
-//! A board keeps them over power cuts; where and how is `damprig-device`'s and the firmware's. An experiment's own limits
-//! and constants take their place in the rig while it lasts, and leave them as they are.
+//! A board keeps them over power cuts; where and how is `damprig-device`'s and the firmware's. They are the base of every
+//! experiment, which may tighten limits and describe its friction damper's spring while it lasts, and no more.
 
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
 use crate::measure::impacts::{ImpactConfig, ImpactSettings};
 use crate::model::Invalid;
 use crate::rig::WALL_SUBSAMPLES;
-use crate::rig::calibration::Calibration;
+use crate::rig::calibration::{Calibration, SLOW_FULL_SCALE};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -28,12 +28,12 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// The rig's as delivered: everything assumed, nothing measured. 43 constants, wherever it is inlined.
+    /// The rig's as delivered: everything assumed, nothing measured. 44 constants, wherever it is inlined.
     #[inline(never)]
     fn default() -> Self {
         Self {
-            // Sixteen 12-bit conversions added up, an output of 12 bits, ±5 mm of the shaker.
-            calibration: Calibration::assumed(16 * 4_095, 4_095, 0.005),
+            // An output of 12 bits, ±5 mm of the shaker.
+            calibration: Calibration::assumed(SLOW_FULL_SCALE, 4_095, 0.005),
             safety: SafetyConfig::default(),
             spring: SpringConfig::default(),
             impacts: ImpactConfig::default(),

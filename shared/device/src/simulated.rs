@@ -14,7 +14,7 @@ use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
 use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, Signals, State};
 use damprig_core::scalar::Scalar;
-use damprig_core::settings::Settings;
+use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{Clock, FromDevice, PlantKind, ToDevice};
 use heapless::Deque;
@@ -184,6 +184,11 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
+    /// Takes over settings as a board does that has kept them; before the first tick.
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        self.control.start_with(settings, source);
+    }
+
     /// Takes received bytes.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
@@ -239,6 +244,8 @@ impl<S: PlantScalar> Simulated<S> {
             if let Some(order) = self.orders.front() {
                 self.control.expect(order);
             }
+            // Each granted tick is the host's word.
+            self.control.hear();
             let mut actuators = Actuators::default();
             watch(&mut || actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting));
             if let Some(plant) = &mut self.bench.plant {

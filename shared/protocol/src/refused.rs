@@ -1,6 +1,7 @@
 //! Why a request was not carried out, as it goes over the line.
 
 use damprig_core::control::friction_spring as spring;
+use damprig_core::control::safety::Looser;
 use damprig_core::model::Invalid;
 use damprig_core::rig::{Refusal, State};
 use heapless::String;
@@ -18,6 +19,15 @@ pub enum Refused {
         value: f64,
         /// What is allowed.
         allowed: String<96>,
+    },
+    /// A limit of an experiment is looser than the board's.
+    Looser {
+        /// The board's setting.
+        setting: String<40>,
+        /// What was asked for.
+        value: f32,
+        /// The board's value.
+        board: f32,
     },
     /// It makes no sense in this state.
     WrongState {
@@ -60,6 +70,9 @@ impl From<Refusal> for Refused {
             Refusal::Invalid(Invalid { parameter, value, allowed }) => {
                 Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
             }
+            Refusal::Looser(Looser { setting, value, board }) => {
+                Self::Looser { setting: clipped(setting), value, board }
+            }
             Refusal::WrongState { state, advice } => Self::WrongState { state, advice: clipped(advice) },
             Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice: clipped(advice) },
             Refusal::NotHere(why) => Self::NotHere { why: clipped(why) },
@@ -72,6 +85,12 @@ impl core::fmt::Display for Refused {
         match self {
             Self::Invalid { parameter, value, allowed } => {
                 write!(f, "{parameter} = {value} is not allowed: must be {allowed}")
+            }
+            Self::Looser { setting, value, board } => {
+                write!(
+                    f,
+                    "{setting} = {value} would loosen the board's {board}: an experiment may only tighten a limit"
+                )
             }
             Self::WrongState { state, advice } => write!(f, "not while the rig is {}: {advice}", state.text()),
             Self::WrongStage { stage, advice } => {

@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 /// Channels of the slow converter: x, z and the friction damper's spring.
 pub const SLOW_CHANNELS: usize = 3;
 
+/// Counts of a slow channel over its whole span: the sum of sixteen 12-bit conversions.
+pub const SLOW_FULL_SCALE: u16 = 16 * 4_095;
+
 /// A tick's block of the slow channels, oldest first: counts of x, z and the spring.
 pub type SlowBlock = [[u16; SLOW_CHANNELS]; SUBSAMPLES];
 
@@ -36,6 +39,13 @@ impl DisplacementScale {
     pub const fn over_whole_span(range_m: f32, full_scale_counts: u16) -> Self {
         let full = full_scale_counts as f32;
         Self { zero_counts: 0.5 * full, metres_per_count: 2.0 * range_m / full }
+    }
+
+    /// Half of what the converter's whole span of so many counts means, m: a sensor of ± this fills the span.
+    #[must_use]
+    pub fn range_m(&self, full_scale_counts: u16) -> f32 {
+        let range_m = 0.5 * f32::from(full_scale_counts) * self.metres_per_count;
+        if range_m < 0.0 { -range_m } else { range_m }
     }
 
     /// The displacement, m.

@@ -12,14 +12,14 @@ pub mod signals;
 pub mod words;
 
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
-use crate::control::friction_spring::{SpringCommand, Stage as SpringStage};
+use crate::control::friction_spring::{FrictionSpring, SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
-use crate::control::safety::{Danger, SafeStage, Safety, Signs, Trip};
+use crate::control::safety::{Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
 use crate::control::transient::playback::RecordId;
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
-use crate::settings::Prepared;
+use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
 use damper::Dampers;
 use heapless::Deque;
@@ -36,7 +36,11 @@ pub const LONGEST_WAIT: u8 = 32;
 /// The rig.
 #[derive(Clone, Debug)]
 pub struct Rig {
+    /// The board's: what is in force unless an experiment tightens or describes some of it.
+    settings: Settings,
     experiment: Option<Experiment>,
+    /// Of the configured experiment.
+    limits: ExperimentLimits,
     runner: Option<Runner>,
     safety: Safety,
     dampers: Dampers,
@@ -45,6 +49,8 @@ pub struct Rig {
     points: u16,
     results: Deque<PointResult, KEPT_RESULTS>,
     transient: Option<TransientResult>,
+    /// Largest |demanded base displacement| since the start, m.
+    largest_drive_m: f32,
     fault: Option<Fault>,
     finishing: bool,
     host_heard: bool,
@@ -66,7 +72,9 @@ impl Rig {
     #[must_use]
     pub fn new() -> Self {
         Self {
+            settings: Settings::default(),
             experiment: None,
+            limits: ExperimentLimits::default(),
             runner: None,
             safety: Safety::default(),
             dampers: Dampers::default(),
@@ -75,6 +83,7 @@ impl Rig {
             points: 0,
             results: Deque::new(),
             transient: None,
+            largest_drive_m: 0.0,
             fault: None,
             finishing: false,
             host_heard: false,
@@ -83,6 +92,12 @@ impl Rig {
             waiting: None,
             signals: [0.0; SIGNALS.len()],
         }
+    }
+
+    /// The board's settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The present state.
@@ -184,22 +199,18 @@ impl Rig {
     #[inline(never)]
     pub fn handle(&mut self, command: &mut Command) -> Result<(), Refusal> {
         match command {
-            Command::SetSafety(safety) => {
-                // What latched a fault may be a limit that was set wrong.
-                if self.state != State::Faulted || self.runner.is_some() {
-                    self.must_be_idle()?;
+            Command::SetLimits(limits) => {
+                self.must_be_idle()?;
+                if self.experiment.is_none() {
+                    let advice = "configure an experiment first";
+                    return Err(Refusal::WrongState { state: self.state, advice });
                 }
-                self.safety.adopt(safety);
+                self.settings.safety.tightened(limits)?;
+                self.limits = *limits;
             }
-            Command::SetSpring(spring) => {
+            Command::SetSpring(set_up) => {
                 self.must_be_idle()?;
-                self.dampers.spring = *spring;
-            }
-            Command::SetImpacts(settings) => {
-                self.must_be_idle()?;
-                // The scale is the board's.
-                let settings = settings.on(self.dampers.meter.scale());
-                self.dampers.meter.adopt(&settings);
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(set_up))?;
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
@@ -208,6 +219,7 @@ impl Rig {
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
                 self.experiment = experiment.take();
+                self.limits = ExperimentLimits::default();
             }
             Command::Start => self.start()?,
             Command::Stop => {
@@ -225,16 +237,38 @@ impl Rig {
         Ok(())
     }
 
-    /// Takes settings over: interlocks, the friction damper's drive, which has to be homed again, and how impacts are found.
+    /// Takes settings of the board over. A friction damper's drive with other settings has to be homed again.
+    ///
+    /// # Errors
+    /// The rig is neither idle nor faulted with its drive off: a limit that was set wrong may be what latched a fault.
+    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+        if self.state != State::Faulted || self.runner.is_some() {
+            self.must_be_idle()?;
+        }
+        self.safety.adopt(&prepared.safety);
+        if prepared.settings.spring != self.settings.spring {
+            self.dampers.spring = prepared.spring;
+        }
+        self.dampers.meter.adopt(&prepared.impacts);
+        self.settings = prepared.settings;
+        Ok(())
+    }
+
+    /// The friction damper's drive is another one, as on a simulated plant that has been set: nothing is known of its
+    /// position.
     ///
     /// # Errors
     /// As [`Rig::must_be_idle`].
-    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+    pub fn replace_spring(&mut self) -> Result<(), Refusal> {
         self.must_be_idle()?;
-        self.safety.adopt(&prepared.safety);
-        self.dampers.spring = prepared.spring;
-        self.dampers.meter.adopt(&prepared.impacts);
+        self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
         Ok(())
+    }
+
+    /// The board's own settings are in force again.
+    fn end_experiment(&mut self) {
+        self.safety.end_experiment();
+        self.dampers.spring.end_set_up(&self.settings.spring);
     }
 
     /// Whether an experiment could begin now.
@@ -260,12 +294,15 @@ impl Rig {
     #[inline(never)]
     fn start(&mut self) -> Result<(), Refusal> {
         self.could_start()?;
+        // The board's settings may have changed since the limits were set.
+        self.safety.tighten(&self.limits)?;
         self.runner = self.experiment.as_ref().map(Runner::new);
         self.state = State::Running(Stage::Rest);
         self.tick = 0;
         self.points = 0;
         self.results.clear();
         self.transient = None;
+        self.largest_drive_m = 0.0;
         self.finishing = false;
         self.dampers.restart();
         Ok(())
@@ -278,6 +315,7 @@ impl Rig {
         if self.state == State::Faulted {
             self.state = State::Idle;
             self.dampers.let_go();
+            self.end_experiment();
         }
         Ok(())
     }
@@ -310,7 +348,7 @@ impl Rig {
         {
             event = Some(self.trip(Fault { cause: Danger::Spring(cause), tick, value, limit }));
         }
-        let signs = self.signs(sensors);
+        let signs = self.signs(sensors, frequency_hz);
         let (allowed, trip) = self.safety.tick(&readings, &signs);
         if let Some(Trip { danger: cause, value, limit }) = trip {
             event = Some(self.trip(Fault { cause, tick, value, limit }));
@@ -329,6 +367,7 @@ impl Rig {
             };
             actuators.drive_enabled = allowed.relay;
             actuators.drive_m = drive * allowed.drive;
+            self.largest_drive_m = self.largest_drive_m.max(libm::fabsf(actuators.drive_m));
             if runner.cycle_ended() {
                 self.dampers.end_cycle();
             }
@@ -379,12 +418,14 @@ impl Rig {
         serves
     }
 
-    fn signs(&mut self, sensors: &Sensors) -> Signs {
+    fn signs(&mut self, sensors: &Sensors, frequency_hz: f32) -> Signs {
         let [low, high] = self.dampers.meter.highest_n();
         let drive = self.runner.as_ref().map_or(Driving::default(), Runner::driving);
         Signs {
             driving: drive.on,
             swinging: drive.swinging,
+            drive_m: self.largest_drive_m,
+            frequency_hz,
             wall_force_n: if low > high { low } else { high },
             saturated: drive.saturated,
             emergency_stop: sensors.emergency_stop,
@@ -451,6 +492,7 @@ impl Rig {
             return None;
         }
         self.state = State::Idle;
+        self.end_experiment();
         core::mem::take(&mut self.finishing).then_some(Event::Finished { points: self.points })
     }
 

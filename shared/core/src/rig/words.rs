@@ -2,10 +2,10 @@
 
 use super::TICK_HZ;
 use crate::control::experiment::{Experiment, Stage};
-use crate::control::friction_spring::{self as spring, FrictionSpring, SpringCommand, SpringStatus};
+use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
 use crate::control::limits::Fault;
-use crate::control::safety::{SafeStage, Safety};
-use crate::measure::impacts::{ImpactRecord, ImpactSettings};
+use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
+use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
 use crate::model::Invalid;
@@ -47,15 +47,14 @@ impl State {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Command {
-    /// Set the interlocks. Idle or faulted only.
-    SetSafety(Safety),
-    /// Set the friction damper's drive; it has to be homed again. Idle only.
-    SetSpring(FrictionSpring),
-    /// Set how impacts are found. Idle only.
-    SetImpacts(ImpactSettings),
+    /// Tighten limits for the configured experiment, from its start until the rig is idle again. Idle only.
+    SetLimits(ExperimentLimits),
+    /// Describe the friction damper's spring of the set-up until the end of its experiment; it has to be homed again. Idle
+    /// only.
+    SetSpring(SpringSetUp),
     /// Let a twin run along, or none. Idle only.
     SetTwin(Option<TwinPlan>),
-    /// Set the experiment, or none. Idle only.
+    /// Set the experiment, or none; it starts under the board's limits unless some are tightened. Idle only.
     Configure(Option<Experiment>),
     /// Begin the configured experiment at tick 0. Idle only.
     Start,
@@ -82,6 +81,8 @@ impl Command {
 pub enum Refusal {
     /// A parameter is out of range.
     Invalid(Invalid),
+    /// A limit of an experiment is looser than the board's.
+    Looser(Looser),
     /// The command makes no sense in this state.
     WrongState {
         /// The state.
@@ -103,6 +104,15 @@ pub enum Refusal {
 impl From<Invalid> for Refusal {
     fn from(invalid: Invalid) -> Self {
         Self::Invalid(invalid)
+    }
+}
+
+impl From<LimitsRejected> for Refusal {
+    fn from(rejected: LimitsRejected) -> Self {
+        match rejected {
+            LimitsRejected::Looser(looser) => Self::Looser(looser),
+            LimitsRejected::Invalid(invalid) => Self::Invalid(invalid),
+        }
     }
 }
 

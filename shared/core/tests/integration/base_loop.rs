@@ -4,12 +4,13 @@
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
 use damprig_core::control::experiment::{Experiment, Stage};
 use damprig_core::control::limits::Limits;
-use damprig_core::control::safety::{Danger, Safety, SafetyConfig};
+use damprig_core::control::safety::{Danger, SafetyConfig};
 use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
 use damprig_core::rig::{Command, Event, Rig, Sensors, State};
+use damprig_core::settings::{Prepared, Settings};
 
 fn bare() -> SetUp {
     SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038))
@@ -68,10 +69,10 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
         limits: Limits { structure_m: 10.0, base_m: 0.08 },
         sensor_range_m: 10.0,
         half_cycles_ahead: 0.0,
-        saturated_s: 1e6,
+        host_silent_s: 0.0,
         ..SafetyConfig::default()
     };
-    rig.handle(&mut Command::SetSafety(Safety::new(&safety).unwrap())).unwrap();
+    rig.adopt(&Prepared::new(&Settings { safety, ..Settings::default() }).unwrap()).unwrap();
     rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(plan.clone()).unwrap())))).unwrap();
     rig.handle(&mut Command::Start).unwrap();
     let (mut outcome, mut sensors) = (Outcome::default(), Sensors::default());
@@ -197,8 +198,8 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
         rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(plan).unwrap())))).unwrap();
         // Nothing moves here: that is not to be taken for a broken sensor.
-        let safety = Safety::new(&SafetyConfig { frozen_s: 0.0, ..SafetyConfig::default() }).unwrap();
-        rig.handle(&mut Command::SetSafety(safety)).unwrap();
+        let safety = SafetyConfig { frozen_s: 0.0, host_silent_s: 0.0, ..SafetyConfig::default() };
+        rig.adopt(&Prepared::new(&Settings { safety, ..Settings::default() }).unwrap()).unwrap();
         rig.handle(&mut Command::Start).unwrap();
         for _ in 0..20_000 {
             let drive = rig.tick(&Sensors::default(), &[]).0.drive_m;

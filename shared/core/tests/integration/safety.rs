@@ -14,12 +14,12 @@ struct Bench {
 
 impl Bench {
     fn with(config: SafetyConfig) -> Self {
-        let signs = Signs { driving: true, swinging: true, host_heard: true, ..Signs::default() };
+        let signs = Signs { driving: true, swinging: true, drive_m: 2e-3, host_heard: true, ..Signs::default() };
         Self { safety: Safety::new(&config).unwrap(), tick: 0, x_m: 0.02, z_m: 2e-3, signs }
     }
 
     fn new() -> Self {
-        Self::with(SafetyConfig { host_silent_s: 2.0, brake_n: 6.0, ..SafetyConfig::default() })
+        Self::with(SafetyConfig { saturated_s: 0.5, host_silent_s: 2.0, brake_n: 6.0, ..SafetyConfig::default() })
     }
 
     /// Structure and base vibrate at 2.5 Hz with these amplitudes.
@@ -180,6 +180,40 @@ fn a_sensor_may_stand_still_while_nothing_is_driven() {
     assert_eq!(bench.safety.stage(), SafeStage::Clear);
 }
 
+/// Ticks that both sensors stand still before their fault, at most 3000.
+fn still_for(bench: &mut Bench) -> Option<u32> {
+    bench.run(1000);
+    let still = Readings { x: Reading::still(2e-3), z: Reading::still(1e-3), ..Sensors::default().readings };
+    (0..3000).find(|_| bench.safety.tick(&still, &bench.signs).1.is_some())
+}
+
+#[test]
+fn a_slow_sine_may_stand_still_for_half_a_period_before_its_sensor_counts_as_frozen() {
+    // As set, 0.5 s; half a period of 0.4 Hz, 1.25 s. The first still block is a step, not yet standing still.
+    for (frequency_hz, ticks) in [(0.0, 500), (2.5, 500), (0.4, 1250)] {
+        let mut bench = Bench::new();
+        bench.signs.frequency_hz = frequency_hz;
+        assert_eq!(still_for(&mut bench), Some(ticks), "{frequency_hz} Hz");
+    }
+}
+
+#[test]
+fn a_drive_that_the_sensors_do_not_resolve_shows_no_frozen_sensor() {
+    for (drive_m, resolution_m, is_judged) in [(2e-3, 1e-5, true), (4e-5, 1e-5, false), (2e-3, 1e-3, false)] {
+        let mut bench = Bench::with(SafetyConfig { resolution_m, ..SafetyConfig::default() });
+        bench.signs.drive_m = drive_m;
+        assert_eq!(still_for(&mut bench).is_some(), is_judged, "{drive_m} m of drive, steps of {resolution_m} m");
+    }
+}
+
+#[test]
+fn saturation_that_is_only_reported_ends_no_drive() {
+    let mut bench = Bench::with(SafetyConfig::default());
+    bench.signs.saturated = true;
+    bench.run(60_000);
+    assert!(bench.safety.trip().is_none());
+}
+
 #[test]
 fn forces_saturation_and_silence_end_the_drive_after_their_time() {
     let mut bench = Bench::new();
@@ -220,7 +254,8 @@ fn wrong_settings_are_named() {
     for (bad, name) in [
         (SafetyConfig { half_cycles_ahead: 21.0, ..good }, "safety.half_cycles_ahead"),
         (SafetyConfig { restart_m: 0.08, ..good }, "safety.restart_m"),
-        (SafetyConfig { saturated_s: 0.0, ..good }, "safety.saturated_s"),
+        (SafetyConfig { saturated_s: -1.0, ..good }, "safety.saturated_s"),
+        (SafetyConfig { resolution_m: -1e-5, ..good }, "safety.resolution_m"),
         (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
         (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "limits.base_m"),
     ] {

@@ -53,6 +53,7 @@ fn run(
     while matches!(rig.state(), State::Running(_) | State::Stopping) && log.x_m.len() < 400_000 {
         let tick = rig.next_tick();
         meddle(tick, &mut rig, &mut sensors);
+        rig.hear_host();
         let (actuators, event) = rig.tick(&sensors, record);
         log.events.extend(event.map(|event| (tick, event)));
         log.x_m.push(sensors.readings.x.mean_m);

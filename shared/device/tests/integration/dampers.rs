@@ -1,6 +1,6 @@
 //! The dampers through the protocol: the friction damper's spring, impacts, the twin, the interlocks.
 
-use damprig_core::control::friction_spring::{Cause, Happening as Spring, SpringCommand, SpringConfig, Stage, Target};
+use damprig_core::control::friction_spring::{Cause, Happening as Spring, SpringCommand, SpringSetUp, Stage, Target};
 use damprig_core::control::safety::{Danger, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactRecord;
@@ -10,6 +10,7 @@ use damprig_core::plant::PlantConfig;
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::rig::{SIGNALS, State};
+use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
@@ -33,7 +34,6 @@ impl Host {
         let (events, rows) = (vec![], vec![]);
         let mut host = Self { board, reader: Reader::default(), seq: 0, until_tick: 0, events, rows };
         host.done(Ask::SetPlant(config));
-        host.done(Ask::SetSpring(SpringConfig::default()));
         host
     }
 
@@ -246,7 +246,7 @@ fn a_snippet_shows_the_next_impact_and_none_before() {
 fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     let safety = SafetyConfig { brake_n: 6.0, ..SafetyConfig::default() };
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
-    host.done(Ask::SetSafety(safety));
+    host.done(Ask::SetSettings(Settings { safety, ..Settings::default() }));
     host.spring(SpringCommand::Home);
     host.spring(SpringCommand::TouchOff);
     host.done(at_resonance(10.0, 20.0));
@@ -300,7 +300,14 @@ fn what_makes_no_sense_now_says_what_to_do() {
     for (ask, words) in [
         (target(1.0), "not while the friction damper's spring is not homed: home the spring first"),
         (Ask::Spring(SpringCommand::TouchOff), "home the spring first"),
-        (Ask::SetSpring(SpringConfig { step_m: 0.0, ..SpringConfig::default() }), "spring.step_m = 0 is not allowed"),
+        (
+            Ask::SetSpring(SpringSetUp {
+                stiffness_n_per_m: Some(0.0),
+                friction_coefficient: None,
+                structure_stiffness_n_per_m: 395.0,
+            }),
+            "spring.stiffness_n_per_m = 0 is not allowed",
+        ),
         (
             Ask::SetTelemetry { every_ticks: 1, signals: [200].into_iter().collect(), impacts: false },
             "telemetry.signals = 200",

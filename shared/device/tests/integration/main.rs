@@ -1,6 +1,7 @@
 //! Tests of the device side of the link, through the messages that a host sends.
 
 mod dampers;
+mod limits;
 mod settings;
 mod settings_orders;
 mod simulated;

@@ -1,7 +1,6 @@
 //! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
 
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
-use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Refusal, Sensors, Signals, State};
@@ -145,16 +144,6 @@ fn settings_are_used_at_once_and_saved_when_asked() {
     assert_eq!(host.ask(Ask::SaveSettings), Ok(Answer::Done));
     assert_eq!(host.board.saved, [others()]);
     assert_eq!((host.settings().1, host.source_described()), (Source::Stored, Source::Stored));
-}
-
-#[test]
-fn an_experiments_own_constants_leave_settings_and_the_boards_scale_as_they_are() {
-    let mut host = Host::new(false);
-    host.ask(Ask::SetSettings(others())).unwrap();
-    let own = ImpactConfig { threshold_n: 6.0, ..ImpactConfig::default() };
-    assert_eq!(host.ask(Ask::SetImpacts(own)), Ok(Answer::Done));
-    assert_eq!(host.control.rig().snippet().1.newtons_per_count, 0.25);
-    assert_eq!(host.settings().0, others());
 }
 
 #[test]

@@ -80,7 +80,29 @@ impl Default for SpringConfig {
     }
 }
 
+/// What a set-up says of spring, block and structure. Everything else, limits included, is the board's alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringSetUp {
+    /// k_s of the spring, N/m; `None` for the board's.
+    pub stiffness_n_per_m: Option<f32>,
+    /// μ_e between block and structure; `None` for the board's.
+    pub friction_coefficient: Option<f32>,
+    /// k of the structure, N/m.
+    pub structure_stiffness_n_per_m: f32,
+}
+
 impl SpringConfig {
+    /// These settings with the set-up's properties.
+    #[must_use]
+    pub fn for_set_up(&self, set_up: &SpringSetUp) -> Self {
+        Self {
+            stiffness_n_per_m: set_up.stiffness_n_per_m.unwrap_or(self.stiffness_n_per_m),
+            friction_coefficient: set_up.friction_coefficient.unwrap_or(self.friction_coefficient),
+            structure_stiffness_n_per_m: set_up.structure_stiffness_n_per_m,
+            ..*self
+        }
+    }
+
     /// Checks every value, and those that must fit each other.
     ///
     /// # Errors

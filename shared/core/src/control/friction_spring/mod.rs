@@ -19,8 +19,8 @@ mod touch_off;
 pub mod words;
 
 use crate::model::{Invalid, not_negative, require};
-pub use config::SpringConfig;
 use config::nearest;
+pub use config::{SpringConfig, SpringSetUp};
 use ramp::{Ramp, RampLimits};
 use touch_off::TouchOff;
 pub use words::{
@@ -153,6 +153,13 @@ impl FrictionSpring {
             quiet_ticks: 0,
             fault: None,
         }
+    }
+
+    /// The set-up is no longer the experiment's: its properties are the board's again. Position, task and zero reading stay.
+    pub fn end_set_up(&mut self, board: &SpringConfig) {
+        let SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, .. } = *board;
+        self.config =
+            SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, ..self.config };
     }
 
     /// The constants.

@@ -5,10 +5,16 @@
 //! *safe* only when |x| has stayed below a stated level: a structure of ζ = 0.0038 rings for half a minute, and a shaker
 //! that starts under a ringing structure is no defined start. Only then can the cause be cleared.
 //!
+//! The board's settings are the base of every limit. While an experiment runs, its [`ExperimentLimits`] may tighten some
+//! of them ([`Safety::tighten`]); they end with the experiment, or with the clearing of the fault that ended it. Whether a
+//! tripped rig is safe again is judged by the board's limits alone: a limit of an experiment, set too tight, must not keep
+//! the rig from being cleared.
+//!
 //! The displacement limits themselves are [`super::limits`]'. A stuck processor is the watchdog's, and a broken board the
 //! hardware's: the relay is off without either.
 
 pub mod envelope;
+mod tighten;
 pub mod watch;
 
 use super::friction_spring::Cause as SpringCause;
@@ -18,6 +24,7 @@ use crate::rig::{Readings, TICK_HZ};
 use envelope::Envelope;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+pub use tighten::{ExperimentLimits, LimitsRejected, Looser};
 use watch::{Defect, Watch};
 
 /// How long |x| must stay below the restart level, s: longer than a half-cycle from 1 Hz up.
@@ -25,6 +32,9 @@ const CALM_S: f32 = 0.5;
 
 /// Time over which the drive fades, s.
 const FADE_S: f32 = 0.2;
+
+/// A drive of this many steps of the displacement sensors moves their readings.
+const RESOLVED_STEPS: f32 = 5.0;
 
 /// What the interlocks know.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -35,13 +45,15 @@ pub struct SafetyConfig {
     pub half_cycles_ahead: f32,
     /// Displacement sensors' range, m: readings at or beyond ± this are no displacement.
     pub sensor_range_m: f32,
-    /// Time of identical samples, while driven, that makes a sensor frozen, s; 0 never.
+    /// Smallest displacement that both sensors resolve, m: a drive of less than five times this shows no frozen sensor.
+    pub resolution_m: f32,
+    /// Time of identical samples, while driven, that makes a sensor frozen, s; at least half a period of the drive; 0 never.
     pub frozen_s: f32,
     /// Force on a wall that must not be reached, N.
     pub wall_force_n: f32,
-    /// Time for which the drive may be saturated, s.
+    /// Time for which the drive may be saturated, s; 0: saturation is reported with the result and ends no drive.
     pub saturated_s: f32,
-    /// Time without a word from the host after which the drive ends, s; 0 for any.
+    /// Time without a message from the host after which the drive ends, s; 0 for no limit.
     pub host_silent_s: f32,
     /// |x| below which a restart is allowed, m.
     pub restart_m: f32,
@@ -50,16 +62,17 @@ pub struct SafetyConfig {
 }
 
 impl Default for SafetyConfig {
-    /// The lasers' ±80 mm; an assumed wall sensor of 460 N.
+    /// The lasers' ±80 mm, 10 µm resolution assumed; an assumed wall sensor of 460 N.
     fn default() -> Self {
         Self {
             limits: Limits::default(),
             half_cycles_ahead: 6.0,
             sensor_range_m: 0.085,
+            resolution_m: 1e-5,
             frozen_s: 0.5,
             wall_force_n: 450.0,
-            saturated_s: 0.5,
-            host_silent_s: 0.0,
+            saturated_s: 0.0,
+            host_silent_s: 10.0,
             restart_m: 1e-3,
             brake_n: 0.0,
         }
@@ -76,13 +89,14 @@ impl SafetyConfig {
         for (name, value) in [
             ("safety.sensor_range_m", self.sensor_range_m),
             ("safety.wall_force_n", self.wall_force_n),
-            ("safety.saturated_s", self.saturated_s),
             ("safety.restart_m", self.restart_m),
         ] {
             positive(name, f64::from(value))?;
         }
         for (name, value) in [
+            ("safety.resolution_m", self.resolution_m),
             ("safety.frozen_s", self.frozen_s),
+            ("safety.saturated_s", self.saturated_s),
             ("safety.host_silent_s", self.host_silent_s),
             ("safety.brake_n", self.brake_n),
             ("safety.half_cycles_ahead", self.half_cycles_ahead),
@@ -190,6 +204,10 @@ pub struct Signs {
     pub driving: bool,
     /// It is strong enough to see both displacements move.
     pub swinging: bool,
+    /// Largest |demanded base displacement| since the start, m.
+    pub drive_m: f32,
+    /// Its frequency, Hz; 0 where it has none.
+    pub frequency_hz: f32,
     /// Largest force on either wall, N.
     pub wall_force_n: f32,
     /// The drive is at its limit.
@@ -223,6 +241,9 @@ pub struct NotSafe {
 /// The interlocks' state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Safety {
+    /// The board's settings.
+    board: SafetyConfig,
+    /// With the limits of the experiment in progress.
     config: SafetyConfig,
     longest: Longest,
     x: Watch,
@@ -242,6 +263,22 @@ struct Longest {
     frozen: u32,
     saturated: u32,
     silent: u32,
+}
+
+impl Longest {
+    fn of(config: &SafetyConfig) -> Self {
+        Self {
+            frozen: ticks(config.frozen_s),
+            saturated: ticks(config.saturated_s),
+            silent: ticks(config.host_silent_s),
+        }
+    }
+
+    /// At least half a period of the drive: a sine may stand still at its turning points. 0 for never.
+    fn frozen(&self, frequency_hz: f32) -> u32 {
+        let half = if frequency_hz > 0.0 { ticks(0.5 / frequency_hz) } else { 0 };
+        if self.frozen == 0 { 0 } else { self.frozen.max(half) }
+    }
 }
 
 fn ticks(seconds: f32) -> u32 {
@@ -268,14 +305,10 @@ impl Safety {
     }
 
     fn of(config: SafetyConfig) -> Self {
-        let longest = Longest {
-            frozen: ticks(config.frozen_s),
-            saturated: ticks(config.saturated_s),
-            silent: ticks(config.host_silent_s),
-        };
         Self {
+            board: config,
             config,
-            longest,
+            longest: Longest::of(&config),
             x: Watch::default(),
             z: Watch::default(),
             envelope: Envelope::default(),
@@ -300,7 +333,7 @@ impl Safety {
         self.stage
     }
 
-    /// Forgets the cause.
+    /// Forgets the cause; the board's limits are in force again.
     ///
     /// # Errors
     /// The rig is not safe yet.
@@ -310,7 +343,7 @@ impl Safety {
             SafeStage::Fading => "wait until the drive is silent",
             SafeStage::Ringing => "wait for rest; release the emergency stop",
             SafeStage::Safe => {
-                *self = Self { x: self.x, z: self.z, ..Self::of(self.config) };
+                *self = Self { x: self.x, z: self.z, ..Self::of(self.board) };
                 return Ok(());
             }
         };
@@ -340,12 +373,32 @@ impl Safety {
         first
     }
 
-    /// Goes on under other constants; what is latched stays latched.
+    /// Goes on under other settings of the board; what is latched stays latched.
     pub fn adopt(&mut self, other: &Self) {
-        (self.config, self.longest) = (other.config, other.longest);
+        self.board = other.board;
+        self.act_under(other.board);
     }
 
-    /// The constants.
+    /// Puts the limits of an experiment in force, on top of the board's.
+    ///
+    /// # Errors
+    /// As [`SafetyConfig::tightened`]; nothing changes then.
+    pub fn tighten(&mut self, limits: &ExperimentLimits) -> Result<(), LimitsRejected> {
+        let tightened = self.board.tightened(limits)?;
+        self.act_under(tightened);
+        Ok(())
+    }
+
+    /// The experiment is over: the board's limits are in force again.
+    pub fn end_experiment(&mut self) {
+        self.act_under(self.board);
+    }
+
+    fn act_under(&mut self, config: SafetyConfig) {
+        (self.config, self.longest) = (config, Longest::of(&config));
+    }
+
+    /// The settings in force.
     #[must_use]
     pub fn config(&self) -> &SafetyConfig {
         &self.config
@@ -353,14 +406,16 @@ impl Safety {
 
     /// The first danger of this tick.
     fn look(&mut self, readings: &Readings, signs: &Signs) -> Option<Trip> {
-        let config = &self.config;
+        let is_driven = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
+        let config = if is_driven { &self.config } else { &self.board };
         let trip = |danger, value, limit| Some(Trip { danger, value, limit });
-        if !signs.swinging {
-            // What is not driven may stand.
+        if !signs.swinging || signs.drive_m < RESOLVED_STEPS * config.resolution_m {
+            // What is not driven, or by less than can be seen, may stand.
             self.x.forgive();
             self.z.forgive();
         }
-        let Longest { frozen, saturated, silent } = self.longest;
+        let Longest { saturated, silent, .. } = self.longest;
+        let frozen = self.longest.frozen(signs.frequency_hz);
         let defect = [
             (self.x.push(&readings.x, config.sensor_range_m, frozen), readings.x.peak_m),
             (self.z.push(&readings.z, config.sensor_range_m, frozen), readings.z.peak_m),
@@ -376,7 +431,10 @@ impl Safety {
                 None => {}
                 Some(Defect::NotANumber) => return trip(Danger::SensorInvalid, 0.0, 0.0),
                 Some(Defect::OutOfRange) => return trip(Danger::SensorOutOfRange, value, config.sensor_range_m),
-                Some(Defect::Frozen) => return trip(Danger::SensorFrozen, config.frozen_s, config.frozen_s),
+                Some(Defect::Frozen) => {
+                    let frozen_s = frozen as f32 / TICK_HZ;
+                    return trip(Danger::SensorFrozen, frozen_s, frozen_s);
+                }
             }
         }
         let (x, z, limits) = (readings.x.peak_m, readings.z.peak_m, &config.limits);
@@ -392,7 +450,7 @@ impl Safety {
         if signs.wall_force_n >= config.wall_force_n || signs.wall_force_n.is_nan() {
             return trip(Danger::WallForce, signs.wall_force_n, config.wall_force_n);
         }
-        if signs.driving && self.saturated_ticks > saturated {
+        if signs.driving && config.saturated_s > 0.0 && self.saturated_ticks > saturated {
             return trip(Danger::DriveSaturated, config.saturated_s, config.saturated_s);
         }
         if signs.driving && config.host_silent_s > 0.0 && self.silent_ticks > silent {
