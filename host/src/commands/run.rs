@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
+use damprig_core::settings::Settings;
 use damprig_protocol::ClockSource;
 
 use super::devices::Rig;
@@ -130,6 +131,12 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     transient_report::plan(&campaign, &expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predictions, &expected)?;
     if args.dry_run {
+        let settings = match &args.rig {
+            // A board that is named says itself what it can do.
+            Some(rig) => open(&rig.find()?, args)?.settings,
+            None => Settings::default(),
+        };
+        check_drive(&campaign, &expected, &settings)?;
         say!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.displacement_limit_m * 1e3);
         return Ok(());
     }
@@ -137,6 +144,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     super::watch_for_ctrl_c(&stop)?;
     let rig = args.rig.as_ref().map_or(Ok(Address::Virtual { single: false }), Rig::find)?;
     let mut session = open(&rig, args)?;
+    check_drive(&campaign, &expected, &session.settings)?;
     let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
     let now = jiff::Zoned::now();
     let folder = match &args.out {
@@ -189,6 +197,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         (None, None) => Address::Virtual { single: false },
     };
     let mut session = open(&rig, args)?;
+    check_drive(campaign, &expected, &session.settings)?;
     let selection = Selection::of(campaign, &session).map_err(|e| failure(&e, ""))?;
     let begin = beginning(campaign, &session, &selection, &jiff::Zoned::now());
     let different = earlier.differences(&begin);
@@ -214,6 +223,12 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
 fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<(), Failure> {
     prediction::check(campaign, predictions).map_err(input)?;
     prediction::transient::check(campaign, expected).map_err(input)
+}
+
+/// Refuses what the rig's drive cannot deliver.
+fn check_drive(campaign: &Campaign, expected: &[Expected], settings: &Settings) -> Result<(), Failure> {
+    let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
+    prediction::drive::check(campaign, expected, drive_m).map_err(input)
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
