@@ -7,6 +7,7 @@
 //! 64 steps in a period that is 2.5·10⁻⁷. The largest |x| is looked for at the steps: a sine's peak is missed by at
 //! most 1 − cos(π/64) = 0.12 %, within the 2 % that are kept free ([`USABLE`]).
 
+pub mod drive;
 pub mod transient;
 
 use std::f64::consts::TAU;

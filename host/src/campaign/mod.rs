@@ -77,13 +77,7 @@ impl Campaign {
         if is_simulated && rig.sensor_resolution_m as f32 > board.safety.resolution_m {
             self.source.report(rig::too_coarse(rig));
         }
-        let base_limit_m = rig.base_limit_m();
         self.set_ups.iter_mut().for_each(|set_up| set_up.spec.on_board(&board.spring));
-        for experiment in &mut self.experiments {
-            if let Kind::Playback(playback) = &mut experiment.kind {
-                playback.drive_limit_m = base_limit_m;
-            }
-        }
         self.source.verdict()
     }
 

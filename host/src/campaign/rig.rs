@@ -3,7 +3,7 @@
 use damprig_core::control::safety::SafetyConfig;
 use damprig_core::plant::table::Table;
 use damprig_core::plant::{Amplifier, DataSheet, Shaker};
-use damprig_core::rig::calibration::{DisplacementScale, SLOW_FULL_SCALE};
+use damprig_core::rig::calibration::DisplacementScale;
 use damprig_core::rig::{MOTION_SIGNALS, TICK_HZ};
 use damprig_core::settings::Settings;
 
@@ -41,7 +41,7 @@ impl RigSettings {
     #[must_use]
     pub fn sensor_range_m(&self) -> [f32; 2] {
         let calibration = &self.board.calibration;
-        [&calibration.x, &calibration.z].map(|scale| scale.range_m(SLOW_FULL_SCALE))
+        [&calibration.x, &calibration.z].map(DisplacementScale::range_m)
     }
 
     /// Largest |x| of the structure that may be reached, m: the limit in force, and within what its sensor reads.
@@ -111,7 +111,7 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
 fn refuse_sensor_range(rig: &Section) {
     const KEY: &str = "sensor_range_m";
     let Some(range) = rig.positive(KEY).filter(|_| !rig.source().is_recorded()) else { return };
-    let per_count = DisplacementScale::over_whole_span(range.value as f32, SLOW_FULL_SCALE).metres_per_count;
+    let per_count = DisplacementScale::over_whole_span(range.value as f32).metres_per_count;
     let help = if per_count == Settings::default().calibration.x.metres_per_count {
         "leave it out: it is the range of a board as delivered".into()
     } else {

@@ -48,10 +48,14 @@ fn table(found: &[Found]) -> Table {
             usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
             usb.map_or("–".into(), |usb| usb.serial_number.clone()),
             match &f.answer {
-                Answer::Device { board, firmware, last_crash, complaints } => {
+                Answer::Device { board, firmware, last_crash, complaints, lost_sensors } => {
                     let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
                     let counted: String = complaints.iter().map(|what| format!("\nsince it started: {what}")).collect();
-                    format!("{board}, firmware {firmware}{crash}{counted}")
+                    let lost = match lost_sensors.as_str() {
+                        "" => String::new(),
+                        names => format!("\nno signal from the sensors: {names}"),
+                    };
+                    format!("{board}, firmware {firmware}{crash}{counted}{lost}")
                 }
                 Answer::None(why) => why.clone(),
                 Answer::NotAsked => "not asked (no USB device; --all asks)".into(),

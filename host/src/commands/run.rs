@@ -146,6 +146,8 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     transient_report::plan(&campaign, &expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predictions, &expected)?;
+    let settings = connected.as_ref().map_or(Settings::default(), |(_, session)| session.settings);
+    check_drive(&campaign, &expected, &settings)?;
     let Some((rig, mut session)) = connected.filter(|_| !args.dry_run) else {
         say!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.structure_limit_m() * 1e3);
         if !is_asked {
@@ -212,6 +214,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predictions, &expected)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    check_drive(campaign, &expected, &session.settings)?;
     let selection = Selection::of(campaign, &session).map_err(|e| failure(&e, ""))?;
     let begin = beginning(campaign, &session, &selection, &jiff::Zoned::now());
     let different = earlier.differences(&begin);
@@ -246,6 +249,12 @@ fn put_on_board(campaign: &mut Campaign, session: &Session) -> Result<(), Failur
 fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<(), Failure> {
     prediction::check(campaign, predictions).map_err(input)?;
     prediction::transient::check(campaign, expected).map_err(input)
+}
+
+/// Refuses what the rig's drive cannot deliver.
+fn check_drive(campaign: &Campaign, expected: &[Expected], settings: &Settings) -> Result<(), Failure> {
+    let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
+    prediction::drive::check(campaign, expected, drive_m).map_err(input)
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {

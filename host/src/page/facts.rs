@@ -29,6 +29,8 @@ pub(super) struct Point {
     pub(super) x_max_m: f64,
     pub(super) cycles: u64,
     pub(super) saturated: bool,
+    /// Names of the sensors that were clipped.
+    pub(super) clipped: String,
     pub(super) segment: u64,
 }
 
@@ -131,6 +133,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
     let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
     // Columns that older runs lack.
     let saturated = column(batch, "drive_saturated").unwrap_or_default();
+    let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
     let point = |n: usize| Point {
@@ -147,6 +150,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
         x_max_m: x_max[n],
         cycles: cycles[n] as u64,
         saturated: is(&saturated, n),
+        clipped: clipped.get(n).cloned().unwrap_or_default(),
         segment: segments.get(n).copied().unwrap_or(0.0) as u64,
     };
     Ok((0..batch.num_rows()).map(point).collect())

@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 
 use damprig_core::settings::Settings;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Signal;
 use super::acting::ActingSetting;
@@ -61,8 +61,14 @@ pub struct Device {
     #[serde(default)]
     pub last_crash: Option<String>,
     /// Its settings when the run began: the base of [`Manifest::acting_settings`].
-    #[serde(default)]
+    #[serde(default, deserialize_with = "of_this_layout")]
     pub settings: Option<BoardSettings>,
+}
+
+/// Settings of another layout, which an older run may have, are passed over.
+fn of_this_layout<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<BoardSettings>, D::Error> {
+    let settings = serde_json::Value::deserialize(deserializer)?;
+    Ok(serde_json::from_value(settings).ok())
 }
 
 /// Settings of a board, and where they came from.

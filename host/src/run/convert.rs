@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::SpringSetUp;
 use damprig_core::control::limits::Fault;
-use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::control::stepped_sine::{self as core_sine, Drive};
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
@@ -130,15 +131,26 @@ pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &E
     is_wanted.then(|| TwinConfig::new(set_up.model()))
 }
 
-/// These points of the experiment as the controller takes them.
-pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine, points: Range<usize>) -> core_sine::SteppedSine {
+/// These points of the experiment as the controller takes them, whose drive delivers ± `drive_m`.
+pub(super) fn plan(
+    set_up: &CampaignSetUp,
+    experiment: &SteppedSine,
+    points: Range<usize>,
+    drive_m: f32,
+) -> core_sine::SteppedSine {
+    let drive = match experiment.drive {
+        Drive::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
+            Drive::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
+        }
+        drive => drive,
+    };
     core_sine::SteppedSine {
         start: match experiment.start {
             Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
             Start::CarryOver => core_sine::Start::CarryOver,
         },
         amplitude_m: set_up.base_amplitude_m as f32,
-        drive: experiment.drive,
+        drive,
         ramp_s: experiment.ramp_s as f32,
         settle_s: experiment.settle_s as f32,
         dwell_s: experiment.dwell_s as f32,
@@ -158,6 +170,7 @@ pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -
         z_distortion: result.z_distortion,
         drive_amplitude_m: result.drive_amplitude_m,
         drive_saturated: result.drive_saturated,
+        sensors_clipped: result.clipped.to_string(),
         clearance_m: set_up.model().particle.map_or(f64::NAN, |p| p.clearance_m),
         x_amplitude_m: result.x_amplitude_m,
         phase_rad: result.phase_rad,

@@ -143,7 +143,10 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
         let ask = match &experiment.kind {
-            Kind::SteppedSine(sine) => Ask::Configure(convert::plan(set_up, sine, self.task.points.clone())),
+            Kind::SteppedSine(sine) => {
+                let drive_m = session.settings.calibration.drive.range().amplitude_m();
+                Ask::Configure(convert::plan(set_up, sine, self.task.points.clone(), drive_m))
+            }
             Kind::Playback(playback) => {
                 let stop = self.run.stop;
                 let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));

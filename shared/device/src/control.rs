@@ -381,9 +381,14 @@ impl Control {
                 Ok(Answer::Done)
             }
             Work::Command(command) => {
+                if let Command::Configure(Some(experiment)) = command {
+                    let wanted = experiment.record();
+                    self.rig.check_drive(experiment, wanted.and_then(|wanted| store.peak_counts(&wanted)))?;
+                }
                 if matches!(command, Command::Start) {
-                    self.rig.could_start()?;
-                    if self.rig.wanted_record().is_some_and(|wanted| !store.holds(&wanted)) {
+                    let wanted = self.rig.wanted_record();
+                    self.rig.could_start(wanted.and_then(|wanted| store.peak_counts(&wanted)))?;
+                    if wanted.is_some_and(|wanted| !store.holds(&wanted)) {
                         return Err(Refusal::NotHere("upload the record that this playback names first"));
                     }
                     bench.restart()?;

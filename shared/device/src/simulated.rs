@@ -354,9 +354,9 @@ impl<S: PlantScalar> Simulated<S> {
         self.until_tick = 0;
         self.clock_told = true;
         // The plant is at its start; the friction damper's seat stays where it is.
-        let Sensors { readings: Readings { spring_n, .. }, at_limit, .. } = self.sensors;
-        self.sensors = Sensors { at_limit, ..Sensors::default() };
-        self.sensors.readings.spring_n = spring_n;
+        let Sensors { readings: Readings { spring_n, spring_rail, .. }, at_limit, emergency_stop, .. } = self.sensors;
+        self.sensors = Sensors { at_limit, emergency_stop, ..Sensors::default() };
+        (self.sensors.readings.spring_n, self.sensors.readings.spring_rail) = (spring_n, spring_rail);
         self.pace = Pace::default();
         self.batch = Batch::default();
         self.waiting.rows.clear();

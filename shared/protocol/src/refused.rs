@@ -1,5 +1,6 @@
 //! Why a request was not carried out, as it goes over the line.
 
+use damprig_core::control::drive::AboveLimit;
 use damprig_core::control::friction_spring as spring;
 use damprig_core::control::safety::Looser;
 use damprig_core::model::Invalid;
@@ -48,6 +49,17 @@ pub enum Refused {
         /// Why.
         why: String<64>,
     },
+    /// A value is above a limit of the board's settings.
+    AboveLimit {
+        /// Its name with its unit.
+        parameter: String<40>,
+        /// Its value.
+        value: f32,
+        /// The limit.
+        limit: f32,
+        /// What to do.
+        advice: String<96>,
+    },
 }
 
 /// As much of `text` as fits.
@@ -76,6 +88,9 @@ impl From<Refusal> for Refused {
             Refusal::WrongState { state, advice } => Self::WrongState { state, advice: clipped(advice) },
             Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice: clipped(advice) },
             Refusal::NotHere(why) => Self::NotHere { why: clipped(why) },
+            Refusal::AboveLimit(AboveLimit { parameter, value, limit, advice }) => {
+                Self::AboveLimit { parameter: clipped(parameter), value, limit, advice: clipped(advice) }
+            }
         }
     }
 }
@@ -97,6 +112,9 @@ impl core::fmt::Display for Refused {
                 write!(f, "not while the friction damper's spring is {}: {advice}", stage.text())
             }
             Self::NotHere { why } => f.write_str(why),
+            Self::AboveLimit { parameter, value, limit, advice } => {
+                write!(f, "{parameter} = {value} is above the limit of {limit}: {advice}")
+            }
         }
     }
 }

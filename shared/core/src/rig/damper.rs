@@ -1,7 +1,8 @@
 //! The dampers' side of a tick: wall forces, the twin that expects them, and the friction damper's spring.
 
-use super::{Readings, Sensors};
-use crate::control::friction_spring::{Cause, Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand};
+use super::{Brake, Readings, Sensors};
+use crate::control::friction_spring::{Cause, Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand, Stage};
+use crate::control::safety::rails::Verdict;
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::{ImpactMeter, ImpactRecord};
 use crate::twin::{Twin, TwinSignals};
@@ -115,15 +116,18 @@ impl Dampers {
     pub fn tick_spring(
         &mut self,
         sensors: &Sensors,
-        readings: &Readings,
+        force_sensor: Verdict,
         is_busy: bool,
     ) -> (Motor, Option<(Cause, f32, f32)>) {
+        let readings = &sensors.readings;
         let (motor, happening) = self.spring.tick(&Inputs {
             force_n: readings.spring_n,
+            force_sensor,
             at_switch: sensors.at_limit,
             x_peak_m: readings.x.peak_m,
             base_amplitude_m: self.base_amplitude_m,
             is_busy,
+            emergency_stop: sensors.emergency_stop,
         });
         let Some(happening) = happening else { return (motor, None) };
         self.lost += u32::from(self.happenings.push_back(happening).is_err());
@@ -132,6 +136,15 @@ impl Dampers {
             _ => None,
         };
         (motor, fault)
+    }
+
+    /// Commands the brake until it closes, where one is wanted, N.
+    pub fn brake(&mut self, wanted_n: Option<f32>) -> Brake {
+        let Some(force_n) = wanted_n else { return Brake::Open };
+        if !self.spring.is_braking() && !self.spring.brake(force_n) {
+            return Brake::Waits;
+        }
+        if self.spring.stage() == Stage::Holding { Brake::Holds } else { Brake::Closes }
     }
 
     /// Lets go of what was pressed as a brake. A spring that cannot has let go already.

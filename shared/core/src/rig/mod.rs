@@ -1,16 +1,19 @@
 //! The rig's one decision maker: samples and commands in, actuator values, replies and events out.
 //!
 //! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. [`sensors`] holds what goes in and comes out, [`words`] the
+//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
+//! do in it what they allow. [`channels`] names the sensors, [`sensors`] holds what goes in and comes out, [`words`] the
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
 pub mod calibration;
+pub mod channels;
 pub mod damper;
 pub mod sensors;
 pub mod signals;
 pub mod words;
 
+use crate::control::drive::DriveRange;
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{FrictionSpring, SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
@@ -21,11 +24,13 @@ use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
+use calibration::DriveScale;
+use channels::Sensor;
 use damper::Dampers;
 use heapless::Deque;
 pub use sensors::{Actuators, CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
-pub use words::{Command, Event, Refusal, State, Status};
+pub use words::{Brake, Command, Event, Refusal, State, Status};
 
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
@@ -54,6 +59,10 @@ pub struct Rig {
     fault: Option<Fault>,
     finishing: bool,
     host_heard: bool,
+    drive: DriveRange,
+    /// In the last tick.
+    emergency_stop: bool,
+    brake: Brake,
     /// An order waits for a tick that has time for it; since how many ticks.
     order_waits: Option<u8>,
     has_time: bool,
@@ -87,6 +96,9 @@ impl Rig {
             fault: None,
             finishing: false,
             host_heard: false,
+            drive: DriveScale::default().range(),
+            emergency_stop: false,
+            brake: Brake::Open,
             order_waits: None,
             has_time: false,
             waiting: None,
@@ -109,6 +121,8 @@ impl Rig {
             points: self.points,
             fault: self.fault,
             safe: self.safety.stage(),
+            sensors: self.safety.sensors(),
+            brake: self.brake,
             spring: self.dampers.spring.status(),
             events_lost: self.dampers.lost(),
         }
@@ -218,6 +232,9 @@ impl Rig {
             }
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
+                if let Some(experiment) = experiment.as_ref() {
+                    self.check_drive(experiment, None)?;
+                }
                 self.experiment = experiment.take();
                 self.limits = ExperimentLimits::default();
             }
@@ -237,6 +254,18 @@ impl Rig {
         Ok(())
     }
 
+    /// Whether the drive can deliver what an experiment asks of it; `record_peak_counts` is the largest |sample| of the record
+    /// that it plays, where that is there.
+    ///
+    /// # Errors
+    /// It asks for more.
+    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+        match experiment.largest_drive_m(record_peak_counts) {
+            Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
+            None => Ok(()),
+        }
+    }
+
     /// Takes settings of the board over. A friction damper's drive with other settings has to be homed again.
     ///
     /// # Errors
@@ -245,6 +274,7 @@ impl Rig {
         if self.state != State::Faulted || self.runner.is_some() {
             self.must_be_idle()?;
         }
+        self.drive = prepared.settings.calibration.drive.range();
         self.safety.adopt(&prepared.safety);
         if prepared.settings.spring != self.settings.spring {
             self.dampers.spring = prepared.spring;
@@ -271,15 +301,18 @@ impl Rig {
         self.dampers.spring.end_set_up(&self.settings.spring);
     }
 
-    /// Whether an experiment could begin now.
+    /// Whether the configured experiment could begin now; `record_peak_counts` is the largest |sample| of the record that is
+    /// there.
     ///
     /// # Errors
     /// As [`Rig::handle`] of a start.
-    pub fn could_start(&self) -> Result<(), Refusal> {
+    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
         self.must_be_idle()?;
-        if self.experiment.is_none() {
+        let Some(experiment) = &self.experiment else {
             return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
-        }
+        };
+        // The settings may have changed since it was configured.
+        self.check_drive(experiment, record_peak_counts)?;
         match self.dampers.spring.stage() {
             SpringStage::Faulted => {
                 Err(Refusal::WrongStage { stage: SpringStage::Faulted, advice: "clear the spring's fault first" })
@@ -293,10 +326,10 @@ impl Rig {
 
     #[inline(never)]
     fn start(&mut self) -> Result<(), Refusal> {
-        self.could_start()?;
+        self.could_start(None)?;
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
-        self.runner = self.experiment.as_ref().map(Runner::new);
+        self.runner = self.experiment.as_ref().map(|experiment| Runner::new(experiment, &self.drive));
         self.state = State::Running(Stage::Rest);
         self.tick = 0;
         self.points = 0;
@@ -304,6 +337,7 @@ impl Rig {
         self.transient = None;
         self.largest_drive_m = 0.0;
         self.finishing = false;
+        self.safety.restart();
         self.dampers.restart();
         Ok(())
     }
@@ -324,6 +358,13 @@ impl Rig {
     fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
+        let state = self.state;
+        if self.emergency_stop && (moves || command == SpringCommand::Release) {
+            return Err(Refusal::WrongState { state, advice: "release the emergency stop first" });
+        }
+        if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
+            return Err(Refusal::WrongState { state, advice: "the brake closes: clear the fault first" });
+        }
         match self.state {
             State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
             State::Faulted if moves => self.must_be_idle()?,
@@ -340,21 +381,24 @@ impl Rig {
         let readings = sensors.readings;
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
         let pulses = self.dampers.measure(tick, sensors, &readings, frequency_hz);
-        let (motor, spring_fault) = self.dampers.tick_spring(sensors, &readings, pulses);
+        let signs = self.signs(sensors, frequency_hz);
+        let (allowed, trip) = self.safety.tick(&readings, &signs);
         let mut event = None;
+        if let Some(Trip { danger: cause, value, limit }) = trip {
+            event = Some(self.trip(Fault { cause, tick, value, limit }));
+        }
+        self.brake = self.dampers.brake(allowed.brake_n);
+        let force_sensor = self.safety.verdict(Sensor::SpringForce);
+        let (motor, spring_fault) = self.dampers.tick_spring(sensors, force_sensor, pulses);
         if let Some((cause, value, limit)) = spring_fault
             && self.runner.is_some()
             && self.safety.latch(Trip { danger: Danger::Spring(cause), value, limit })
         {
             event = Some(self.trip(Fault { cause: Danger::Spring(cause), tick, value, limit }));
         }
-        let signs = self.signs(sensors, frequency_hz);
-        let (allowed, trip) = self.safety.tick(&readings, &signs);
-        if let Some(Trip { danger: cause, value, limit }) = trip {
-            event = Some(self.trip(Fault { cause, tick, value, limit }));
-        }
         let mut actuators = Actuators { motor, ..Actuators::default() };
-        let now = Now { tick, readings: &readings, impacts: self.dampers.impacts() };
+        let clipped = self.safety.clipped_now();
+        let now = Now { tick, readings: &readings, impacts: self.dampers.impacts(), clipped };
         let mut outcome = Outcome::Running;
         if let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) {
             let drive = if let State::Running(_) = self.state {
@@ -419,13 +463,21 @@ impl Rig {
     }
 
     fn signs(&mut self, sensors: &Sensors, frequency_hz: f32) -> Signs {
-        let [low, high] = self.dampers.meter.highest_n();
+        let meter = &self.dampers.meter;
+        let wall_rails = meter.rails();
+        // What is at a rail is no force.
+        let force_n = |wall: usize| if wall_rails[wall].is_all() { 0.0 } else { meter.highest_n()[wall] };
+        let (low, high) = (force_n(0), force_n(1));
+        self.emergency_stop = sensors.emergency_stop;
         let drive = self.runner.as_ref().map_or(Driving::default(), Runner::driving);
         Signs {
             driving: drive.on,
             swinging: drive.swinging,
             drive_m: self.largest_drive_m,
             frequency_hz,
+            running: self.runner.is_some(),
+            wall_rails,
+            wall_drift: meter.drift_n(),
             wall_force_n: if low > high { low } else { high },
             saturated: drive.saturated,
             emergency_stop: sensors.emergency_stop,
@@ -433,18 +485,13 @@ impl Rig {
         }
     }
 
-    /// The cause is latched already: the drive is let go, the brake closes.
+    /// The cause is latched already: the drive is let go.
     #[inline(never)]
     fn trip(&mut self, fault: Fault) -> Event {
         self.fault = Some(fault);
         self.state = State::Faulted;
         if let Some(runner) = &mut self.runner {
             runner.release_drive();
-        }
-        let brake_n = self.safety.config().brake_n;
-        if brake_n > 0.0 {
-            // Without a zero reading it cannot.
-            let _ = self.dampers.spring.brake(brake_n);
         }
         Event::Fault(fault)
     }

@@ -1,9 +1,11 @@
 //! What may be asked of the rig, and what it answers and reports.
 
 use super::TICK_HZ;
+use crate::control::drive::AboveLimit;
 use crate::control::experiment::{Experiment, Stage};
 use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
 use crate::control::limits::Fault;
+use crate::control::safety::rails::SensorHealth;
 use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
 use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
@@ -99,6 +101,14 @@ pub enum Refusal {
     },
     /// This board cannot do it; why, in words.
     NotHere(&'static str),
+    /// A value is above a limit of the board's settings.
+    AboveLimit(AboveLimit),
+}
+
+impl From<AboveLimit> for Refusal {
+    fn from(above: AboveLimit) -> Self {
+        Self::AboveLimit(above)
+    }
 }
 
 impl From<Invalid> for Refusal {
@@ -123,6 +133,19 @@ impl From<spring::Refusal> for Refusal {
             spring::Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
         }
     }
+}
+
+/// The friction damper as a brake after a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Brake {
+    /// It is not wanted.
+    Open,
+    /// It is wanted and cannot close: the spring has no zero reading or a fault, or has not ended what it was doing.
+    Waits,
+    /// It closes.
+    Closes,
+    /// It presses with its force.
+    Holds,
 }
 
 /// What a host should hear of without asking.
@@ -158,6 +181,10 @@ pub struct Status {
     pub fault: Option<Fault>,
     /// How far the way to the safe state has been gone.
     pub safe: SafeStage,
+    /// Which sensors are lost, also while the rig is idle, and which were clipped.
+    pub sensors: SensorHealth,
+    /// The friction damper as a brake.
+    pub brake: Brake,
     /// The friction damper's spring.
     pub spring: SpringStatus,
     /// Events that found no room, since power-on.

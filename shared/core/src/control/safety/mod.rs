@@ -10,19 +10,26 @@
 //! tripped rig is safe again is judged by the board's limits alone: a limit of an experiment, set too tight, must not keep
 //! the rig from being cleared.
 //!
+//! While an experiment runs every sensor is watched: one that is lost ([`rails`]), frozen or has drifted ends the drive, and the
+//! cause names it. While the rig is idle a lost sensor is told in the status and latches nothing. A displacement whose sensor
+//! is at a rail is not judged: what it reads is no displacement. The friction damper's spring watches its own force.
+//!
 //! The displacement limits themselves are [`super::limits`]'. A stuck processor is the watchdog's, and a broken board the
 //! hardware's: the relay is off without either.
 
 pub mod envelope;
+pub mod rails;
 mod tighten;
 pub mod watch;
 
 use super::friction_spring::Cause as SpringCause;
 use super::limits::Limits;
 use crate::model::{Invalid, not_negative, positive, require};
+use crate::rig::channels::{Rail, SENSORS, Sensor, SensorSet};
 use crate::rig::{Readings, TICK_HZ};
 use envelope::Envelope;
 use postcard_schema::Schema;
+use rails::{RailWatch, SensorHealth, Verdict};
 use serde::{Deserialize, Serialize};
 pub use tighten::{ExperimentLimits, LimitsRejected, Looser};
 use watch::{Defect, Watch};
@@ -43,8 +50,6 @@ pub struct SafetyConfig {
     pub limits: Limits,
     /// Half-cycles ahead for which the structure's amplitude is foreseen; 0 to 20, 0 for none.
     pub half_cycles_ahead: f32,
-    /// Displacement sensors' range, m: readings at or beyond ± this are no displacement.
-    pub sensor_range_m: f32,
     /// Smallest displacement that both sensors resolve, m: a drive of less than five times this shows no frozen sensor.
     pub resolution_m: f32,
     /// Time of identical samples, while driven, that makes a sensor frozen, s; at least half a period of the drive; 0 never.
@@ -62,12 +67,11 @@ pub struct SafetyConfig {
 }
 
 impl Default for SafetyConfig {
-    /// The lasers' ±80 mm, 10 µm resolution assumed; an assumed wall sensor of 460 N.
+    /// Inside the usable spans of the lasers (±78.4 mm, 10 µm resolution assumed) and of an assumed wall sensor (455 N).
     fn default() -> Self {
         Self {
             limits: Limits::default(),
             half_cycles_ahead: 6.0,
-            sensor_range_m: 0.085,
             resolution_m: 1e-5,
             frozen_s: 0.5,
             wall_force_n: 450.0,
@@ -86,11 +90,7 @@ impl SafetyConfig {
     /// Names the first parameter out of range.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.limits.validate()?;
-        for (name, value) in [
-            ("safety.sensor_range_m", self.sensor_range_m),
-            ("safety.wall_force_n", self.wall_force_n),
-            ("safety.restart_m", self.restart_m),
-        ] {
+        for (name, value) in [("safety.wall_force_n", self.wall_force_n), ("safety.restart_m", self.restart_m)] {
             positive(name, f64::from(value))?;
         }
         for (name, value) in [
@@ -114,12 +114,14 @@ impl SafetyConfig {
 pub enum Danger {
     /// The emergency stop is pressed.
     EmergencyStop,
-    /// A displacement sample is not a number.
-    SensorInvalid,
-    /// A displacement sensor reads a rail (m).
-    SensorOutOfRange,
-    /// A displacement sensor gives the same number for ever (s).
-    SensorFrozen,
+    /// A sample of this sensor is not a number.
+    SensorInvalid(Sensor),
+    /// This sensor is at a rail of its converter (m or N).
+    SensorAtRail(Sensor),
+    /// This sensor does not change (s).
+    SensorFrozen(Sensor),
+    /// This sensor's zero is off its calibration by more than may be followed (N).
+    SensorDrifted(Sensor),
     /// |z| reached its limit (m).
     BaseDisplacement,
     /// |x| reached its limit (m).
@@ -136,10 +138,27 @@ pub enum Danger {
     RestTimeout,
     /// The closed loop of the base amplitude swung up (m).
     BaseRunaway,
+    /// z is far below the demanded amplitude though the base is driven (m).
+    BaseStill,
+    /// z is far above the demanded amplitude (m).
+    BaseOverdriven,
     /// The friction damper's spring faulted while the rig was driven.
     Spring(SpringCause),
     /// Nobody released the structure for a free vibration in the time given (m).
     ReleaseTimeout,
+}
+
+/// A text that names the sensor.
+macro_rules! naming {
+    ($sensor:expr, $before:literal, $after:literal) => {
+        match $sensor {
+            Sensor::X => concat!($before, "the x sensor", $after),
+            Sensor::Z => concat!($before, "the z sensor", $after),
+            Sensor::SpringForce => concat!($before, "the spring force sensor", $after),
+            Sensor::WallLow => concat!($before, "the force sensor of the wall at −d", $after),
+            Sensor::WallHigh => concat!($before, "the force sensor of the wall at +d", $after),
+        }
+    };
 }
 
 impl Danger {
@@ -148,9 +167,16 @@ impl Danger {
     pub fn text(self) -> &'static str {
         match self {
             Self::EmergencyStop => "the emergency stop is pressed",
-            Self::SensorInvalid => "a displacement sensor gave no number",
-            Self::SensorOutOfRange => "a displacement sensor reads its rail: check its cable and distance",
-            Self::SensorFrozen => "a displacement sensor does not change while the rig is driven: check its supply",
+            Self::SensorInvalid(sensor) => naming!(sensor, "a block of samples was lost, ", " gives no number"),
+            Self::SensorAtRail(sensor) => {
+                naming!(sensor, "", " reads an end of its span: check its cable, supply and distance")
+            }
+            Self::SensorFrozen(sensor) => {
+                naming!(sensor, "", " does not change while the rig is driven: check its supply")
+            }
+            Self::SensorDrifted(sensor) => {
+                naming!(sensor, "the zero of ", " has drifted beyond impacts.offset_limit_n: check its amplifier")
+            }
             Self::BaseDisplacement => "the base reached its displacement limit",
             Self::StructureDisplacement => "the structure reached its displacement limit",
             Self::StructureForeseen => "the structure's growing vibration would have passed its limit",
@@ -161,6 +187,12 @@ impl Danger {
             Self::BaseRunaway => {
                 "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
             }
+            Self::BaseStill => {
+                "the base hardly moves though it is driven: check the amplifier, the relay and the z sensor"
+            }
+            Self::BaseOverdriven => {
+                "the base moves much further than it was asked to: check the calibration of drive and z, and the gain"
+            }
             Self::Spring(cause) => cause.text(),
             Self::ReleaseTimeout => "the structure was not held beyond the level and released in time",
         }
@@ -169,7 +201,7 @@ impl Danger {
     /// The drive stops within the tick: a fade would go on with what is already wrong.
     #[must_use]
     pub fn cuts_at_once(self) -> bool {
-        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway)
+        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway | Self::BaseOverdriven)
     }
 }
 
@@ -208,8 +240,14 @@ pub struct Signs {
     pub drive_m: f32,
     /// Its frequency, Hz; 0 where it has none.
     pub frequency_hz: f32,
+    /// An experiment runs: every sensor is needed.
+    pub running: bool,
     /// Largest force on either wall, N.
     pub wall_force_n: f32,
+    /// What of the walls' blocks is at a rail.
+    pub wall_rails: [Rail; 2],
+    /// A wall sensor's zero, as far as it is off its calibration by more than may be followed, and what may be, N.
+    pub wall_drift: [Option<(f32, f32)>; 2],
     /// The drive is at its limit.
     pub saturated: bool,
     /// The emergency stop is pressed.
@@ -225,7 +263,7 @@ pub struct Allowed {
     pub drive: f32,
     /// The drive's relay may be closed.
     pub relay: bool,
-    /// The friction damper should press with this, N.
+    /// The friction damper has to press with this, N; in every tick until the fault is cleared.
     pub brake_n: Option<f32>,
 }
 
@@ -246,6 +284,7 @@ pub struct Safety {
     /// With the limits of the experiment in progress.
     config: SafetyConfig,
     longest: Longest,
+    rails: RailWatch,
     x: Watch,
     z: Watch,
     envelope: Envelope,
@@ -309,6 +348,7 @@ impl Safety {
             board: config,
             config,
             longest: Longest::of(&config),
+            rails: RailWatch::default(),
             x: Watch::default(),
             z: Watch::default(),
             envelope: Envelope::default(),
@@ -343,23 +383,50 @@ impl Safety {
             SafeStage::Fading => "wait until the drive is silent",
             SafeStage::Ringing => "wait for rest; release the emergency stop",
             SafeStage::Safe => {
-                *self = Self { x: self.x, z: self.z, ..Self::of(self.board) };
+                *self = Self { rails: self.rails, x: self.x, z: self.z, ..Self::of(self.board) };
                 return Ok(());
             }
         };
         Err(NotSafe { stage: self.stage, advice })
     }
 
+    /// The sensors' health.
+    #[must_use]
+    pub fn sensors(&self) -> SensorHealth {
+        self.rails.health()
+    }
+
+    /// What a sensor is worth in this tick.
+    #[must_use]
+    pub fn verdict(&self, sensor: Sensor) -> Verdict {
+        self.rails.verdict(sensor)
+    }
+
+    /// Sensors with a sample at a rail in this tick.
+    #[must_use]
+    pub fn clipped_now(&self) -> SensorSet {
+        self.rails.clipped_now()
+    }
+
+    /// An experiment starts.
+    pub fn restart(&mut self) {
+        self.rails.restart();
+    }
+
     /// One tick. Returns what is allowed, and the cause in the tick in which it is latched.
     pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Trip>) {
+        let [low, high] = signs.wall_rails;
+        let rails: [Rail; SENSORS] = [readings.x.rail, readings.z.rail, readings.spring_rail, low, high];
+        self.rails.push(&rails);
         let found = self.look(readings, signs);
         let latched = found.filter(|trip| self.latch(*trip));
         if self.trip.is_some() {
             self.go_on(readings, signs, found);
         }
         let running = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
-        let braking = self.trip.is_some() && self.config.brake_n > 0.0;
-        let brake_n = braking.then_some(self.config.brake_n);
+        // An emergency stop switches the motor off: nothing may press.
+        let brakes = self.trip.is_some_and(|trip| trip.danger != Danger::EmergencyStop) && !signs.emergency_stop;
+        let brake_n = (brakes && self.config.brake_n > 0.0).then_some(self.config.brake_n);
         (Allowed { drive: if running { self.fade } else { 0.0 }, relay: running, brake_n }, latched)
     }
 
@@ -416,28 +483,38 @@ impl Safety {
         }
         let Longest { saturated, silent, .. } = self.longest;
         let frozen = self.longest.frozen(signs.frequency_hz);
-        let defect = [
-            (self.x.push(&readings.x, config.sensor_range_m, frozen), readings.x.peak_m),
-            (self.z.push(&readings.z, config.sensor_range_m, frozen), readings.z.peak_m),
-        ];
-        let foreseen = self.envelope.push(readings.x.mean_m, config.half_cycles_ahead);
+        let defects = [(Sensor::X, self.x.push(&readings.x, frozen)), (Sensor::Z, self.z.push(&readings.z, frozen))];
+        // What is at a rail is no displacement to foresee from.
+        let foreseen = match readings.x.rail {
+            Rail::Clear => self.envelope.push(readings.x.mean_m, config.half_cycles_ahead),
+            Rail::Some | Rail::All { .. } => 0.0,
+        };
         self.saturated_ticks = if signs.saturated { self.saturated_ticks.saturating_add(1) } else { 0 };
         self.silent_ticks = if signs.host_heard { 0 } else { self.silent_ticks.saturating_add(1) };
         if signs.emergency_stop {
             return trip(Danger::EmergencyStop, 0.0, 0.0);
         }
-        for (defect, value) in defect {
+        if signs.running
+            && let Some((sensor, reading, edge)) = self.rails.first_lost()
+        {
+            return trip(Danger::SensorAtRail(sensor), reading, edge);
+        }
+        for (sensor, defect) in defects {
             match defect {
                 None => {}
-                Some(Defect::NotANumber) => return trip(Danger::SensorInvalid, 0.0, 0.0),
-                Some(Defect::OutOfRange) => return trip(Danger::SensorOutOfRange, value, config.sensor_range_m),
+                Some(Defect::NotANumber) => return trip(Danger::SensorInvalid(sensor), 0.0, 0.0),
                 Some(Defect::Frozen) => {
                     let frozen_s = frozen as f32 / TICK_HZ;
-                    return trip(Danger::SensorFrozen, frozen_s, frozen_s);
+                    return trip(Danger::SensorFrozen(sensor), frozen_s, frozen_s);
                 }
             }
         }
-        let (x, z, limits) = (readings.x.peak_m, readings.z.peak_m, &config.limits);
+        for (sensor, drift) in [Sensor::WallLow, Sensor::WallHigh].into_iter().zip(signs.wall_drift) {
+            if let Some((value, limit)) = drift.filter(|_| signs.running) {
+                return trip(Danger::SensorDrifted(sensor), value, limit);
+            }
+        }
+        let (x, z, limits) = (readings.x.inside_peak_m, readings.z.inside_peak_m, &config.limits);
         if z >= limits.base_m {
             return trip(Danger::BaseDisplacement, z, limits.base_m);
         }
@@ -471,7 +548,8 @@ impl Safety {
         }
         let x = readings.x.peak_m;
         // A sensor that cannot be believed says nothing about rest.
-        let calm = x < self.config.restart_m && found.is_none() && !signs.emergency_stop;
+        let believed = found.is_none() && readings.x.rail == Rail::Clear;
+        let calm = x < self.config.restart_m && believed && !signs.emergency_stop;
         self.calm_ticks = if calm { self.calm_ticks.saturating_add(1) } else { 0 };
         if self.stage != SafeStage::Fading {
             self.stage = if self.calm_ticks >= ticks(CALM_S) { SafeStage::Safe } else { SafeStage::Ringing };
