@@ -121,6 +121,7 @@ pub fn run(args: &Args) -> Outcome {
 
 fn begin(args: &Args, file: &Path) -> Outcome {
     let campaign = Campaign::read(file).map_err(input)?;
+    campaign.check_simulable().map_err(input)?;
     let predictions = prediction::predict(&campaign).map_err(input)?;
     let expected = prediction::transient::predict(&campaign).map_err(input)?;
     say!("Campaign {} ({})", campaign.name, file.display());
