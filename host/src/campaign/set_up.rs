@@ -56,7 +56,7 @@ impl CampaignSetUp {
     /// fn = √(k/M)/2π, Hz.
     #[must_use]
     pub fn natural_frequency_hz(&self) -> f64 {
-        self.spec.structure().angular_frequency_rad_per_s() / std::f64::consts::TAU
+        self.model().structure.angular_frequency_rad_per_s() / std::f64::consts::TAU
     }
 }
 

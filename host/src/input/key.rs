@@ -85,12 +85,6 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// The same quantity where it may be left out.
-    #[must_use]
-    pub const fn optional(self) -> Self {
-        Self { need: Need::Optional, ..self }
-    }
-
     /// The same quantity where it must be written.
     #[must_use]
     pub const fn required(self) -> Self {

@@ -132,12 +132,7 @@ impl<'a> Section<'a> {
 
     /// Notes that a key which must be there is not; `what` says in words what it is.
     pub fn lack(&self, key: &'static str, what: &str) {
-        self.lack_one_of(key, vec![key], what);
-    }
-
-    fn lack_one_of(&self, key: &str, keys: Vec<&'static str>, what: &str) {
-        let problem = self.absence(key, what);
-        self.missing.borrow_mut().push((keys, problem));
+        self.missing.borrow_mut().push((vec![key], self.absence(key, what)));
     }
 
     fn absence(&self, key: &str, what: impl Into<String>) -> Problem {
@@ -195,7 +190,7 @@ impl<'a> Section<'a> {
                     [list @ .., last] if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
                     _ => first.doc.into(),
                 };
-                self.lack_one_of(first.name, names, &what);
+                self.missing.borrow_mut().push((names, self.absence(first.name, what)));
                 None
             }
             (None, Need::Default(DefaultValue::Word(word))) => {

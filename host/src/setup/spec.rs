@@ -152,10 +152,4 @@ impl SetUpSpec {
             _ => None,
         }
     }
-
-    /// The structure.
-    #[must_use]
-    pub fn structure(&self) -> &Structure {
-        &self.structure
-    }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, Invalid, SetUp, Wall};
+use damprig_core::model::{Initial, SetUp, Wall};
 
 use super::from_json;
 use super::keys::case;
@@ -112,7 +112,6 @@ fn read(source: &Source, name: &str) -> Option<Case> {
 }
 
 fn read_root(root: &Section, name: &str) -> Option<Case> {
-    let source = root.source();
     let name = root.text_of(&case::NAME).map_or_else(|| name.to_string(), |text| text.value);
     let stated_m = root.scalar(&BASE_AMPLITUDE);
     let loading = read_loading(root, stated_m);
@@ -138,9 +137,16 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         Loading::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
     let set_up = spec.at(z_m);
-    let checks = [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)];
-    for invalid in checks.into_iter().filter_map(Result::err) {
-        report_invalid(source, root, initial_section.as_ref(), &invalid);
+    for invalid in [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)] {
+        let Err(invalid) = invalid else { continue };
+        // What only the model can tell: a particle outside its cavity.
+        let place = initial_section.as_ref().filter(|_| invalid.parameter == "initial.y_m");
+        root.source().report(Problem {
+            title: format!("`{}` = {} is not allowed", invalid.parameter, invalid.value),
+            span: place.map_or(root.span(), |section| section.span_of("y_m")),
+            allowed: format!("must be {}", invalid.allowed),
+            help: None,
+        });
     }
     let case = Case { name, set_up, excitation, record, initial, run };
     if let Some(section) = &run_section {
@@ -194,20 +200,4 @@ fn check_cycle(run: &Section, case: &Case) {
 fn is_json(source: &Source) -> bool {
     let text = source.text().trim_start();
     text.starts_with('{') || text.strip_prefix('[').is_some_and(|rest| rest.trim_start().starts_with(['{', ']']))
-}
-
-/// What only the model can tell (a particle outside its cavity), at the place of the value if it can be found.
-fn report_invalid(source: &Source, root: &Section, initial: Option<&Section>, invalid: &Invalid) {
-    let key = invalid.parameter.rsplit('.').next().unwrap_or_default();
-    let key = ["x_m", "v_m_per_s", "y_m", "u_m_per_s"].into_iter().find(|k| *k == key);
-    let span = match (invalid.parameter.starts_with("initial."), initial, key) {
-        (true, Some(section), Some(key)) => section.span_of(key),
-        _ => root.span(),
-    };
-    source.report(Problem {
-        title: format!("`{}` = {} is not allowed", invalid.parameter, invalid.value),
-        span,
-        allowed: format!("must be {}", invalid.allowed),
-        help: None,
-    });
 }
