@@ -125,6 +125,7 @@ pub fn run(args: &Args) -> Outcome {
 
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(input)?;
+    campaign.check_simulable().map_err(input)?;
     let virtual_rig = Rig::At(Address::VIRTUAL);
     let rig = args.rig.as_ref().unwrap_or(&virtual_rig);
     // A dry run connects to the virtual rig alone, which is in this process.

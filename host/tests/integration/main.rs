@@ -18,6 +18,7 @@ mod run_folder;
 mod runs;
 mod serial;
 mod settings;
+mod setup;
 mod simulate;
 mod simulate_cases;
 mod simulate_refusals;

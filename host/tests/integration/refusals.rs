@@ -242,7 +242,7 @@ fn a_spring_with_two_targets_or_none_is_refused() {
     refused(
         before,
         "friction_damper = { spring = { friction_ratio = 0.6, deflection_m = 0.001 } }",
-        &["friction_damper.spring.deflection_m` = 0.001", "a spring has one target", "leave one of"],
+        &["friction_damper.spring.deflection_m` = 0.001", "`friction_ratio` is given too", "leave out"],
     );
     refused(before, "friction_damper = { spring = {} }", &["friction_ratio", "`normal_force_n` or `deflection_m`"]);
     refused(
