@@ -11,7 +11,6 @@ struct Bench {
     plant: SimulatedSpring,
     x_peak_m: f32,
     z_m: Option<f32>,
-    is_busy: bool,
     happenings: Vec<Happening>,
     drive: Drive,
     /// Steps of every tick.
@@ -21,16 +20,7 @@ struct Bench {
 impl Bench {
     fn with(config: &SpringConfig, plant: &SpringPlant) -> Self {
         let (spring, plant) = (FrictionSpring::new(config).unwrap(), SimulatedSpring::new(plant).unwrap());
-        Self {
-            spring,
-            plant,
-            x_peak_m: 0.0,
-            z_m: None,
-            is_busy: false,
-            happenings: vec![],
-            drive: Drive::default(),
-            log: vec![],
-        }
+        Self { spring, plant, x_peak_m: 0.0, z_m: None, happenings: vec![], drive: Drive::default(), log: vec![] }
     }
 
     fn new() -> Self {
@@ -63,8 +53,7 @@ impl Bench {
         // The motor moves after the controller has spoken: the readings are one tick old.
         let (block, at_switch) = self.plant.tick(self.drive);
         let force_n = block.iter().sum::<f32>() / SUBSAMPLES as f32;
-        let inputs =
-            Inputs { force_n, at_switch, x_peak_m: self.x_peak_m, base_amplitude_m: self.z_m, is_busy: self.is_busy };
+        let inputs = Inputs { force_n, at_switch, x_peak_m: self.x_peak_m, base_amplitude_m: self.z_m };
         let happening;
         (self.drive, happening) = self.spring.tick(&inputs);
         self.log.push(self.drive.steps);
@@ -189,21 +178,6 @@ fn a_friction_ratio_holds_while_the_base_amplitude_changes() {
     let status = bench.spring.status();
     assert!(status.saturated && status.fault.is_none());
     assert!((bench.plant.normal_force_n() - 13.5).abs() < 0.022);
-}
-
-#[test]
-fn a_controller_without_time_decides_later_but_decides() {
-    let settled = |is_busy| {
-        let mut bench = Bench::ready();
-        bench.set(Target::Force { force_n: 5.0 });
-        bench.is_busy = is_busy;
-        let begun = bench.log.len();
-        bench.until(Stage::Holding);
-        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
-        bench.log.len() - begun
-    };
-    let (free, busy) = (settled(false), settled(true));
-    assert!(busy > free && busy < 2 * free, "{free} and {busy} ticks");
 }
 
 #[test]

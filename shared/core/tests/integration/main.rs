@@ -2,11 +2,11 @@
 
 mod base_loop;
 mod closed_forms;
+mod events;
 mod exact_properties;
 mod friction_spring;
 mod impacts;
 mod joined;
-mod orders;
 mod safety;
 mod sampled;
 mod scalars;
