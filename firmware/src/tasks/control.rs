@@ -1,4 +1,4 @@
-//! The control tick: a block of samples, one tick of the rig, the outputs, an order if there is time for it, the watchdog.
+//! The control tick: a block of samples, one tick of the rig, the outputs, at most one order, the watchdog.
 //!
 //! Runs above every other task and never waits for one.
 
@@ -32,15 +32,10 @@ pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Sourc
     bench.start();
     loop {
         let sensors = bench.next_block(&control.settings().calibration).await;
-        if let Some(order) = orders.try_receive() {
-            control.expect(order);
-        }
         control.end_saving(&mut Structure, &mut Outgoing);
         let actuators = control.tick(&sensors, store, &mut Outgoing);
         bench.set(&actuators, &control.settings().calibration.drive);
-        if control.has_time()
-            && let Some(order) = orders.try_receive()
-        {
+        if let Some(order) = orders.try_receive() {
             control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
             control.note_timing(bench.timing());
             let starts = order.is_start();

@@ -221,33 +221,11 @@ impl Control {
         lanes: &mut impl Lanes,
     ) {
         self.hear();
-        self.rig.forget_order();
         if order.at_tick.is_some_and(|at| at > self.next_tick()) {
             self.refuse(order.seq, Refusal::NotHere("only a simulated board lets a request wait for its tick"), lanes);
             return;
         }
         self.carry_out(order, bench, store, lanes);
-    }
-
-    /// This order waits to be served after the tick that comes next, or after a later one that leaves time. What stops something
-    /// is carried out at once and again when it is served; only its answer waits.
-    pub fn expect<P>(&mut self, order: &mut Order<P>) {
-        self.hear();
-        let is_new = order.at_tick.is_none() && !self.served.iter().any(|seq| *seq == order.seq);
-        if is_new
-            && let Work::Command(command) = &mut order.work
-            && command.stops()
-        {
-            // A refusal is told when it is served.
-            let _ = self.rig.handle(command);
-        }
-        self.rig.expect_order();
-    }
-
-    /// Whether the last tick has left time for the order that was expected.
-    #[must_use]
-    pub fn has_time(&self) -> bool {
-        self.rig.has_time()
     }
 
     /// Something was heard of the host.
@@ -427,9 +405,8 @@ impl Control {
         if self.rig.state() == State::Idle {
             store.check();
         }
-        // Events are large, and nearly always none: looked at where they lie.
-        let (actuators, event) = &self.rig.tick(sensors, store.record());
-        let ends = matches!(event, Some(Event::Finished { .. } | Event::Fault(_)));
+        let actuators = self.rig.tick(sensors, store.record());
+        let ends = self.rig.events().any(|event| matches!(event, Event::Finished { .. } | Event::Fault(_)));
         let every_ticks = self.selection.every_ticks;
         if every_ticks > 0 && tick.is_multiple_of(u32::from(every_ticks)) {
             let (chosen, values) = (self.selection.chosen, self.rig.signals());
@@ -438,12 +415,14 @@ impl Control {
                 Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
             }
         }
-        if let Some(event) = event.as_ref().and_then(|event| self.happening(event)) {
-            let seq = self.event_seq;
-            self.event_seq = seq.wrapping_add(1);
-            self.say(Saying::Event { seq, tick, event }, lanes);
+        while let Some(event) = self.rig.pop_event() {
+            if let Some(event) = self.happening(&event) {
+                let seq = self.event_seq;
+                self.event_seq = seq.wrapping_add(1);
+                self.say(Saying::Event { seq, tick, event }, lanes);
+            }
         }
-        *actuators
+        actuators
     }
 
     /// What the host is told of an event.

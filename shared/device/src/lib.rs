@@ -29,11 +29,12 @@ pub mod store;
 
 /// Telemetry rows waiting for the line, at most.
 ///
-/// While the longest replies and events go out (four frames of 300 bytes, 13 ms), rows of every tick wait.
+/// While the longest replies and events go out (eight frames of 300 bytes, 26 ms), rows of every tick wait.
 pub const ROWS_WAITING: usize = 32;
 
-/// Replies and events waiting for the line, at most.
-pub const REPLIES_WAITING: usize = 4;
+/// Replies and events waiting for the line, at most: a reply, and what a tick with impacts on both walls and the end of an
+/// experiment tells.
+pub const REPLIES_WAITING: usize = 8;
 
 /// Requests waiting for their tick, at most.
 pub const REQUESTS_WAITING: usize = 2;

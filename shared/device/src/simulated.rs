@@ -227,7 +227,7 @@ impl<S: PlantScalar> Simulated<S> {
     }
 
     /// As [`Simulated::run`]; `watch` gets what a board does in a tick besides its plant and its line, to call once: the tick,
-    /// then an order for which it has left time.
+    /// then at most one order.
     pub fn run_watched(
         &mut self,
         most_ticks: u32,
@@ -241,9 +241,6 @@ impl<S: PlantScalar> Simulated<S> {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
-            if let Some(order) = self.orders.front() {
-                self.control.expect(order);
-            }
             // Each granted tick is the host's word.
             self.control.hear();
             let mut actuators = Actuators::default();
@@ -251,11 +248,9 @@ impl<S: PlantScalar> Simulated<S> {
             if let Some(plant) = &mut self.bench.plant {
                 self.sensors = plant.tick(&actuators);
             }
-            if self.control.has_time() {
-                let mut served = Served::Nothing;
-                watch(&mut || served = self.serve_front());
-                self.settle(served);
-            }
+            let mut served = Served::Nothing;
+            watch(&mut || served = self.serve_front());
+            self.settle(served);
             self.pace.tick();
             while self.pace.is_clear()
                 && let Some(message) = self.next_message()

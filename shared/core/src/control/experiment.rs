@@ -133,7 +133,6 @@ macro_rules! ask {
 impl Runner {
     /// At the beginning; `drive` is what can be delivered.
     #[must_use]
-    #[inline(always)] // A runner is large: made where it will be.
     pub fn new(experiment: &Experiment, drive: &DriveRange) -> Self {
         match experiment {
             Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::Runner::new(plan, drive)),
@@ -142,33 +141,23 @@ impl Runner {
         }
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out; what it led to, if anything, goes into
-    /// `outcome`: it is large, and nearly always nothing. `record` is what a playback plays.
-    #[inline]
-    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &Now, outcome: &mut Outcome) -> f32 {
+    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to. `record` is what a
+    /// playback plays.
+    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &Now) -> (f32, Outcome) {
         match (self, experiment) {
-            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now, outcome),
-            (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now, outcome),
-            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => {
-                runner.tick(plan, now, outcome);
-                0.0
-            }
+            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now),
+            (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now),
+            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => (0.0, runner.tick(plan, now)),
             // Not of this runner: nothing moves.
-            _ => 0.0,
+            _ => (0.0, Outcome::Running),
         }
     }
 
-    /// The drive for this tick, m, without measuring: for the fade after a stop. What was measured before it is
-    /// evaluated still.
-    #[inline]
-    pub fn fade(&mut self, experiment: &Experiment, record: &[i16], outcome: &mut Outcome) -> f32 {
+    /// The drive for this tick, m, without measuring: for the fade after a stop.
+    pub fn fade(&mut self, experiment: &Experiment, record: &[i16]) -> f32 {
         match (self, experiment) {
-            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.fade(plan, outcome),
-            (Self::Playback(runner), Experiment::Playback(plan)) => runner.fade(plan, record, outcome),
-            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => {
-                runner.fade(plan, outcome);
-                0.0
-            }
+            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.fade(plan),
+            (Self::Playback(runner), Experiment::Playback(plan)) => runner.fade(plan, record),
             _ => 0.0,
         }
     }
@@ -195,12 +184,6 @@ impl Runner {
             Self::SteppedSine(own) => own.cycle_ended(),
             _ => false,
         }
-    }
-
-    /// What was measured waits for its evaluation.
-    #[must_use]
-    pub fn is_evaluating(&self) -> bool {
-        ask!(self, own => own.is_evaluating())
     }
 
     /// What the drive does.

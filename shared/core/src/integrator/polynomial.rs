@@ -73,16 +73,6 @@ pub fn shift<S: Scalar>(p: &mut [S], by: S) {
 /// next one says whether it leaves (the root at 0 is divided out) or fails at once.
 #[must_use]
 pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
-    search(guard, end, false)
-}
-
-/// Whether [`first_failure`] might find something, from its first step alone.
-#[must_use]
-pub fn might_fail<S: Scalar>(guard: &Polynomial<S>, end: S) -> bool {
-    search(guard, end, true).is_some()
-}
-
-fn search<S: Scalar>(guard: &Polynomial<S>, end: S, first_step: bool) -> Option<S> {
     let mut g = *guard;
     let mut divided_out = 0;
     while g[0] == S::ZERO && divided_out < COEFFICIENTS {
@@ -127,7 +117,7 @@ fn search<S: Scalar>(guard: &Polynomial<S>, end: S, first_step: bool) -> Option<
             return None;
         }
         t += step;
-        if first_step || (has_fallen && step <= smallest_step) {
+        if has_fallen && step <= smallest_step {
             return Some(t);
         }
         shift(&mut g, step);

@@ -28,7 +28,6 @@
 mod correct;
 mod guards;
 mod joint;
-mod pieces;
 
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
@@ -37,14 +36,12 @@ use crate::model::{Initial, Invalid, SetUp, Wall, require};
 use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, Touch};
-pub use pieces::{BegunStep, Progress};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 
-/// Events in one step after which the rest of the step is taken without looking for more: a bound on the
-/// work of a controller's tick, whatever the numbers do. Counted in [`Sampled::unresolved`].
-const MOST_EVENTS_PER_STEP: usize = 64;
+/// Most events in one step of [`Sampled::step`].
+const MOST_EVENTS_PER_STEP: u8 = 64;
 
 /// What a calculation counts in. Floating point takes metres; fixed point wants displacements of order one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -320,11 +317,61 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.unresolved
     }
 
-    /// Advances by one step of base motion.
+    /// Advances by one step of base motion, with at most 64 events in it.
     pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
-        let mut begun = self.begin_step(base);
-        while self.look(&mut begun, observer, false) == Progress::Under {
-            self.carry_out(&mut begun, observer);
+        self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
+    }
+
+    /// Advances by one step of base motion, with at most `most_events` events in it: a bound on the work, whatever the
+    /// numbers do. With the last event a chatter ends: a particle that would bounce on a hard wall again within the step
+    /// comes to rest there. The rest of the step is taken without events; a particle that would pass a hard wall stays at
+    /// it. Such steps are counted in [`Sampled::unresolved`].
+    pub fn step_bounded(&mut self, base: &Segment<S>, most_events: u8, observer: &mut impl Observer<S>) {
+        let mut base = *base;
+        if self.mode.is_none() {
+            self.mode = Some(self.resolve(&base, self.state.v - base.velocity()));
+        }
+        let (mut start, mut events) = (S::ZERO, 0);
+        loop {
+            let rest = S::ONE - start;
+            if events == most_events {
+                self.end_chatter(rest, &base);
+            }
+            let mode = self.current_mode();
+            let flight = self.flight(mode, &base);
+            if events == most_events {
+                self.unresolved += 1;
+                self.fly(start, mode, &flight, rest, observer);
+                if self.joint.link().is_none() {
+                    self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
+                }
+                return;
+            }
+            let longest = self.joint.link().map_or(rest, |link| link.longest(mode, rest));
+            let (length, event) = self.next_event(mode, &flight, &base, longest);
+            self.fly(start, mode, &flight, length, observer);
+            if event.is_none() && length >= rest {
+                return;
+            }
+            start += length;
+            base = base.from(length);
+            if let Some(event) = event {
+                events += 1;
+                self.handle(event, mode, &base, start, observer);
+            }
+        }
+    }
+
+    fn fly(&mut self, start: S, mode: Mode, flight: &Flight<S>, length: S, observer: &mut impl Observer<S>) {
+        observer.mode(mode);
+        observer.flight(start, length, flight);
+        self.advance(mode, flight, length);
+        if length > S::ZERO {
+            self.slide_released = false;
+            self.slip_released = false;
+            if let Some(link) = self.joint.link_mut() {
+                link.touched = false;
+            }
         }
     }
 
@@ -385,9 +432,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
+    /// Side of the hard wall that the particle is at, 0 inside.
+    fn side(&self) -> Sign {
         let d = self.c.clearance;
-        let side = if self.joint.link().is_some() {
+        if self.joint.link().is_some() {
             0
         } else if self.state.offset >= d {
             1
@@ -395,12 +443,15 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             -1
         } else {
             0
-        };
+        }
+    }
+
+    fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
         let situation = Situation {
             stretch: self.state.x - base.0[0],
             slip,
             slide: self.state.slide,
-            side,
+            side: self.side(),
             base_acceleration: base.acceleration(),
             joint_force: self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, self.state.slide)),
             applied_force: S::ZERO,
@@ -457,18 +508,35 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.state.slide = slide;
         self.mode = Some(self.resolve(base, v - base.velocity()));
         // A bounce whose height cannot be told from zero next to the clearance is the end of a chatter.
-        let pressing = signed(side, self.flight(self.current_mode(), base).offset[2]);
+        let pressing = self.pressing(side, base);
         let height = self.c.clearance * S::EPSILON * S::from_u8(16);
         let rests = pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4);
         if rests {
-            (self.state.v, self.state.slide) = modes::impact(&self.c, S::ZERO, v, slide);
-            self.state.slide = S::ZERO;
-            self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
+            self.stay_at_wall(base);
         }
         observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
         // Without restitution one impact ends it.
         if rests && self.c.restitution > S::ZERO {
             observer.accumulation(at, side);
+        }
+    }
+    /// Half the acceleration, relative to the structure, with which the particle is driven to the wall on `side`.
+    fn pressing(&self, side: Sign, base: &Segment<S>) -> S {
+        signed(side, self.flight(self.current_mode(), base).offset[2])
+    }
+
+    /// The particle at a wall moves with the structure from now on.
+    fn stay_at_wall(&mut self, base: &Segment<S>) {
+        (self.state.v, _) = modes::impact(&self.c, S::ZERO, self.state.v, self.state.slide);
+        self.state.slide = S::ZERO;
+        self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
+    }
+
+    /// A particle at a hard wall that would bounce on it again within `rest` stays there.
+    fn end_chatter(&mut self, rest: S, base: &Segment<S>) {
+        let side = self.side();
+        if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * rest {
+            self.stay_at_wall(base);
         }
     }
 }

@@ -14,10 +14,9 @@
 //! input is no new zero. Following one channel is `pulse`'s business, recording a
 //! pulse's shape [`super::snippet`]'s.
 //!
-//! Everything before a pulse's end is done in the converter's whole counts: fifty samples a tick and wall leave a
-//! controller no time to turn each into a force, and sums of whole numbers lose nothing.
+//! Everything before a pulse's end is done in the converter's whole counts: sums of whole numbers lose nothing.
 
-use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Over, Paces};
+use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Paces};
 pub use super::pulse::{GUARD, Pair};
 use super::snippet::Snippet;
 use crate::model::{Invalid, positive, require};
@@ -179,7 +178,6 @@ impl ImpactSettings {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn new(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Result<Self, Invalid> {
         config.validate()?;
         positive("calibration.walls.newtons_per_count", f64::from(scale.newtons_per_count))?;
@@ -234,8 +232,6 @@ pub struct ImpactMeter {
     settings: ImpactSettings,
     channels: [Channel; 2],
     before: Before,
-    /// A pulse that was over in the last block, with its tick and wall.
-    over: Option<(u32, usize, Over)>,
     /// Highest reading of each wall in the last block while it was touched, counts above its offset; 0 if it was not.
     highest: [f32; 2],
     /// What of each wall's last block is at a rail.
@@ -267,7 +263,6 @@ impl ImpactMeter {
             settings: *settings,
             channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
             before: Before::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
-            over: None,
             highest: [0.0; 2],
             rails: [Rail::Clear; 2],
             counts: ImpactCounts::default(),
@@ -279,7 +274,6 @@ impl ImpactMeter {
     /// Goes on under other settings; pulses in progress are forgotten.
     pub fn adopt(&mut self, settings: &ImpactSettings) {
         self.settings = *settings;
-        self.over = None;
         self.channels = [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces));
     }
 
@@ -319,7 +313,6 @@ impl ImpactMeter {
     /// Counts from zero again; pulses in progress are forgotten.
     pub fn reset(&mut self) {
         self.channels.iter_mut().for_each(Channel::reset);
-        self.over = None;
         self.counts = ImpactCounts::default();
         self.counted_before_cycle = 0;
     }
@@ -342,31 +335,23 @@ impl ImpactMeter {
     }
 
     /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
-    /// longer than announced is cut. What a pulse was is told with the block after the one that it ended in. Whether that
-    /// took its time: either wall was not idle, or a pulse had ended.
-    pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) -> bool {
+    /// longer than announced is cut. Impacts that end in it are `found`.
+    pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
         self.rails = [0, 1].map(|wall| self.rail(block, wall));
-        let limits = [&self.channels[0], &self.channels[1]].map(Channel::limit);
-        let Survey { reached, means } = Survey::of(block, limits);
-        let mut busy = self.over.is_some();
-        if busy {
-            self.look_at_last(&mut found);
-        }
         for wall in 0..2 {
             let channel = &mut self.channels[wall];
-            if !reached[wall] && channel.is_idle() {
+            let limit = channel.limit();
+            if channel.is_idle() && block.iter().all(|pair| pair.of(wall) < limit) {
                 self.highest[wall] = 0.0;
-                channel.idle(means[wall], block.len(), &self.settings.paces);
+                channel.idle(mean_of_some(block, wall), block.len(), &self.settings.paces);
             } else {
                 self.follow(tick, wall, block, &mut found);
                 self.highest[wall] = self.channels[wall].take_highest();
-                busy = true;
             }
         }
         self.before.push(block);
         self.snippet.push(block);
-        busy
     }
 
     fn rail(&self, block: &[Pair], wall: usize) -> Rail {
@@ -380,36 +365,21 @@ impl ImpactMeter {
         WALL_USABLE.map(to_si).rail(at_rail, block.len(), mean_n)
     }
 
-    // Out of the tick's way, as most blocks do not come here.
-    #[inline(never)]
     fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {
         let mut from = 0;
         while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.before, &self.settings.paces)
         {
             match finding {
                 Finding::Began(at) => self.snippet.trigger(wall, at),
-                Finding::Over(over) => {
-                    // A second one in a block does not wait.
-                    self.look_at_last(found);
-                    self.over = Some((tick, wall, over));
+                Finding::Rang => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
+                Finding::Ended(ended) => {
+                    self.counts.impacts[wall] = self.counts.impacts[wall].wrapping_add(1);
+                    self.counts.clipped += u32::from(ended.clipped);
+                    self.counts.held += u32::from(ended.held);
+                    found(&self.record(tick, wall, &ended));
                 }
             }
         }
-    }
-
-    #[inline(never)]
-    fn look_at_last(&mut self, found: &mut impl FnMut(&ImpactRecord)) {
-        let Some((tick, wall, over)) = &self.over else { return };
-        match self.channels[*wall].look_at(over, &self.settings.paces) {
-            None => self.counts.suppressed = self.counts.suppressed.wrapping_add(1),
-            Some(ended) => {
-                self.counts.impacts[*wall] = self.counts.impacts[*wall].wrapping_add(1);
-                self.counts.clipped += u32::from(ended.clipped);
-                self.counts.held += u32::from(ended.held);
-                found(&self.record(*tick, *wall, &ended));
-            }
-        }
-        self.over = None;
     }
 
     fn record(&self, tick: u32, wall: usize, ended: &Ended) -> ImpactRecord {
@@ -429,69 +399,11 @@ impl ImpactMeter {
     }
 }
 
-/// Pairs that are looked at together: the more, the fewer turns. The first of them counts for the offsets.
-const TOGETHER: usize = 10;
+/// Every how many samples one counts for a channel's offset.
+const OFFSET_EVERY: usize = 10;
 
-/// What nearly every block comes to.
-struct Survey {
-    /// Whether a reading of each wall reaches its limit.
-    reached: [bool; 2],
-    /// The mean of some of each wall's readings: of one in ten, in a block of whole tens.
-    means: [f32; 2],
-}
-
-impl Survey {
-    /// Of a block, whose walls go through one word; [`Pair`]s of readings below 2¹⁵.
-    #[inline]
-    fn of(block: &[Pair], limits: [u16; 2]) -> Self {
-        const TOP: u32 = 0x8000_8000;
-        // Added to a reading, it reaches the top bit from the limit on.
-        let reach = TOP - (u32::from(limits[0]) | u32::from(limits[1]) << 16);
-        let (mut reached, mut sums) = (0, [0u32; 2]);
-        let mut add = |pair: &Pair| {
-            sums[0] += u32::from(pair.of(0));
-            sums[1] += u32::from(pair.of(1));
-        };
-        let (parts, rest) = block.as_chunks::<TOGETHER>();
-        for part in parts {
-            add(&part[0]);
-            part.iter().for_each(|pair| reached |= pair.both().wrapping_add(reach));
-        }
-        for pair in rest {
-            add(pair);
-            reached |= pair.both().wrapping_add(reach);
-        }
-        let share = 1.0 / (parts.len() + rest.len()).max(1) as f32;
-        let means = sums.map(|sum| sum as f32 * share);
-        Self { reached: [reached & 0x8000 != 0, reached & 0x8000_0000 != 0], means }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_survey_finds_what_a_look_at_every_sample_finds() {
-        let mut random = 1u32;
-        let mut next = |most: u32| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (random >> 8) % most
-        };
-        for length in 1..=64usize {
-            let block: heapless::Vec<Pair, 64> =
-                (0..length).map(|_| Pair::new(next(4096) as u16, next(4096) as u16)).collect();
-            for limits in [[4000, 4000], [4090, 1], [0, 4095], [4096, 4096]] {
-                let Survey { reached, means } = Survey::of(&block, limits);
-                for wall in 0..2 {
-                    assert_eq!(reached[wall], block.iter().any(|pair| pair.of(wall) >= limits[wall]));
-                    let (parts, rest) = block.as_chunks::<TOGETHER>();
-                    let counted: heapless::Vec<f64, 64> =
-                        parts.iter().map(|part| &part[0]).chain(rest).map(|pair| f64::from(pair.of(wall))).collect();
-                    let mean = counted.iter().sum::<f64>() / counted.len() as f64;
-                    assert!((f64::from(means[wall]) - mean).abs() <= 2.0 * f64::from(f32::EPSILON) * mean);
-                }
-            }
-        }
-    }
+/// The mean of every [`OFFSET_EVERY`]th of a wall's readings, from the first.
+fn mean_of_some(block: &[Pair], wall: usize) -> f32 {
+    let sum: u32 = block.iter().step_by(OFFSET_EVERY).map(|pair| u32::from(pair.of(wall))).sum();
+    sum as f32 * (1.0 / block.len().div_ceil(OFFSET_EVERY).max(1) as f32)
 }

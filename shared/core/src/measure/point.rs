@@ -124,7 +124,6 @@ impl PointMeter {
     }
 
     /// Closes a cycle.
-    #[inline(never)]
     pub fn end_cycle(&mut self) {
         self.x.end_cycle();
         self.z.end_cycle();
@@ -144,18 +143,11 @@ impl PointMeter {
         self.cycle_samples = 0;
     }
 
-    /// The figures of the closed cycles, in two parts: a controller has no tick for both. First the amplitudes and phases.
+    /// The figures of the closed cycles.
     #[must_use]
-    pub fn harmonic_figures(&self) -> HarmonicFigures {
-        let (x_amplitude_m, x_phase) = self.x.amplitude_and_phase(self.samples);
-        let (z_amplitude_m, z_phase) = self.z.amplitude_and_phase(self.samples);
-        HarmonicFigures { x_amplitude_m, z_amplitude_m, phase_rad: wrapped(x_phase - z_phase) }
-    }
-
-    /// Then all of them.
-    #[must_use]
-    pub fn result(&self, place: &Place, harmonic: &HarmonicFigures, limits: &SteadyLimits) -> PointResult {
-        let z_amplitude = harmonic.z_amplitude_m;
+    pub fn result(&self, place: &Place, limits: &SteadyLimits) -> PointResult {
+        let (x_amplitude, x_phase) = self.x.amplitude_and_phase(self.samples);
+        let (z_amplitude, z_phase) = self.z.amplitude_and_phase(self.samples);
         let mut harmonics = 0.0;
         for lock_in in &self.z_harmonics {
             harmonics += lock_in.squared_amplitude(self.samples);
@@ -170,8 +162,8 @@ impl PointMeter {
             drive_amplitude_m: Scalar::sqrt(self.drive.squared_amplitude(self.samples)),
             drive_saturated: place.drive_saturated,
             clipped: place.clipped,
-            x_amplitude_m: harmonic.x_amplitude_m,
-            phase_rad: harmonic.phase_rad,
+            x_amplitude_m: x_amplitude,
+            phase_rad: wrapped(x_phase - z_phase),
             x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1) as f32),
             x_mean_cycle_max_m: self.sum_of_maxima.value() / self.cycles.max(1) as f32,
             x_max_m: self.max,
@@ -206,14 +198,6 @@ pub struct Place {
     pub impacts: u32,
 }
 
-/// Amplitudes and phase at the drive frequency.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct HarmonicFigures {
-    x_amplitude_m: f32,
-    z_amplitude_m: f32,
-    phase_rad: f32,
-}
-
 /// An angle brought into −π … π.
 fn wrapped(angle: f32) -> f32 {
     use core::f32::consts::{PI, TAU};
@@ -246,7 +230,7 @@ mod tests {
                 meter.end_cycle();
             }
         }
-        let result = meter.result(&Place::default(), &meter.harmonic_figures(), &SteadyLimits::default());
+        let result = meter.result(&Place::default(), &SteadyLimits::default());
         // Cycles end on a tick: what one tick of 20 × 400 adds to a harmonic, 2 · 1.2/8000.
         assert!((result.z_distortion - 0.05).abs() < 3e-4, "{}", result.z_distortion);
         assert!((result.drive_amplitude_m / 2e-3 - 1.0).abs() < 3e-4, "{}", result.drive_amplitude_m);

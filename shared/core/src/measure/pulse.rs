@@ -8,10 +8,9 @@ pub const GUARD: usize = 4;
 /// Most samples in a block.
 pub const LONGEST_BLOCK: usize = 64;
 
-/// Readings of both walls at one instant in one word, the wall at −d in its lower half on a board: they are copied and
-/// looked at together nearly always. So a converter that takes one wall after the other leaves them in memory.
+/// Readings of both walls at one instant, as a converter that takes one wall after the other leaves them in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(C, align(4))]
+#[repr(transparent)]
 pub struct Pair([u16; 2]);
 
 impl Pair {
@@ -26,12 +25,6 @@ impl Pair {
     #[inline]
     pub fn of(&self, wall: usize) -> u16 {
         self.0[wall & 1]
-    }
-
-    /// Both in one word.
-    #[inline]
-    pub(super) fn both(&self) -> u32 {
-        u32::from(self.0[0]) | u32::from(self.0[1]) << 16
     }
 }
 
@@ -49,17 +42,8 @@ impl Before {
         *self = self.up_to(block, block.len());
     }
 
-    /// The guards before sample `at` of the block: all within it, nearly always.
-    #[inline(always)]
+    /// The guards before sample `at` of the block.
     fn up_to(&self, block: &[Pair], at: usize) -> Self {
-        match block.get(..at).and_then(<[Pair]>::last_chunk) {
-            Some(guards) => Self(*guards),
-            None => self.partly_from(block, at),
-        }
-    }
-
-    #[inline(never)]
-    fn partly_from(&self, block: &[Pair], at: usize) -> Self {
         Self(core::array::from_fn(|n| {
             // So many samples before `at`.
             let back = GUARD - n;
@@ -110,100 +94,22 @@ struct Pulse {
     low: usize,
 }
 
-/// Two sums and the highest of some samples: one pass, few instructions a sample.
-struct Totals {
-    /// Σ r.
-    sum: u32,
-    /// Σ k·r.
-    moment: u32,
-    highest: u16,
-    /// The first that is as high.
-    highest_at: usize,
-}
-
-impl Totals {
-    /// Of at most [`LONGEST_BLOCK`] samples: the sums stay within their words.
-    #[inline(always)]
-    fn of(samples: &[Pair], wall: usize) -> Self {
-        const GROUP: usize = 5;
-        let (mut sum, mut sums, mut best) = (0u32, 0u32, 0u32);
-        // The sums so far add up to Σ (n − k)·r.
-        let mut add = |pair: &Pair| {
-            let reading = u32::from(pair.of(wall));
-            sum = sum.wrapping_add(reading);
-            sums = sums.wrapping_add(sum);
-            reading
-        };
-        let (groups, rest) = samples.as_chunks::<GROUP>();
-        let mut left = groups.len() as u32 + 1;
-        for group in groups {
-            let top = group.iter().fold(0, |top, pair| add(pair).max(top));
-            // The higher top, of equal ones the one with more groups left behind its own.
-            best = best.max((top << 16) + left);
-            left -= 1;
-        }
-        let top = rest.iter().fold(0, |top, pair| add(pair).max(top));
-        best = best.max((top << 16) + left);
-        let n = samples.len() as u32;
-        let highest = (best >> 16) as u16;
-        let group = GROUP * (groups.len() + 1).saturating_sub((best & 0xffff) as usize);
-        let within = samples[group.min(samples.len())..].iter().position(|pair| pair.of(wall) == highest);
-        let highest_at = group + within.unwrap_or(0);
-        Self { sum, moment: n.wrapping_mul(sum).wrapping_sub(sums), highest, highest_at }
-    }
-}
-
 impl Pulse {
-    /// Takes the next samples of the wall; the highest reading among them.
-    #[inline(always)]
-    fn push(&mut self, samples: &[Pair], wall: usize) -> u16 {
-        let Some(last) = samples.last() else { return 0 };
-        let totals = Totals::of(samples, wall);
-        let n = samples.len() as i32;
-        let height = |at: usize| samples.get(at).map_or(self.last, |pair| i32::from(pair.of(wall)) - self.above);
-        let sum = totals.sum.cast_signed() - n * self.above;
-        let moment = totals.moment.cast_signed() - self.above * (n * (n - 1) / 2);
-        let highest = i32::from(totals.highest) - self.above;
-        if highest > self.peak {
-            let at = totals.highest_at;
-            self.peak = highest;
-            // Before the first sample comes the last one of the samples before these.
-            self.before_peak = height(at.wrapping_sub(1));
-            self.peak_is_last = at + 1 == samples.len();
-            self.after_peak = if self.peak_is_last { highest } else { height(at + 1) };
+    /// Takes the next sample, which is low below `low` counts.
+    fn push(&mut self, reading: u16, low: i32) {
+        let height = i32::from(reading) - self.above;
+        if height > self.peak {
+            (self.before_peak, self.peak, self.after_peak) = (self.last, height, height);
+            self.peak_is_last = true;
         } else if self.peak_is_last {
-            self.after_peak = height(0);
+            self.after_peak = height;
             self.peak_is_last = false;
         }
-        self.sum = self.sum.wrapping_add(sum);
-        self.moment += i64::from(moment) + i64::from(self.count) * i64::from(sum);
-        self.last = i32::from(last.of(wall)) - self.above;
-        self.count += samples.len() as u32;
-        totals.highest
-    }
-
-    /// How many of `rest` belong to it: up to the sample with which [`GUARD`] in a row were below `low`, and whether there
-    /// is one. Looks at every fourth sample where the force is high: none of the four before it can be the last.
-    fn extent(&mut self, rest: &[Pair], wall: usize, low: i32) -> (usize, bool) {
-        let is_high = |pair: &Pair| i32::from(pair.of(wall)) >= low;
-        // Where it ends if no sample before is high; the low ones that the samples before these ended with count.
-        let mut end = GUARD - self.low;
-        loop {
-            while rest.get(end - 1).is_some_and(is_high) {
-                end += GUARD;
-            }
-            let from = end.saturating_sub(GUARD);
-            let Some(before) = rest.get(from..end).map(|run| &run[..run.len() - 1]) else { break };
-            if let Some(high) = before.iter().rposition(is_high) {
-                end = from + high + 1 + GUARD;
-            } else {
-                self.low = GUARD;
-                return (end, true);
-            }
-        }
-        let low_ones = rest.iter().rev().take(GUARD).take_while(|pair| !is_high(pair)).count();
-        self.low = if low_ones == rest.len() { self.low + low_ones } else { low_ones };
-        (rest.len(), false)
+        self.sum += height;
+        self.moment += i64::from(self.count) * i64::from(height);
+        self.last = height;
+        self.count += 1;
+        self.low = if i32::from(reading) < low { self.low + 1 } else { 0 };
     }
 
     /// The top of the parabola through the highest sample and its neighbours, counts.
@@ -229,23 +135,15 @@ pub(super) struct Ended {
     pub held: bool,
 }
 
-/// A pulse that is over and has not been looked at.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Over {
-    pulse: Pulse,
-    /// Samples from the block's start to its end.
-    end: usize,
-    /// Samples between the pulse before it and this one.
-    since: u32,
-}
-
 /// What a channel comes upon in a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Finding {
     /// A pulse begins with this sample.
     Began(usize),
-    /// A pulse is over: [`Channel::look_at`] says what it was, before the channel takes idle samples.
-    Over(Over),
+    /// A pulse has ended.
+    Ended(Ended),
+    /// A pulse has ended that was ringing.
+    Rang,
 }
 
 /// One wall's channel.
@@ -352,21 +250,21 @@ impl Channel {
                 }
                 Phase::Pulse => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
-                    let room = (paces.longest.saturating_sub(self.pulse.count) as usize).clamp(1, rest.len());
-                    let (length, mut over) = self.pulse.extent(&rest[..room], wall, low);
-                    let top = self.pulse.push(&rest[..length], wall);
-                    self.highest = self.highest.max(top);
-                    *from += length;
-                    over |= self.pulse.count >= paces.longest;
-                    if over {
-                        return Some(Finding::Over(self.end(*from)));
+                    for pair in rest {
+                        let reading = pair.of(wall);
+                        self.pulse.push(reading, low);
+                        self.highest = self.highest.max(reading);
+                        *from += 1;
+                        if self.pulse.low == GUARD || self.pulse.count >= paces.longest {
+                            return Some(self.end(*from, paces));
+                        }
                     }
                 }
                 Phase::Rest => {
                     let low = ceil(self.offset + 0.5 * paces.threshold);
                     let free = rest.iter().position(|pair| i32::from(pair.of(wall)) < low);
                     let length = free.map_or(rest.len(), |free| free + 1);
-                    self.highest = self.highest.max(Totals::of(&rest[..length], wall).highest);
+                    self.highest = rest[..length].iter().map(|pair| pair.of(wall)).fold(self.highest, u16::max);
                     *from += length;
                     if free.is_some() {
                         self.phase = Phase::Idle;
@@ -391,97 +289,24 @@ impl Channel {
         self.pulse = pulse;
     }
 
-    /// The pulse has ended with the sample before `end`.
-    fn end(&mut self, end: usize) -> Over {
-        let held = self.pulse.low < GUARD;
+    /// The pulse has ended with the sample before `end` of the block.
+    fn end(&mut self, end: usize, paces: &Paces) -> Finding {
+        let pulse = self.pulse;
+        let held = pulse.low < GUARD;
         self.phase = if held { Phase::Rest } else { Phase::Idle };
-        Over { pulse: self.pulse, end, since: core::mem::take(&mut self.since) }
-    }
-
-    /// What a pulse was that is over; none for ringing.
-    #[inline(never)]
-    pub(super) fn look_at(&mut self, over: &Over, paces: &Paces) -> Option<Ended> {
-        let Over { pulse, end, since } = over;
+        let since = core::mem::take(&mut self.since);
         // What the whole number that was taken off leaves of the offset.
         let fraction = self.offset - pulse.above as f32;
+        if since < paces.refractory && pulse.peak as f32 - fraction < paces.ringing * self.last_peak {
+            return Finding::Rang;
+        }
         let count = pulse.count as f32;
         let sum = pulse.sum as f32 - count * fraction;
         let moment = pulse.moment as f32 - 0.5 * count * (count - 1.0) * fraction;
-        if *since < paces.refractory && pulse.peak as f32 - fraction < paces.ringing * self.last_peak {
-            return None;
-        }
         let clipped = (pulse.peak + pulse.above) as f32 >= paces.clip;
         let peak = if clipped { pulse.peak as f32 } else { pulse.top() } - fraction;
         self.last_peak = peak;
-        let centre = *end as f32 - (count - 1.0 - moment / sum);
-        Some(Ended { sum, centre, peak, clipped, held: pulse.low < GUARD })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What a look at one sample after the other makes of them.
-    fn one_by_one(readings: &[u16], above: i32, low: i32) -> Option<(usize, Pulse)> {
-        let mut pulse = Pulse { above, ..Pulse::default() };
-        for (n, reading) in readings.iter().enumerate() {
-            let height = i32::from(*reading) - above;
-            pulse.sum += height;
-            pulse.moment += i64::from(height) * n as i64;
-            if pulse.peak_is_last {
-                (pulse.after_peak, pulse.peak_is_last) = (height, false);
-            }
-            if height > pulse.peak {
-                (pulse.peak, pulse.before_peak, pulse.peak_is_last) = (height, pulse.last, true);
-            }
-            pulse.last = height;
-            pulse.count += 1;
-            pulse.low = if i32::from(*reading) < low { pulse.low + 1 } else { 0 };
-            if pulse.low == GUARD {
-                return Some((n + 1, pulse));
-            }
-        }
-        None
-    }
-
-    #[test]
-    fn a_pulse_is_the_same_however_its_samples_are_cut_into_blocks() {
-        let mut random = 7u32;
-        let mut next = |most: u32| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (random >> 8) % most
-        };
-        let (mut ended, above, low) = (0, 400, 410);
-        for round in 0..2000 {
-            let wall = round % 2;
-            let length = 5 + next(300) as usize;
-            // Above the middle it stays mostly, below it falls, so ends come early and late.
-            let readings: heapless::Vec<u16, 320> =
-                (0..length).map(|_| if next(10) < 4 { 380 + next(29) } else { 380 + next(3700) } as u16).collect();
-            let pairs: heapless::Vec<Pair, 320> =
-                readings.iter().map(|r| if wall == 0 { Pair::new(*r, 4095) } else { Pair::new(4095, *r) }).collect();
-            let (mut pulse, mut at, mut over) = (Pulse { above, ..Pulse::default() }, 0, false);
-            while at < length && !over {
-                let block = &pairs[at..(at + 1 + next(LONGEST_BLOCK as u32) as usize).min(length)];
-                let extent;
-                (extent, over) = pulse.extent(block, wall, low);
-                let top = pulse.push(&block[..extent], wall);
-                assert_eq!(Some(top), block[..extent].iter().map(|pair| pair.of(wall)).max());
-                at += extent;
-            }
-            let expected = one_by_one(&readings, above, low);
-            assert_eq!(over, expected.is_some());
-            let Some((end, mut expected)) = expected else { continue };
-            if expected.peak_is_last {
-                // Nothing came after it: taken as level.
-                expected.after_peak = expected.peak;
-            }
-            ended += 1;
-            assert_eq!(at, end);
-            let all = |p: &Pulse| (p.sum, p.moment, p.count, p.peak, p.before_peak, p.after_peak, p.last, p.low);
-            assert_eq!(all(&pulse), all(&expected));
-        }
-        assert!(ended > 500, "{ended} ended");
+        let centre = end as f32 - (count - 1.0 - moment / sum);
+        Finding::Ended(Ended { sum, centre, peak, clipped, held })
     }
 }

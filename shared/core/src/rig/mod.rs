@@ -9,15 +9,16 @@
 pub mod calibration;
 pub mod channels;
 pub mod damper;
+mod event_queue;
 pub mod sensors;
 pub mod signals;
 pub mod words;
 
 use crate::control::drive::DriveRange;
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
-use crate::control::friction_spring::{FrictionSpring, SpringCommand, Stage as SpringStage};
+use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
-use crate::control::safety::{Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
+use crate::control::safety::{Allowed, Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
 use crate::control::transient::playback::RecordId;
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
@@ -27,6 +28,7 @@ use crate::twin::Twin;
 use calibration::DriveScale;
 use channels::Sensor;
 use damper::Dampers;
+use event_queue::EventQueue;
 use heapless::Deque;
 pub use sensors::{Actuators, CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
@@ -34,9 +36,6 @@ pub use words::{Brake, Command, Event, Refusal, State, Status};
 
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
-
-/// Ticks that an order waits for one that is free, at most: longer than most contacts take.
-pub const LONGEST_WAIT: u8 = 32;
 
 /// The rig.
 #[derive(Clone, Debug)]
@@ -63,10 +62,7 @@ pub struct Rig {
     /// In the last tick.
     emergency_stop: bool,
     brake: Brake,
-    /// An order waits for a tick that has time for it; since how many ticks.
-    order_waits: Option<u8>,
-    has_time: bool,
-    waiting: Option<Event>,
+    events: EventQueue,
     signals: Signals,
 }
 
@@ -99,9 +95,7 @@ impl Rig {
             drive: DriveScale::default().range(),
             emergency_stop: false,
             brake: Brake::Open,
-            order_waits: None,
-            has_time: false,
-            waiting: None,
+            events: EventQueue::default(),
             signals: [0.0; SIGNALS.len()],
         }
     }
@@ -124,7 +118,7 @@ impl Rig {
             sensors: self.safety.sensors(),
             brake: self.brake,
             spring: self.dampers.spring.status(),
-            events_lost: self.dampers.lost(),
+            events_lost: self.events.lost(),
         }
     }
 
@@ -175,21 +169,15 @@ impl Rig {
         self.host_heard = true;
     }
 
-    /// An order waits to be served after a tick that leaves time for it.
-    pub fn expect_order(&mut self) {
-        self.order_waits.get_or_insert(0);
+    /// The events that wait to be taken.
+    pub fn events(&self) -> impl Iterator<Item = &Event> {
+        self.events.iter()
     }
 
-    /// It has been served, or waits no longer.
-    pub fn forget_order(&mut self) {
-        self.order_waits = None;
-    }
-
-    /// Whether the last tick has left time to serve the order that was expected. After [`LONGEST_WAIT`] ticks it is said to
-    /// have.
-    #[must_use]
-    pub fn has_time(&self) -> bool {
-        self.has_time
+    /// Takes the oldest event. To be called after every tick until there is none: the queue holds one tick's events, and what
+    /// finds no room in it is lost and counted in [`Status::events_lost`].
+    pub fn pop_event(&mut self) -> Option<Event> {
+        self.events.pop()
     }
 
     /// Refuses what may only be done while nothing moves.
@@ -210,7 +198,6 @@ impl Rig {
     ///
     /// # Errors
     /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
-    #[inline(never)]
     pub fn handle(&mut self, command: &mut Command) -> Result<(), Refusal> {
         match command {
             Command::SetLimits(limits) => {
@@ -324,7 +311,6 @@ impl Rig {
         }
     }
 
-    #[inline(never)]
     fn start(&mut self) -> Result<(), Refusal> {
         self.could_start(None)?;
         // The board's settings may have changed since the limits were set.
@@ -354,7 +340,6 @@ impl Rig {
         Ok(())
     }
 
-    #[inline(never)]
     fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
@@ -373,93 +358,76 @@ impl Rig {
         Ok(self.dampers.spring.handle(command)?)
     }
 
-    /// One control tick; `record` is lent to it for a playback. At most one event results. Not inlined: what
-    /// calls it is built for size.
-    #[inline(never)]
-    pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> (Actuators, Option<Event>) {
-        let tick = self.tick;
-        let readings = sensors.readings;
+    /// One control tick; `record` is lent to it for a playback. What happened waits in [`Rig::pop_event`].
+    pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> Actuators {
+        let (tick, readings) = (self.tick, sensors.readings);
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
-        let pulses = self.dampers.measure(tick, sensors, &readings, frequency_hz);
-        let signs = self.signs(sensors, frequency_hz);
-        let (allowed, trip) = self.safety.tick(&readings, &signs);
-        let mut event = None;
-        if let Some(Trip { danger: cause, value, limit }) = trip {
-            event = Some(self.trip(Fault { cause, tick, value, limit }));
-        }
+        self.dampers.measure(tick, sensors, frequency_hz, &mut self.events);
+        let allowed = self.check_interlocks(sensors, frequency_hz);
         self.brake = self.dampers.brake(allowed.brake_n);
-        let force_sensor = self.safety.verdict(Sensor::SpringForce);
-        let (motor, spring_fault) = self.dampers.tick_spring(sensors, force_sensor, pulses);
-        if let Some((cause, value, limit)) = spring_fault
-            && self.runner.is_some()
-            && self.safety.latch(Trip { danger: Danger::Spring(cause), value, limit })
-        {
-            event = Some(self.trip(Fault { cause: Danger::Spring(cause), tick, value, limit }));
-        }
+        let motor = self.run_spring(sensors);
         let mut actuators = Actuators { motor, ..Actuators::default() };
-        let clipped = self.safety.clipped_now();
-        let now = Now { tick, readings: &readings, impacts: self.dampers.impacts(), clipped };
-        let mut outcome = Outcome::Running;
-        if let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) {
-            let drive = if let State::Running(_) = self.state {
-                let drive = runner.tick(experiment, record, &now, &mut outcome);
-                actuators.put_plant_back = runner.wants_plant_put_back();
-                self.state = State::Running(runner.stage());
-                drive
-            } else {
-                runner.fade(experiment, record, &mut outcome)
-            };
-            actuators.drive_enabled = allowed.relay;
-            actuators.drive_m = drive * allowed.drive;
-            self.largest_drive_m = self.largest_drive_m.max(libm::fabsf(actuators.drive_m));
-            if runner.cycle_ended() {
-                self.dampers.end_cycle();
-            }
-            let is_over = !matches!(self.state, State::Running(_)) && runner.is_silent();
-            if is_over || !allowed.relay {
-                self.runner = None;
-                actuators.drive_enabled = false;
-                if event.is_none() {
-                    event = self.come_to_rest();
-                }
-            }
-        }
+        self.run_experiment(&readings, record, &allowed, &mut actuators);
+        self.dampers.update_twin(tick, &readings);
         if actuators.put_plant_back.is_some() {
             self.dampers.put_back(tick);
         }
-        // One dear thing a tick: news, an order and the twin wait for one without, in this order.
-        let evaluates = self.runner.as_ref().is_some_and(|runner| runner.is_evaluating() || runner.cycle_ended())
-            || !matches!(outcome, Outcome::Running);
-        let tells = self.waiting.is_some() || self.dampers.is_to_tell(pulses);
-        let is_free = !pulses && !evaluates && !tells && event.is_none() && !self.dampers.spring.has_decided();
-        self.has_time = self.leave_time(is_free);
-        self.dampers.follow(is_free && !self.has_time);
-        if !matches!(outcome, Outcome::Running)
-            && let Some(recorded) = self.record(outcome)
-        {
-            self.waiting = event.replace(recorded);
-        }
-        // Events are large: looked at before they are moved about.
-        if event.is_none() && self.waiting.is_some() {
-            event = self.waiting.take();
-        } else if event.is_none() && tells {
-            event = self.dampers.pop();
-        }
         self.fill_signals(&readings, &actuators, frequency_hz);
-        self.tick = self.tick.wrapping_add(1);
-        (actuators, event)
+        self.tick = tick.wrapping_add(1);
+        actuators
     }
 
-    /// Whether there is an order to serve after this tick: one has come, and the tick is free, or it has waited for long. A
-    /// twin that orders keep from its work goes first.
-    fn leave_time(&mut self, is_free: bool) -> bool {
-        let Some(waited) = &mut self.order_waits else { return false };
-        *waited += 1;
-        let serves = is_free && !self.dampers.twin_lags() || *waited >= LONGEST_WAIT;
-        if serves {
-            self.order_waits = None;
+    fn check_interlocks(&mut self, sensors: &Sensors, frequency_hz: f32) -> Allowed {
+        let signs = self.signs(sensors, frequency_hz);
+        let (allowed, trip) = self.safety.tick(&sensors.readings, &signs);
+        if let Some(Trip { danger: cause, value, limit }) = trip {
+            self.trip(Fault { cause, tick: self.tick, value, limit });
         }
-        serves
+        allowed
+    }
+
+    /// The friction spring's tick. Its fault ends an experiment.
+    fn run_spring(&mut self, sensors: &Sensors) -> Motor {
+        let force_sensor = self.safety.verdict(Sensor::SpringForce);
+        let (motor, happening) = self.dampers.tick_spring(sensors, force_sensor);
+        if let Some(happening) = happening {
+            self.events.push(Event::Spring(happening));
+        }
+        if let Some(Happening::Fault(fault)) = happening
+            && self.runner.is_some()
+        {
+            let cause = Danger::Spring(fault.cause);
+            self.latch(Fault { cause, tick: self.tick, value: fault.value, limit: fault.limit });
+        }
+        motor
+    }
+
+    /// The experiment's tick: the drive, within what the interlocks allow.
+    fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
+        let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
+        let now = Now { tick: self.tick, readings, impacts, clipped };
+        let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
+        let (drive_m, outcome) = if let State::Running(_) = self.state {
+            let driven = runner.tick(experiment, record, &now);
+            actuators.put_plant_back = runner.wants_plant_put_back();
+            self.state = State::Running(runner.stage());
+            driven
+        } else {
+            (runner.fade(experiment, record), Outcome::Running)
+        };
+        actuators.drive_enabled = allowed.relay;
+        actuators.drive_m = drive_m * allowed.drive;
+        self.largest_drive_m = self.largest_drive_m.max(libm::fabsf(actuators.drive_m));
+        if runner.cycle_ended() {
+            self.dampers.end_cycle();
+        }
+        let is_silent = runner.is_silent();
+        self.record(outcome);
+        if !matches!(self.state, State::Running(_)) && is_silent || !allowed.relay {
+            self.runner = None;
+            actuators.drive_enabled = false;
+            self.come_to_rest();
+        }
     }
 
     fn signs(&mut self, sensors: &Sensors, frequency_hz: f32) -> Signs {
@@ -485,25 +453,29 @@ impl Rig {
         }
     }
 
-    /// The cause is latched already: the drive is let go.
-    #[inline(never)]
-    fn trip(&mut self, fault: Fault) -> Event {
+    /// Latches a fault that the experiment or the spring found, unless there is one already.
+    fn latch(&mut self, fault: Fault) {
+        let Fault { cause: danger, value, limit, .. } = fault;
+        if self.safety.latch(Trip { danger, value, limit }) {
+            self.trip(fault);
+        }
+    }
+
+    /// The cause is latched already: the drive is let go. What the interlocks allow from now on says whether the brake closes.
+    fn trip(&mut self, fault: Fault) {
         self.fault = Some(fault);
         self.state = State::Faulted;
         if let Some(runner) = &mut self.runner {
             runner.release_drive();
         }
-        Event::Fault(fault)
+        self.events.push(Event::Fault(fault));
     }
 
-    #[inline(never)]
-    fn record(&mut self, outcome: Outcome) -> Option<Event> {
+    /// Notes what the experiment's tick led to.
+    fn record(&mut self, outcome: Outcome) {
         match outcome {
-            Outcome::Running => None,
-            Outcome::Failed(fault) => {
-                let Fault { cause: danger, value, limit, .. } = fault;
-                self.safety.latch(Trip { danger, value, limit }).then(|| self.trip(fault))
-            }
+            Outcome::Running => {}
+            Outcome::Failed(fault) => self.latch(fault),
             Outcome::Point(result) | Outcome::Finished(result) => {
                 self.points += 1;
                 if self.results.is_full() {
@@ -511,16 +483,16 @@ impl Rig {
                 }
                 // Cannot fail: room was made above.
                 let _ = self.results.push_back(result);
+                self.events.push(Event::Point(result));
                 if matches!(outcome, Outcome::Finished(_)) {
                     self.finish();
                 }
-                Some(Event::Point(result))
             }
             Outcome::Transient(result) => {
                 self.points += 1;
                 self.transient = Some(result);
+                self.events.push(Event::Transient(result));
                 self.finish();
-                Some(Event::Transient(result))
             }
         }
     }
@@ -534,13 +506,15 @@ impl Rig {
     }
 
     /// The drive has become silent: back to idle, unless a fault is latched.
-    fn come_to_rest(&mut self) -> Option<Event> {
+    fn come_to_rest(&mut self) {
         if self.state == State::Faulted {
-            return None;
+            return;
         }
         self.state = State::Idle;
         self.end_experiment();
-        core::mem::take(&mut self.finishing).then_some(Event::Finished { points: self.points })
+        if core::mem::take(&mut self.finishing) {
+            self.events.push(Event::Finished { points: self.points });
+        }
     }
 
     fn fill_signals(&mut self, readings: &Readings, actuators: &Actuators, frequency_hz: f32) {

@@ -70,14 +70,6 @@ pub enum Command {
     ArmSnippet,
 }
 
-impl Command {
-    /// It lets something stop, and does nothing where that stands.
-    #[must_use]
-    pub fn stops(&self) -> bool {
-        matches!(self, Self::Stop | Self::Spring(SpringCommand::Halt))
-    }
-}
-
 /// Why a command was not carried out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refusal {

@@ -12,7 +12,6 @@ struct Bench {
     plant: SimulatedSpring,
     x_peak_m: f32,
     z_m: Option<f32>,
-    is_busy: bool,
     /// What the force sensor reads instead of the force, N.
     reads_n: Option<f32>,
     force_sensor: Verdict,
@@ -32,7 +31,6 @@ impl Bench {
             plant,
             x_peak_m: 0.0,
             z_m: None,
-            is_busy: false,
             reads_n: None,
             force_sensor: Verdict::Reads,
             reversed: false,
@@ -79,7 +77,6 @@ impl Bench {
             at_switch,
             x_peak_m: self.x_peak_m,
             base_amplitude_m: self.z_m,
-            is_busy: self.is_busy,
             emergency_stop: false,
         };
         let happening;
@@ -206,21 +203,6 @@ fn a_friction_ratio_holds_while_the_base_amplitude_changes() {
     let status = bench.spring.status();
     assert!(status.saturated && status.fault.is_none());
     assert!((bench.plant.normal_force_n() - 13.5).abs() < 0.022);
-}
-
-#[test]
-fn a_controller_without_time_decides_later_but_decides() {
-    let settled = |is_busy| {
-        let mut bench = Bench::ready();
-        bench.set(Target::Force { force_n: 5.0 });
-        bench.is_busy = is_busy;
-        let begun = bench.log.len();
-        bench.until(Stage::Holding);
-        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
-        bench.log.len() - begun
-    };
-    let (free, busy) = (settled(false), settled(true));
-    assert!(busy > free && busy < 2 * free, "{free} and {busy} ticks");
 }
 
 #[test]

@@ -56,8 +56,8 @@ fn run(
         let tick = rig.next_tick();
         meddle(tick, &mut rig, &mut sensors);
         rig.hear_host();
-        let (actuators, event) = rig.tick(&sensors, record);
-        log.events.extend(event.map(|event| (tick, event)));
+        let actuators = rig.tick(&sensors, record);
+        log.events.extend(std::iter::from_fn(|| rig.pop_event()).map(|event| (tick, event)));
         log.x_m.push(sensors.readings.x.mean_m);
         log.drive_m.push(actuators.drive_m);
         sensors = plant.tick(&actuators);

@@ -3,7 +3,7 @@
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Refusal, Sensors, Signals, State};
+use damprig_core::rig::{Refusal, Sensors, Signals};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::{Bench, Birth, Control, Name, Saving};
 use damprig_device::lanes::{Lanes, Row, Saying};
@@ -189,24 +189,6 @@ fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
     }
     assert_eq!(host.settings(), (Settings::default(), Source::Default));
     assert!(host.board.saved.is_empty());
-}
-
-#[test]
-fn a_stop_acts_before_its_answer_has_time_and_a_late_copy_of_it_does_not() {
-    let mut host = Host::new(false);
-    host.ask(Ask::Configure(experiment())).unwrap();
-    host.ask(Ask::Start).unwrap();
-    let stop = |seq| Order::prepare(Request { seq, at_tick: None, ask: Ask::Stop });
-    host.control.expect(&mut stop(100));
-    assert_eq!(host.control.rig().state(), State::Stopping);
-    assert_eq!(host.replies(), []);
-    host.send(100, Ask::Stop);
-    assert_eq!(host.replies(), [(100, Ok(Answer::Done))]);
-    host.tick();
-    assert_eq!(host.control.rig().state(), State::Idle);
-    host.ask(Ask::Start).unwrap();
-    host.control.expect(&mut stop(100));
-    assert!(matches!(host.control.rig().state(), State::Running(_)));
 }
 
 #[test]

@@ -6,8 +6,10 @@ use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::State;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::rig::{SIGNALS, State};
 use damprig_core::settings::Settings;
+use damprig_core::twin::TwinConfig;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -235,6 +237,88 @@ fn a_command_with_a_tick_does_not_wait_behind_one_without() {
     }
     host.board.run(1, |_| {});
     assert_eq!(host.board.control().rig().state(), State::Stopping);
+}
+
+#[test]
+fn a_stop_takes_effect_in_the_next_tick() {
+    let mut host = ready();
+    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    host.grant(3000);
+    host.send(&ToDevice::Grant { until_tick: 6000 });
+    host.send_for(None, Ask::Stop);
+    host.board.run(1, |_| {});
+    assert_eq!(host.board.control().rig().state(), State::Stopping);
+}
+
+fn resonance() -> SteppedSine {
+    SteppedSine { amplitude_m: 1.5e-3, frequencies_hz: [2.5].into_iter().collect(), ..experiment() }
+}
+
+/// A plant whose particle hits its walls at resonance, with the walls' sensors.
+fn impacting() -> PlantConfig {
+    let mut config = PlantConfig { walls: Some(WallSensors::default()), ..plant() };
+    config.set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 7.5e-3,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    });
+    config
+}
+
+#[test]
+fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it() {
+    let mut host = ready();
+    for ask in [
+        Ask::SetPlant(impacting()),
+        Ask::SetTwin(Some(TwinConfig::new(impacting().set_up))),
+        Ask::Configure(resonance()),
+        motion(0),
+        Ask::Start,
+    ] {
+        assert_eq!(host.ask(ask), Ok(Answer::Done));
+    }
+    for tick in (0..6000).step_by(2) {
+        host.send(&ToDevice::Grant { until_tick: tick + 2 });
+        for _ in 0..2 {
+            host.send_for(None, Ask::Result { index: 7 });
+        }
+        for seq in [host.seq - 1, host.seq] {
+            let mut received = vec![];
+            host.board.run(1, |bytes| received.extend_from_slice(bytes));
+            let messages = received.into_iter().filter_map(|byte| host.reader.push(byte)).map(Result::unwrap);
+            let replies: Vec<u16> =
+                messages.filter_map(|m| if let FromDevice::Reply { seq, .. } = m { Some(seq) } else { None }).collect();
+            assert_eq!(replies, [seq], "tick {tick}");
+        }
+    }
+    let rig = host.board.control().rig();
+    let impacts = SIGNALS.iter().position(|(name, _)| *name == "impacts").unwrap();
+    assert!(rig.status().points == 1 && rig.signals()[impacts] > 10.0, "{:?}", rig.signals());
+}
+
+#[test]
+fn events_are_told_in_the_tick_in_which_they_happen() {
+    let mut host = ready();
+    let telemetry = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: true };
+    for ask in [Ask::SetPlant(impacting()), Ask::Configure(resonance()), telemetry, Ask::Start] {
+        assert_eq!(host.ask(ask), Ok(Answer::Done));
+    }
+    let (mut impacts, mut points) = (0, 0);
+    for message in host.grant(20_000) {
+        match message {
+            FromDevice::Event { tick, event: Happening::Impact(record), .. } => {
+                assert_eq!(tick, record.tick);
+                impacts += 1;
+            }
+            FromDevice::Event { tick, event: Happening::Point(result), .. } => {
+                assert_eq!(tick + 1, result.end_tick);
+                points += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(impacts > 10 && points == 1, "{impacts} impacts, {points} points");
 }
 
 #[test]

@@ -100,7 +100,6 @@ pub struct FrictionSpring {
     braking: bool,
     saturated: bool,
     waiting: bool,
-    has_decided: bool,
     /// A ratio waits for a measured Z.
     without_z: bool,
     target_force_n: f32,
@@ -153,7 +152,6 @@ impl FrictionSpring {
             braking: false,
             saturated: false,
             waiting: false,
-            has_decided: false,
             without_z: false,
             target_force_n: 0.0,
             force_n: 0.0,
@@ -207,12 +205,6 @@ impl FrictionSpring {
     #[must_use]
     pub fn target_force_n(&self) -> f32 {
         self.target_force_n
-    }
-
-    /// It has looked at a settled force in the last tick, which takes its time, and not in the one before.
-    #[must_use]
-    pub fn has_decided(&self) -> bool {
-        self.has_decided
     }
 
     /// It presses as a brake.
@@ -443,8 +435,6 @@ impl FrictionSpring {
 
     fn work(&mut self, inputs: &Inputs, force_n: f32) -> (i8, Option<Happening>) {
         self.waiting = false;
-        // Not twice in a row: an average may be of a single tick.
-        let may_decide = !core::mem::take(&mut self.has_decided);
         match self.task {
             Task::Stand => (self.ramp.tick(&self.paces.fast, None), None),
             Task::SeekSwitch | Task::LeaveSwitch | Task::BackOff => self.home(inputs.at_switch),
@@ -461,11 +451,8 @@ impl FrictionSpring {
                 (0, None)
             }
             Task::Average(mut mean) => {
-                // What follows is put off while there is no time, but not for ever.
-                let count = if inputs.is_busy { 2 * self.paces.average } else { self.paces.average };
-                let averaged = mean.push(force_n, count);
+                let averaged = mean.push(force_n, self.paces.average);
                 self.task = Task::Average(mean);
-                self.has_decided = may_decide && averaged.is_some();
                 (0, averaged.and_then(|force_n| self.keep(force_n, inputs.base_amplitude_m)))
             }
             Task::Release => self.release(inputs.at_switch),

@@ -18,8 +18,6 @@ pub struct Inputs {
     pub x_peak_m: f32,
     /// Measured base amplitude Z, m; `None` while there is none.
     pub base_amplitude_m: Option<f32>,
-    /// The tick has enough to do: a decision that can wait a little does.
-    pub is_busy: bool,
     /// The emergency stop is pressed: the motor is switched off, whatever it is doing.
     pub emergency_stop: bool,
 }

@@ -8,19 +8,10 @@ use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
-use crate::measure::point::{HarmonicFigures, Place, PointMeter};
+use crate::measure::point::{Place, PointMeter};
 use crate::rig::TICK_HZ;
 use crate::rig::channels::{Rail, SensorSet};
 use crate::sine::Phase;
-
-/// A point that has been measured and not yet evaluated.
-#[derive(Clone, Copy, Debug)]
-struct Measured {
-    meter: PointMeter,
-    place: Place,
-    harmonic: Option<HarmonicFigures>,
-    is_last: bool,
-}
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
@@ -52,7 +43,6 @@ pub struct Runner {
     /// Sensors that were clipped since the dwell began.
     clipped: SensorSet,
     meter: PointMeter,
-    measured: Option<Measured>,
     cycles: u32,
     cycle_ended: bool,
     start_tick: u32,
@@ -83,7 +73,6 @@ impl Runner {
             was_saturated: false,
             clipped: SensorSet::default(),
             meter: PointMeter::default(),
-            measured: None,
             cycles: 0,
             cycle_ended: false,
             start_tick: 0,
@@ -110,12 +99,6 @@ impl Runner {
     #[must_use]
     pub fn frequency_hz(&self) -> f32 {
         if self.stage == Stage::Rest { 0.0 } else { self.frequency_hz }
-    }
-
-    /// A measured point waits for its evaluation.
-    #[must_use]
-    pub fn is_evaluating(&self) -> bool {
-        self.measured.is_some()
     }
 
     /// A cycle of the drive ended in the last tick.
@@ -222,10 +205,8 @@ impl Runner {
         (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
 
-    /// The drive for this tick, m, without measuring: for the fade after a stop. A point that was measured before it is
-    /// evaluated still.
-    pub fn fade(&mut self, plan: &Plan, outcome: &mut Outcome) -> f32 {
-        self.evaluate(plan, outcome);
+    /// The drive for this tick, m, without measuring: for the fade after a stop.
+    pub fn fade(&mut self, plan: &Plan) -> f32 {
         let drive = self.drive_m(plan, None).0;
         self.cycle_ended = self.phase.advance(self.increment);
         drive
@@ -291,25 +272,17 @@ impl Runner {
         Some(Fault { cause, tick: now.tick, value, limit })
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out; what it led to, if anything, goes into
-    /// `outcome`.
-    pub fn tick(&mut self, plan: &Plan, now: &Now, outcome: &mut Outcome) -> f32 {
-        self.evaluate(plan, outcome);
+    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
+    pub fn tick(&mut self, plan: &Plan, now: &Now) -> (f32, Outcome) {
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
-        if self.stage == Stage::Rest
-            && let Some(fault) = self.rest(plan, now)
-        {
-            *outcome = Outcome::Failed(fault);
-        }
+        let unrest = if self.stage == Stage::Rest { self.rest(plan, now) } else { None };
         // A dwell begins at the start of a cycle, and so does a drive from rest.
         if self.stage == Stage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
             self.begin_dwelling(now);
         }
-        let (drive, fault) = self.drive_m(plan, Some(now));
-        if let Some(fault) = fault {
-            *outcome = Outcome::Failed(fault);
-        }
+        let (drive, runaway) = self.drive_m(plan, Some(now));
+        let fault = runaway.or(unrest);
         // Once the last point is measured, only the drive goes on, fading.
         let measuring = self.stage == Stage::Dwell && self.index < plan.sine.frequencies_hz.len();
         if measuring {
@@ -322,11 +295,11 @@ impl Runner {
             if self.base_slipped(plan) {
                 self.stage = Stage::Settle;
             }
-            if self.meter.cycles() == self.cycles && !matches!(outcome, Outcome::Failed(_)) {
-                self.end_point(plan, now);
+            if self.meter.cycles() == self.cycles && fault.is_none() {
+                return (drive, self.end_point(plan, now));
             }
         }
-        drive
+        (drive, fault.map_or(Outcome::Running, Outcome::Failed))
     }
 
     fn rest(&mut self, plan: &Plan, now: &Now) -> Option<Fault> {
@@ -354,8 +327,7 @@ impl Runner {
         None
     }
 
-    #[inline(never)]
-    fn end_point(&mut self, plan: &Plan, now: &Now) {
+    fn end_point(&mut self, plan: &Plan, now: &Now) -> Outcome {
         let place = Place {
             index: self.place(plan),
             frequency_hz: self.frequency_hz,
@@ -365,27 +337,15 @@ impl Runner {
             clipped: self.clipped,
             impacts: now.impacts.wrapping_sub(self.impacts_before),
         };
+        let result = self.meter.result(&place, &plan.sine.steady);
         self.index += 1;
-        let is_last = self.index == plan.sine.frequencies_hz.len();
-        self.measured = Some(Measured { meter: self.meter, place, harmonic: None, is_last });
-        if is_last {
+        if self.index == plan.sine.frequencies_hz.len() {
             self.end_driving(plan);
+            Outcome::Finished(result)
         } else {
             self.begin_point(plan);
+            Outcome::Point(result)
         }
-    }
-
-    /// A measured point's figures, over the two ticks after its end: the tick that ends it has enough to do.
-    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
-        let Some(measured) = &mut self.measured else { return };
-        let Some(harmonic) = &measured.harmonic else {
-            measured.harmonic = Some(measured.meter.harmonic_figures());
-            return;
-        };
-        let result = measured.meter.result(&measured.place, harmonic, &plan.sine.steady);
-        let is_last = measured.is_last;
-        self.measured = None;
-        *outcome = if is_last { Outcome::Finished(result) } else { Outcome::Point(result) };
     }
 }
 
@@ -414,11 +374,7 @@ mod tests {
         .unwrap();
         let (mut runner, readings) = (Runner::new(&plan, &DriveScale::default().range()), Readings::default());
         for tick in 0..1000 {
-            runner.tick(
-                &plan,
-                &Now { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() },
-                &mut Outcome::Running,
-            );
+            runner.tick(&plan, &Now { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
                 // The phase is the next tick's by now.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));

@@ -53,7 +53,6 @@ impl FreeVibration {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
         let values = [self.level_m, self.hold_s, self.measure_s, self.timeout_s, f32::from(self.cycles)];
         within(&LIMITS, &values)?;
@@ -95,7 +94,6 @@ impl Plan {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn new(free: FreeVibration) -> Result<Self, Invalid> {
         free.validate()?;
         Ok(Self {
@@ -214,29 +212,14 @@ impl Runner {
         self.stage
     }
 
-    /// The decay is measured and waits for its evaluation.
-    #[must_use]
-    pub fn is_evaluating(&self) -> bool {
-        self.measuring.is_evaluating()
-    }
-
     /// A simulated plant should be put back to its start in this tick.
     #[must_use]
     pub fn wants_plant_put_back(&self) -> Option<u16> {
         self.put_back
     }
 
-    /// What was measured before a stop is evaluated still.
-    pub fn fade(&mut self, plan: &Plan, outcome: &mut Outcome) {
-        self.put_back = None;
-        self.evaluate(plan, outcome);
-    }
-
-    /// One tick's readings; nothing is driven. What it led to, if anything, goes into `outcome`. Not inlined: the stepped
-    /// sine is the tick's usual guest.
-    #[inline(never)]
-    pub fn tick(&mut self, plan: &Plan, now: &Now, outcome: &mut Outcome) {
-        self.evaluate(plan, outcome);
+    /// One tick's readings; nothing is driven. Returns what the tick led to.
+    pub fn tick(&mut self, plan: &Plan, now: &Now) -> Outcome {
         self.put_back = None;
         let x = now.readings.x.mean_m;
         if self.stage == Stage::Hold {
@@ -250,15 +233,16 @@ impl Runner {
                 self.swings = Swings::from(x, self.hold.before_m);
             } else if self.waited_ticks > plan.timeout_ticks {
                 let (value, limit) = (self.hold.latest_m, plan.free.level_m);
-                *outcome = Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
+                return Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
             }
         } else if self.measuring.meter.ticks() < plan.measure_ticks {
             self.measuring.push(now, 0.0);
             self.swings.push(x, self.measuring.meter.ticks(), plan.free.cycles);
             if self.measuring.meter.ticks() == plan.measure_ticks {
-                self.measuring.end(now);
+                return self.measuring.end(now, plan.free.index, false, &self.swings.decay);
             }
         }
+        Outcome::Running
     }
 
     /// Takes |x| (m) of a tick in which the structure is held, or not yet, or no more.
@@ -279,9 +263,5 @@ impl Runner {
             }
         }
         false
-    }
-
-    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
-        self.measuring.evaluate(plan.free.index, false, &self.swings.decay, outcome);
     }
 }

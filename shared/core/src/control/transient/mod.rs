@@ -27,7 +27,6 @@ const LEAST: f32 = f32::MIN_POSITIVE;
 type Limit = (&'static str, f32, f32, &'static str);
 
 /// Checks that every value is within its limits; what is no number is not.
-#[inline(never)]
 fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
     for ((parameter, least, most, allowed), value) in limits.iter().zip(values) {
         require((*least..=*most).contains(value), parameter, f64::from(*value), allowed)?;
@@ -35,15 +34,13 @@ fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Measures from a tick on, and gives the result in the tick after the last: that one has enough to do.
+/// Measures from a tick on.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measuring {
     meter: TransientMeter,
     start_tick: u32,
     impacts_before: u32,
     clipped: SensorSet,
-    /// Impacts at the end, once there is one.
-    ended: Option<(u32, u32)>,
 }
 
 impl Measuring {
@@ -57,27 +54,17 @@ impl Measuring {
         self.clipped.extend(now.clipped);
     }
 
-    fn end(&mut self, now: &Now) {
-        self.ended = Some((now.tick + 1, now.impacts));
-    }
-
-    fn is_evaluating(&self) -> bool {
-        self.ended.is_some()
-    }
-
-    /// The result into `outcome`, if the end was in an earlier tick.
-    #[inline(never)]
-    fn evaluate(&mut self, index: u16, drive_saturated: bool, decay: &Decay, outcome: &mut Outcome) {
-        let Some((end_tick, impacts)) = self.ended.take() else { return };
+    /// The result, this tick being the last.
+    fn end(&self, now: &Now, index: u16, drive_saturated: bool, decay: &Decay) -> Outcome {
         let mut result = self.meter.result();
         result.index = index;
-        (result.start_tick, result.end_tick) = (self.start_tick, end_tick);
-        result.impacts = impacts.wrapping_sub(self.impacts_before);
+        (result.start_tick, result.end_tick) = (self.start_tick, now.tick + 1);
+        result.impacts = now.impacts.wrapping_sub(self.impacts_before);
         result.drive_saturated = drive_saturated;
         result.clipped = self.clipped;
         result.decay = *decay;
         // The release of a free vibration is found a little after it.
         result.x_peak_m = result.x_peak_m.max(decay.start_m);
-        *outcome = Outcome::Transient(result);
+        Outcome::Transient(result)
     }
 }

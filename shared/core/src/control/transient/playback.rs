@@ -68,7 +68,6 @@ impl Playback {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
         let samples = usize::from(self.record.samples);
         require(
@@ -113,7 +112,6 @@ impl Plan {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn new(playback: Playback) -> Result<Self, Invalid> {
         playback.validate()?;
         let per_tick = TICK_HZ / playback.sample_rate_hz;
@@ -200,12 +198,6 @@ impl Runner {
         self.stage
     }
 
-    /// The record is measured and waits for its evaluation.
-    #[must_use]
-    pub fn is_evaluating(&self) -> bool {
-        self.measuring.is_evaluating()
-    }
-
     /// The demand moves visibly.
     #[must_use]
     pub fn is_swinging(&self) -> bool {
@@ -243,16 +235,13 @@ impl Runner {
     }
 
     /// The drive for this tick, m, while it fades out after a stop.
-    pub fn fade(&mut self, plan: &Plan, record: &[i16], outcome: &mut Outcome) -> f32 {
-        self.evaluate(plan, outcome);
+    pub fn fade(&mut self, plan: &Plan, record: &[i16]) -> f32 {
         self.drive_m(plan, record)
     }
 
-    /// One tick: this tick's readings in, the demanded base displacement (m) out; what it led to, if anything, goes into
-    /// `outcome`. Not inlined: the stepped sine is the tick's usual guest.
-    #[inline(never)]
-    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now, outcome: &mut Outcome) -> f32 {
-        self.evaluate(plan, outcome);
+    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
+    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now) -> (f32, Outcome) {
+        let mut outcome = Outcome::Running;
         self.put_back = None;
         if self.stage == Stage::Rest {
             let (value, limit) = (now.readings.x.peak_m, plan.playback.rest_level_m);
@@ -261,7 +250,7 @@ impl Runner {
                 Waited::Begun => self.put_back = Some(plan.playback.index),
                 Waited::Quiet => self.begin(plan, now),
                 Waited::TimedOut => {
-                    *outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
+                    outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
                 }
             }
         }
@@ -270,7 +259,7 @@ impl Runner {
             self.measuring.push(now, drive);
             if self.is_over(record) {
                 if self.tail_left == 0 {
-                    self.measuring.end(now);
+                    outcome = self.measuring.end(now, plan.playback.index, self.was_saturated, &Decay::default());
                     self.driving = false;
                     self.gain = 0.0;
                 } else {
@@ -278,7 +267,7 @@ impl Runner {
                 }
             }
         }
-        drive
+        (drive, outcome)
     }
 
     fn begin(&mut self, plan: &Plan, now: &Now) {
@@ -292,12 +281,7 @@ impl Runner {
         self.node as usize >= record.len() + (2 * MARGIN - 1) as usize
     }
 
-    fn evaluate(&mut self, plan: &Plan, outcome: &mut Outcome) {
-        self.measuring.evaluate(plan.playback.index, self.was_saturated, &Decay::default(), outcome);
-    }
-
     /// The demand at the present place, which moves on.
-    #[inline(never)]
     fn drive_m(&mut self, plan: &Plan, record: &[i16]) -> f32 {
         self.saturated = false;
         if !self.driving && self.gain == 0.0 {

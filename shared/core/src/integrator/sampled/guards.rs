@@ -3,21 +3,13 @@
 use super::{Event, Flight, Joint, Sampled, Touch};
 use crate::integrator::base::Segment;
 use crate::integrator::modes::{Contact, Grip, Mode, all_signed, signed};
-use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure, might_fail};
+use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
 use crate::scalar::Scalar;
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
-    /// The first violated guard within `rest`, and the time until then. A first look, which is cheaper, is content with any
-    /// that could be violated.
-    pub(super) fn next_event(
-        &self,
-        mode: Mode,
-        flight: &Flight<S>,
-        base: &Segment<S>,
-        rest: S,
-        first_look: bool,
-    ) -> (S, Option<Event>) {
-        let mut first = First { at: rest, event: None, first_look };
+    /// The first violated guard within `rest`, and the time until then.
+    pub(super) fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
+        let mut first = First { at: rest, event: None };
         let mut consider = |guard: &Polynomial<S>, event: Event| first.consider(guard, event);
         match mode.contact {
             Contact::Absent => {}
@@ -106,18 +98,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 struct First<S> {
     at: S,
     event: Option<Event>,
-    first_look: bool,
 }
 
 impl<S: Scalar> First<S> {
-    // Called in six places.
-    #[inline(never)]
     fn consider(&mut self, guard: &Polynomial<S>, event: Event) {
-        if self.first_look {
-            if might_fail(guard, self.at) {
-                self.event = Some(event);
-            }
-        } else if let Some(at) = first_failure(guard, self.at)
+        if let Some(at) = first_failure(guard, self.at)
             && (self.event.is_none() || at < self.at)
         {
             (self.at, self.event) = (at, Some(event));

@@ -1,0 +1,52 @@
+//! Events of the rig: in order, bounded, and none lost without being counted.
+
+use damprig_core::control::experiment::Experiment;
+use damprig_core::control::safety::Danger;
+use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
+use damprig_core::measure::impacts::Pair;
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::rig::{Command, Event, Rig, Sensors, WALL_SUBSAMPLES};
+
+fn running() -> Rig {
+    let sine = SteppedSine {
+        start: Start::CarryOver,
+        amplitude_m: 1e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.1,
+        settle_s: 1.0,
+        dwell_s: 4.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [2.5].into_iter().collect(),
+        first_index: 0,
+    };
+    let mut rig = Rig::new();
+    rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(sine).unwrap())))).unwrap();
+    rig.handle(&mut Command::Start).unwrap();
+    rig
+}
+
+/// Short pulses on both walls, one after the other: seven in a block on each.
+fn chattering() -> Sensors {
+    let mut sensors = Sensors::default();
+    for (n, pair) in sensors.walls.iter_mut().enumerate() {
+        let force = if n % 7 == 0 { 1000 } else { 0 };
+        *pair = Pair::new(pair.of(0) + force, pair.of(1) + force);
+    }
+    sensors
+}
+
+#[test]
+fn impacts_beyond_the_queue_are_counted_as_lost_and_the_fault_of_the_same_tick_is_told() {
+    let mut rig = running();
+    assert!(rig.events().next().is_none());
+    let stopped = Sensors { emergency_stop: true, ..chattering() };
+    rig.tick(&stopped, &[]);
+    let events: Vec<Event> = std::iter::from_fn(|| rig.pop_event()).collect();
+    let (fault, impacts) = events.split_last().unwrap();
+    assert!(matches!(fault, Event::Fault(fault) if fault.cause == Danger::EmergencyStop), "{fault:?}");
+    assert_eq!(impacts.len(), 8);
+    assert!(impacts.iter().all(|event| matches!(event, Event::Impact(_))), "{impacts:?}");
+    // The last pulse of a block has not ended.
+    let pulses = 2 * (WALL_SUBSAMPLES / 7) as u32;
+    assert_eq!(rig.status().events_lost, pulses - 8);
+}
