@@ -131,11 +131,7 @@ pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
         Address::Virtual { single, board } => {
             let settings = board.as_ref().map(|board| read_board(board)).transpose();
             let settings = settings.map_err(|refusal| failed(refusal.to_string()))?;
-            if *single {
-                Box::new(VirtualRig::<f32>::of(settings.as_ref()))
-            } else {
-                Box::new(VirtualRig::<f64>::of(settings.as_ref()))
-            }
+            Box::new(VirtualRig::new(*single, settings.as_ref()))
         }
         Address::Tcp(place) => Box::new(tcp::Tcp::connect(place).map_err(failed)?),
         Address::Serial(path) => Box::new(serial::Serial::open(path).map_err(failed)?),

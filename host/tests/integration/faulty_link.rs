@@ -96,7 +96,7 @@ impl Faults {
 }
 
 struct Faulty {
-    rig: VirtualRig<f64>,
+    rig: VirtualRig,
     out: Faults,
     back: Faults,
 }
@@ -186,10 +186,10 @@ fn over_faults(unit: Unit, seed: u64) {
     let (whole, faulty) = (folder.path().join("whole"), folder.path().join("faulty"));
     std::fs::create_dir(&whole).unwrap();
     std::fs::create_dir(&faulty).unwrap();
-    let (undisturbed, _) = run(Box::new(VirtualRig::<f64>::new()), &whole);
+    let (undisturbed, _) = run(Box::new(VirtualRig::new(false, None)), &whole);
     let hit = Arc::new(AtomicU64::new(0));
     let (out, back) = (Faults::new(unit, seed, &hit), Faults::new(unit, seed + 1000, &hit));
-    let link = Faulty { rig: VirtualRig::new(), out, back };
+    let link = Faulty { rig: VirtualRig::new(false, None), out, back };
     let (disturbed, tally) = run(Box::new(link), &faulty);
     assert_eq!(figures(&disturbed), figures(&undisturbed), "{unit:?}, seed {seed}");
     let lost = disturbed.taken().counters().lost_rows;

@@ -370,6 +370,43 @@ impl<S: PlantScalar> Simulated<S> {
     }
 }
 
+/// A simulated board in single or double precision. Its functions are compiled with this crate, so that a host built for
+/// debugging still runs it fast.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // The caller boxes it.
+pub enum VirtualBoard {
+    /// The controller's precision.
+    Single(Simulated<f32>),
+    /// Double precision.
+    Double(Simulated<f64>),
+}
+
+impl VirtualBoard {
+    /// As [`Simulated::start_with`].
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        match self {
+            Self::Single(board) => board.start_with(settings, source),
+            Self::Double(board) => board.start_with(settings, source),
+        }
+    }
+
+    /// As [`Simulated::receive`].
+    pub fn receive(&mut self, bytes: &[u8]) {
+        match self {
+            Self::Single(board) => board.receive(bytes),
+            Self::Double(board) => board.receive(bytes),
+        }
+    }
+
+    /// As [`Simulated::run`].
+    pub fn run(&mut self, most_ticks: u32, out: &mut dyn FnMut(&[u8])) -> Progress {
+        match self {
+            Self::Single(board) => board.run(most_ticks, out),
+            Self::Double(board) => board.run(most_ticks, out),
+        }
+    }
+}
+
 fn serve<S: PlantScalar>(
     order: &mut Order,
     control: &mut Control,
