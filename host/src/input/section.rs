@@ -175,8 +175,11 @@ impl<'a> Section<'a> {
             reason = Some((name, holds));
         }
         match (key, need) {
+            // What the section itself says makes an inherited key void.
             (Some(key), Need::Forbidden) => {
-                self.forbid(key, reason);
+                if self.has_own(key.name) || !reason.is_some_and(|(other, _)| self.has_own(other)) {
+                    self.forbid(key, reason);
+                }
                 None
             }
             (Some(key), _) => Some((quantity.keys.iter().position(|k| k.name == key.name)?, self.read(key)?)),

@@ -27,7 +27,7 @@ pub enum BaseAmplitude {
     /// Z, m; greater than 0.
     Is(f64),
     /// There is none, and why.
-    None(&'static str),
+    Absent(&'static str),
     /// It could not be read.
     Unread,
 }
@@ -137,13 +137,13 @@ fn relative(s: &Section, quantity: &Quantity, base: BaseAmplitude) -> Option<Rel
 
 /// Whether there may be a base amplitude that the quantity refers to under its key at `place`.
 fn refers(s: &Section, quantity: &Quantity, place: usize, base: BaseAmplitude) -> bool {
-    if let BaseAmplitude::None(why) = base {
+    if let BaseAmplitude::Absent(why) = base {
         let is_absolute = |key: &&Key| matches!(key.kind, Kind::Number(_)) && !key.name.ends_with("_ratio");
         let absolute = quantity.keys.iter().find(is_absolute).map_or("", |key| key.name);
         let help = format!("write `{absolute}`, or say what Z is with `base_amplitude_m` at the top of the case");
         s.reject(quantity.keys[place].name, format!("is relative to Z, and {why}"), Some(help));
     }
-    !matches!(base, BaseAmplitude::None(_))
+    !matches!(base, BaseAmplitude::Absent(_))
 }
 
 fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude) -> Option<ParticleSpec> {

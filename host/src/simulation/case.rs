@@ -176,10 +176,10 @@ fn read_loading(root: &Section, stated_m: Option<f64>) -> Option<Loading> {
 /// Z: what the base moves by, or else what the set-up states.
 fn base_amplitude(loading: &Loading, stated_m: Option<f64>) -> BaseAmplitude {
     match (loading.amplitude_m(), stated_m) {
-        (Some(0.0), _) => BaseAmplitude::None("the base's amplitude is 0"),
+        (Some(0.0), _) => BaseAmplitude::Absent("the base's amplitude is 0"),
         (Some(z_m), _) | (None, Some(z_m)) => BaseAmplitude::Is(z_m),
-        (None, None) if matches!(loading, Loading::Recorded(_)) => BaseAmplitude::None("a record has no amplitude"),
-        (None, None) => BaseAmplitude::None("the base of this case is fixed"),
+        (None, None) if matches!(loading, Loading::Recorded(_)) => BaseAmplitude::Absent("a record has no amplitude"),
+        (None, None) => BaseAmplitude::Absent("the base of this case is fixed"),
     }
 }
 

@@ -353,13 +353,12 @@ fn a_wall_without_its_kind_is_answered_with_the_kinds() {
 #[test]
 fn what_a_set_up_says_itself_counts_before_what_it_inherits_under_another_key() {
     let shared = format!("{STRUCTURE}tmd = {{ mass_ratio = 0.1, stiffness_n_per_m = 30, damping_ratio = 0.1 }}\n");
-    let own = "base_amplitude_m = 0.003\ntmd = { frequency_ratio = 0.9, damping_n_s_per_m = 0.5 }\n";
-    let tmd = campaign(&shared, own).unwrap().set_ups[0].model().tmd.unwrap();
-    let case = case(&format!(
-        "{STRUCTURE}{RUN}{}",
-        own.replace("= {", "= { mass_ratio = 0.1,").replace("base_amplitude_m = 0.003", "")
-    ));
-    assert_eq!(Some(tmd), case.unwrap().set_up.tmd);
+    for own in ["frequency_ratio = 0.9, damping_n_s_per_m = 0.5", "tuning = \"warburton\""] {
+        let set_up = format!("base_amplitude_m = 0.003\ntmd = {{ {own} }}\n");
+        let inherited = campaign(&shared, &set_up).unwrap().set_ups[0].model();
+        let whole = case(&format!("{STRUCTURE}{RUN}tmd = {{ mass_ratio = 0.1, {own} }}\n")).unwrap().set_up;
+        assert_eq!(inherited, whole, "{own}");
+    }
 }
 
 #[test]
