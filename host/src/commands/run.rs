@@ -57,7 +57,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
-    /// Check the campaign and predict the displacements, then stop
+    /// Check the campaign and predict the displacements, then stop. With --rig that rig says what its drive delivers; without,
+    /// it is the drive as delivered
     #[arg(long)]
     dry_run: bool,
 
