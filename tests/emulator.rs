@@ -209,7 +209,6 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
         scale_m: 5e-7,
         ramp_s: 0.25,
         tail_s: 1.0,
-        drive_limit_m: 3.5e-3,
         rest_level_m: 5e-4,
         index: 0,
     };

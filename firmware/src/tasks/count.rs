@@ -191,7 +191,7 @@ impl Host<'_> {
 
     /// Lets the granted ticks pass and counts them.
     fn pass(&mut self, tally: &mut Tally) {
-        let calibration = Calibration::assumed(65_520, 4_095, 0.005);
+        let calibration = Calibration::default();
         let slow: SlowBlock = [[32_760; 3]; SUBSAMPLES];
         let mut reader = Reader::default();
         let replies = &mut self.replies;
@@ -218,7 +218,7 @@ impl Host<'_> {
                             }
                             part();
                             if ticks {
-                                black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                                black_box(calibration.drive.to_counts(black_box(0.001)));
                             }
                         };
                         let ((((), counted), depth), around) = counter.count(|| depth(|| counter.count(work)));

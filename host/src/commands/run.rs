@@ -59,8 +59,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
-    /// Check the campaign and predict the displacements, then stop. Its limits are compared with those of the virtual board,
-    /// or, for another rig, with those as delivered: no other rig is connected to
+    /// Check the campaign and predict the displacements, then stop. Its limits and its drive are compared with those of the
+    /// virtual board, or, for another rig, with those as delivered: no other rig is connected to
     #[arg(long)]
     dry_run: bool,
 

@@ -77,7 +77,7 @@ fn clipped(facts: &Facts) -> Option<String> {
         .iter()
         .map(|p| p.clipped.as_str())
         .chain(facts.taken.transients().iter().map(|t| t.sensors_clipped.as_str()));
-    let clipped: Vec<&str> = points.filter(|names| !names.is_empty()).collect();
+    let clipped: Vec<&str> = points.filter(|names| !["", "none"].contains(names)).collect();
     let names: BTreeSet<&str> = clipped.iter().flat_map(|names| names.split(", ")).collect();
     let names: Vec<&str> = names.into_iter().collect();
     (!clipped.is_empty()).then(|| {

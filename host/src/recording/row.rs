@@ -28,7 +28,7 @@ pub struct ResultRow {
     pub drive_amplitude_m: f32,
     /// Whether the drive was at its limit.
     pub drive_saturated: bool,
-    /// Names of the sensors that were clipped: a sample was at an end of its span.
+    /// Names of the sensors that were clipped (a sample was at an end of the span), or `none`; empty in older runs.
     #[serde(default)]
     pub sensors_clipped: String,
     /// Clearance, m; NaN without a particle.
@@ -166,7 +166,7 @@ pub const COLUMNS: &[Column] = &[
     column("z_distortion", "1", "base: 2nd to 5th harmonic over the first", |r| Cell::F32(r.z_distortion)),
     column("drive_amplitude_m", "m", "drive: lock-in amplitude", |r| Cell::F32(r.drive_amplitude_m)),
     column("drive_saturated", "", "whether the drive was at its limit", |r| Cell::Bool(r.drive_saturated)),
-    column("sensors_clipped", "", "sensors with a sample at an end of their span", |r| {
+    column("sensors_clipped", "", "sensors with a sample at an end of their span, or none", |r| {
         Cell::Text(r.sensors_clipped.clone())
     }),
     column("x_amplitude_m", "m", "structure: lock-in amplitude", |r| Cell::F32(r.x_amplitude_m)),

@@ -11,6 +11,7 @@ use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::TICK_HZ;
+use damprig_core::rig::channels::SensorSet;
 use damprig_core::twin::TwinConfig;
 
 use super::RunError;
@@ -161,6 +162,11 @@ pub(super) fn plan(
     }
 }
 
+/// Names of sensors, or that there are none.
+pub(super) fn clipped(sensors: SensorSet) -> String {
+    if sensors.is_empty() { "none".to_string() } else { sensors.to_string() }
+}
+
 pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -> ResultRow {
     ResultRow {
         set_up: label.set_up.clone(),
@@ -170,7 +176,7 @@ pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -
         z_distortion: result.z_distortion,
         drive_amplitude_m: result.drive_amplitude_m,
         drive_saturated: result.drive_saturated,
-        sensors_clipped: result.clipped.to_string(),
+        sensors_clipped: clipped(result.clipped),
         clearance_m: set_up.model().particle.map_or(f64::NAN, |p| p.clearance_m),
         x_amplitude_m: result.x_amplitude_m,
         phase_rad: result.phase_rad,

@@ -93,7 +93,7 @@ fn settings_that_say_nothing_or_the_same_twice_are_refused() {
 
 #[test]
 fn a_table_that_a_format_cannot_hold_is_refused_and_no_empty_file_is_written() {
-    let folder = with("kind = \"impulse\"\nshape = \"versine\"\namplitude_m = 0.005\nduration_s = 0.2");
+    let folder = with("kind = \"impulse\"\nshape = \"versine\"\namplitude_m = 0.004\nduration_s = 0.2");
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     damprig(&folder)
         .args(["runs", "export", "out", "--format", "uff", "--what", "transients"])

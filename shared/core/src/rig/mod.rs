@@ -334,6 +334,7 @@ impl Rig {
         self.fault = None;
         if self.state == State::Faulted {
             self.state = State::Idle;
+            self.brake = Brake::Open;
             self.dampers.let_go();
             self.end_experiment();
         }

@@ -300,7 +300,9 @@ fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another
 fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it() {
     let mut host = Host::new(settings());
     host.done(Ask::SetSpring(spring(Some(0.25))));
-    for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::FrictionRatio { ratio: 0.6 })] {
+    for command in
+        [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::FrictionRatio { ratio: 0.6 })]
+    {
         host.done(Ask::Spring(command));
         host.pass(16_000);
     }
