@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn every_setting_is_a_number_with_its_unit_in_its_name() {
         let all = entries(&Settings::default());
-        assert_eq!(all.len(), 44);
+        assert_eq!(all.len(), 45);
         const WITHOUT: [&str; 3] = ["half_cycles_ahead", "friction_coefficient", "ringing"];
         const UNITS: [&str; 7] = ["_m", "_n", "_s", "_hz", "_counts", "_per_count", "_n_per_m"];
         for (place, _) in &all {

@@ -213,7 +213,21 @@ fn over_faults(unit: Unit, seed: u64) {
     };
     let (here, there) = (rows(&faulty), rows(&whole));
     if starts == undisturbed.taken().segments.len() {
-        here.iter().for_each(|(key, row)| assert_eq!(there.get(key), Some(row), "{unit:?}, seed {seed}: {key}"));
+        // If the event that ends an experiment is lost, the idle rig's rows follow until the host asks: they have no counterpart.
+        let parts = |key: &str| {
+            let (experiment, tick) = key.rsplit_once("U64(").unwrap();
+            (experiment.to_string(), tick.trim().trim_end_matches(')').parse::<u64>().unwrap())
+        };
+        let mut ends: BTreeMap<String, u64> = BTreeMap::new();
+        for (experiment, tick) in there.keys().map(|key| parts(key.as_str())) {
+            let end = ends.entry(experiment).or_default();
+            *end = tick.max(*end);
+        }
+        let compared: Vec<_> = here.iter().filter(|(key, _)| parts(key).1 <= ends[&parts(key).0]).collect();
+        assert!(compared.len() + 4000 * ends.len() >= here.len(), "{unit:?}, seed {seed}: idle for too long");
+        for (key, row) in compared {
+            assert_eq!(there.get(key), Some(row), "{unit:?}, seed {seed}: {key}");
+        }
     }
     match unit {
         Unit::Frame => assert!(disturbed.rows() * 10 > undisturbed.rows() * 9),

@@ -175,7 +175,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values_before_anyth
     for (rig, key, words) in [
         ("wall_force_limit_n = 450", "wall_force_limit_n", "safety.wall_force_n = 300.0"),
         ("displacement_limit_m = 0.078", "displacement_limit_m", "safety.limits.base_m = 0.01"),
-        ("structure_limit_m = 0.09", "structure_limit_m", "safety.limits.structure_m = 0.08"),
+        ("structure_limit_m = 0.09", "structure_limit_m", "safety.limits.structure_m = 0.078"),
         ("half_cycles_ahead = 0", "half_cycles_ahead", "safety.half_cycles_ahead = 6.0"),
         ("host_silent_s = 0", "host_silent_s", "safety.host_silent_s = 10.0"),
         ("host_silent_s = 11", "host_silent_s", "safety.host_silent_s = 10.0"),
@@ -189,7 +189,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values_before_anyth
         }
         assert!(!lab.folder.path().join("out").exists(), "{rig}");
     }
-    let equal = "wall_force_limit_n = 300\nhost_silent_s = 10\nhalf_cycles_ahead = 6\nstructure_limit_m = 0.08";
+    let equal = "wall_force_limit_n = 300\nhost_silent_s = 10\nhalf_cycles_ahead = 6\nstructure_limit_m = 0.078";
     std::fs::write(lab.folder.path().join("test.toml"), campaign(equal, SOFT)).unwrap();
     let dry = damprig(&lab.folder).args(["run", "test.toml", "--dry-run", "--rig", &lab.rig]).assert().success();
     dry.stdout(contains("compared with a board's as delivered"));

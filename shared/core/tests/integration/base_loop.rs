@@ -9,7 +9,7 @@ use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
-use damprig_core::rig::calibration::{Calibration, DriveScale};
+use damprig_core::rig::calibration::{Calibration, DisplacementScale, DriveScale};
 use damprig_core::rig::{Command, Event, Reading, Rig, Sensors, State};
 use damprig_core::settings::{Prepared, Settings};
 
@@ -67,13 +67,14 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     let (mut rig, mut plant) = (Rig::new(), Plant::<f64>::new(config).unwrap());
     // The loop's own limits alone.
     let safety = SafetyConfig {
-        limits: Limits { structure_m: 10.0, base_m: 0.08 },
+        limits: Limits { structure_m: 10.0, base_m: 0.078 },
         half_cycles_ahead: 0.0,
         host_silent_s: 0.0,
         ..SafetyConfig::default()
     };
     let strong = DriveScale::assumed(0.06);
-    let calibration = Calibration { drive: strong, ..Calibration::default() };
+    let calibration =
+        Calibration { drive: strong, x: DisplacementScale::over_whole_span(11.0), ..Calibration::default() };
     rig.adopt(&Prepared::new(&Settings { calibration, safety, ..Settings::default() }).unwrap()).unwrap();
     rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(plan.clone()).unwrap())))).unwrap();
     rig.handle(&mut Command::Start).unwrap();

@@ -348,7 +348,7 @@ fn a_damaged_frame_is_counted_and_changes_nothing() {
 #[test]
 fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let mut host = ready();
-    let limits = Limits { structure_m: 3e-3, base_m: 0.08 };
+    let limits = Limits { structure_m: 3e-3, ..Limits::default() };
     let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
     assert_eq!(host.ask(Ask::SetSettings(Settings { safety, ..Settings::default() })), Ok(Answer::Done));
     let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
