@@ -1,0 +1,643 @@
+//! The board: the core (Unicorn's Cortex-M4F) driven in slices over the [`Chip`], exceptions taken between them.
+//!
+//! # Time
+//! An instruction takes one cycle of HCLK, entering an exception [`ENTRY_CYCLES`], leaving one [`EXIT_CYCLES`]; wait states and
+//! caches are not modelled. A slice ends at the next event of the chip, at the instruction after a register access that
+//! changes what is to be done, or where interrupts are unmasked while one is pending: so an interrupt is taken between
+//! the same two instructions in every run. `WFE` passes the time to the next event.
+//!
+//! # Exceptions
+//! Unicorn has none of its own: their frame is pushed and popped here, always with the floating-point registers. A handler's
+//! return shows either as an exception of the emulator or as an instruction in a page of its own.
+
+use unicorn_engine::{ArmCpuModel, Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+
+use crate::chip::{BANK2_BASE, Chip, Config, FLASH_BASE, RAM_BASE, RAM_BYTES};
+use crate::image::Image;
+use crate::peripherals::flash::BANK_BYTES;
+use crate::peripherals::nvic::Masks;
+use crate::peripherals::rcc::ResetCause;
+use crate::register::Refused;
+use crate::time::Time;
+
+/// Cycles from an interrupt to its handler's first instruction (Cortex-M4 TRM, without wait states).
+pub const ENTRY_CYCLES: u64 = 12;
+
+/// Cycles from a handler's last instruction back to what it interrupted.
+pub const EXIT_CYCLES: u64 = 10;
+
+/// Where the return addresses of exceptions lie.
+const RETURN_PAGE: u32 = 0xffff_f000;
+
+/// EXC_RETURN with a floating-point frame on the main stack, to a handler and to a thread.
+const TO_HANDLER: u32 = 0xffff_ffe1;
+const TO_THREAD: u32 = 0xffff_ffe9;
+
+/// Words of a frame with floating-point registers.
+const FRAME_WORDS: usize = 26;
+
+/// xPSR: the Thumb bit, and the mark of a stack that was aligned.
+const XPSR_T: u32 = 1 << 24;
+const XPSR_ALIGNED: u32 = 1 << 9;
+
+/// An address that no program reaches: the end of a slice is decided elsewhere.
+const NOWHERE: u64 = 0xffff_fffe;
+
+/// The emulator's own number for a return from an exception.
+const EXCEPTION_EXIT: u32 = 8;
+
+/// What the peripherals' memory is, for the core: first address and length.
+const DEVICES: [(u32, u32); 6] = [
+    (BANK2_BASE, BANK_BYTES),
+    (0x1fff_0000, 0x1_0000),
+    (0x4000_0000, 0x3_0000),
+    (0x4800_0000, 0x2000),
+    (0x5000_0000, 0x1000),
+    (0xe000_0000, 0x10_0000),
+];
+
+/// A run that cannot go on: the program did something that is not modelled or not allowed.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{message}\n  {:.6} s after power-on, at {place}", time.s())]
+pub struct Failure {
+    /// What.
+    pub message: String,
+    /// The instruction's address.
+    pub address: u32,
+    /// Its place in the source.
+    pub place: String,
+    /// When.
+    pub time: Time,
+}
+
+/// Why a slice ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stop {
+    /// Time is up, or something is to be looked at.
+    Due,
+    /// A wait for an event or an interrupt.
+    Wait,
+    /// A hint that does nothing.
+    Hint,
+    /// An exception returns.
+    Return,
+    /// IPSR is read into this register.
+    ReadIpsr(u8),
+    /// The program did something that is not modelled.
+    Failed,
+}
+
+/// What the hooks work on.
+struct Machine {
+    chip: Chip,
+    /// The first bank, to look at instructions.
+    code: Vec<u8>,
+    /// The slice ends here.
+    deadline: Time,
+    cycle: Time,
+    stop: Stop,
+    pc: u32,
+    /// The instructions after this address and before that one belong to an IT block, in which a slice cannot end.
+    it_block: (u32, u32),
+    /// The core's event register.
+    event: bool,
+    instructions: u64,
+    failure: Option<Refused>,
+    /// Instructions by halfword of the first bank, if they are counted.
+    profile: Option<Vec<u32>>,
+    lowest_stack: u32,
+}
+
+impl Machine {
+    fn opcode(&self, address: u32) -> Option<u16> {
+        let place = address.checked_sub(FLASH_BASE)? as usize;
+        let bytes = self.code.get(place..place + 2)?;
+        Some(u16::from_le_bytes([bytes[0], bytes[1]]))
+    }
+
+    fn fail(&mut self, refused: Refused) {
+        self.failure.get_or_insert(refused);
+        self.deadline = Time(0);
+    }
+
+    /// Before each instruction: whether the slice goes on with it.
+    fn goes_on(&mut self, address: u32) -> bool {
+        self.pc = address;
+        if self.chip.now >= self.deadline && !(self.it_block.0 < address && address < self.it_block.1) {
+            self.stop = if self.failure.is_some() { Stop::Failed } else { Stop::Due };
+            return false;
+        }
+        let Some(opcode) = self.opcode(address) else {
+            self.stop = if address >= RETURN_PAGE { Stop::Return } else { Stop::Failed };
+            if self.stop == Stop::Failed {
+                self.fail(Refused(format!("the program runs at {address:#010x}, outside the first bank of the flash")));
+            }
+            return false;
+        };
+        // Hints, IT, CPS; BKPT, SVC and permanently undefined; MSR and MRS.
+        if matches!(opcode >> 8, 0xb6 | 0xbe | 0xbf | 0xde | 0xdf | 0xf3) {
+            if let Some(stop) = self.look_at(address, opcode) {
+                self.stop = stop;
+                return false;
+            }
+        }
+        self.chip.now += self.cycle;
+        self.instructions += 1;
+        if let Some(profile) = &mut self.profile {
+            profile[(address - FLASH_BASE) as usize / 2] += 1;
+        }
+        true
+    }
+
+    /// An instruction that is more than a calculation: why the slice ends before it, if it does.
+    fn look_at(&mut self, address: u32, opcode: u16) -> Option<Stop> {
+        let second = self.opcode(address + 2).unwrap_or(0);
+        match opcode {
+            0xbf20 | 0xbf30 => return Some(Stop::Wait),
+            0xbf10 => return Some(Stop::Hint),
+            0xbf40 => self.event = true,
+            0xbf00 => {}
+            0xbf01..=0xbfff => {
+                // One to four instructions, as many as the mask's lowest 1 leaves.
+                let count = 4 - (opcode & 0xf).trailing_zeros();
+                let mut end = address + 2;
+                for _ in 0..count {
+                    let is_wide = self.opcode(end).is_some_and(|first| first >> 11 >= 0b11101);
+                    end += if is_wide { 4 } else { 2 };
+                }
+                self.it_block = (address, end);
+            }
+            0xb660..=0xb67f => self.look_after(),
+            0xbe00..=0xbeff | 0xde00..=0xdfff => {
+                self.fail(Refused(format!("the instruction {opcode:#06x} (BKPT, SVC or UDF) is not modelled")));
+                return Some(Stop::Failed);
+            }
+            0xf380..=0xf38f if second & 0xff00 == 0x8800 => match second & 0xff {
+                16..=19 => self.look_after(),
+                8 => {}
+                other => {
+                    self.fail(Refused(format!("MSR to special register {other} is not modelled")));
+                    return Some(Stop::Failed);
+                }
+            },
+            0xf3ef => match second & 0xff {
+                8 | 16..=19 => {}
+                5 => return Some(Stop::ReadIpsr((second >> 8 & 0xf) as u8)),
+                other => {
+                    self.fail(Refused(format!("MRS from special register {other} is not modelled")));
+                    return Some(Stop::Failed);
+                }
+            },
+            _ => {}
+        }
+        None
+    }
+
+    /// After this instruction an exception may be taken.
+    fn look_after(&mut self) {
+        if self.chip.nvic.has_pending() {
+            self.deadline = Time(0);
+        }
+    }
+
+    /// After an access: what it brought to memory, and whether the core is to look up.
+    fn after_access(uc: &mut Unicorn<'_, Machine>) {
+        let machine = uc.get_data_mut();
+        if let Some(refused) = machine.chip.failure.take() {
+            machine.fail(refused);
+        }
+        if machine.chip.stalled_until > machine.chip.now {
+            machine.chip.now = machine.chip.stalled_until;
+        }
+        let next = machine.chip.next_event();
+        machine.deadline = machine.deadline.min(next);
+        machine.cycle = machine.chip.cycle();
+        if machine.chip.nvic.has_pending() || machine.chip.wants_reset().is_some() {
+            machine.deadline = Time(0);
+        }
+        for (address, bytes) in std::mem::take(&mut machine.chip.memory) {
+            uc.mem_write(address.into(), &bytes).expect("DMA writes to memory that is there");
+        }
+    }
+}
+
+/// The board.
+pub struct Board {
+    uc: Unicorn<'static, Machine>,
+    image: Image,
+    is_waiting: bool,
+    exceptions: u64,
+}
+
+impl Board {
+    /// A board that has just been powered, this image in its flash.
+    ///
+    /// # Errors
+    /// The rig's configuration, or what the emulator says.
+    pub fn new(image: Image, config: &Config) -> Result<Self, String> {
+        let chip = Chip::new(config).map_err(|invalid| format!("{invalid:?}"))?;
+        let code = image.flash[..BANK_BYTES as usize].to_vec();
+        let machine = Machine {
+            cycle: chip.cycle(),
+            chip,
+            code,
+            deadline: Time(0),
+            stop: Stop::Due,
+            pc: 0,
+            it_block: (0, 0),
+            event: false,
+            instructions: 0,
+            failure: None,
+            profile: None,
+            lowest_stack: u32::MAX,
+        };
+        let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, machine).map_err(says)?;
+        uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(says)?;
+        map(&mut uc)?;
+        let mut board = Self { uc, image, is_waiting: false, exceptions: 0 };
+        board.start_core();
+        Ok(board)
+    }
+
+    fn machine(&self) -> &Machine {
+        self.uc.get_data()
+    }
+
+    /// The chip.
+    #[must_use]
+    pub fn chip(&self) -> &Chip {
+        &self.machine().chip
+    }
+
+    /// The chip, to reach its pins and its line.
+    pub fn chip_mut(&mut self) -> &mut Chip {
+        &mut self.uc.get_data_mut().chip
+    }
+
+    /// The image.
+    #[must_use]
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// Now.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.chip().now
+    }
+
+    /// Instructions executed so far.
+    #[must_use]
+    pub fn instructions(&self) -> u64 {
+        self.machine().instructions
+    }
+
+    /// Exceptions taken so far.
+    #[must_use]
+    pub fn exceptions(&self) -> u64 {
+        self.exceptions
+    }
+
+    /// Begins to count instructions by place.
+    pub fn start_profile(&mut self) {
+        self.uc.get_data_mut().profile = Some(vec![0; BANK_BYTES as usize / 2]);
+    }
+
+    /// Instructions by function since [`Board::start_profile`], the most first.
+    #[must_use]
+    pub fn profile(&self) -> Vec<(String, u64)> {
+        let mut functions = std::collections::HashMap::<&str, u64>::new();
+        for (n, &count) in self.machine().profile.iter().flatten().enumerate() {
+            if count > 0 {
+                let name = self.image.function(FLASH_BASE + 2 * n as u32).unwrap_or("?");
+                *functions.entry(name).or_default() += u64::from(count);
+            }
+        }
+        let mut functions: Vec<_> = functions.into_iter().map(|(name, count)| (name.to_string(), count)).collect();
+        functions.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        functions
+    }
+
+    fn register(&self, register: RegisterARM) -> u32 {
+        self.uc.reg_read(register).expect("the core has this register") as u32
+    }
+
+    fn set_register(&mut self, register: RegisterARM, value: u32) {
+        self.uc.reg_write(register, value.into()).expect("the core has this register");
+    }
+
+    /// The core begins at the reset vector.
+    fn start_core(&mut self) {
+        let vectors = self.chip().vectors();
+        let (stack, reset) = (self.code_word(vectors), self.code_word(vectors + 4));
+        for mask in [RegisterARM::PRIMASK, RegisterARM::BASEPRI, RegisterARM::FAULTMASK, RegisterARM::CONTROL] {
+            self.set_register(mask, 0);
+        }
+        self.set_register(RegisterARM::SP, stack);
+        self.set_register(RegisterARM::LR, u32::MAX);
+        self.set_register(RegisterARM::PC, reset | 1);
+        self.is_waiting = false;
+        let machine = self.uc.get_data_mut();
+        machine.event = false;
+        machine.cycle = machine.chip.cycle();
+    }
+
+    fn code_word(&self, address: u32) -> u32 {
+        let place = (address - FLASH_BASE) as usize;
+        let bytes = self.machine().code.get(place..place + 4).expect("the vectors lie in the first bank");
+        u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+    }
+
+    /// Pulls a reset from outside: the button, or the supply. Memory keeps what it holds.
+    pub fn reset(&mut self, cause: ResetCause) {
+        self.chip_mut().reset(cause);
+        self.start_core();
+    }
+
+    /// Runs until `end`.
+    ///
+    /// # Errors
+    /// The program did something that is not modelled or not allowed.
+    pub fn run_until(&mut self, end: Time) -> Result<(), Failure> {
+        loop {
+            let machine = self.uc.get_data_mut();
+            machine.chip.settle();
+            Machine::after_access(&mut self.uc);
+            let machine = self.uc.get_data_mut();
+            if machine.failure.is_some() {
+                return Err(self.failure());
+            }
+            if let Some(cause) = machine.chip.wants_reset() {
+                self.reset(cause);
+                continue;
+            }
+            if machine.chip.now >= end {
+                return Ok(());
+            }
+            if machine.chip.nvic.has_pending()
+                && let Some(exception) = self.chip().nvic.to_take(&self.masks())
+            {
+                self.enter(exception)?;
+                continue;
+            }
+            let machine = self.uc.get_data_mut();
+            if self.is_waiting {
+                if std::mem::take(&mut machine.event) {
+                    self.is_waiting = false;
+                } else {
+                    machine.chip.now = machine.chip.next_event().min(end).max(machine.chip.now);
+                }
+                continue;
+            }
+            machine.deadline = machine.chip.next_event().min(end);
+            self.slice()?;
+        }
+    }
+
+    fn masks(&self) -> Masks {
+        Masks {
+            primask: self.register(RegisterARM::PRIMASK) & 1 != 0,
+            faultmask: self.register(RegisterARM::FAULTMASK) & 1 != 0,
+            basepri: self.register(RegisterARM::BASEPRI) as u8,
+        }
+    }
+
+    /// Runs up to the deadline.
+    fn slice(&mut self) -> Result<(), Failure> {
+        let pc = self.register(RegisterARM::PC);
+        self.uc.get_data_mut().stop = Stop::Due;
+        let outcome = self.uc.emu_start(u64::from(pc | 1), NOWHERE, 0, 0);
+        let machine = self.uc.get_data_mut();
+        if let Err(error) = outcome {
+            machine.fail(Refused(format!("the core stopped: {error:?}")));
+        }
+        let pc = machine.pc;
+        match machine.stop {
+            _ if machine.failure.is_some() => Err(self.failure()),
+            Stop::Due => Ok(()),
+            Stop::Wait => {
+                machine.chip.now += machine.cycle;
+                machine.instructions += 1;
+                if !std::mem::take(&mut machine.event) {
+                    self.is_waiting = true;
+                }
+                self.set_register(RegisterARM::PC, pc + 2 | 1);
+                Ok(())
+            }
+            Stop::Hint => {
+                machine.chip.now += machine.cycle;
+                self.set_register(RegisterARM::PC, pc + 2 | 1);
+                Ok(())
+            }
+            Stop::ReadIpsr(register) => {
+                machine.chip.now += machine.cycle;
+                let current = machine.chip.nvic.current();
+                let registers = [
+                    RegisterARM::R0,
+                    RegisterARM::R1,
+                    RegisterARM::R2,
+                    RegisterARM::R3,
+                    RegisterARM::R4,
+                    RegisterARM::R5,
+                    RegisterARM::R6,
+                    RegisterARM::R7,
+                    RegisterARM::R8,
+                    RegisterARM::R9,
+                    RegisterARM::R10,
+                    RegisterARM::R11,
+                    RegisterARM::R12,
+                ];
+                if let Some(register) = registers.get(usize::from(register)) {
+                    self.set_register(*register, current.into());
+                }
+                self.set_register(RegisterARM::PC, pc + 4 | 1);
+                Ok(())
+            }
+            Stop::Return => self.leave(),
+            Stop::Failed => Err(self.failure()),
+        }
+    }
+
+    fn failure(&mut self) -> Failure {
+        let machine = self.uc.get_data_mut();
+        let message = machine.failure.take().map_or_else(|| "the run has failed".into(), |refused| refused.0);
+        let (address, time) = (machine.pc, machine.chip.now);
+        machine.failure = Some(Refused(message.clone()));
+        Failure { message, address, place: self.image.place(address), time }
+    }
+
+    fn refuse(&mut self, message: String) -> Failure {
+        self.uc.get_data_mut().failure = Some(Refused(message));
+        self.failure()
+    }
+
+    /// Takes an exception.
+    fn enter(&mut self, exception: u16) -> Result<(), Failure> {
+        let sp = self.register(RegisterARM::SP);
+        let is_aligned = sp & 4 == 0;
+        let frame_at = (sp - 4 * FRAME_WORDS as u32) & !7;
+        if frame_at < RAM_BASE || sp > RAM_BASE + RAM_BYTES {
+            return Err(self.refuse(format!("the stack pointer {sp:#010x} is outside the memory")));
+        }
+        let current = self.chip().nvic.current();
+        let flags = self.register(RegisterARM::APSR) & 0xf80f_0000;
+        let xpsr = flags | XPSR_T | u32::from(current) | if is_aligned { 0 } else { XPSR_ALIGNED };
+        let mut frame = [0; FRAME_WORDS];
+        for (word, register) in frame.iter_mut().zip(INTEGER) {
+            *word = self.register(register);
+        }
+        frame[6] = self.register(RegisterARM::PC) & !1;
+        frame[7] = xpsr;
+        for (n, register) in FLOATING.into_iter().enumerate() {
+            let double = self.uc.reg_read(register).expect("the core has this register");
+            (frame[8 + 2 * n], frame[9 + 2 * n]) = (double as u32, (double >> 32) as u32);
+        }
+        frame[24] = self.register(RegisterARM::FPSCR);
+        let bytes: Vec<u8> = frame.iter().flat_map(|word| word.to_le_bytes()).collect();
+        self.uc.mem_write(frame_at.into(), &bytes).expect("the stack lies in memory");
+        let to_thread = self.chip().nvic.depth() == 0;
+        let vector = self.code_word(self.chip().vectors() + 4 * u32::from(exception));
+        self.set_register(RegisterARM::SP, frame_at);
+        self.set_register(RegisterARM::LR, if to_thread { TO_THREAD } else { TO_HANDLER });
+        self.set_register(RegisterARM::PC, vector | 1);
+        let machine = self.uc.get_data_mut();
+        machine.chip.nvic.enter(exception);
+        machine.chip.now += machine.cycle * ENTRY_CYCLES;
+        machine.event = true;
+        machine.lowest_stack = machine.lowest_stack.min(frame_at);
+        self.is_waiting = false;
+        self.exceptions += 1;
+        Ok(())
+    }
+
+    /// Returns from an exception.
+    fn leave(&mut self) -> Result<(), Failure> {
+        let to_thread = self.chip().nvic.depth() == 1;
+        let expected = if to_thread { TO_THREAD } else { TO_HANDLER };
+        let pc = self.machine().pc;
+        if pc != expected & !1 || self.chip().nvic.depth() == 0 {
+            return Err(self.refuse(format!("a return to {pc:#010x} out of turn")));
+        }
+        let sp = self.register(RegisterARM::SP);
+        let mut bytes = [0; 4 * FRAME_WORDS];
+        if self.uc.mem_read(sp.into(), &mut bytes).is_err() {
+            return Err(self.refuse(format!("the stack pointer {sp:#010x} is outside the memory")));
+        }
+        let word = |n: usize| u32::from_le_bytes(std::array::from_fn(|byte| bytes[4 * n + byte]));
+        let frame: [u32; FRAME_WORDS] = std::array::from_fn(word);
+        for (value, register) in frame.into_iter().zip(INTEGER) {
+            self.set_register(register, value);
+        }
+        for (n, register) in FLOATING.into_iter().enumerate() {
+            let double = u64::from(frame[9 + 2 * n]) << 32 | u64::from(frame[8 + 2 * n]);
+            self.uc.reg_write(register, double).expect("the core has this register");
+        }
+        self.set_register(RegisterARM::FPSCR, frame[24]);
+        self.set_register(RegisterARM::APSR_NZCVQG, frame[7]);
+        let padding = if frame[7] & XPSR_ALIGNED != 0 { 4 } else { 0 };
+        self.set_register(RegisterARM::SP, sp + 4 * FRAME_WORDS as u32 + padding);
+        self.set_register(RegisterARM::PC, frame[6] | 1);
+        let machine = self.uc.get_data_mut();
+        machine.chip.nvic.leave();
+        let back_in = machine.chip.nvic.current();
+        machine.chip.now += machine.cycle * EXIT_CYCLES;
+        machine.event = true;
+        if u32::from(back_in) != frame[7] & 0x1ff {
+            return Err(self.refuse(format!("the frame at {sp:#010x} belongs to another exception")));
+        }
+        Ok(())
+    }
+}
+
+/// R0 to R3, R12 and LR: the first words of a frame.
+const INTEGER: [RegisterARM; 6] =
+    [RegisterARM::R0, RegisterARM::R1, RegisterARM::R2, RegisterARM::R3, RegisterARM::R12, RegisterARM::LR];
+
+/// S0 to S15, in pairs.
+const FLOATING: [RegisterARM; 8] = [
+    RegisterARM::D0,
+    RegisterARM::D1,
+    RegisterARM::D2,
+    RegisterARM::D3,
+    RegisterARM::D4,
+    RegisterARM::D5,
+    RegisterARM::D6,
+    RegisterARM::D7,
+];
+
+fn says(error: uc_error) -> String {
+    format!("the emulator refuses: {error:?}")
+}
+
+/// Maps memory and peripherals, and sets the hooks.
+fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
+    let code = uc.get_data().code.clone();
+    uc.mem_map(FLASH_BASE.into(), BANK_BYTES.into(), Prot::READ | Prot::EXEC).map_err(says)?;
+    uc.mem_write(FLASH_BASE.into(), &code).map_err(says)?;
+    uc.mem_map(RAM_BASE.into(), RAM_BYTES.into(), Prot::READ | Prot::WRITE).map_err(says)?;
+    uc.mem_write(RAM_BASE.into(), &memory_at_power_on()).map_err(says)?;
+    uc.mem_map(RETURN_PAGE.into(), 0x1000, Prot::READ | Prot::EXEC).map_err(says)?;
+    for (base, length) in DEVICES {
+        uc.mmio_map(
+            base.into(),
+            length.into(),
+            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize| {
+                let machine = uc.get_data_mut();
+                let value = match machine.chip.read(base + offset as u32, bytes as u32) {
+                    Ok(value) => value,
+                    Err(refused) => {
+                        machine.fail(refused);
+                        0
+                    }
+                };
+                Machine::after_access(uc);
+                value.into()
+            }),
+            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize, value: u64| {
+                let machine = uc.get_data_mut();
+                if let Err(refused) = machine.chip.write(base + offset as u32, bytes as u32, value as u32) {
+                    machine.fail(refused);
+                }
+                Machine::after_access(uc);
+            }),
+        )
+        .map_err(says)?;
+    }
+    uc.add_code_hook(1, 0, |uc, address, _| {
+        if !uc.get_data_mut().goes_on(address as u32) {
+            uc.emu_stop().expect("a running core can be stopped");
+        }
+    })
+    .map_err(says)?;
+    uc.add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, bytes, _| {
+        uc.get_data_mut().fail(Refused(format!("{kind:?} of {bytes} bytes at {address:#010x}: nothing is there")));
+        false
+    })
+    .map_err(says)?;
+    uc.add_intr_hook(|uc, number| {
+        if number == EXCEPTION_EXIT {
+            let pc = uc.reg_read(RegisterARM::PC).expect("the core has this register") as u32;
+            let machine = uc.get_data_mut();
+            (machine.stop, machine.pc) = (Stop::Return, pc);
+            uc.emu_stop().expect("a running core can be stopped");
+            return;
+        }
+        uc.get_data_mut().fail(Refused(format!("the core raises exception {number}, which is not modelled")));
+        uc.emu_stop().expect("a running core can be stopped");
+    })
+    .map_err(says)?;
+    Ok(())
+}
+
+/// What memory holds at power-on: anything.
+fn memory_at_power_on() -> Vec<u8> {
+    let mut state = 0x2545_f491u32;
+    (0..RAM_BYTES)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            (state >> 24) as u8
+        })
+        .collect()
+}
