@@ -24,7 +24,7 @@ use crate::peripherals::rcc::{Gate, Rcc, ResetCause};
 use crate::peripherals::scb::Scb;
 use crate::peripherals::tim::{Kind, Tim};
 use crate::plant::{Plant, REFERENCE_V, Relay, Signal};
-use crate::register::{Access, Refused, refuse, rule};
+use crate::register::{Access, Refused, ensure, refuse, rule};
 use crate::time::{At, Time, UNITS_PER_US};
 
 /// Where the flash begins.
@@ -577,7 +577,7 @@ impl Chip {
         let step = if self.pwr.is_boosted() || megahertz > 150.0 { 34.0 } else { 30.0 };
         let needed = ((megahertz / step).ceil() as u32).saturating_sub(1);
         let latency = self.flash.latency();
-        rule(latency >= needed, &format!("FLASH_ACR: {latency} wait states at {megahertz} MHz, {needed} are needed"))?;
+        ensure!(latency >= needed, "FLASH_ACR: {latency} wait states at {megahertz} MHz, {needed} are needed");
         if before != self.at.clocks.hclk && before.0 > 2 * self.at.clocks.hclk.0 && megahertz > 80.0 {
             self.deviate("RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)");
         }
@@ -597,8 +597,8 @@ impl Chip {
             return refuse!("nothing is modelled at {address:#010x}");
         };
         if let Some(gate) = gate {
-            rule(self.rcc.is_enabled(*gate), &format!("{name} is accessed while its clock is off"))?;
-            rule(!self.rcc.is_held(*gate), &format!("{name} is accessed while it is held in reset"))?;
+            ensure!(self.rcc.is_enabled(*gate), "{name} is accessed while its clock is off");
+            ensure!(!self.rcc.is_held(*gate), "{name} is accessed while it is held in reset");
         }
         Ok((name, *block, address - base))
     }
@@ -608,7 +608,7 @@ impl Chip {
     /// # Errors
     /// Nothing is modelled there, or the access breaks a rule.
     pub fn read(&mut self, address: u32, bytes: u32) -> Access<u32> {
-        rule(address.is_multiple_of(bytes), &format!("a misaligned read of {bytes} bytes at {address:#010x}"))?;
+        ensure!(address.is_multiple_of(bytes), "a misaligned read of {bytes} bytes at {address:#010x}");
         self.at.now = self.now;
         if (BANK2_BASE..FLASH_BASE + FLASH_BYTES).contains(&address) {
             // The bus waits for an erase or a programming in the same bank.
@@ -622,7 +622,7 @@ impl Chip {
             Block::Tim3 | Block::Tim4 | Block::Tim7 | Block::Tim16 | Block::Gpio(_) => bytes >= 2,
             _ => false,
         };
-        rule(bytes == 4 || takes_parts, &format!("{name} is read by {bytes} bytes at offset {offset:#05x}"))?;
+        ensure!(bytes == 4 || takes_parts, "{name} is read by {bytes} bytes at offset {offset:#05x}");
         let at = self.at;
         let value = match block {
             Block::Rcc => self.rcc.read(word, &at),
@@ -663,7 +663,7 @@ impl Chip {
     /// # Errors
     /// Nothing is modelled there, or the access breaks a rule.
     pub fn write(&mut self, address: u32, bytes: u32, value: u32) -> Access<()> {
-        rule(address.is_multiple_of(bytes), &format!("a misaligned write of {bytes} bytes at {address:#010x}"))?;
+        ensure!(address.is_multiple_of(bytes), "a misaligned write of {bytes} bytes at {address:#010x}");
         self.at.now = self.now;
         if (BANK2_BASE..FLASH_BASE + FLASH_BYTES).contains(&address) {
             return self.flash.program(address - BANK2_BASE, bytes, value, &self.at);
@@ -678,7 +678,7 @@ impl Chip {
             Block::Iwdg | Block::Dac1 => bytes == 2 && offset.is_multiple_of(4),
             _ => false,
         };
-        rule(bytes == 4 || takes_parts, &format!("{name} is written by {bytes} bytes at offset {offset:#05x}"))?;
+        ensure!(bytes == 4 || takes_parts, "{name} is written by {bytes} bytes at offset {offset:#05x}");
         let at = self.at;
         match block {
             Block::Rcc => {
@@ -795,9 +795,9 @@ impl Chip {
                 return refuse!("ADC{} IN{channel} is not wired", n + 1);
             };
             let is_analog = self.ports[port].mode(pin) == Mode::Analog;
-            rule(is_analog, &format!("ADC{} IN{channel}: its pin is not analogue", n + 1))?;
+            ensure!(is_analog, "ADC{} IN{channel}: its pin is not analogue", n + 1);
         }
-        rule(self.trigger_of(n).is_some(), &format!("ADC{}: its trigger is not modelled", n + 1))?;
+        ensure!(self.trigger_of(n).is_some(), "ADC{}: its trigger is not modelled", n + 1);
         self.check_trigger(n)
     }
 
@@ -807,7 +807,8 @@ impl Chip {
             return Ok(());
         };
         let fits = !self.adcs[n].is_started() || self.adcs[n].sequence_length() < timer.trigger_period();
-        rule(fits, &format!("ADC{}: a sequence takes longer than its trigger's period", n + 1))
+        ensure!(fits, "ADC{}: a sequence takes longer than its trigger's period", n + 1);
+        Ok(())
     }
 }
 

@@ -11,6 +11,7 @@
 pub mod board;
 pub mod chip;
 pub mod image;
+pub mod link;
 pub mod peripherals;
 pub mod plant;
 pub mod register;

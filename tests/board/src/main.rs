@@ -1,22 +1,80 @@
-fn main() {
-    use damprig_board::*;
-    use damprig_core::model::*;
-    use damprig_core::plant::*;
-    let image = Image::read(std::path::Path::new(&std::env::args().nth(1).unwrap())).unwrap();
-    let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-    let mut config = PlantConfig::ideal(SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 });
-    config.base = Base::Shaker(Shaker::default());
-    let mut board = Board::new(image, &Config::new(config)).unwrap();
-    let begun = std::time::Instant::now();
-    for ms in 1..=3000u64 {
-        if let Err(failure) = board.run_until(Time::from_ms(ms)) {
-            println!("{failure}");
-            break;
+//! The emulated board for a person to play with: `damprig … --rig tcp:127.0.0.1:PORT` talks to it.
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+use clap::Parser;
+use damprig_board::{Board, Config, Image, link};
+use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::plant::{Base, PlantConfig, Shaker};
+
+/// Runs the controller's image on an emulated NUCLEO-G474RE, its pins wired to a simulated rig: a structure with an impact
+/// damper and a friction damper on a shaker.
+#[derive(Parser)]
+struct Arguments {
+    /// The image: firmware/target/images/nucleo-g474re.elf.
+    image: PathBuf,
+    /// The TCP port that is the board's serial line.
+    #[arg(long, default_value_t = 4000)]
+    port: u16,
+    /// Device seconds a second, at most.
+    #[arg(long, default_value_t = 1.0)]
+    pace: f64,
+    /// Particle mass over structure mass; 0 for no particle.
+    #[arg(long, default_value_t = 0.1)]
+    mass_ratio: f64,
+    /// Half of the particle's travel in its cavity, m.
+    #[arg(long, default_value_t = 0.0225)]
+    clearance_m: f64,
+    /// Coefficient of restitution of the cavity's walls.
+    #[arg(long, default_value_t = 0.47)]
+    restitution: f64,
+    /// No friction damper is mounted.
+    #[arg(long)]
+    no_friction_damper: bool,
+    /// The crystal does not start.
+    #[arg(long)]
+    no_crystal: bool,
+}
+
+impl Arguments {
+    fn plant(&self) -> PlantConfig {
+        let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+        let particle = (self.mass_ratio > 0.0).then(|| Particle {
+            mass_kg: self.mass_ratio * structure.mass_kg,
+            clearance_m: self.clearance_m,
+            friction_coefficient: 0.08,
+            wall: Wall::Restitution { coefficient: self.restitution },
+        });
+        let set_up = SetUp { structure, particle, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+        PlantConfig {
+            base: Base::Shaker(Shaker::default()),
+            walls: particle.map(|_| WallSensors::default()),
+            spring: (!self.no_friction_damper).then(SpringPlant::default),
+            ..PlantConfig::ideal(set_up)
         }
-        let sent = board.chip_mut().take_sent();
-        if !sent.is_empty() { println!("{ms} ms: {} bytes", sent.len()); }
     }
-    println!("{} instructions, {} exceptions, device {} s in {:?}", board.instructions(), board.exceptions(), board.now().s(), begun.elapsed());
-    println!("{:?}", board.chip().deviations());
-    for (t, o) in board.chip().trace() { println!("{:.6} {o:?}", t.s()); }
+
+    fn run(&self) -> Result<(), Box<dyn std::error::Error>> {
+        let config = Config { has_crystal: !self.no_crystal, ..Config::new(self.plant()) };
+        let mut board = Board::new(Image::read(&self.image)?, &config)?;
+        let listener = TcpListener::bind(("127.0.0.1", self.port))?;
+        println!("the board is at tcp:{}", listener.local_addr()?);
+        link::serve(&mut board, &listener, self.pace, &AtomicBool::new(false), |_| {})?;
+        Ok(())
+    }
+}
+
+fn main() -> ExitCode {
+    match Arguments::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
 }

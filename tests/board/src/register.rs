@@ -14,6 +14,16 @@ macro_rules! refuse {
 }
 pub(crate) use refuse;
 
+/// Refuses with a formatted reason unless a condition holds.
+macro_rules! ensure {
+    ($holds:expr, $($text:tt)*) => {
+        if !$holds {
+            return $crate::register::refuse!($($text)*);
+        }
+    };
+}
+pub(crate) use ensure;
+
 /// `width` bits of `value` from bit `low`.
 #[must_use]
 pub const fn field(value: u32, low: u32, width: u32) -> u32 {

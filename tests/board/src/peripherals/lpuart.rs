@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
+use crate::register::{Access, bit, ensure, field, only, refuse, rule, unchanged, unknown};
 use crate::time::{At, Time};
 
 const CR1: u32 = 0x00;
@@ -219,7 +219,10 @@ impl Lpuart {
     pub fn write(&mut self, offset: u32, value: u32, at: &At) -> Access<()> {
         self.sync(at);
         let is_on = self.cr1 & UE != 0;
-        let off_only = |register: &str| rule(!is_on, &format!("LPUART1_{register} is written while UE is set"));
+        let off_only = |register: &str| {
+            ensure!(!is_on, "LPUART1_{register} is written while UE is set");
+            Ok(())
+        };
         match offset {
             CR1 => {
                 only("LPUART1_CR1", value, UE | RE | TE | IDLE | RXNE | TC | TXE | FIFOEN)?;
@@ -253,8 +256,9 @@ impl Lpuart {
                 self.presc = value;
             }
             ICR => {
-                // PECF, FECF, NECF, ORECF, IDLECF, TCCF, CTSCF, CMCF, WUCF.
-                only("LPUART1_ICR", value & 0xff9f_ffff, 0x0012_025f | 0x7f)?;
+                // PECF, FECF, NECF, ORECF, IDLECF, TCCF, CTSCF, CMCF, WUCF. The driver writes back what it has read from ISR,
+                // of which the other bits have no effect here.
+                only("LPUART1_ICR", value, 0x0012_025f | RXNE | TXE | TEACK | REACK | TXFE | RXFF)?;
                 self.flags &= !(value & (ORE | IDLE | TC));
             }
             TDR => {
