@@ -10,7 +10,9 @@
 //! Unicorn has none of its own: their frame is pushed and popped here, always with the floating-point registers. A handler's
 //! return shows either as an exception of the emulator or as an instruction in a page of its own.
 
-use unicorn_engine::{ArmCpuModel, Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+use std::collections::{BTreeMap, HashMap};
+
+use unicorn_engine::{Arch, ArmCpuModel, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
 use crate::chip::{BANK2_BASE, Chip, Config, FLASH_BASE, RAM_BASE, RAM_BYTES};
 use crate::image::Image;
@@ -105,7 +107,6 @@ struct Machine {
     failure: Option<Refused>,
     /// Instructions by halfword of the first bank, if they are counted.
     profile: Option<Vec<u32>>,
-    lowest_stack: u32,
 }
 
 impl Machine {
@@ -221,12 +222,42 @@ impl Machine {
     }
 }
 
+/// What the handlers of an exception have cost so far, without those that interrupted them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// How often it was taken.
+    pub count: u64,
+    /// Instructions in all.
+    pub instructions: u64,
+    /// Instructions of the longest.
+    pub most: u64,
+}
+
+impl Cost {
+    /// Instructions on average.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.instructions as f64 / self.count.max(1) as f64
+    }
+}
+
+/// An exception that is being handled.
+#[derive(Clone, Copy, Debug)]
+struct Handled {
+    exception: u16,
+    begun: u64,
+    /// Instructions of those that interrupted it.
+    others: u64,
+}
+
 /// The board.
 pub struct Board {
     uc: Unicorn<'static, Machine>,
     image: Image,
     is_waiting: bool,
-    exceptions: u64,
+    handled: Vec<Handled>,
+    costs: BTreeMap<u16, Cost>,
+    lowest_stack: u32,
 }
 
 impl Board {
@@ -249,12 +280,12 @@ impl Board {
             instructions: 0,
             failure: None,
             profile: None,
-            lowest_stack: u32::MAX,
         };
         let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, machine).map_err(says)?;
         uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(says)?;
         map(&mut uc)?;
-        let mut board = Self { uc, image, is_waiting: false, exceptions: 0 };
+        let mut board =
+            Self { uc, image, is_waiting: false, handled: Vec::new(), costs: BTreeMap::new(), lowest_stack: u32::MAX };
         board.start_core();
         Ok(board)
     }
@@ -292,10 +323,21 @@ impl Board {
         self.machine().instructions
     }
 
-    /// Exceptions taken so far.
+    /// What each exception has cost since [`Board::forget_costs`], by its number: an interrupt's is 16 more than its own.
     #[must_use]
-    pub fn exceptions(&self) -> u64 {
-        self.exceptions
+    pub fn costs(&self) -> &BTreeMap<u16, Cost> {
+        &self.costs
+    }
+
+    /// Begins to count the costs anew.
+    pub fn forget_costs(&mut self) {
+        self.costs.clear();
+    }
+
+    /// The lowest address that the stack pointer had when an exception was taken.
+    #[must_use]
+    pub fn lowest_stack(&self) -> u32 {
+        self.lowest_stack
     }
 
     /// Begins to count instructions by place.
@@ -306,7 +348,7 @@ impl Board {
     /// Instructions by function since [`Board::start_profile`], the most first.
     #[must_use]
     pub fn profile(&self) -> Vec<(String, u64)> {
-        let mut functions = std::collections::HashMap::<&str, u64>::new();
+        let mut functions = HashMap::<&str, u64>::new();
         for (n, &count) in self.machine().profile.iter().flatten().enumerate() {
             if count > 0 {
                 let name = self.image.function(FLASH_BASE + 2 * n as u32).unwrap_or("?");
@@ -337,6 +379,7 @@ impl Board {
         self.set_register(RegisterARM::LR, u32::MAX);
         self.set_register(RegisterARM::PC, reset | 1);
         self.is_waiting = false;
+        self.handled.clear();
         let machine = self.uc.get_data_mut();
         machine.event = false;
         machine.cycle = machine.chip.cycle();
@@ -504,9 +547,10 @@ impl Board {
         machine.chip.nvic.enter(exception);
         machine.chip.now += machine.cycle * ENTRY_CYCLES;
         machine.event = true;
-        machine.lowest_stack = machine.lowest_stack.min(frame_at);
+        let begun = machine.instructions;
         self.is_waiting = false;
-        self.exceptions += 1;
+        self.lowest_stack = self.lowest_stack.min(frame_at);
+        self.handled.push(Handled { exception, begun, others: 0 });
         Ok(())
     }
 
@@ -542,6 +586,17 @@ impl Board {
         let back_in = machine.chip.nvic.current();
         machine.chip.now += machine.cycle * EXIT_CYCLES;
         machine.event = true;
+        let now = machine.instructions;
+        if let Some(handled) = self.handled.pop() {
+            let whole = now - handled.begun;
+            let own = whole - handled.others;
+            if let Some(outer) = self.handled.last_mut() {
+                outer.others += whole;
+            }
+            let cost = self.costs.entry(handled.exception).or_default();
+            (cost.count, cost.instructions) = (cost.count + 1, cost.instructions + own);
+            cost.most = cost.most.max(own);
+        }
         if u32::from(back_in) != frame[7] & 0x1ff {
             return Err(self.refuse(format!("the frame at {sp:#010x} belongs to another exception")));
         }

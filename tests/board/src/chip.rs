@@ -579,7 +579,9 @@ impl Chip {
         let latency = self.flash.latency();
         ensure!(latency >= needed, "FLASH_ACR: {latency} wait states at {megahertz} MHz, {needed} are needed");
         if before != self.at.clocks.hclk && before.0 > 2 * self.at.clocks.hclk.0 && megahertz > 80.0 {
-            self.deviate("RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)");
+            self.deviate(
+                "RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)",
+            );
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
 
-use crate::chip::{FLASH_BASE, FLASH_BYTES};
+use crate::chip::{FLASH_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
 
 /// Functions that say nothing about who accesses a register.
 const ACCESSORS: [&str; 3] = ["core::ptr::", "::read_volatile", "stm32_metapac::common"];
@@ -32,7 +32,7 @@ pub struct Image {
     /// The flash's contents, erased where the file has nothing.
     pub flash: Vec<u8>,
     symbols: Vec<(u32, String)>,
-    lines: addr2line::Loader,
+    lines: Option<addr2line::Loader>,
 }
 
 impl Image {
@@ -66,7 +66,25 @@ impl Image {
             .collect();
         symbols.sort();
         let lines = addr2line::Loader::new(path).map_err(|error| bad(error.to_string()))?;
-        Ok(Self { flash, symbols, lines })
+        Ok(Self { flash, symbols, lines: Some(lines) })
+    }
+
+    /// An image of a few instructions, for tests: a stack pointer at the end of the memory, every other vector the same
+    /// address (`handler` halfwords from the code's beginning), the code from 0x0800_0200 on.
+    #[must_use]
+    pub fn of_code(code: &[u16], handler: u32) -> Self {
+        const CODE: u32 = 0x200;
+        let mut flash = vec![0xff; FLASH_BYTES as usize];
+        let mut put = |offset: u32, bytes: &[u8]| flash[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        put(0, &(RAM_BASE + RAM_BYTES).to_le_bytes());
+        put(4, &(FLASH_BASE + CODE | 1).to_le_bytes());
+        for vector in 2..CODE / 4 {
+            put(4 * vector, &(FLASH_BASE + CODE + 2 * handler | 1).to_le_bytes());
+        }
+        for (n, halfword) in code.iter().enumerate() {
+            put(CODE + 2 * n as u32, &halfword.to_le_bytes());
+        }
+        Self { flash, symbols: Vec::new(), lines: None }
     }
 
     /// The functions and source lines of an address, the innermost first, a line each, without the accessors of registers; the
@@ -74,7 +92,7 @@ impl Image {
     #[must_use]
     pub fn place(&self, address: u32) -> String {
         let mut places = vec![format!("{address:#010x}")];
-        if let Ok(mut frames) = self.lines.find_frames(u64::from(address)) {
+        if let Some(Ok(mut frames)) = self.lines.as_ref().map(|lines| lines.find_frames(u64::from(address))) {
             while let Ok(Some(frame)) = frames.next() {
                 let name = frame.function.as_ref().and_then(|f| f.demangle().ok().map(|name| name.to_string()));
                 if name.as_ref().is_some_and(|name| ACCESSORS.iter().any(|accessor| name.contains(accessor))) {

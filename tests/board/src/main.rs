@@ -3,10 +3,11 @@
 use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use clap::Parser;
-use damprig_board::{Board, Config, Image, link};
+use damprig_board::{Board, Config, Image, Time, link};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
@@ -36,6 +37,9 @@ struct Arguments {
     /// No friction damper is mounted.
     #[arg(long)]
     no_friction_damper: bool,
+    /// Stop after so many device seconds, and print what the image has cost: instructions, by exception and by function.
+    #[arg(long, value_name = "SECONDS")]
+    measure: Option<f64>,
     /// The crystal does not start.
     #[arg(long)]
     no_crystal: bool,
@@ -64,8 +68,42 @@ impl Arguments {
         let mut board = Board::new(Image::read(&self.image)?, &config)?;
         let listener = TcpListener::bind(("127.0.0.1", self.port))?;
         println!("the board is at tcp:{}", listener.local_addr()?);
-        link::serve(&mut board, &listener, self.pace, &AtomicBool::new(false), |_| {})?;
+        let stop = AtomicBool::new(false);
+        let end = self.measure.map_or(Time::NEVER, Time::from_s);
+        if self.measure.is_some() {
+            board.start_profile();
+        }
+        let begun = Instant::now();
+        link::serve(&mut board, &listener, self.pace, &stop, |board| {
+            if board.now() >= end {
+                stop.store(true, Ordering::Relaxed);
+            }
+        })?;
+        report(&board, begun.elapsed());
         Ok(())
+    }
+}
+
+/// Functions that are printed.
+const MOST_FUNCTIONS: usize = 40;
+
+fn report(board: &Board, took: Duration) {
+    let (device_s, instructions) = (board.now().s(), board.instructions());
+    println!("{device_s:.3} s of device time in {:.3} s, {instructions} instructions", took.as_secs_f64());
+    println!("exception    count    mean    most (instructions, without those that interrupt it)");
+    for (exception, cost) in board.costs() {
+        let name = match exception.checked_sub(16) {
+            Some(interrupt) => format!("IRQ {interrupt}"),
+            None => format!("{exception}"),
+        };
+        println!("{name:9} {:8} {:7.0} {:7}", cost.count, cost.mean(), cost.most);
+    }
+    println!("instructions   share  function");
+    for (name, count) in board.profile().into_iter().take(MOST_FUNCTIONS) {
+        println!("{count:12} {:6.2}%  {name}", 100.0 * count as f64 / instructions as f64);
+    }
+    for (time, deviation) in board.chip().deviations() {
+        println!("{:.6} s: {deviation}", time.s());
     }
 }
 

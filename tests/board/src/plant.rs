@@ -357,11 +357,7 @@ impl Plant {
         let (n, part) = (place as usize, place.fract());
         let (a, b) = (self.history[n], self.history[(n + 1).min(last)]);
         let between = |a: f64, b: f64| a + (b - a) * part;
-        Truth {
-            x_m: between(a.x_m, b.x_m),
-            z_m: between(a.z_m, b.z_m),
-            spring_n: between(a.spring_n, b.spring_n),
-        }
+        Truth { x_m: between(a.x_m, b.x_m), z_m: between(a.z_m, b.z_m), spring_n: between(a.spring_n, b.spring_n) }
     }
 
     /// Force on a wall, N.
@@ -431,7 +427,6 @@ impl Observer<f64> for Hits {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use damprig_core::model::{SetUp, Structure};
@@ -440,7 +435,13 @@ mod tests {
 
     fn plant() -> Plant {
         let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-        let mut config = PlantConfig::ideal(SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 });
+        let mut config = PlantConfig::ideal(SetUp {
+            structure,
+            particle: None,
+            friction_damper: None,
+            tmd: None,
+            gravity_m_per_s2: 9.81,
+        });
         config.sensors.noise_rms_m = 0.0;
         Plant::new(&config, Relay::default()).unwrap()
     }

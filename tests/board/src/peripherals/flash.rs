@@ -116,7 +116,10 @@ impl Flash {
             ACR => {
                 // LATENCY, PRFTEN, ICEN, DCEN, ICRST, DCRST, DBG_SWEN.
                 only("FLASH_ACR", value, 0x0004_1f0f)?;
-                rule(value & 0x1000 == 0 || self.acr & 0x400 == 0, "FLASH_ACR: DCRST is set while the data cache is on")?;
+                rule(
+                    value & 0x1000 == 0 || self.acr & 0x400 == 0,
+                    "FLASH_ACR: DCRST is set while the data cache is on",
+                )?;
                 rule(value & 0x0800 == 0 || self.acr & 0x200 == 0, "FLASH_ACR: ICRST is set while the cache is on")?;
                 self.acr = value;
             }

@@ -122,7 +122,10 @@ impl Gpio {
         match offset {
             MODER => {
                 let swd = if self.name == 'A' { 0x3c00_0000 } else { 0 };
-                rule(value & swd == 0x2800_0000 & swd, "GPIOA_MODER: a pin of the debugger (PA13, PA14) is taken away")?;
+                rule(
+                    value & swd == 0x2800_0000 & swd,
+                    "GPIOA_MODER: a pin of the debugger (PA13, PA14) is taken away",
+                )?;
                 self.moder = value;
             }
             OTYPER => {

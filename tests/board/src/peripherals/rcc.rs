@@ -379,7 +379,10 @@ impl Rcc {
             self.hse_ready = if self.has_crystal { now + HSE_STARTS } else { Time::NEVER };
         }
         if rises & CR_PLLON != 0 {
-            rule(self.pll_period().is_some(), "RCC_CR: the PLL is switched on without a source or with a period not modelled")?;
+            rule(
+                self.pll_period().is_some(),
+                "RCC_CR: the PLL is switched on without a source or with a period not modelled",
+            )?;
             let source_ready = match field(self.pllcfgr, 0, 2) {
                 2 => ready & CR_HSIRDY != 0,
                 _ => ready & CR_HSERDY != 0,
@@ -418,7 +421,8 @@ impl Rcc {
         let value = if selected == 0 || selected == value & BDCR_RTCSEL {
             value
         } else {
-            self.deviation = Some("RCC_BDCR: RTCSEL is changed without a reset of the backup domain; the chip ignores it");
+            self.deviation =
+                Some("RCC_BDCR: RTCSEL is changed without a reset of the backup domain; the chip ignores it");
             value & !BDCR_RTCSEL | selected
         };
         debug_assert_eq!(value & BDCR_LSEON, 0);

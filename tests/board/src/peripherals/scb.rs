@@ -83,9 +83,13 @@ impl Scb {
         match offset {
             ICSR => {
                 only("SCB_ICSR", value, 0x9e00_0000)?;
-                for (n, exception, pends) in
-                    [(31, NMI, true), (28, PEND_SV, true), (27, PEND_SV, false), (26, SYS_TICK, true), (25, SYS_TICK, false)]
-                {
+                for (n, exception, pends) in [
+                    (31, NMI, true),
+                    (28, PEND_SV, true),
+                    (27, PEND_SV, false),
+                    (26, SYS_TICK, true),
+                    (25, SYS_TICK, false),
+                ] {
                     match (bit(value, n), pends) {
                         (true, true) => nvic.pend_system(exception),
                         (true, false) => nvic.unpend_system(exception),

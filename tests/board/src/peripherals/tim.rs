@@ -157,7 +157,8 @@ impl Tim {
             if due <= self.overflows {
                 return;
             }
-            let is_plain = self.repetitions_left == 0 && self.rcr == 0 && self.cr1 & OPM == 0 && self.psc == self.active_psc;
+            let is_plain =
+                self.repetitions_left == 0 && self.rcr == 0 && self.cr1 & OPM == 0 && self.psc == self.active_psc;
             if is_plain {
                 // All of them are alike.
                 self.overflows = due;
