@@ -105,6 +105,10 @@ struct Machine {
     event: bool,
     instructions: u64,
     failure: Option<Refused>,
+    /// The instruction that failed.
+    failed_at: u32,
+    /// The last access to a register: after how many instructions, and where.
+    accessed: (u64, u32),
     /// Instructions by halfword of the first bank, if they are counted.
     profile: Option<Vec<u32>>,
 }
@@ -117,7 +121,9 @@ impl Machine {
     }
 
     fn fail(&mut self, refused: Refused) {
-        self.failure.get_or_insert(refused);
+        if self.failure.is_none() {
+            (self.failure, self.failed_at) = (Some(refused), self.pc);
+        }
         self.deadline = Time(0);
     }
 
@@ -201,6 +207,20 @@ impl Machine {
         }
     }
 
+    /// Before an access to a register. The emulator makes two aligned ones of one that is not: an instruction that moves one
+    /// word then comes twice.
+    fn begin_access(&mut self, address: u32) -> Result<(), Refused> {
+        let before = std::mem::replace(&mut self.accessed, (self.instructions, address));
+        let moves_one = self.opcode(self.pc).is_some_and(|opcode| {
+            // LDR and STR with their kin, of 16 bits and of 32.
+            matches!(opcode >> 12, 5..=9) || opcode >> 9 == 0b111_1100
+        });
+        if before.0 == self.instructions && moves_one {
+            return Err(Refused(format!("a misaligned access between {:#010x} and {address:#010x}", before.1)));
+        }
+        Ok(())
+    }
+
     /// After an access: what it brought to memory, and whether the core is to look up.
     fn after_access(uc: &mut Unicorn<'_, Machine>) {
         let machine = uc.get_data_mut();
@@ -279,6 +299,8 @@ impl Board {
             event: false,
             instructions: 0,
             failure: None,
+            failed_at: 0,
+            accessed: (0, 0),
             profile: None,
         };
         let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, machine).map_err(says)?;
@@ -503,14 +525,13 @@ impl Board {
 
     fn failure(&mut self) -> Failure {
         let machine = self.uc.get_data_mut();
-        let message = machine.failure.take().map_or_else(|| "the run has failed".into(), |refused| refused.0);
-        let (address, time) = (machine.pc, machine.chip.now);
-        machine.failure = Some(Refused(message.clone()));
+        let message = machine.failure.as_ref().map_or_else(|| "the run has failed".into(), |refused| refused.0.clone());
+        let (address, time) = (machine.failed_at, machine.chip.now);
         Failure { message, address, place: self.image.place(address), time }
     }
 
     fn refuse(&mut self, message: String) -> Failure {
-        self.uc.get_data_mut().failure = Some(Refused(message));
+        self.uc.get_data_mut().fail(Refused(message));
         self.failure()
     }
 
@@ -638,7 +659,9 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
             length.into(),
             Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize| {
                 let machine = uc.get_data_mut();
-                let value = match machine.chip.read(base + offset as u32, bytes as u32) {
+                let address = base + offset as u32;
+                let value = match machine.begin_access(address).and_then(|()| machine.chip.read(address, bytes as u32))
+                {
                     Ok(value) => value,
                     Err(refused) => {
                         machine.fail(refused);
@@ -650,7 +673,11 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
             }),
             Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize, value: u64| {
                 let machine = uc.get_data_mut();
-                if let Err(refused) = machine.chip.write(base + offset as u32, bytes as u32, value as u32) {
+                let address = base + offset as u32;
+                let written = machine
+                    .begin_access(address)
+                    .and_then(|()| machine.chip.write(address, bytes as u32, value as u32));
+                if let Err(refused) = written {
                     machine.fail(refused);
                 }
                 Machine::after_access(uc);
@@ -695,4 +722,100 @@ fn memory_at_power_on() -> Vec<u8> {
             (state >> 24) as u8
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use damprig_core::model::{SetUp, Structure};
+    use damprig_core::plant::PlantConfig;
+
+    use super::*;
+
+    /// Runs a program for a millisecond.
+    fn run(code: &[u16], handler: u32) -> (Board, Result<(), Failure>) {
+        let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+        let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+        let config = Config::new(PlantConfig::ideal(set_up));
+        let mut board = Board::new(Image::of_code(code, handler), &config).unwrap();
+        let outcome = board.run_until(Time::from_ms(100));
+        (board, outcome)
+    }
+
+    fn failure(code: &[u16]) -> Failure {
+        run(code, 0).1.expect_err("the program does what is not allowed")
+    }
+
+    #[test]
+    fn an_access_that_is_not_modelled_or_not_allowed_ends_the_run_at_its_instruction() {
+        // ldr r0, [pc, #4]; the access; b .; the address.
+        let access =
+            |instruction: u16, address: u32| [0x4801, instruction, 0xe7fe, 0, address as u16, (address >> 16) as u16];
+        const READ: u16 = 0x6801;
+        const WRITE: u16 = 0x6001;
+        for (instruction, address, words) in [
+            (READ, 0x4000_6400, "nothing is modelled at 0x40006400"),
+            (READ, 0x4002_1098 + 0x20, "RCC has no modelled register at offset 0x0b8"),
+            (READ, 0x4000_0400, "TIM3 is accessed while its clock is off"),
+            (READ, 0x4002_1002, "a misaligned access between 0x40021000 and 0x40021004"),
+            // strb r1, [r0]
+            (0x7001, 0x4002_1000, "RCC is written by 1 bytes"),
+            (WRITE, 0x4002_2008, "FLASH_KEYR: 0x00000000 is not key 1"),
+            (WRITE, 0x0804_0000, "the flash is written to while PG is not set"),
+            (READ, 0x2002_0000, "READ_UNMAPPED of 4 bytes at 0x20020000"),
+            (WRITE, 0x0800_0000, "WRITE_PROT of 4 bytes at 0x08000000"),
+        ] {
+            let failure = failure(&access(instruction, address));
+            assert!(failure.message.contains(words), "{address:#010x}: {}", failure.message);
+            assert_eq!(failure.address, FLASH_BASE + 0x202, "{address:#010x}");
+        }
+    }
+
+    #[test]
+    fn an_interrupt_that_was_masked_is_taken_before_the_instruction_after_the_unmasking() {
+        // movs r4, #0; cpsid i; enables and pends interrupt 1; mov r6, r4; cpsie i; mov r5, r4; wfe; b .
+        // handler: adds r4, #1; bx lr
+        let code = [
+            0x2400, 0xb672, 0x4a05, 0x2102, 0x6011, 0xf8c2, 0x1100, 0x4626, 0xb662, 0x4625, 0xbf20, 0xe7fe, 0x3401,
+            0x4770, 0xe100, 0xe000,
+        ];
+        let (board, outcome) = run(&code, 12);
+        outcome.unwrap();
+        let [r4, r5, r6] = [RegisterARM::R4, RegisterARM::R5, RegisterARM::R6].map(|r| board.register(r));
+        assert_eq!((r6, r5, r4), (0, 1, 1));
+    }
+
+    #[test]
+    fn a_higher_interrupt_nests_and_floating_point_registers_survive_both() {
+        // Enables interrupts 1 (priority 0x80) and 6 (0x40); s0 = 1, s15 = 2; pends 1; nop; r6 = s0; r7 = s15; b .
+        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (told by IPSR), adds r4, #1; s0 = 4.
+        let code = [
+            0x4a14, 0xf04f, 0x0142, 0x6011, 0x4b13, 0x2180, 0x7019, 0x4b13, 0x2140, 0x7019, 0x2400, 0x2500, 0xeeb7,
+            0x0a00, 0xeef0, 0x7a00, 0x2102, 0xf8c2, 0x1100, 0xbf00, 0xee10, 0x6a10, 0xee17, 0x7a90, 0xe7fe, 0xf3ef,
+            0x8005, 0x2816, 0xd008, 0x2140, 0x4a08, 0x6011, 0x4625, 0xeeb0, 0x0a08, 0xeef0, 0x7a08, 0x4770, 0x3401,
+            0xeeb1, 0x0a00, 0x4770, 0xe100, 0xe000, 0xe401, 0xe000, 0xe406, 0xe000, 0xe200, 0xe000,
+        ];
+        let (board, outcome) = run(&code, 25);
+        outcome.unwrap();
+        let registers = [RegisterARM::R4, RegisterARM::R5, RegisterARM::R6, RegisterARM::R7];
+        let expected = [1, 1, 1f32.to_bits(), 2f32.to_bits()];
+        assert_eq!(registers.map(|register| board.register(register)), expected);
+    }
+
+    #[test]
+    fn interrupts_at_every_place_leave_conditional_instructions_and_flags_alone() {
+        // TIM7 interrupts every 37 cycles. 2000 times: tst r7, #1; itete eq; addeq r4, #1; addne r5, #1; moveq; movne;
+        // subs r7, #1; bne. The handler clears the flag, counts in r9 and compares.
+        let code = [
+            0x4812, 0x2120, 0x6581, 0x4812, 0x2124, 0x62c1, 0x2101, 0x60c1, 0x4a10, 0xf44f, 0x0100, 0x6011, 0x2101,
+            0x6001, 0xf44f, 0x67fa, 0xf04f, 0x0900, 0x2400, 0x2500, 0x2601, 0x4237, 0xbf0b, 0x3401, 0x3501, 0x2603,
+            0x2604, 0x3f01, 0xd1f6, 0xe7fe, 0x4806, 0x2100, 0x6001, 0xf109, 0x0901, 0x4589, 0x4770, 0x0000, 0x1000,
+            0x4002, 0x1400, 0x4000, 0xe104, 0xe000, 0x1410, 0x4000,
+        ];
+        let (board, outcome) = run(&code, 30);
+        outcome.unwrap();
+        let [r9, r4, r5, r7] =
+            [RegisterARM::R9, RegisterARM::R4, RegisterARM::R5, RegisterARM::R7].map(|r| board.register(r));
+        assert_eq!((r4, r5, r7), (1_000, 1_000, 0), "after {r9} interrupts");
+        assert!(r9 > 1_000, "{r9} interrupts");
+    }
 }

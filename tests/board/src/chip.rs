@@ -145,6 +145,8 @@ pub enum Output {
     Step(bool),
     /// The chip was reset.
     Reset,
+    /// Something that a test did.
+    Mark(&'static str),
 }
 
 /// What a run is made of besides its image.
@@ -330,6 +332,11 @@ impl Chip {
     #[must_use]
     pub fn trace(&self) -> &[(Time, Output)] {
         &self.trace
+    }
+
+    /// Puts a note among the outputs' changes.
+    pub fn mark(&mut self, what: &'static str) {
+        self.trace.push((self.now, Output::Mark(what)));
     }
 
     /// Rules of the reference manual that the program broke and that the chip lets pass.
