@@ -87,21 +87,19 @@ impl Run<'_> {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
-            match self.session.next_report()? {
-                Some(report) => {
-                    if self.spring_report(set_up, report)?.as_ref().is_some_and(&is_done) {
-                        break;
-                    }
-                }
+            let Some(report) = self.session.next_report()? else {
                 // The event may have been lost.
-                None if begun.elapsed() > LONGEST_STEP => {
+                if begun.elapsed() > LONGEST_STEP {
                     let (status, _) = self.session.status()?;
                     return Err(match status.spring.fault {
                         Some(fault) => spring_error(set_up, fault),
                         None => RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage },
                     });
                 }
-                None => {}
+                continue;
+            };
+            if self.spring_report(set_up, report)?.as_ref().is_some_and(&is_done) {
+                break;
             }
         }
         // The next command comes at a tick that does not depend on how fast the link is, and finds no older reports.

@@ -77,7 +77,7 @@ pub struct Failure {
 enum Stop {
     /// Time is up, or something is to be looked at.
     Due,
-    /// A wait for an event or an interrupt.
+    /// A wait for an event.
     Wait,
     /// A hint that does nothing.
     Hint,
@@ -160,7 +160,11 @@ impl Machine {
     fn look_at(&mut self, address: u32, opcode: u16) -> Option<Stop> {
         let second = self.opcode(address + 2).unwrap_or(0);
         match opcode {
-            0xbf20 | 0xbf30 => return Some(Stop::Wait),
+            0xbf20 => return Some(Stop::Wait),
+            0xbf30 => {
+                self.fail(Refused("WFI is not modelled".into()));
+                return Some(Stop::Failed);
+            }
             0xbf10 => return Some(Stop::Hint),
             0xbf40 => self.event = true,
             0xbf00 => {}

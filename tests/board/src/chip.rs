@@ -272,6 +272,7 @@ impl Chip {
 
     /// A reset of the chip while the supply stays on.
     pub fn reset(&mut self, cause: ResetCause) {
+        self.at.now = self.now;
         self.sync_converters();
         self.rcc.system_reset(cause);
         self.pwr = Pwr::default();

@@ -382,16 +382,16 @@ impl Plant {
         self.advance(time);
         let scale = &self.calibration;
         let noise = self.config.sensors.noise_rms_m;
-        let range = f64::from(self.config.sensors.range_m);
+        let [x_range_m, z_range_m] = self.config.sensors.range_m.map(f64::from);
         // The noise of the mean of the conversions that are added up is the sensor's.
-        let displacement = |value_m: f64, scale: &damprig_core::rig::calibration::DisplacementScale| {
+        let displacement = |value_m: f64, range: f64, scale: &damprig_core::rig::calibration::DisplacementScale| {
             let per_count = f64::from(scale.metres_per_count);
             let counts = value_m.clamp(-range, range) / per_count + f64::from(scale.zero_counts);
             (counts / ADDED_UP, f64::from(noise) * ADDED_UP.sqrt() / per_count.abs() / ADDED_UP)
         };
         let (code, rms) = match signal {
-            Signal::X => displacement(self.truth(time).x_m, &scale.x),
-            Signal::Z => displacement(self.truth(time).z_m, &scale.z),
+            Signal::X => displacement(self.truth(time).x_m, x_range_m, &scale.x),
+            Signal::Z => displacement(self.truth(time).z_m, z_range_m, &scale.z),
             Signal::Spring => {
                 let per_count = f64::from(scale.spring.newtons_per_count);
                 let counts = self.truth(time).spring_n / per_count + f64::from(scale.spring.zero_counts);

@@ -20,8 +20,8 @@ impl Dbgmcu {
     /// It is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         Ok(match offset {
-            // Revision Y, category 3.
-            IDCODE => 0x2003_6469 & 0xffff_0fff,
+            // A category 3 device, revision X.
+            IDCODE => 0x2003_6469,
             CR => self.cr,
             APB1FZR1 => self.apb1fzr1,
             _ => return unknown("DBGMCU", offset),

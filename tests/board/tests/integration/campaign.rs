@@ -86,7 +86,7 @@ struct Both {
 fn both() -> Option<&'static Both> {
     static BOTH: OnceLock<Option<Both>> = OnceLock::new();
     BOTH.get_or_init(|| {
-        let served = Served::new(image()?, Config::new(bare()), |_| {});
+        let image = image()?;
         let folder = TempDir::new().unwrap();
         let result = |rig: &str, name: &str| {
             let folder = folder.path().join(name);
@@ -96,7 +96,9 @@ fn both() -> Option<&'static Both> {
             assert_eq!(results.len(), 1, "--rig {rig}: {results:?}");
             results[0].clone()
         };
-        let (virtual_rig, board) = (result("virtual", "virtual"), result(&served.rig, "board"));
+        let virtual_rig = result("virtual", "virtual");
+        let served = Served::new(image, Config::new(bare()), |_| {});
+        let board = result(&served.rig, "board");
         let manifest = fs::read_to_string(folder.path().join("board/manifest.json")).unwrap();
         let manifest = serde_json::from_str(&manifest).unwrap();
         Some(Both { virtual_rig, board, manifest, outcome: served.off() })

@@ -117,6 +117,8 @@ pub struct Served {
 impl Served {
     /// Powers a board; `each_step` sees it every millisecond.
     pub fn new(image: Image, config: Config, mut each_step: impl FnMut(&mut Board) + Send + 'static) -> Self {
+        // Nobody waits for the command to be built while a board runs.
+        damprig();
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let rig = format!("tcp:{}", listener.local_addr().unwrap());
         let stop = Arc::new(AtomicBool::new(false));
