@@ -142,11 +142,11 @@ impl Machine {
             return false;
         };
         // Hints, IT, CPS; BKPT, SVC and permanently undefined; MSR and MRS.
-        if matches!(opcode >> 8, 0xb6 | 0xbe | 0xbf | 0xde | 0xdf | 0xf3) {
-            if let Some(stop) = self.look_at(address, opcode) {
-                self.stop = stop;
-                return false;
-            }
+        if matches!(opcode >> 8, 0xb6 | 0xbe | 0xbf | 0xde | 0xdf | 0xf3)
+            && let Some(stop) = self.look_at(address, opcode)
+        {
+            self.stop = stop;
+            return false;
         }
         self.chip.now += self.cycle;
         self.instructions += 1;
@@ -490,12 +490,12 @@ impl Board {
                 if !std::mem::take(&mut machine.event) {
                     self.is_waiting = true;
                 }
-                self.set_register(RegisterARM::PC, pc + 2 | 1);
+                self.set_register(RegisterARM::PC, (pc + 2) | 1);
                 Ok(())
             }
             Stop::Hint => {
                 machine.chip.now += machine.cycle;
-                self.set_register(RegisterARM::PC, pc + 2 | 1);
+                self.set_register(RegisterARM::PC, (pc + 2) | 1);
                 Ok(())
             }
             Stop::ReadIpsr(register) => {
@@ -519,7 +519,7 @@ impl Board {
                 if let Some(register) = registers.get(usize::from(register)) {
                     self.set_register(*register, current.into());
                 }
-                self.set_register(RegisterARM::PC, pc + 4 | 1);
+                self.set_register(RegisterARM::PC, (pc + 4) | 1);
                 Ok(())
             }
             Stop::Return => self.leave(),

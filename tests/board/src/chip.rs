@@ -661,6 +661,8 @@ impl Chip {
             Block::Nvic => self.nvic.read(word),
             Block::Scs if word == DEMCR => Ok(self.dwt.demcr()),
             Block::Scs => self.scb.read(word, &self.nvic),
+            // MEMRMP: main flash at 0, FB_MODE 0: bank 1 comes first.
+            Block::Syscfg if word == 0 => Ok(0),
             Block::Syscfg => crate::register::unknown("SYSCFG", word),
         }?;
         self.set_lines();

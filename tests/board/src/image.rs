@@ -77,9 +77,9 @@ impl Image {
         let mut flash = vec![0xff; FLASH_BYTES as usize];
         let mut put = |offset: u32, bytes: &[u8]| flash[offset as usize..][..bytes.len()].copy_from_slice(bytes);
         put(0, &(RAM_BASE + RAM_BYTES).to_le_bytes());
-        put(4, &(FLASH_BASE + CODE | 1).to_le_bytes());
+        put(4, &((FLASH_BASE + CODE) | 1).to_le_bytes());
         for vector in 2..CODE / 4 {
-            put(4 * vector, &(FLASH_BASE + CODE + 2 * handler | 1).to_le_bytes());
+            put(4 * vector, &((FLASH_BASE + CODE + 2 * handler) | 1).to_le_bytes());
         }
         for (n, halfword) in code.iter().enumerate() {
             put(CODE + 2 * n as u32, &halfword.to_le_bytes());

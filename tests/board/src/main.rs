@@ -48,7 +48,7 @@ struct Arguments {
 impl Arguments {
     fn plant(&self) -> PlantConfig {
         let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-        let particle = (self.mass_ratio > 0.0).then(|| Particle {
+        let particle = (self.mass_ratio > 0.0).then_some(Particle {
             mass_kg: self.mass_ratio * structure.mass_kg,
             clearance_m: self.clearance_m,
             friction_coefficient: 0.08,

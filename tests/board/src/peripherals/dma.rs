@@ -150,7 +150,7 @@ impl Dma {
                     rule(field(value, 8, 2) == field(value, 10, 2), "DMA_CCR: PSIZE and MSIZE differ")?;
                     rule(channel.cndtr > 0, "DMA_CCR: a channel is enabled with CNDTR = 0")?;
                     let bytes = 1 << field(value, 10, 2);
-                    rule(channel.cmar % bytes == 0, "DMA_CMAR is not aligned to MSIZE")?;
+                    rule(channel.cmar.is_multiple_of(bytes), "DMA_CMAR is not aligned to MSIZE")?;
                 }
                 channel.ccr = value;
             }

@@ -22,7 +22,6 @@ natural_frequency_hz = 2.50
 damping_ratio = 0.0038
 
 [rig]
-sensor_range_m = 0.080
 sensor_noise_rms_m = 5e-6
 displacement_limit_m = 0.078
 
