@@ -320,7 +320,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.unresolved
     }
 
-    /// Advances by one step of base motion.
+    /// Advances by one step of base motion. Steps follow each other with continuous base velocity, as those of
+    /// [`super::base::Track`] do: a structure that sticks goes along with the base. Where the base's velocity jumps, start
+    /// again with [`Sampled::reset`].
     pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
         let mut begun = self.begin_step(base);
         while self.look(&mut begun, observer, false) == Progress::Under {
