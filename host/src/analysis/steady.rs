@@ -19,8 +19,8 @@ const LOOKED_AT: u64 = 64;
 /// The states of a section that count as the same, relative to the motion.
 const SAME: f64 = 1e-6;
 
-/// The section keeps this share of a drive period from impacts: states that are the [`SAME`] but for a shift of an impact
-/// must lie on the same side of it.
+/// The section keeps this share of a drive period from impacts: states that are the [`SAME`] but for a small shift of an
+/// impact must lie on the same side of it.
 const CLEAR_OF_IMPACTS: f64 = 1e-3;
 
 /// What was found.
@@ -81,8 +81,8 @@ pub struct Driven {
     pub mean_cycle_max_abs_x_m: f64,
     /// Drive periods after which the section repeats to 10⁻⁶; none if it does not.
     pub repeats_after: Option<usize>,
-    /// Drive phase at which the section is taken, rad, 0 to 2π: that of the run's start, or one clear of impacts if they
-    /// fall there.
+    /// Drive phase at which the section is taken, rad, 0 to 2π: that of the run's start, or one clear of impacts if the
+    /// motion repeats and they fall there.
     pub section_phase_rad: f64,
     /// The last states there, oldest first.
     pub section: Vec<SectionState>,
@@ -172,8 +172,11 @@ impl Observer for Jumps {
     }
 }
 
-/// How long after `start_s` a section of `period_s` is taken so that it keeps clear of the jumps: none if it already does.
-fn delay_s(jumps: &Jumps, start_s: f64, period_s: f64) -> Option<f64> {
+/// How much later the sections each `period_s` of a motion, which is at one of them at `start_s`, are taken so that they keep
+/// clear of its jumps: none if they do.
+fn delay_s(motion: &Exact, start_s: f64, length_s: f64, period_s: f64) -> Option<f64> {
+    let mut jumps = Jumps::default();
+    motion.clone().run(start_s + length_s, &mut jumps);
     let mut at: Vec<f64> = jumps.0.iter().map(|time_s| (time_s - start_s).rem_euclid(period_s)).collect();
     at.sort_by(f64::total_cmp);
     let (first, last) = (*at.first()?, *at.last()?);
@@ -229,24 +232,23 @@ impl Driven {
             ..Wanted::default()
         });
         response.skip_to(whole - periods);
-        let mut jumps = Jumps::default();
-        motion.clone().run(whole as f64 * period_s, &mut jumps);
-        let delay_s = delay_s(&jumps, start_s, period_s);
-        let mut observer = (&mut *meter, (&mut lock_in, &mut response));
-        if let Some(delay_s) = delay_s {
-            motion.run(start_s + delay_s, &mut observer);
-        }
-        // A section that is taken later has one period less before the end.
-        let wanted = periods - u64::from(delay_s.is_some());
-        let mut section = Section::new(motion, period_s);
-        let states: Vec<State> = (0..wanted).map(|_| section.next(&mut observer)).collect();
-        let mut motion = section.into_motion();
-        if delay_s.is_some() {
-            motion.run(whole as f64 * period_s, &mut observer);
-        }
+        let mut section = Section::new(motion.clone(), period_s);
+        let mut states: Vec<State> =
+            (0..periods).map(|_| section.next(&mut (&mut *meter, (&mut lock_in, &mut response)))).collect();
         response.finish(whole as f64 * period_s);
+        let mut repeats_after = period(&states, SAME);
+        let mut delayed_s = 0.0;
+        // Impacts at the section fall before or after it by chance: a motion that repeats is cut where there are none.
+        if let Some(delay_s) = delay_s(&motion, start_s, periods as f64 * period_s, period_s) {
+            motion.run(start_s + delay_s, &mut ());
+            let mut later = Section::new(motion, period_s);
+            let later: Vec<State> = (1..periods).map(|_| later.next(&mut ())).collect();
+            if let Some(repeats) = period(&later, SAME) {
+                (states, repeats_after, delayed_s) = (later, Some(repeats), delay_s);
+            }
+        }
+        let mut motion = section.into_motion();
         motion.run(case.run.duration_s, meter);
-        let repeats_after = period(&states, SAME);
         let (phase_of_drive, base_amplitude_m) = match case.excitation {
             Excitation::Sine { phase_rad, amplitude_m, .. } => (phase_rad, Some(amplitude_m)),
             Excitation::ForceSine { phase_rad, .. } => (phase_rad, None),
@@ -275,7 +277,7 @@ impl Driven {
             phase_rad: phase - TAU * (phase / TAU).round(),
             mean_cycle_max_abs_x_m: response.steady_m().map_or(0.0, |(_, mean)| mean),
             repeats_after,
-            section_phase_rad: (phase_of_drive + turning * delay_s.unwrap_or(0.0)).rem_euclid(TAU),
+            section_phase_rad: (phase_of_drive + turning * delayed_s).rem_euclid(TAU),
             section: states.iter().map(SectionState::from).collect(),
             two_impact_orbit: base_amplitude_m.and_then(|z| SymmetricOrbit::new(&case.set_up, z, turning)).map(|o| {
                 TwoImpactOrbit {

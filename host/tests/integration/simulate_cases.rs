@@ -324,3 +324,81 @@ fn wrong_keys_and_impossible_values_are_answered_with_what_is_allowed() {
     );
     bench.refused(&format!("{STRUCTURE}{SINE}"), &["`run` is missing"]);
 }
+
+/// A particle over a wall that accelerates evenly is a bouncing ball: its chatter ends at √(2h/a) (1+e)/(1−e).
+fn check_bouncing_ball(bench: &Bench, case: &str, end_s: f64, tolerance: f64) {
+    let answer = bench.answer(case);
+    let ends = answer["accumulations"].as_array().expect("a chatter ends");
+    assert_eq!((ends.len(), answer["summary"]["accumulation_count"].as_u64()), (1, Some(1)), "{answer}");
+    assert_eq!(ends[0]["side"].as_i64(), Some(-1));
+    let found_s = ends[0]["t_s"].as_f64().unwrap();
+    assert!((found_s / end_s - 1.0).abs() < tolerance, "{found_s} {end_s}");
+    let text = damprig(&bench.0).args(["simulate", "case.toml", "--out", "motion.csv"]).output().unwrap();
+    let text = String::from_utf8_lossy(&text.stdout).to_string();
+    let line = text.lines().find(|line| line.contains("accumulations")).expect("a line says so");
+    assert!(line.contains(" 1: the particle came to rest on a wall at "), "{line}");
+    let table = std::fs::read_to_string(bench.0.path().join("motion.accumulations.csv")).unwrap();
+    let rows: Vec<&str> = table.lines().collect();
+    assert_eq!((rows.len(), rows[0]), (2, "t_s,side"), "{table}");
+    assert!(rows[1].starts_with(&format!("{found_s:.9}")[..9]) && rows[1].ends_with(",-1"), "{table}");
+}
+
+#[test]
+fn a_chatter_that_ends_in_rest_is_reported_in_text_json_and_a_table() {
+    let (e, d, pull): (f64, f64, f64) = (0.6, 0.05, 2.0);
+    let end_s = (2.0 * d / pull).sqrt() * (1.0 + e) / (1.0 - e);
+    let particle =
+        format!("[particle]\nclearance_m = {d}\nwall = {{ kind = \"restitution\", coefficient = {e} }}\nmass_kg = ");
+    // So heavy that the particle does not matter, so soft that the spring does not, so slow that the force is even.
+    let heavy =
+        "structure = { mass_kg = 1e9, stiffness_n_per_m = 1e-6, damping_n_s_per_m = 0 }\nrun = { duration_s = 1.5 }\n";
+    let force = format!(
+        "force = {{ kind = \"sine\", amplitude_n = {:?}, angular_frequency_rad_per_s = 1e-9, phase_rad = {:?} }}\n",
+        1e9 * pull,
+        TAU / 4.0
+    );
+    check_bouncing_ball(&Bench::new(), &format!("{heavy}{force}{particle}1e-9\n"), end_s, 1e-9);
+    // On a record, carried by a damper that never slips.
+    let mut rows = String::from("time_s,acceleration_m_per_s2\n");
+    for n in 0..=400 {
+        let _ = writeln!(rows, "{},{pull}", f64::from(n) * 0.005);
+    }
+    let carried = "structure = { mass_kg = 1e6, natural_frequency_hz = 1, damping_ratio = 0 }\n\
+         friction_damper = { force_n = 1e12 }\nrun = { duration_s = 1.5 }\n\
+         base = { kind = \"record\", file = \"even.csv\", quantity = \"acceleration\", unit = \"m/s2\" }\n";
+    // The last bounce that the driver can tell from rest: 10⁻⁷ s before the end.
+    let bench = Bench::new().with("even.csv", &rows);
+    check_bouncing_ball(&bench, &format!("{carried}{particle}1e-9\n"), end_s, 1e-6);
+}
+
+#[test]
+fn an_impact_at_the_start_gives_the_structure_its_share_of_the_momentum() {
+    let particle =
+        "particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }\n";
+    let run = "initial = { v_m_per_s = -0.01, y_m = 0.03, u_m_per_s = 1 }\nrun = { duration_s = 1, sample_times_s = [1e-9] }\n";
+    let answer = Bench::new().answer(&format!("{STRUCTURE}{particle}{run}"));
+    // −0.01 + 0.1/1.1 · 1.5 · 1.01
+    assert!((numbers(&answer["v_m_per_s"])[0] - 0.127_727_272_727_272_7).abs() < 1e-8, "{answer}");
+    assert!((numbers(&answer["u_m_per_s"])[0] + 0.377_272_727_272_727_3).abs() < 1e-8, "{answer}");
+}
+
+#[test]
+fn a_particle_at_rest_on_a_soft_wall_makes_no_impact_of_no_speed() {
+    for (sign, base) in [
+        ("", "base = { kind = \"versine\", amplitude_m = 0.02, duration_s = 0.3 }\n"),
+        ("-", "base = { kind = \"versine\", amplitude_m = 0.02, duration_s = 0.3 }\n"),
+        ("-", "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.3 }\n"),
+        ("", "base = { kind = \"half_sine\", amplitude_m = 0.02, duration_s = 0.3 }\n"),
+    ] {
+        let wall =
+            "wall = { kind = \"voigt\", stiffness_n_per_m = 2000, damping_n_s_per_m = 2, release = \"zero_force\" }";
+        let particle = format!("particle = {{ mass_ratio = 0.1, clearance_m = 0.01, {wall} }}\n");
+        let run = format!("initial = {{ y_m = {sign}0.01 }}\nrun = {{ duration_s = 5 }}\n");
+        let answer = Bench::new().answer(&format!("{STRUCTURE}{particle}{base}{run}"));
+        assert!(answer["summary"].get("unresolved").is_none(), "{answer}");
+        for impact in answer["impacts"].as_array().unwrap() {
+            assert!(impact["approach_speed_m_per_s"].as_f64() > Some(1e-6), "{sign} {base}: {impact}");
+        }
+        assert!(answer["summary"]["impact_count"].as_u64() > Some(2), "{answer}");
+    }
+}

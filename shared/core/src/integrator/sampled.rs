@@ -317,7 +317,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.unresolved
     }
 
-    /// Advances by one step of base motion, with at most 64 events in it.
+    /// Advances by one step of base motion, with at most 64 events in it. Steps follow each other with continuous base velocity,
+    /// as those of [`super::base::Track`] do: a structure that sticks goes along with the base. Where the base's velocity
+    /// jumps, start again with [`Sampled::reset`].
     pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
         self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
     }

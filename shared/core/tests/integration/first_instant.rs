@@ -683,3 +683,45 @@ fn the_sampled_driver_leaves_rest_at_a_soft_wall_without_an_impact_too() {
         assert!(close(&found, &expected, 1e-8, 100.0), "{n}: {found:?} {expected:?}\n{set_up:?} {excitation:?}");
     }
 }
+
+/// A half-sine ends with a jump of the base's velocity, a versine without: a structure that sticks keeps its velocity, and
+/// slips after the one and not after the other.
+#[test]
+fn a_structure_that_sticks_keeps_its_velocity_where_that_of_the_base_jumps() {
+    let mut draw = Draw::new(41);
+    for n in 0..300 {
+        let structure = draw.structure();
+        let duration_s = draw.between(0.1, 0.4);
+        let amplitude_m = draw.between(1e-3, 5e-3);
+        let turning = TAU / duration_s;
+        // Enough to carry the structure through the pulse.
+        let force_n = 2.0 * amplitude_m * structure.mass_kg * turning * turning;
+        let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..SetUp::bare(structure) };
+        let still = Initial { v_m_per_s: amplitude_m * PI / duration_s, ..Initial::default() };
+        let half_sine = Excitation::HalfSine { amplitude_m, duration_s };
+        let versine = Excitation::Versine { amplitude_m, duration_s };
+        for (excitation, initial, jump) in
+            [(half_sine, still, amplitude_m * PI / duration_s), (versine, Initial::default(), 0.0)]
+        {
+            let mut motion = Exact::new(&set_up, &excitation, &initial).expect("drawn within the ranges");
+            motion.run(duration_s * (1.0 - 1e-9), &mut ());
+            assert_eq!(motion.mode().grip, Grip::Stuck, "{n} {excitation:?}");
+            let slides_s = jump * structure.mass_kg / force_n;
+            let mut slipped = Slipped(false);
+            motion.run(duration_s + 1e-6 * slides_s.max(1e-3), &mut slipped);
+            let v = motion.state().v_m_per_s;
+            assert!((v + jump).abs() <= 1e-5 * jump + 1e-12, "{n}: {v} after a jump of {jump}");
+            assert_eq!(slipped.0, jump > 0.0, "{n} {excitation:?}");
+        }
+    }
+}
+
+struct Slipped(bool);
+
+impl Observer for Slipped {
+    const ARCS: bool = false;
+
+    fn mode(&mut self, _: f64, mode: damprig_core::integrator::modes::Mode) {
+        self.0 |= matches!(mode.grip, Grip::Slip(_));
+    }
+}

@@ -252,18 +252,13 @@ impl Exact {
         let slip = self.slip();
         let stuck = self.mode.grip == Grip::Stuck;
         let before = self.base_velocity();
+        let speed = self.flows.base_share * self.flows.turning * (self.wave.sine.abs() + self.wave.cosine.abs());
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());
         self.anchor();
         let jump = self.base_velocity() - before;
-        // A stuck structure has the base's velocity of before; a jump of the base makes it slip.
-        let slip = if stuck && jump.abs() > 1e-14 * before.abs() {
-            slip - jump
-        } else if stuck {
-            0.0
-        } else {
-            slip - jump
-        };
-        self.resolve(slip, observer);
+        // A stuck structure has the base's velocity of before: a jump of the base makes it slip, rounding does not.
+        let stays = stuck && jump.abs() <= ROUNDINGS * speed;
+        self.resolve(if stays { 0.0 } else { slip - jump }, observer);
     }
 
     fn anchor(&mut self) {
