@@ -350,7 +350,7 @@ fn what_makes_no_sense_is_refused_with_what_does() {
     refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.2\nrise_s = 0.01"), &["rectangle"]);
     refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.002"), &["fewer than 10 samples", "write 0.01 or more"]);
     refused(&edited(PULSE, "duration_s = 0.2", ""), &["`experiment[1].duration_s` is missing"]);
-    refused(&edited(RELEASE, "0.035", "0.3"), &["within the displacement limit"]);
+    refused(&edited(RELEASE, "0.035", "0.3"), &["would leave the displacement limit", "`start_m` makes it too high"]);
     refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\nlevel_m = 0.04"), &["below |start_m|", "write level_m"]);
     refused(&edited(RELEASE, "free_vibration", "free_vibrations"), &["did you mean \"free_vibration\""]);
     refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\ncycles = 2.5"), &["a whole number from 1 to 1000"]);

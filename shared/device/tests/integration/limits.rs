@@ -297,6 +297,28 @@ fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another
 }
 
 #[test]
+fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it() {
+    let mut host = Host::new(settings());
+    host.done(Ask::SetSpring(spring(Some(0.25))));
+    for command in
+        [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::FrictionRatio { ratio: 0.6 })]
+    {
+        host.done(Ask::Spring(command));
+        host.pass(16_000);
+    }
+    // F_N = γF k Z/μe, at the measured Z of 0.5 mm: within the 10 µm steps of its sensor.
+    let k_z_n = spring(None).structure_stiffness_n_per_m * 5e-4;
+    for friction_coefficient in [0.25, settings().spring.friction_coefficient] {
+        host.drive(None);
+        host.pass(8_000);
+        let (force_n, expected) = (host.status().spring.target_force_n, 0.6 * k_z_n / friction_coefficient);
+        assert!((force_n / expected - 1.0).abs() < 0.02, "{force_n} N for {expected} N");
+        host.pass(40_000);
+        assert_eq!(host.status().state, State::Idle);
+    }
+}
+
+#[test]
 fn a_board_takes_other_settings_without_losing_its_springs_position_unless_they_are_the_springs() {
     let mut host = Host::new(settings());
     host.done(Ask::Spring(SpringCommand::Home));
