@@ -80,7 +80,12 @@ impl Run<'_> {
         // What it said last.
         self.controller();
         *self.session = session;
-        self.make_ready()
+        let ready = self.make_ready();
+        if ready.is_err() {
+            // The next try opens the port again: it has one user at a time.
+            self.session.close();
+        }
+        ready
     }
 
     fn pause(&self, pause: Duration) -> Result<(), RunError> {

@@ -15,7 +15,7 @@ mod unix {
     use damprig_device::simulated::{Progress, Simulated};
     use damprig_device::store::Store;
     use damprig_protocol::frame::{self, LONGEST, Reader};
-    use damprig_protocol::{Ask, FromDevice, ToDevice};
+    use damprig_protocol::{Answer, Ask, FromDevice, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
     use serialport::{SerialPort, TTYPort};
@@ -23,8 +23,9 @@ mod unix {
     use crate::common::{damprig, folder_with, is_point, manifest, read_parquet, rows, short};
 
     /// A simulated board at one end of a pseudo-terminal, as long as the test lasts; the name of the other end. From its
-    /// result of this number on nothing comes from it, until it is asked anew who it is.
-    fn at_a_serial_line(silent_from_point: usize) -> String {
+    /// result of this number on nothing comes from it, until it is asked anew who it is; and if it `relapses`, from the next
+    /// answer about its state on once more.
+    fn at_a_serial_line(silent_from_point: usize, relapses: bool) -> String {
         let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
         let name = other.name().expect("it has a name");
         std::thread::spawn(move || {
@@ -34,6 +35,7 @@ mod unix {
             line.set_timeout(Duration::from_millis(20)).expect("a timeout");
             let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
             let (mut bytes, mut points, mut is_silent) = ([0; 4096], 0, false);
+            let (mut relapses, mut was_silent) = (relapses, false);
             loop {
                 if let Ok(count) = line.read(&mut bytes) {
                     let asked = bytes[..count].iter().filter_map(|&b| from_host.push::<ToDevice>(b)).flatten();
@@ -47,6 +49,11 @@ mod unix {
                 for message in said.iter().filter_map(|&b| from_board.push::<FromDevice>(b)).flatten() {
                     points += usize::from(is_point(&message));
                     is_silent |= is_point(&message) && points == silent_from_point;
+                    let is_status = matches!(message, FromDevice::Reply { answer: Ok(Answer::Status { .. }), .. });
+                    if relapses && was_silent && !is_silent && is_status {
+                        (is_silent, relapses) = (true, false);
+                    }
+                    was_silent |= is_silent;
                 }
                 if !is_silent && line.write_all(&said).is_err() {
                     return;
@@ -59,7 +66,7 @@ mod unix {
     #[test]
     fn a_campaign_over_a_serial_line_gives_the_results_of_the_virtual_rig() {
         let folder = folder_with(&short());
-        let rig = format!("serial:{}", at_a_serial_line(usize::MAX));
+        let rig = format!("serial:{}", at_a_serial_line(usize::MAX, false));
         damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "line"]).assert().success();
         damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
         for file in ["results.parquet", "samples.parquet"] {
@@ -71,7 +78,7 @@ mod unix {
     #[test]
     fn a_serial_line_that_fell_silent_is_closed_and_opened_again() {
         let folder = folder_with(&short());
-        let rig = format!("serial:{}", at_a_serial_line(3));
+        let rig = format!("serial:{}", at_a_serial_line(3, false));
         let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
         let answer = damprig(&folder).args(arguments).assert().success();
         answer.stderr(contains("stopped answering: nothing for 1 s").and(contains("the link is there again")));
@@ -82,6 +89,15 @@ mod unix {
             ["frequency_hz", "x_over_z", "phase_rad", "x_rms_m", "scatter"].map(numbers)
         };
         assert_eq!(read("line"), read("direct"));
+    }
+
+    #[test]
+    fn a_serial_line_that_falls_silent_again_before_its_rig_is_idle_is_opened_once_more() {
+        let folder = folder_with(&short());
+        let rig = format!("serial:{}", at_a_serial_line(3, true));
+        let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
+        let answer = damprig(&folder).args(arguments).assert().success();
+        answer.stderr(contains("the link is there again").and(contains("exclusive lock").not()));
     }
 
     #[test]
