@@ -28,8 +28,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// The rig's as delivered: everything assumed, nothing measured. 43 constants, wherever it is inlined.
-    #[inline(never)]
+    /// The rig's as delivered: everything assumed, nothing measured.
     fn default() -> Self {
         Self {
             // Sixteen 12-bit conversions added up, an output of 12 bits, ±5 mm of the shaker.
@@ -70,7 +69,6 @@ impl Prepared {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn new(settings: &Settings) -> Result<Self, Invalid> {
         settings.calibration.validate()?;
         Ok(Self {

@@ -225,7 +225,6 @@ impl<S: Scalar> Sampled<S> {
 }
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
-    #[inline(never)]
     fn with_joint(set_up: &SetUp, units: Units, initial: &Initial, joint: J) -> Self {
         let c = Coefficients::in_units(set_up, &units);
         let mut sampled = Self {

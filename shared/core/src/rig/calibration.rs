@@ -105,8 +105,7 @@ impl Calibration {
         finite("calibration.spring.zero_counts", f64::from(self.spring.zero_counts))
     }
 
-    /// What a tick's block comes to. Not inlined: what calls it is built for size.
-    #[inline(never)]
+    /// What a tick's block comes to.
     #[must_use]
     pub fn readings(&self, slow: &SlowBlock) -> Readings {
         let [x, z] = [0, 1].map(|channel| CountedBlock::of(slow, channel));
