@@ -1,6 +1,6 @@
 //! A campaign through the real command: on the emulated board it records what the virtual rig records, to the bit.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float32Type, Float64Type};
@@ -10,11 +10,28 @@ use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::{find, project};
 use tempfile::TempDir;
 
-/// Runs the short campaign on `rig` into `folder`.
-fn run(rig: &str, folder: &Path) {
-    let campaign = project().join("host/campaigns/short.toml");
+/// Shipped campaigns of an hour of rig time, minutes on the emulator: only in `tests/run --full`.
+const LONG: [&str; 2] = ["closed-loop", "hybrid"];
+
+const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
+
+/// Runs the campaign on `rig` into `folder`.
+fn run(campaign: &Path, rig: &str, folder: &Path) {
     let output = damprig().arg("run").arg(campaign).args(["--rig", rig, "--out"]).arg(folder).output().unwrap();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
+}
+
+fn campaign(name: &str) -> PathBuf {
+    project().join(format!("host/campaigns/{name}.toml"))
+}
+
+/// Names of the shipped campaigns, without the long ones unless `DAMPRIG_FULL` is set.
+fn campaigns() -> Vec<String> {
+    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let paths = std::fs::read_dir(project().join("host/campaigns")).unwrap().map(|entry| entry.unwrap().path());
+    let files = paths.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    let names = files.map(|path| path.file_stem().unwrap().to_string_lossy().into_owned());
+    names.filter(|name| is_full || !LONG.contains(&name.as_str())).collect()
 }
 
 /// The column's values with floating-point numbers as their bits.
@@ -46,18 +63,38 @@ fn assert_same_table(name: &str, here: &Path, there: &Path) -> usize {
 }
 
 #[test]
-fn a_campaign_gives_the_same_results_and_samples_on_the_emulated_board_twice() {
+fn the_shipped_campaigns_give_the_same_tables_on_the_emulated_board() {
+    let Some(image) = find("mps2-an386") else { return };
+    let folder = TempDir::new().unwrap();
+    let names = campaigns();
+    assert!(names.len() >= 4, "too few campaigns: {names:?}");
+    for name in &names {
+        let (here, there) = (folder.path().join(name), folder.path().join(format!("{name}-emulated")));
+        run(&campaign(name), "virtual:f32", &here);
+        run(&campaign(name), &Emulator::start(&image).address(), &there);
+        let mut compared = 0;
+        for table in TABLES {
+            assert_eq!(here.join(table).is_file(), there.join(table).is_file(), "{name}: {table} is on one side only");
+            if here.join(table).is_file() {
+                let rows = assert_same_table(table, &here, &there);
+                println!("{name}: {rows} rows of {table} are the same");
+                compared += rows;
+            }
+        }
+        assert!(compared > 1000, "{name}: only {compared} rows were compared");
+    }
+}
+
+#[test]
+fn a_campaign_repeats_itself_on_the_emulated_board() {
     let Some(image) = find("mps2-an386") else { return };
     let folder = TempDir::new().unwrap();
     let folder = |name: &str| folder.path().join(name);
-    run("virtual:f32", &folder("virtual"));
-    for name in ["emulated", "again"] {
-        let emulator = Emulator::start(&image);
-        run(&emulator.address(), &folder(name));
-        let results = assert_same_table("results.parquet", &folder("virtual"), &folder(name));
-        let samples = assert_same_table("samples.parquet", &folder("virtual"), &folder(name));
-        println!("{name}: {results} results and {samples} samples are the same");
-        assert!(results == 6 && samples > 1000, "the campaign recorded {results} results, {samples} samples");
+    for name in ["once", "again"] {
+        run(&campaign("tuned"), &Emulator::start(&image).address(), &folder(name));
+    }
+    for table in ["results.parquet", "samples.parquet", "impacts.parquet"] {
+        assert!(assert_same_table(table, &folder("once"), &folder("again")) > 0);
     }
 }
 
@@ -66,10 +103,9 @@ fn double_precision_gives_other_bits() {
     // So the comparison above can fail.
     let folder = TempDir::new().unwrap();
     let (single, double) = (folder.path().join("single"), folder.path().join("double"));
-    run("virtual:f32", &single);
-    run("virtual", &double);
+    run(&campaign("short"), "virtual:f32", &single);
+    run(&campaign("short"), "virtual", &double);
     let (single, double) = (table(&single.join("samples.parquet")), table(&double.join("samples.parquet")));
-    let x =
-        |batches: &[RecordBatch]| bits(batches[0].column_by_name("x").or(batches[0].column_by_name("x_m")).unwrap());
+    let x = |batches: &[RecordBatch]| bits(batches[0].column_by_name("x_m").unwrap());
     assert_ne!(x(&single), x(&double));
 }

@@ -4,7 +4,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
+use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
@@ -124,7 +124,11 @@ fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
     for asks in [
         vec![
             Ask::SetPlant(config),
-            Ask::SetSpring(SpringConfig::default()),
+            Ask::SetSpring(SpringSetUp {
+                stiffness_n_per_m: None,
+                friction_coefficient: None,
+                structure_stiffness_n_per_m: config.set_up.structure.stiffness_n_per_m as f32,
+            }),
             Ask::SetTwin(Some(TwinConfig::new(config.set_up))),
             Ask::Configure(experiment()),
             telemetry(),
@@ -205,7 +209,6 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
         scale_m: 5e-7,
         ramp_s: 0.25,
         tail_s: 1.0,
-        drive_limit_m: 3.5e-3,
         rest_level_m: 5e-4,
         index: 0,
     };

@@ -1,6 +1,6 @@
 //! Zero loss in a long experiment: eight signals at 1 kHz and every impact, through the whole recorder.
 //!
-//! 60 s of device time, or `DAMPRIG_SOAK_S` seconds (`tests/run --soak`: an hour).
+//! 60 s of device time, or `DAMPRIG_SOAK_S` seconds (`tests/run --full`: an hour).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float32Type, UInt32Type, UInt64Type};
-use damprig_tests::support::command::{built, table, told};
+use damprig_tests::support::command::{damprig, table, told};
 use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::find;
 use serde_json::Value;
@@ -42,7 +42,6 @@ mass_kg = 1.6
 natural_frequency_hz = 2.5
 damping_ratio = 0.0038
 [rig]
-sensor_range_m = 0.080
 sensor_resolution_m = 10e-6
 sensor_noise_rms_m = 5e-6
 noise_seed = 7
@@ -84,17 +83,11 @@ fn soak(what: &str, rig: &str) {
     let folder = folder.path();
     let seconds = seconds();
     let (file, run) = (folder.join("soak.toml"), folder.join("run"));
-    let damprig = built();
+
     let began = Instant::now();
     fs::write(&file, campaign(seconds)).unwrap();
-    let output = damprig
-        .command()
-        .arg("run")
-        .arg(&file)
-        .args(["--rig", rig, "--timeout", "120", "--out"])
-        .arg(&run)
-        .output()
-        .unwrap();
+    let output =
+        damprig().arg("run").arg(&file).args(["--rig", rig, "--timeout", "120", "--out"]).arg(&run).output().unwrap();
     let wall_s = began.elapsed().as_secs_f64();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
     let last_ticks = last_ticks(&run);
@@ -120,7 +113,7 @@ fn soak(what: &str, rig: &str) {
     let impacts = table(&run.join("impacts.parquet"));
     let impacts: u64 = impacts.iter().map(|batch| batch.num_rows() as u64).sum();
     assert_eq!(impacts as f32, counted, "the device has counted other impacts than it has reported");
-    let verified = damprig.command().args(["runs", "verify"]).arg(&run).output().unwrap();
+    let verified = damprig().args(["runs", "verify"]).arg(&run).output().unwrap();
     assert!(verified.status.success(), "{}", told(&verified));
     println!("{what}: {expected} ticks of 8 signals and {impacts} impacts, none lost, in {wall_s:.0} s");
 }

@@ -72,6 +72,19 @@ find_emulator() {
 }
 firmware_output=target
 
+# What the processor of the emulated controller board (tests/board) is built with: Unicorn's sources want cmake, its
+# bindings libclang.
+find_board_tools() {
+    local missing=()
+    command -v cmake >/dev/null || missing+=(cmake)
+    command -v pkg-config >/dev/null || missing+=(pkg-config)
+    if [ -z "${LIBCLANG_PATH:-}" ] && ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null &&
+        ! ldconfig -p 2>/dev/null | grep -q 'libclang'; then
+        missing+=(libclang-dev)
+    fi
+    [ ${#missing[@]} = 0 ] || install "${missing[@]}"
+}
+
 # A Python with what users read exports with (tests/python/requirements.txt), in target/python.
 find_python() {
     local wanted=tests/python/requirements.txt

@@ -46,6 +46,8 @@ pub enum Answer {
         last_crash: Option<String>,
         /// What it has counted since its supply came on and should not have, in words.
         complaints: Vec<String>,
+        /// Names of the sensors without a signal: not connected or not supplied; empty for none.
+        lost_sensors: String,
     },
     /// Something else, or nothing: in words.
     None(String),
@@ -92,12 +94,16 @@ pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
             return Found { port, answer: Answer::NotAsked };
         }
         let answer = match Session::open(&Address::Serial((&port.path).into()), timeout) {
-            Ok(mut session) => Answer::Device {
-                complaints: session.status().map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
-                board: session.identity.board.to_string(),
-                firmware: session.identity.firmware.to_string(),
-                last_crash: session.description.last_crash.map(|crash| crash.to_string()),
-            },
+            Ok(mut session) => {
+                let status = session.status();
+                Answer::Device {
+                    lost_sensors: status.as_ref().map_or(String::new(), |(status, _)| status.sensors.lost.to_string()),
+                    complaints: status.map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
+                    board: session.identity.board.to_string(),
+                    firmware: session.identity.firmware.to_string(),
+                    last_crash: session.description.last_crash.map(|crash| crash.to_string()),
+                }
+            }
             Err(error) => Answer::None(error.to_string()),
         };
         Found { port, answer }
@@ -166,7 +172,13 @@ mod tests {
     fn device(path: &str) -> Found {
         found(
             path,
-            Answer::Device { board: "nucleo".into(), firmware: "0.1.0".into(), last_crash: None, complaints: vec![] },
+            Answer::Device {
+                board: "nucleo".into(),
+                firmware: "0.1.0".into(),
+                last_crash: None,
+                complaints: vec![],
+                lost_sensors: String::new(),
+            },
         )
     }
 

@@ -7,6 +7,7 @@
 //! 64 steps in a period that is 2.5·10⁻⁷. The largest |x| is looked for at the steps: a sine's peak is missed by at
 //! most 1 − cos(π/64) = 0.12 %, within the 2 % that are kept free ([`USABLE`]).
 
+pub mod drive;
 pub mod transient;
 
 use std::f64::consts::TAU;
@@ -68,7 +69,8 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
 /// # Errors
 /// One answer for all of them, each pointing at the set-up's base amplitude.
 pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refusal> {
-    let limit = campaign.rig.displacement_limit_m;
+    let limit = campaign.rig.structure_limit_m();
+    let [range_m, _] = campaign.rig.sensor_range_m();
     for prediction in predictions {
         if prediction.swing.max_x_m <= USABLE * limit {
             continue;
@@ -82,7 +84,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
                 prediction.swing.max_x_m * 1e3,
                 prediction.swing.frequency_hz,
                 trim(limit * 1e3),
-                trim(campaign.rig.sensor_range_m * 1e3),
+                trim(f64::from(range_m) * 1e3),
             ),
             span: set_up.base_amplitude_span.clone(),
             allowed: format!("Z = {} mm is too much for this set-up", trim(set_up.base_amplitude_m * 1e3)),

@@ -75,6 +75,15 @@ pub enum SessionError {
         /// The device now.
         what: String,
     },
+    /// The board's settings are not those that the run was begun with.
+    #[error(
+        "the board's settings have changed since the run was begun:\n  {}\n  put them back (`damprig settings set`), or run the campaign anew",
+        differences.join("\n  ")
+    )]
+    Settings {
+        /// One difference a line.
+        differences: Vec<String>,
+    },
     /// The device said no.
     #[error("the device refused to {what}: {why}")]
     Refused {
@@ -342,11 +351,13 @@ impl Session {
         self.stale_messages
     }
 
-    /// Asks and waits for the reply; `what` says in words what is asked.
+    /// Asks and waits for the reply; `what` says in words what is asked. A granted clock stands when the device gets the
+    /// request, so that nothing depends on how fast either side is.
     ///
     /// # Errors
     /// The device refuses, is silent, or the link breaks.
     pub fn ask(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
+        self.use_up_credit()?;
         self.seq = self.seq.wrapping_add(1);
         let seq = self.seq;
         let message = ToDevice::Request(Request { seq, at_tick: None, ask });
@@ -417,6 +428,19 @@ impl Session {
     #[must_use]
     pub fn has_heard_all(&self) -> bool {
         !self.is_granted() || self.granted_until.is_some_and(|until| self.clock_tick >= until)
+    }
+
+    /// Waits until a granted clock stands; reports that arrive meanwhile are kept. Returns at once for a board with a clock
+    /// of its own.
+    ///
+    /// # Errors
+    /// The device is silent, or the link breaks.
+    pub fn use_up_credit(&mut self) -> Result<(), SessionError> {
+        while self.is_granted() && self.granted_until.is_some_and(|until| self.clock_tick < until) {
+            self.listen(TURN)?;
+            self.watch()?;
+        }
+        Ok(())
     }
 
     fn grant(&mut self, until_tick: u32) -> Result<(), SessionError> {

@@ -3,6 +3,7 @@
 //! Which settings there are is said by `damprig-core`'s [`Settings`] alone: names and order come from it.
 
 use std::fmt::Write;
+use std::path::Path;
 
 use damprig_core::model::Invalid;
 use damprig_core::settings::{Prepared, Settings, Source as Origin};
@@ -89,6 +90,31 @@ pub fn to_toml(settings: &Settings, head: &str) -> String {
 #[must_use]
 pub fn decimal(value: f32) -> String {
     format!("{value:?}")
+}
+
+/// The number that a setting's shortest decimal says.
+#[must_use]
+pub fn number_of(value: f32) -> f64 {
+    decimal(value).parse().unwrap_or(f64::from(value))
+}
+
+/// Reads the settings of a virtual board: a file as `damprig settings export` writes it. What it leaves out is as delivered.
+///
+/// # Errors
+/// A file that cannot be read; else as [`from_toml`].
+pub fn read_board(path: &Path) -> Result<Settings, Refusal> {
+    from_toml(&Source::read(path)?, &Settings::default())
+}
+
+/// The settings in which two boards differ, one a line, by `is_meant` places alone.
+#[must_use]
+pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String]) -> bool) -> Vec<String> {
+    let pairs = entries(before).into_iter().zip(entries(now));
+    let differ = |((place, before), (_, now)): (Entry, Entry)| {
+        let differs = is_meant(&place) && before.to_bits() != now.to_bits();
+        differs.then(|| format!("{}: {} when it was begun, {} now", place.join("."), decimal(before), decimal(now)))
+    };
+    pairs.filter_map(differ).collect()
 }
 
 /// Reads settings; what the file leaves out stays as it is in `present`.
@@ -218,7 +244,7 @@ mod tests {
     #[test]
     fn every_setting_is_a_number_with_its_unit_in_its_name() {
         let all = entries(&Settings::default());
-        assert_eq!(all.len(), 43);
+        assert_eq!(all.len(), 45);
         const WITHOUT: [&str; 3] = ["half_cycles_ahead", "friction_coefficient", "ringing"];
         const UNITS: [&str; 7] = ["_m", "_n", "_s", "_hz", "_counts", "_per_count", "_n_per_m"];
         for (place, _) in &all {

@@ -1,33 +1,31 @@
 //! The `damprig` command as a user has it, and the tables of the run folders that it writes.
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::OnceLock;
 
 use arrow_array::RecordBatch;
-use escargot::{CargoBuild, CargoRun};
+use escargot::CargoBuild;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::support::images::project;
 
-/// The command, built if need be. With the optimisation that the tests themselves have.
+/// The command: what `DAMPRIG_COMMAND` names, else built now with the optimisation that the tests themselves have.
 ///
 /// # Panics
 /// It does not build.
 #[must_use]
 pub fn damprig() -> Command {
-    built().command()
-}
-
-/// The built command, for a test that runs it more than once.
-///
-/// # Panics
-/// It does not build.
-#[must_use]
-pub fn built() -> CargoRun {
-    let build = CargoBuild::new().manifest_path(project().join("Cargo.toml")).package("damprig").bin("damprig");
-    let build = if cfg!(debug_assertions) { build } else { build.release() };
-    build.run().expect("the command builds")
+    static COMMAND: OnceLock<PathBuf> = OnceLock::new();
+    Command::new(COMMAND.get_or_init(|| {
+        if let Some(path) = std::env::var_os("DAMPRIG_COMMAND") {
+            return path.into();
+        }
+        let build = CargoBuild::new().manifest_path(project().join("Cargo.toml")).package("damprig").bin("damprig");
+        let build = if cfg!(debug_assertions) { build } else { build.release() };
+        build.run().expect("the command builds").path().to_path_buf()
+    }))
 }
 
 /// What a finished command printed, and how it ended, for a message.

@@ -9,10 +9,9 @@ use core::hint::black_box;
 
 use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
-use damprig_core::control::safety::SafetyConfig;
+use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
+use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
-use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
@@ -20,6 +19,7 @@ use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, Shaker};
 use damprig_core::rig::calibration::{Calibration, SlowBlock};
 use damprig_core::rig::{SUBSAMPLES, State};
+use damprig_core::settings::Settings;
 use damprig_core::twin::{Twin, TwinConfig};
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
@@ -81,11 +81,11 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     host.send(Ask::SetPlant(plant()));
     host.device.run(1, |_| {});
     for ask in [
-        Ask::SetSafety(SafetyConfig { half_cycles_ahead: 20.0, ..SafetyConfig::default() }),
-        Ask::SetSpring(SpringConfig::default()),
-        Ask::SetImpacts(ImpactConfig::default()),
+        Ask::SetSettings(Settings::default()),
+        Ask::SetSpring(spring()),
         Ask::SetTwin(Some(TwinConfig::new(set_up()))),
         Ask::Configure(experiment()),
+        Ask::SetLimits(ExperimentLimits { half_cycles_ahead: Some(20.0), ..ExperimentLimits::default() }),
         Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
     ] {
         host.ask(ask, &mut orders);
@@ -213,7 +213,7 @@ impl Host<'_> {
 
     /// Lets the granted ticks pass and counts them.
     fn pass(&mut self, tally: &mut Tally) {
-        let calibration = Calibration::assumed(65_520, 4_095, 0.005);
+        let calibration = Calibration::default();
         let slow: SlowBlock = [[32_760; 3]; SUBSAMPLES];
         let mut reader = Reader::default();
         let replies = &mut self.replies;
@@ -240,7 +240,7 @@ impl Host<'_> {
                             }
                             part();
                             if ticks {
-                                black_box(calibration.drive.to_counts(black_box(0.001), 4_095));
+                                black_box(calibration.drive.to_counts(black_box(0.001)));
                             }
                         };
                         let ((((), counted), depth), around) = counter.count(|| depth(|| counter.count(work)));
@@ -274,6 +274,14 @@ fn set_up() -> SetUp {
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) }
 }
 
+fn spring() -> SpringSetUp {
+    SpringSetUp {
+        stiffness_n_per_m: None,
+        friction_coefficient: Some(0.3),
+        structure_stiffness_n_per_m: set_up().structure.stiffness_n_per_m as f32,
+    }
+}
+
 fn plant() -> PlantConfig {
     PlantConfig {
         base: Base::Shaker(Shaker::default()),
@@ -301,7 +309,7 @@ fn asked(turn: u32, is_running: bool) -> Ask {
         8..=12 if !is_running => Ask::Status,
         8 => Ask::Start,
         9 => Ask::BeginUpload { bytes: 2, crc32: 0 },
-        10 => Ask::SetSpring(SpringConfig { step_m: -1.0, ..SpringConfig::default() }),
+        10 => Ask::SetSpring(spring()),
         11 => Ask::SetTwin(None),
         12 => Ask::Spring(SpringCommand::TouchOff),
         _ => Ask::Status,

@@ -4,5 +4,5 @@
 mod periodic_orbit;
 mod steady;
 
-pub use periodic_orbit::{NotFound, PeriodicOrbit};
+pub use periodic_orbit::{Multiplier, NotFound, PeriodicOrbit, Stability};
 pub use steady::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};

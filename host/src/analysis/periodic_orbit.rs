@@ -1,41 +1,99 @@
 //! Newton's method on the map from one drive phase to the same phase k periods on, impacts and all, and the Floquet
 //! multipliers of the orbit that it finds.
+//!
+//! The multipliers do not depend on the phase at which the orbit is cut (the section), but the differences that they are
+//! computed from do: across an impact the map's states jump. So the section lies in the middle of the longest stretch of
+//! the orbit without an event, and differences count only if every disturbed motion meets the same walls in the same
+//! order.
 
 use std::f64::consts::TAU;
 
-use damprig_core::integrator::exact::{Exact, Excitation, State};
+use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::modes::{Contact, Mode, Sign};
 use damprig_core::model::{Initial, Invalid, SetUp};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Newton steps before giving up.
 const MOST_STEPS: u32 = 40;
 
+/// Sections that are tried.
+const MOST_SECTIONS: usize = 6;
+
+/// Points looked at between a multiplier and the unit circle: two separate ones are not taken for one.
+const WAYPOINTS: u32 = 16;
+
+/// Rounding of the map, relative to the motion and its own magnification.
+const ROUNDING: f64 = 1e-14;
+
 /// A motion that repeats after a whole number of drive periods.
 #[derive(Clone, Debug)]
 pub struct PeriodicOrbit {
-    /// The state at drive phase 0 (of z = Z sin Ωt).
+    /// The state at the section.
     pub start: State,
+    /// Drive phase Ωt (of z = Z sin Ωt) of the section, rad, 0 to 2π: far from impacts.
+    pub section_phase_rad: f64,
     /// Drive periods after which it repeats.
     pub periods: u32,
-    /// Floquet multipliers, largest magnitude first: two for a structure alone, four with a second mass. What is known
-    /// of them is about 10⁻⁸ of the largest, from differences.
-    pub multipliers: Vec<Complex<f64>>,
+    /// Floquet multipliers, largest magnitude first: two for a structure alone, four with a second mass.
+    pub multipliers: Vec<Multiplier>,
+    /// Norm of what is not known of the map's derivative, of which these are the eigenvalues: from differences with two
+    /// steps, and rounding.
+    pub derivative_error: f64,
     /// How far from itself the state comes back, relative to the motion.
     pub residual: f64,
 }
 
-impl PeriodicOrbit {
-    /// Whether small disturbances die out: every multiplier inside the unit circle.
+/// A Floquet multiplier: what a period makes of a small disturbance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Multiplier {
+    /// Its value.
+    pub value: Complex<f64>,
+    /// It cannot be told from one of magnitude 1: some map within [`PeriodicOrbit::derivative_error`] has one there.
+    pub is_neutral: bool,
+}
+
+/// What becomes of small disturbances of an orbit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stability {
+    /// They die out: every multiplier is inside the unit circle.
+    Stable,
+    /// Some neither grow nor die out (a particle that never touches a wall stays wherever it is put), none grows.
+    Neutral,
+    /// One grows.
+    Unstable,
+}
+
+impl Stability {
+    /// As reports spell it.
     #[must_use]
-    pub fn is_stable(&self) -> bool {
-        self.multipliers.iter().all(|m| m.norm() < 1.0)
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stable => "stable",
+            Self::Neutral => "neutral",
+            Self::Unstable => "unstable",
+        }
+    }
+}
+
+impl PeriodicOrbit {
+    /// What becomes of small disturbances.
+    #[must_use]
+    pub fn stability(&self) -> Stability {
+        if self.multipliers.iter().any(|m| !m.is_neutral && m.value.norm() > 1.0) {
+            Stability::Unstable
+        } else if self.multipliers.iter().any(|m| m.is_neutral) {
+            Stability::Neutral
+        } else {
+            Stability::Stable
+        }
     }
 
-    /// The orbit near `guess` that repeats after `periods` periods of a base that moves with `amplitude_m` sin Ωt.
+    /// The orbit near `guess`, a state at drive phase 0, that repeats after `periods` periods of a base that moves with
+    /// `amplitude_m` sin Ωt.
     ///
     /// # Errors
-    /// An unphysical set-up, no convergence, or a particle that rests or sticks at the section, where the map cannot be
-    /// differentiated in its direction.
+    /// An unphysical set-up, no convergence, a particle that rests on a wall all the time, or an orbit that grazes a wall,
+    /// where the map has no derivative.
     pub fn near(
         set_up: &SetUp,
         amplitude_m: f64,
@@ -43,39 +101,31 @@ impl PeriodicOrbit {
         guess: &State,
         periods: u32,
     ) -> Result<Self, NotFound> {
-        let map = Map::new(set_up, amplitude_m, angular_frequency_rad_per_s, periods, guess)?;
-        let mut at = map.vector(guess);
-        let mut image = map.of(&at);
-        let mut distance = (&image - &at).norm();
-        for _ in 0..MOST_STEPS {
-            let jacobian = map.jacobian(&at).ok_or(NotFound::Resting)?;
-            // Rounding grows by the map's own magnification.
-            let rounding = 1e-14 * (1.0 + jacobian.norm());
-            if distance <= rounding {
-                return Ok(map.orbit(&at, distance, jacobian));
-            }
-            let step = (&jacobian - DMatrix::identity(map.size, map.size))
-                .lu()
-                .solve(&(&at - &image))
-                .ok_or(NotFound::NoConvergence { distance })?;
-            // A step that leads away is shortened: across an impact the map is only piecewise smooth.
-            let better = (0..12).map(|n| 0.5_f64.powi(n)).find_map(|share| {
-                let next = map.inside(&(&at + share * &step));
-                let image = map.of(&next);
-                let distance_there = (&image - &next).norm();
-                (distance_there < distance).then_some((next, image, distance_there))
-            });
-            match better {
-                Some((next, image_there, distance_there)) => {
-                    (at, image, distance) = (next, image_there, distance_there);
-                }
-                // As near as rounding lets it come.
-                None if distance <= 1e3 * rounding => return Ok(map.orbit(&at, distance, jacobian)),
-                None => return Err(NotFound::NoConvergence { distance }),
+        let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad: 0.0 };
+        let mut motion = Exact::new(set_up, &sine, &initial(guess))?;
+        let whole_s = f64::from(periods) * TAU / angular_frequency_rad_per_s;
+        let mut course = Course::default();
+        motion.clone().run(whole_s, &mut course);
+        let mut sections = course.sections(whole_s);
+        sections.truncate(MOST_SECTIONS);
+        let mut not_found = NotFound::Resting;
+        for at_s in sections {
+            motion.reset(0.0, &initial(guess));
+            motion.run(at_s, &mut ());
+            let section_phase_rad = (angular_frequency_rad_per_s * at_s).rem_euclid(TAU);
+            let there = *motion.state();
+            let map = Map::new(set_up, amplitude_m, angular_frequency_rad_per_s, section_phase_rad, periods, &there)?;
+            match map.orbit_near(&there) {
+                Ok(orbit) => return Ok(orbit),
+                Err(why) => not_found = why,
             }
         }
-        Err(NotFound::NoConvergence { distance })
+        Err(not_found)
     }
+}
+
+fn initial(state: &State) -> Initial {
+    Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 
 /// Why there is no orbit to show.
@@ -90,15 +140,104 @@ pub enum NotFound {
         /// How far from itself the state comes back, relative to the motion.
         distance: f64,
     },
-    /// The particle rests on a wall or sticks at the section.
-    #[error("the particle rests on a wall or sticks to the structure at drive phase 0: no multipliers there")]
+    /// The particle rests on a wall all the time.
+    #[error("the particle rests on a wall all the time: no multipliers")]
     Resting,
+    /// Small disturbances change which walls are met.
+    #[error(
+        "the orbit grazes a wall: disturbances of {step:.0e} of the motion add or remove an impact; no multipliers"
+    )]
+    Grazing {
+        /// The smallest disturbance tried, relative to the motion.
+        step: f64,
+    },
 }
 
 impl From<Invalid> for NotFound {
     fn from(invalid: Invalid) -> Self {
         Self::Invalid(invalid)
     }
+}
+
+/// When something happens along an orbit.
+#[derive(Default)]
+struct Course {
+    /// Instants of events, s, and whether the particle rests on a wall from there on.
+    events: Vec<(f64, bool)>,
+    rests: bool,
+}
+
+impl Course {
+    fn take(&mut self, time_s: f64) {
+        self.events.push((time_s, self.rests));
+    }
+
+    /// Instants to cut an orbit of `whole_s` at: in the middle of the longest stretches without an event first, then at
+    /// their quarters; none while the particle rests on a wall.
+    fn sections(&self, whole_s: f64) -> Vec<f64> {
+        let mut stretches: Vec<(f64, f64)> = self
+            .events
+            .iter()
+            .enumerate()
+            .filter(|(_, (_, rests))| !rests)
+            .map(|(n, (from_s, _))| {
+                let to_s = self.events.get(n + 1).map_or(whole_s + self.events[0].0, |next| next.0);
+                (*from_s, to_s - from_s)
+            })
+            .collect();
+        if self.events.is_empty() && !self.rests {
+            stretches.push((0.0, whole_s));
+        }
+        stretches.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let at = |share: f64| stretches.iter().map(move |(from_s, length_s)| (from_s + share * length_s) % whole_s);
+        at(0.5).take(3).chain(at(0.25)).chain(at(0.75)).collect()
+    }
+}
+
+impl Observer for Course {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, impact: &Impact) {
+        self.take(impact.time_s);
+    }
+
+    fn contact_end(&mut self, end: &ContactEnd) {
+        self.take(end.time_s);
+    }
+
+    fn mode(&mut self, time_s: f64, mode: Mode) {
+        self.rests = matches!(mode.contact, Contact::Held(side) if side != 0);
+        // The mode of the start is no event.
+        if time_s > 0.0 {
+            self.take(time_s);
+        }
+    }
+}
+
+/// Which walls a motion meets, in order; a chatter that comes to rest is one entry, however many bounces it has.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Walls(Vec<Sign>);
+
+impl Observer for Walls {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, impact: &Impact) {
+        self.0.push(impact.side);
+    }
+
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        while self.0.last() == Some(&accumulation.side) {
+            self.0.pop();
+        }
+        self.0.push(2 * accumulation.side);
+    }
+}
+
+/// The map's derivative, and what is not known of it.
+struct Derivative {
+    matrix: DMatrix<f64>,
+    /// Every disturbed motion meets the walls of the undisturbed one.
+    is_smooth: bool,
 }
 
 /// The map, in units of the motion: displacements over its size, velocities over size × Ω.
@@ -109,6 +248,7 @@ struct Map {
     size: usize,
     clearance_m: f64,
     periods: u32,
+    phase_rad: f64,
 }
 
 impl Map {
@@ -116,10 +256,11 @@ impl Map {
         set_up: &SetUp,
         amplitude_m: f64,
         angular_frequency_rad_per_s: f64,
+        phase_rad: f64,
         periods: u32,
         guess: &State,
     ) -> Result<Self, NotFound> {
-        let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad: 0.0 };
+        let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad };
         let motion = Exact::new(set_up, &sine, &Initial::default())?;
         let clearance_m = set_up.particle.map_or(f64::INFINITY, |p| p.clearance_m);
         let length = amplitude_m
@@ -135,7 +276,45 @@ impl Map {
             size: if joined { 4 } else { 2 },
             clearance_m,
             periods,
+            phase_rad,
         })
+    }
+
+    fn orbit_near(&self, guess: &State) -> Result<PeriodicOrbit, NotFound> {
+        let step = f64::EPSILON.cbrt();
+        let mut at = self.vector(guess);
+        let mut image = self.of(&at).0;
+        let mut distance = (&image - &at).norm();
+        for _ in 0..MOST_STEPS {
+            let derivative = self.derivative(&at, step).ok_or(NotFound::Resting)?;
+            // Rounding grows by the map's own magnification.
+            let magnification = 1.0 + derivative.matrix.norm();
+            let rounding = ROUNDING * magnification;
+            if distance <= rounding {
+                return self.orbit(&at, distance);
+            }
+            // Neutral directions cannot be solved for and need not be: singular values of rounding are left out.
+            let newton = (&derivative.matrix - DMatrix::identity(self.size, self.size))
+                .svd(true, true)
+                .solve(&(&at - &image), rounding / step)
+                .map_err(|_| NotFound::NoConvergence { distance })?;
+            // A step that leads away is shortened: across an impact the map is only piecewise smooth.
+            let better = (0..12).map(|n| 0.5_f64.powi(n)).find_map(|share| {
+                let next = self.inside(&(&at + share * &newton));
+                let image = self.of(&next).0;
+                let distance_there = (&image - &next).norm();
+                (distance_there < distance).then_some((next, image, distance_there))
+            });
+            match better {
+                Some((next, image_there, distance_there)) => {
+                    (at, image, distance) = (next, image_there, distance_there);
+                }
+                // As near as rounding lets it come.
+                None if distance <= 1e3 * rounding => return self.orbit(&at, distance),
+                None => return Err(NotFound::NoConvergence { distance }),
+            }
+        }
+        Err(NotFound::NoConvergence { distance })
     }
 
     fn vector(&self, s: &State) -> DVector<f64> {
@@ -158,20 +337,18 @@ impl Map {
         at
     }
 
-    fn of(&self, at: &DVector<f64>) -> DVector<f64> {
-        let state = self.state(at);
-        let initial =
-            Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() };
+    fn of(&self, at: &DVector<f64>) -> (DVector<f64>, Walls) {
         let mut motion = self.motion.clone();
-        motion.reset(0.0, &initial);
-        motion.run(self.end_s, &mut ());
-        self.vector(motion.state())
+        motion.reset(0.0, &initial(&self.state(at)));
+        let mut walls = Walls::default();
+        motion.run(self.end_s, &mut walls);
+        (self.vector(motion.state()), walls)
     }
 
-    /// Central differences; none where the particle has no room on both sides.
-    fn jacobian(&self, at: &DVector<f64>) -> Option<DMatrix<f64>> {
-        let step = f64::EPSILON.cbrt();
-        let mut jacobian = DMatrix::zeros(self.size, self.size);
+    /// Central differences over ±`step`; none where the particle has no room on both sides.
+    fn derivative(&self, at: &DVector<f64>, step: f64) -> Option<Derivative> {
+        let undisturbed = self.of(at).1;
+        let mut derivative = Derivative { matrix: DMatrix::zeros(self.size, self.size), is_smooth: true };
         for n in 0..self.size {
             let (mut below, mut above) = (at.clone(), at.clone());
             below[n] -= step;
@@ -179,16 +356,64 @@ impl Map {
             if self.inside(&below) != below || self.inside(&above) != above {
                 return None;
             }
-            jacobian.set_column(n, &((self.of(&above) - self.of(&below)) / (2.0 * step)));
+            let (below, above) = (self.of(&below), self.of(&above));
+            derivative.is_smooth &= below.1 == undisturbed && above.1 == undisturbed;
+            derivative.matrix.set_column(n, &((above.0 - below.0) / (2.0 * step)));
         }
-        Some(jacobian)
+        Some(derivative)
     }
 
-    fn orbit(&self, at: &DVector<f64>, residual: f64, jacobian: DMatrix<f64>) -> PeriodicOrbit {
-        let mut multipliers: Vec<_> = jacobian.complex_eigenvalues().iter().copied().collect();
-        multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
-        PeriodicOrbit { start: self.state(at), periods: self.periods, multipliers, residual }
+    /// The orbit through `at`, with the largest step of the differences at which the map is smooth.
+    fn orbit(&self, at: &DVector<f64>, residual: f64) -> Result<PeriodicOrbit, NotFound> {
+        let mut step = f64::EPSILON.cbrt();
+        for _ in 0..4 {
+            let derivative = self.derivative(at, step).ok_or(NotFound::Resting)?;
+            if derivative.is_smooth {
+                let finer = self.derivative(at, 0.5 * step).ok_or(NotFound::Resting)?;
+                let matrix = derivative.matrix;
+                // The difference of both is ¾ of the coarser one's truncation, and rounding.
+                let rounding = ROUNDING * (1.0 + matrix.norm()) / step;
+                let error = 4.0 / 3.0 * (&matrix - finer.matrix).norm() + rounding;
+                return Ok(PeriodicOrbit {
+                    start: self.state(at),
+                    section_phase_rad: self.phase_rad,
+                    periods: self.periods,
+                    multipliers: multipliers(&matrix, error),
+                    derivative_error: error,
+                    residual,
+                });
+            }
+            step *= 0.1;
+        }
+        Err(NotFound::Grazing { step: 10.0 * step })
     }
+}
+
+/// The eigenvalues of a matrix that is known to `error` in its norm, largest first.
+///
+/// A point is an eigenvalue of some matrix within that error exactly if the smallest singular value of `matrix − point` is
+/// no larger. So an eigenvalue is neutral if all points from it to the nearest one of the unit circle are, also where it
+/// is defective, as that of a particle in free flight is: there an error ε moves it by √ε.
+fn multipliers(matrix: &DMatrix<f64>, error: f64) -> Vec<Multiplier> {
+    let size = matrix.nrows();
+    let complex = matrix.map(|value| Complex::new(value, 0.0));
+    let mut multipliers: Vec<_> = matrix
+        .complex_eigenvalues()
+        .iter()
+        .map(|&value| {
+            let magnitude = value.norm();
+            let may_be_at = |point: Complex<f64>| {
+                let shifted = &complex - DMatrix::from_diagonal_element(size, size, point);
+                shifted.singular_values().min() <= error
+            };
+            let way = if magnitude > 0.0 { value / magnitude - value } else { -value };
+            let is_neutral = magnitude > 0.0
+                && (1..=WAYPOINTS).all(|n| may_be_at(value + way * (f64::from(n) / f64::from(WAYPOINTS))));
+            Multiplier { value, is_neutral }
+        })
+        .collect();
+    multipliers.sort_by(|a, b| b.value.norm().total_cmp(&a.value.norm()));
+    multipliers
 }
 
 #[cfg(test)]
@@ -228,8 +453,8 @@ mod tests {
         let expected =
             Complex::from_polar((-zeta * NATURAL * period_s).exp(), NATURAL * (1.0 - zeta * zeta).sqrt() * period_s);
         let nearest = |m: &Complex<f64>| (m - expected).norm().min((m - expected.conj()).norm());
-        assert!(orbit.multipliers.iter().all(|m| nearest(m) < 1e-8), "{:?} {expected}", orbit.multipliers);
-        assert!(orbit.is_stable());
+        assert!(orbit.multipliers.iter().all(|m| nearest(&m.value) < 1e-8), "{:?} {expected}", orbit.multipliers);
+        assert_eq!(orbit.stability(), Stability::Stable);
     }
 
     #[test]
@@ -246,11 +471,14 @@ mod tests {
             let mut motion = Exact::new(&set_up, &sine, &formula.initial()).expect("physical");
             motion.run((TAU - formula.drive_phase_rad) / turning, &mut ());
             let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, motion.state(), 1).expect("it is there");
-            assert_eq!(orbit.is_stable(), stable, "{:?}", orbit.multipliers);
-            let s = orbit.start;
-            let initial = Initial { x_m: s.x_m, v_m_per_s: s.v_m_per_s, y_m: s.y_m(), u_m_per_s: s.u_m_per_s() };
-            let sine = Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad: 0.0 };
-            let motion = Exact::new(&set_up, &sine, &initial).expect("physical");
+            let expected = if stable { Stability::Stable } else { Stability::Unstable };
+            assert_eq!(orbit.stability(), expected, "{:?}", orbit.multipliers);
+            let sine = Excitation::Sine {
+                amplitude_m: 1.0,
+                angular_frequency_rad_per_s: turning,
+                phase_rad: orbit.section_phase_rad,
+            };
+            let motion = Exact::new(&set_up, &sine, &initial(&orbit.start)).expect("physical");
             let mut speed = Speed::default();
             Section::new(motion, TAU / turning).next(&mut speed);
             let error = speed.0 / formula.approach_speed_m_per_s - 1.0;
@@ -270,7 +498,7 @@ mod tests {
         .expect("physical");
         motion.run(2000.0 * TAU / NATURAL, &mut ());
         let orbit = PeriodicOrbit::near(&set_up, 1.0, NATURAL, motion.state(), 1).expect("the run ends on it");
-        let product: Complex<f64> = orbit.multipliers.iter().product();
+        let product: Complex<f64> = orbit.multipliers.iter().map(|m| m.value).product();
         let expected = (-2.0 * 0.0038 * NATURAL * TAU / NATURAL).exp() * 0.5_f64.powi(4);
         assert!(
             (product.re / expected - 1.0).abs() < 1e-5 && product.im.abs() < 1e-6 * expected,

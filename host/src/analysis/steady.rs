@@ -7,10 +7,10 @@ use damprig_core::analysis::lock_in::LockIn;
 use damprig_core::analysis::section::{Section, period};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Exact, Excitation, State};
+use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
 use serde::Serialize;
 
-use super::periodic_orbit::PeriodicOrbit;
+use super::periodic_orbit::{PeriodicOrbit, Stability};
 use crate::simulation::Case;
 
 /// Drive periods at the end that are looked at.
@@ -18,6 +18,10 @@ const LOOKED_AT: u64 = 64;
 
 /// The states of a section that count as the same, relative to the motion.
 const SAME: f64 = 1e-6;
+
+/// The section keeps this share of a drive period from impacts: states that are the [`SAME`] but for a shift of an impact
+/// must lie on the same side of it.
+const CLEAR_OF_IMPACTS: f64 = 1e-3;
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
@@ -77,7 +81,10 @@ pub struct Driven {
     pub mean_cycle_max_abs_x_m: f64,
     /// Drive periods after which the section repeats to 10⁻⁶; none if it does not.
     pub repeats_after: Option<usize>,
-    /// The last states at the drive phase of the run's start, oldest first.
+    /// Drive phase at which the section is taken, rad, 0 to 2π: that of the run's start, or one clear of impacts if they
+    /// fall there.
+    pub section_phase_rad: f64,
+    /// The last states there, oldest first.
     pub section: Vec<SectionState>,
     /// The orbit of two equispaced impacts a cycle in closed form, where it exists.
     pub two_impact_orbit: Option<TwoImpactOrbit>,
@@ -122,10 +129,61 @@ pub struct TwoImpactOrbit {
 pub struct Orbit {
     /// Drive periods after which it repeats.
     pub periods: u32,
+    /// Drive phase at which it was cut to find it, rad, 0 to 2π: far from impacts.
+    pub section_phase_rad: f64,
     /// Floquet multipliers, real and imaginary part, largest first.
     pub multipliers: Vec<[f64; 2]>,
-    /// Whether all lie inside the unit circle.
+    /// Which of them cannot be told from one of magnitude 1: small disturbances in that direction neither grow nor die out.
+    pub neutral: Vec<bool>,
+    /// Norm of what is not known of the matrix whose eigenvalues they are.
+    pub derivative_error: f64,
+    /// Whether small disturbances all die out ("stable"), some stay and none grows ("neutral"), or one grows ("unstable").
+    pub stability: &'static str,
+    /// Whether all multipliers lie inside the unit circle: the stability is "stable".
     pub stable: bool,
+}
+
+impl From<&PeriodicOrbit> for Orbit {
+    fn from(orbit: &PeriodicOrbit) -> Self {
+        let stability = orbit.stability();
+        Self {
+            periods: orbit.periods,
+            section_phase_rad: orbit.section_phase_rad,
+            multipliers: orbit.multipliers.iter().map(|m| [m.value.re, m.value.im]).collect(),
+            neutral: orbit.multipliers.iter().map(|m| m.is_neutral).collect(),
+            derivative_error: orbit.derivative_error,
+            stability: stability.name(),
+            stable: stability == Stability::Stable,
+        }
+    }
+}
+
+/// When the velocity jumps, s.
+#[derive(Default)]
+struct Jumps(Vec<f64>);
+
+impl Observer for Jumps {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, impact: &Impact) {
+        if impact.before != impact.after {
+            self.0.push(impact.time_s);
+        }
+    }
+}
+
+/// How long after `start_s` a section of `period_s` is taken so that it keeps clear of the jumps: none if it already does.
+fn delay_s(jumps: &Jumps, start_s: f64, period_s: f64) -> Option<f64> {
+    let mut at: Vec<f64> = jumps.0.iter().map(|time_s| (time_s - start_s).rem_euclid(period_s)).collect();
+    at.sort_by(f64::total_cmp);
+    let (first, last) = (*at.first()?, *at.last()?);
+    let clear_s = CLEAR_OF_IMPACTS * period_s;
+    if first > clear_s && last < period_s - clear_s {
+        return None;
+    }
+    let pairs = at.windows(2).map(|pair| (pair[0], pair[1])).chain([(last, first + period_s)]);
+    let (from, to) = pairs.max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)))?;
+    Some((0.5 * (from + to)).rem_euclid(period_s))
 }
 
 impl Analysis {
@@ -171,11 +229,22 @@ impl Driven {
             ..Wanted::default()
         });
         response.skip_to(whole - periods);
+        let mut jumps = Jumps::default();
+        motion.clone().run(whole as f64 * period_s, &mut jumps);
+        let delay_s = delay_s(&jumps, start_s, period_s);
+        let mut observer = (&mut *meter, (&mut lock_in, &mut response));
+        if let Some(delay_s) = delay_s {
+            motion.run(start_s + delay_s, &mut observer);
+        }
+        // A section that is taken later has one period less before the end.
+        let wanted = periods - u64::from(delay_s.is_some());
         let mut section = Section::new(motion, period_s);
-        let states: Vec<State> =
-            (0..periods).map(|_| section.next(&mut (&mut *meter, (&mut lock_in, &mut response)))).collect();
-        response.finish(whole as f64 * period_s);
+        let states: Vec<State> = (0..wanted).map(|_| section.next(&mut observer)).collect();
         let mut motion = section.into_motion();
+        if delay_s.is_some() {
+            motion.run(whole as f64 * period_s, &mut observer);
+        }
+        response.finish(whole as f64 * period_s);
         motion.run(case.run.duration_s, meter);
         let repeats_after = period(&states, SAME);
         let (phase_of_drive, base_amplitude_m) = match case.excitation {
@@ -187,20 +256,16 @@ impl Driven {
         let found = base_amplitude_m.map(|amplitude_m| {
             // The orbit is looked for at drive phase 0, so the last state is carried there.
             let mut there = Exact::clone(&motion);
-            let late_s = (whole as f64 * period_s) + (TAU - phase_of_drive.rem_euclid(TAU)) / turning;
-            there.run(late_s.max(there.time_s()), &mut ());
+            let mut late_s = (whole as f64 * period_s) + (TAU - phase_of_drive.rem_euclid(TAU)) / turning;
+            if late_s < there.time_s() {
+                late_s += period_s;
+            }
+            there.run(late_s, &mut ());
             let periods = u32::try_from(repeats_after.unwrap_or(1)).unwrap_or(1);
             PeriodicOrbit::near(&case.set_up, amplitude_m, turning, there.state(), periods)
         });
         let (orbit, no_orbit) = match found {
-            Some(Ok(orbit)) => (
-                Some(Orbit {
-                    periods: orbit.periods,
-                    stable: orbit.is_stable(),
-                    multipliers: orbit.multipliers.iter().map(|m| [m.re, m.im]).collect(),
-                }),
-                None,
-            ),
+            Some(Ok(orbit)) => (Some(Orbit::from(&orbit)), None),
             Some(Err(why)) => (None, Some(why.to_string())),
             None => (None, None),
         };
@@ -210,6 +275,7 @@ impl Driven {
             phase_rad: phase - TAU * (phase / TAU).round(),
             mean_cycle_max_abs_x_m: response.steady_m().map_or(0.0, |(_, mean)| mean),
             repeats_after,
+            section_phase_rad: (phase_of_drive + turning * delay_s.unwrap_or(0.0)).rem_euclid(TAU),
             section: states.iter().map(SectionState::from).collect(),
             two_impact_orbit: base_amplitude_m.and_then(|z| SymmetricOrbit::new(&case.set_up, z, turning)).map(|o| {
                 TwoImpactOrbit {

@@ -141,8 +141,8 @@ fn read(
         return None;
     }
     let read = match kind {
-        Some(1) => transient::playback(&section, index, rig).map(Kind::Playback),
-        Some(2) => transient::impulse(&section, rig).map(Kind::Playback),
+        Some(1) => transient::playback(&section, index).map(Kind::Playback),
+        Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
         // Without a kind the keys of the usual one are known.
         _ => stepped_sine::read(&section, shaker).map(Kind::SteppedSine),

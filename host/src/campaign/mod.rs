@@ -5,6 +5,7 @@
 //! them out is [`crate::run`]'s.
 
 mod experiment;
+mod limits;
 mod rig;
 mod set_up;
 mod shape;
@@ -13,13 +14,16 @@ pub mod transient;
 
 use std::path::Path;
 
-use toml::de::DeTable;
+use damprig_core::model::Wall;
+use damprig_core::settings::Settings;
 
 use crate::input::{Problem, Refusal, Section, Source};
 
+pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
 pub use experiment::{Experiment, Kind};
+pub use limits::CampaignLimits;
 pub use rig::{RigSettings, Telemetry};
-pub use set_up::{CampaignSetUp, SetUpSpec, SpringSpec, SpringTarget};
+pub use set_up::CampaignSetUp;
 pub use stepped_sine::{Start, SteppedSine};
 pub use transient::{FreeVibration, Playback};
 
@@ -54,12 +58,51 @@ impl Campaign {
     /// # Errors
     /// As [`Campaign::read`].
     pub fn parse(source: Source) -> Result<Self, Refusal> {
-        let parts = parts(&source);
+        let parts = source.read_toml(source.text(), "this is not TOML", parts);
         source.verdict()?;
         let Some((name, rig, telemetry, set_ups, experiments)) = parts else {
             return Err(Refusal("the campaign is incomplete".into()));
         };
         Ok(Self { name, rig, telemetry, set_ups, experiments, source })
+    }
+
+    /// Puts the campaign on a board: its settings are the base of every limit, and say what the set-ups leave out of their
+    /// friction damper's spring. `is_simulated` boards have the campaign's sensors.
+    ///
+    /// # Errors
+    /// Every limit of the campaign that is looser than the board's, with both values.
+    pub fn on_board(&mut self, board: &Settings, is_simulated: bool) -> Result<(), Refusal> {
+        let rig = &mut self.rig;
+        rig.board = *board;
+        rig.acting = rig.limits.acting(&self.source, &board.safety);
+        if is_simulated && rig.sensor_resolution_m as f32 > board.safety.resolution_m {
+            self.source.report(rig::too_coarse(rig));
+        }
+        self.set_ups.iter_mut().for_each(|set_up| set_up.spec.on_board(&board.spring));
+        self.source.verdict()
+    }
+
+    /// Refuses set-ups that no rig can be predicted with: prediction and virtual rig have the equations of hard walls only.
+    ///
+    /// # Errors
+    /// One answer for all of them, each pointing at the set-up's base amplitude.
+    pub fn check_simulable(&self) -> Result<(), Refusal> {
+        for set_up in &self.set_ups {
+            let model = set_up.model();
+            let what = match model.particle.map(|particle| particle.wall) {
+                Some(Wall::Voigt { .. }) => "soft walls",
+                _ if model.tmd.is_some() => "a tuned mass damper",
+                _ => continue,
+            };
+            self.source.report(Problem {
+                title: format!("set-up {:?} has {what}, which the prediction cannot follow yet", set_up.name),
+                span: set_up.base_amplitude_span.clone(),
+                allowed: "in this set-up; a campaign runs hard walls (kind = \"restitution\") and friction dampers"
+                    .into(),
+                help: Some(format!("`damprig simulate` follows {what}, from a case with the same keys")),
+            });
+        }
+        self.source.verdict()
     }
 
     /// Points of the whole campaign: each frequency, record or release on each of its set-ups.
@@ -89,26 +132,12 @@ impl Campaign {
 type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>);
 
 /// Reads all parts; `None` only where a problem has been noted.
-fn parts(source: &Source) -> Option<Parts> {
-    let document = match DeTable::parse(source.text()) {
-        Ok(document) => document,
-        Err(error) => {
-            source.report(Problem {
-                title: "this is not TOML".into(),
-                span: error.span().unwrap_or(0..0),
-                allowed: error.message().to_string(),
-                help: None,
-            });
-            return None;
-        }
-    };
-    let root = Section::root(source, &document);
-    let name = name(&root);
-    let rig = rig::read_rig(&root);
-    let telemetry = rig::read_telemetry(&root);
-    let set_ups = set_up::read_all(&root);
-    let experiments = experiment::read_all(&root, set_ups.as_deref(), rig.as_ref());
-    root.finish();
+fn parts(root: &Section) -> Option<Parts> {
+    let name = name(root);
+    let rig = rig::read_rig(root);
+    let telemetry = rig::read_telemetry(root);
+    let set_ups = set_up::read_all(root);
+    let experiments = experiment::read_all(root, set_ups.as_deref(), rig.as_ref());
     Some((name?, rig?, telemetry?, set_ups?, experiments?))
 }
 

@@ -1,18 +1,29 @@
-//! `[rig]` and `[telemetry]`: the sensors as mounted, the limits, and what is recorded.
+//! `[rig]` and `[telemetry]`: simulated sensors and shaker, the campaign's limits, and what is recorded.
 
+use damprig_core::control::safety::SafetyConfig;
 use damprig_core::plant::table::Table;
 use damprig_core::plant::{Amplifier, DataSheet, Shaker};
+use damprig_core::rig::calibration::DisplacementScale;
 use damprig_core::rig::{MOTION_SIGNALS, TICK_HZ};
+use damprig_core::settings::Settings;
 
-use crate::input::{Number, Section, Span, Text, near};
+use super::limits::CampaignLimits;
+use crate::input::{Number, Problem, Section, Span, Text, near};
+use crate::settings::{decimal, number_of};
 
 /// Sensors and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigSettings {
-    /// The displacement sensors read from −range to +range, m; greater than 0.
-    pub sensor_range_m: f64,
-    /// Smallest displacement step that the sensors tell apart, m; 0 for none.
+    /// The board's settings: as delivered until [`super::Campaign::on_board`] has told the board's own.
+    pub board: Settings,
+    /// The limits that the campaign tightens.
+    pub limits: CampaignLimits,
+    /// The limits in force while the campaign's experiments run: the board's, tightened by the campaign.
+    pub acting: SafetyConfig,
+    /// Smallest displacement step that the sensors tell apart, m; 0 for none. Simulated rigs only.
     pub sensor_resolution_m: f64,
+    /// Where the resolution is written, for answers.
+    pub sensor_resolution_span: Span,
     /// Standard deviation of the sensors' white noise, m; 0 for none. Simulated rigs only.
     pub sensor_noise_rms_m: f64,
     /// Seed of the simulated noise.
@@ -22,14 +33,28 @@ pub struct RigSettings {
     /// The shaker that a simulated base is, and where a real one's drive is calibrated; none for a base that follows the
     /// drive exactly.
     pub shaker: Option<Shaker>,
-    /// Beyond this |x| or |z| the rig stops the drive, m; at most the sensor range.
-    pub displacement_limit_m: f64,
-    /// Half-cycles ahead for which the structure's amplitude is foreseen, to stop before it reaches the limit; 0 for none.
-    pub half_cycles_ahead: f64,
-    /// Time without a word from this program after which a board with its own clock ends the drive, s; 0 for any.
-    pub host_silent_s: f64,
-    /// Normal force with which the friction damper closes as a brake when an interlock has ended the drive, N; 0 for none.
-    pub brake_n: f64,
+}
+
+impl RigSettings {
+    /// The displacement sensors of x and z read from −range to +range, m: what the converter's whole span means on the
+    /// board.
+    #[must_use]
+    pub fn sensor_range_m(&self) -> [f32; 2] {
+        let calibration = &self.board.calibration;
+        [&calibration.x, &calibration.z].map(DisplacementScale::range_m)
+    }
+
+    /// Largest |x| of the structure that may be reached, m: the limit in force, and within what its sensor reads.
+    #[must_use]
+    pub fn structure_limit_m(&self) -> f64 {
+        number_of(self.acting.limits.structure_m.min(self.sensor_range_m()[0]))
+    }
+
+    /// As [`RigSettings::structure_limit_m`], |z| of the base.
+    #[must_use]
+    pub fn base_limit_m(&self) -> f64 {
+        number_of(self.acting.limits.base_m.min(self.sensor_range_m()[1]))
+    }
 }
 
 /// What is recorded while the rig moves.
@@ -41,55 +66,75 @@ pub struct Telemetry {
     pub signals: Vec<Text>,
 }
 
-/// A board that hears nothing for so long is alone: this program speaks every second.
-const HOST_SILENT_S: f64 = 10.0;
-/// The ±80 mm of the source document's laser sensors.
-const SENSOR_RANGE_M: f64 = 0.08;
 /// Ticks from row to row that the protocol can say.
 const MOST_TICKS: f64 = u16::MAX as f64;
 
 pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
+    let board = Settings::default();
     let Some(rig) = root.table("rig", None) else {
         // Everything has a default: the source document's rig with ideal sensors.
         return (!root.has_own("rig")).then_some(RigSettings {
-            sensor_range_m: SENSOR_RANGE_M,
+            board,
+            limits: CampaignLimits::default(),
+            acting: board.safety,
             sensor_resolution_m: 0.0,
+            sensor_resolution_span: 0..0,
             sensor_noise_rms_m: 0.0,
             noise_seed: 1,
             data_sheet: None,
             shaker: None,
-            displacement_limit_m: SENSOR_RANGE_M,
-            half_cycles_ahead: 0.0,
-            host_silent_s: HOST_SILENT_S,
-            brake_n: 0.0,
         });
     };
-    let range = rig.positive("sensor_range_m").map_or(SENSOR_RANGE_M, |n| n.value);
+    refuse_sensor_range(&rig);
     let resolution = rig.not_negative("sensor_resolution_m");
     let noise = rig.not_negative("sensor_noise_rms_m");
     let whole = |v: f64| v >= 0.0 && v <= f64::from(u32::MAX) && v.fract() == 0.0;
     let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
-    let within = format!("greater than 0 and at most sensor_range_m = {range}");
-    let limit = rig.number_if("displacement_limit_m", |v| v > 0.0 && v <= range, &within);
-    let ahead = rig.number_if("half_cycles_ahead", |v| (0.0..=20.0).contains(&v), "from 0 to 20");
-    let silent =
-        rig.number_if("host_silent_s", |v| v == 0.0 || (5.0..=3600.0).contains(&v), "0 for never, or from 5 to 3600");
-    let brake = rig.not_negative("brake_n");
+    let limits = CampaignLimits::read(&rig);
     let data_sheet = rig.table("sensors", None).map(read_sensors);
     let shaker = rig.table("shaker", None).map(|table| read_shaker(&table));
     rig.finish();
     Some(RigSettings {
+        board,
+        limits,
+        acting: board.safety,
         data_sheet: data_sheet.flatten(),
         shaker,
-        sensor_range_m: range,
-        sensor_resolution_m: resolution.map_or(0.0, |n| n.value),
+        sensor_resolution_m: resolution.as_ref().map_or(0.0, |n| n.value),
+        sensor_resolution_span: resolution.map_or(0..0, |n| n.span),
         sensor_noise_rms_m: noise.map_or(0.0, |n| n.value),
         noise_seed: seed.map_or(1, |n| n.value as u32),
-        displacement_limit_m: limit.map_or(range, |n| n.value),
-        half_cycles_ahead: ahead.map_or(0.0, |n| n.value),
-        host_silent_s: silent.map_or(HOST_SILENT_S, |n| n.value),
-        brake_n: brake.map_or(0.0, |n| n.value),
     })
+}
+
+/// The sensors' range belongs to the board. A campaign in a run folder may be older than that.
+fn refuse_sensor_range(rig: &Section) {
+    const KEY: &str = "sensor_range_m";
+    let Some(range) = rig.positive(KEY).filter(|_| !rig.source().is_recorded()) else { return };
+    let per_count = DisplacementScale::over_whole_span(range.value as f32).metres_per_count;
+    let help = if per_count == Settings::default().calibration.x.metres_per_count {
+        "leave it out: it is the range of a board as delivered".into()
+    } else {
+        format!(
+            "leave it out; for a virtual rig with such sensors write `damprig settings export board.toml`, set \
+             metres_per_count = {} in [calibration.x] and [calibration.z], and run with --rig virtual:board.toml",
+            decimal(per_count)
+        )
+    };
+    rig.refuse(KEY, &range.span, "the sensors' range belongs to the board's calibration", Some(help));
+}
+
+/// Simulated sensors that resolve less than the board expects look frozen where the base should be seen to move.
+pub(super) fn too_coarse(rig: &RigSettings) -> Problem {
+    let own = decimal(rig.board.safety.resolution_m);
+    Problem {
+        title: format!("`rig.sensor_resolution_m` = {} is not allowed", rig.sensor_resolution_m),
+        span: rig.sensor_resolution_span.clone(),
+        allowed: format!("coarser than the board's safety.resolution_m = {own}"),
+        help: Some(format!(
+            "write sensor_resolution_m = {own} or less, or set safety.resolution_m in the file of --rig virtual:board.toml"
+        )),
+    }
 }
 
 /// `[rig.sensors]`: none where they are ideal, or where a problem has been noted.

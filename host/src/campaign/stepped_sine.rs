@@ -24,8 +24,10 @@ pub struct SteppedSine {
     pub frequencies_hz: Vec<f64>,
     /// How each frequency begins.
     pub start: Start,
-    /// What is held at the base amplitude.
+    /// What is held at the base amplitude. The drive limit of a closed loop holds where `drive_limit` says so.
     pub drive: Drive,
+    /// The drive limit of a closed loop, m, and where it is given; without one it is what the rig's drive delivers.
+    pub drive_limit: Option<Number>,
     /// Time over which the drive rises from silence and fades again, s.
     pub ramp_s: f64,
     /// Time from the start of a frequency that is not measured, s.
@@ -67,11 +69,12 @@ pub(super) fn read(section: &Section, shaker: Option<&Shaker>) -> Option<Stepped
     let settle_s = settle.as_ref().map_or(0.0, |n| n.value);
     let allowed = format!("from 0 to settle_s = {settle_s}: nothing is measured on the ramp");
     let ramp = section.number_if("ramp_s", |v| (0.0..=settle_s).contains(&v), &allowed);
-    let drive = read_drive(section, shaker);
+    let (drive, drive_limit) = read_drive(section, shaker)?;
     Some(SteppedSine {
         frequencies_hz: frequencies?,
         start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
-        drive: drive?,
+        drive,
+        drive_limit,
         ramp_s: ramp.map_or(0.0, |n| n.value),
         settle_s,
         dwell_s: dwell?.value,
@@ -159,10 +162,10 @@ fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
 }
 
 /// `drive`, and the `closed_loop` table that goes with one of its two words.
-fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<Drive> {
+fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(Drive, Option<Number>)> {
     let is_closed = section.choice("drive", &["constant", "closed_loop"]) == Some(1);
     if !is_closed {
-        return Some(Drive::Constant);
+        return Some((Drive::Constant, None));
     }
     let Some(shaker) = shaker else {
         let help = Some("add a `[rig.shaker]` table (it may be empty), or write drive = \"constant\"".into());
@@ -171,7 +174,7 @@ fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<Drive> {
         return None;
     };
     let default = ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, ..ClosedLoop::default() };
-    let Some(table) = section.table("closed_loop", None) else { return Some(Drive::ClosedLoop(default)) };
+    let Some(table) = section.table("closed_loop", None) else { return Some((Drive::ClosedLoop(default), None)) };
     let most = f64::from(MOST_GAIN_PER_S);
     let gain = table.number_if(
         "gain_per_s",
@@ -185,11 +188,11 @@ fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<Drive> {
         gain_per_s: gain.map_or(default.gain_per_s, |n| n.value as f32),
         tolerance: tolerance.map_or(default.tolerance, |n| n.value as f32),
         wait_s: wait.map_or(default.wait_s, |n| n.value as f32),
-        drive_limit_m: limit.map_or(default.drive_limit_m, |n| n.value as f32),
+        drive_limit_m: limit.as_ref().map_or(default.drive_limit_m, |n| n.value as f32),
         ..default
     };
     table.finish();
-    Some(Drive::ClosedLoop(parameters))
+    Some((Drive::ClosedLoop(parameters), limit))
 }
 
 fn read_steady(section: &Section) -> SteadyLimits {

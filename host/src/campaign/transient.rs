@@ -42,8 +42,6 @@ pub struct Playback {
     pub tail_s: f64,
     /// |x| below which the structure counts as at rest before the beginning, m.
     pub rest_level_m: f64,
-    /// Beyond ± this the demand is cut, m.
-    pub drive_limit_m: f64,
     /// The key that gives its height, and where it stands, for answers.
     pub key: &'static str,
     /// Where that key's value stands.
@@ -84,7 +82,6 @@ impl Playback {
             scale_m: self.scale_m(),
             ramp_s: self.ramp_s as f32,
             tail_s: self.tail_s as f32,
-            drive_limit_m: self.drive_limit_m as f32,
             rest_level_m: self.rest_level_m as f32,
             index: 0,
         }
@@ -133,7 +130,7 @@ pub fn kept_record(folder: &Path, index: usize, file: &Path) -> PathBuf {
 }
 
 /// The keys of a playback; `index` is the experiment's place in the campaign.
-pub(super) fn playback(section: &Section, index: usize, rig: Option<&RigSettings>) -> Option<Playback> {
+pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
     let campaign = Path::new(section.source().name());
     // A run folder has a copy: the campaign in it names the file where it was.
     let find = |file: &str| {
@@ -204,7 +201,6 @@ pub(super) fn playback(section: &Section, index: usize, rig: Option<&RigSettings
         ramp_s: rest.ramp_s,
         tail_s: rest.tail_s,
         rest_level_m: rest.level_m,
-        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
         key,
         span,
     };
@@ -333,7 +329,7 @@ fn sound(section: &Section, playback: &Playback) -> Option<()> {
 }
 
 /// The keys of an impulse.
-pub(super) fn impulse(section: &Section, rig: Option<&RigSettings>) -> Option<Playback> {
+pub(super) fn impulse(section: &Section) -> Option<Playback> {
     let what = "write shape = \"half_sine\", \"versine\", \"haversine\" or \"rectangle\"";
     let shape = section.required("shape", what, |s, key| s.choice(key, &Shape::WORDS));
     let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
@@ -391,7 +387,6 @@ pub(super) fn impulse(section: &Section, rig: Option<&RigSettings>) -> Option<Pl
         ramp_s: ends.ramp_s,
         tail_s: ends.tail_s,
         rest_level_m: ends.level_m,
-        drive_limit_m: rig.map_or(1.0, |rig| rig.displacement_limit_m),
         key: "amplitude_m",
         span: amplitude.span,
     };
@@ -436,12 +431,6 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
     if let Some(level) = level.as_ref().filter(|level| level.value >= x0) {
         let help = Some(format!("write level_m = {:.3e}", 0.8 * x0));
         section.refuse("level_m", &level.span, format!("must be below |start_m| = {x0}"), help);
-        return None;
-    }
-    if let Some(rig) = rig.filter(|rig| x0 > crate::prediction::USABLE * rig.displacement_limit_m) {
-        let most = crate::prediction::USABLE * rig.displacement_limit_m;
-        let allowed = format!("must be within the displacement limit: ±{most:.4} m of ±{} m", rig.displacement_limit_m);
-        section.refuse("start_m", &start.span, allowed, None);
         return None;
     }
     // A half-cycle counts from a hundredth of x0 on: three standard deviations of the mean over a tick's ten samples.

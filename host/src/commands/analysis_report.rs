@@ -67,7 +67,11 @@ fn steady(driven: &Driven) -> Vec<(&'static str, String)> {
         let multipliers: Vec<String> = orbit
             .multipliers
             .iter()
-            .map(|[re, im]| if *im == 0.0 { digits(*re, 5) } else { format!("{} {:+.5}i", digits(*re, 5), im) })
+            .zip(&orbit.neutral)
+            .map(|([re, im], neutral)| {
+                let value = if *im == 0.0 { digits(*re, 5) } else { format!("{} {:+.5}i", digits(*re, 5), im) };
+                if *neutral { format!("{value} (neutral)") } else { value }
+            })
             .collect();
         lines.push((
             "periodic orbit",
@@ -75,7 +79,7 @@ fn steady(driven: &Driven) -> Vec<(&'static str, String)> {
                 "of {} drive period{}, {}; Floquet multipliers {}",
                 orbit.periods,
                 if orbit.periods == 1 { "" } else { "s" },
-                if orbit.stable { "stable" } else { "unstable" },
+                orbit.stability,
                 multipliers.join(", ")
             ),
         ));

@@ -10,6 +10,7 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use super::{Failure, Outcome};
 use crate::devices::{Answer, Found, ask, only, ports};
 use crate::link::Address;
+use crate::settings::read_board;
 
 /// Lists the serial ports and the boards that answer at them.
 #[derive(Debug, ClapArgs)]
@@ -47,10 +48,14 @@ fn table(found: &[Found]) -> Table {
             usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
             usb.map_or("–".into(), |usb| usb.serial_number.clone()),
             match &f.answer {
-                Answer::Device { board, firmware, last_crash, complaints } => {
+                Answer::Device { board, firmware, last_crash, complaints, lost_sensors } => {
                     let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
                     let counted: String = complaints.iter().map(|what| format!("\nsince it started: {what}")).collect();
-                    format!("{board}, firmware {firmware}{crash}{counted}")
+                    let lost = match lost_sensors.as_str() {
+                        "" => String::new(),
+                        names => format!("\nno signal from the sensors: {names}"),
+                    };
+                    format!("{board}, firmware {firmware}{crash}{counted}{lost}")
                 }
                 Answer::None(why) => why.clone(),
                 Answer::NotAsked => "not asked (no USB device; --all asks)".into(),
@@ -84,10 +89,15 @@ impl Rig {
     /// Where it is.
     ///
     /// # Errors
-    /// `auto`, and there is not exactly one board.
+    /// `auto`, and there is not exactly one board; a virtual board's settings that cannot be read.
     pub fn find(&self) -> Result<Address, Failure> {
         match self {
-            Self::At(address) => Ok(address.clone()),
+            Self::At(address) => {
+                if let Address::Virtual { board: Some(board), .. } = address {
+                    read_board(board).map_err(|e| Failure::Input(e.to_string()))?;
+                }
+                Ok(address.clone())
+            }
             Self::Auto => {
                 only(&ask(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
             }

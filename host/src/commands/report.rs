@@ -25,6 +25,7 @@ fn ratio(value: Option<f64>) -> String {
 /// The set-ups with their predicted displacements.
 pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     let mut table = table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the range (%)"]);
+    let range_m = f64::from(campaign.rig.sensor_range_m()[0]);
     for prediction in predictions {
         let set_up = &campaign.set_ups[prediction.set_up];
         let swing = prediction.swing;
@@ -35,7 +36,7 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
             ratio(set_up.friction_ratio()),
             format!("{:.1}", swing.max_x_m * 1e3),
             trimmed(swing.frequency_hz, 4),
-            format!("{:.0}", 100.0 * swing.max_x_m / campaign.rig.sensor_range_m),
+            format!("{:.0}", 100.0 * swing.max_x_m / range_m),
         ]);
     }
     table

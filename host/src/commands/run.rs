@@ -7,7 +7,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use clap::Args as ClapArgs;
-use damprig_protocol::ClockSource;
+use damprig_core::settings::Settings;
+use damprig_protocol::{ClockSource, PlantKind};
 
 use super::devices::Rig;
 use super::progress::Progress;
@@ -18,6 +19,7 @@ use crate::link::Address;
 use crate::page::page;
 use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
+use crate::recording::acting::acting_settings;
 use crate::recording::folder::PAGE;
 use crate::recording::journal::{self, Begin, Ended, Entry, Journal};
 use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
@@ -32,8 +34,8 @@ use crate::session::Session;
 
 /// Runs every set-up of the campaign through its experiments and records what the rig reports.
 ///
-/// Before anything moves the campaign is checked, and every set-up is simulated to see that it stays within
-/// the sensors' range.
+/// Before anything moves the campaign is checked, its limits are compared with the board's, which it may only tighten, and
+/// every set-up is simulated to see that it stays within them.
 #[derive(Debug, ClapArgs)]
 #[command(override_usage = USAGE, after_help = AFTER_HELP)]
 pub struct Args {
@@ -41,8 +43,9 @@ pub struct Args {
     #[arg(value_name = "CAMPAIGN.toml", required_unless_present = "resume")]
     campaign: Option<PathBuf>,
 
-    /// The rig: virtual, virtual:f32 (the board's precision), tcp:HOST:PORT, serial:PATH, or auto for the only board
-    /// that is plugged in
+    /// The rig: virtual, virtual:f32 (the board's precision), virtual:BOARD.toml or virtual:f32,BOARD.toml (a board with the
+    /// settings of a file, as `damprig settings export` writes it), tcp:HOST:PORT, serial:PATH, or auto for the only board that
+    /// is plugged in
     /// [default: virtual; with --resume the rig that the run was begun on]
     #[arg(long, value_name = "RIG")]
     rig: Option<Rig>,
@@ -56,7 +59,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
-    /// Check the campaign and predict the displacements, then stop
+    /// Check the campaign and predict the displacements, then stop. Its limits and its drive are compared with those of the
+    /// virtual board, or, for another rig, with those as delivered: no other rig is connected to
     #[arg(long)]
     dry_run: bool,
 
@@ -120,7 +124,21 @@ pub fn run(args: &Args) -> Outcome {
 }
 
 fn begin(args: &Args, file: &Path) -> Outcome {
-    let campaign = Campaign::read(file).map_err(input)?;
+    let mut campaign = Campaign::read(file).map_err(input)?;
+    campaign.check_simulable().map_err(input)?;
+    let virtual_rig = Rig::At(Address::VIRTUAL);
+    let rig = args.rig.as_ref().unwrap_or(&virtual_rig);
+    // A dry run connects to the virtual rig alone, which is in this process.
+    let is_asked = !args.dry_run || matches!(rig, Rig::At(Address::Virtual { .. }));
+    let connected = if is_asked {
+        let address = rig.find()?;
+        let session = open(&address, args)?;
+        put_on_board(&mut campaign, &session)?;
+        Some((address, session))
+    } else {
+        campaign.on_board(&Settings::default(), false).map_err(input)?;
+        None
+    };
     let predictions = prediction::predict(&campaign).map_err(input)?;
     let expected = prediction::transient::predict(&campaign).map_err(input)?;
     say!("Campaign {} ({})", campaign.name, file.display());
@@ -129,14 +147,19 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     transient_report::plan(&campaign, &expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predictions, &expected)?;
-    if args.dry_run {
-        say!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.displacement_limit_m * 1e3);
+    let settings = connected.as_ref().map_or(Settings::default(), |(_, session)| session.settings);
+    check_drive(&campaign, &expected, &settings)?;
+    let Some((rig, mut session)) = connected.filter(|_| !args.dry_run) else {
+        say!("All set-ups stay within ±{} mm. Nothing was moved.", campaign.rig.structure_limit_m() * 1e3);
+        if !is_asked {
+            say!(
+                "Limits were compared with a board's as delivered; this board's own are compared when the campaign is run."
+            );
+        }
         return Ok(());
-    }
+    };
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let rig = args.rig.as_ref().map_or(Ok(Address::Virtual { single: false }), Rig::find)?;
-    let mut session = open(&rig, args)?;
     let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
     let now = jiff::Zoned::now();
     let folder = match &args.out {
@@ -166,7 +189,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         Err(error) if journal::is_being_written(&path) == Some(true) => return Err(failed(error)),
         held => held,
     };
-    let earlier = Earlier::read(&path).map_err(input)?;
+    let mut earlier = Earlier::read(&path).map_err(input)?;
     say!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
     for warning in &earlier.warnings {
         say!("WRONG  {warning}");
@@ -177,18 +200,22 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         return Ok(());
     }
     earlier.intentions().iter().for_each(|line| say!("- {line}"));
+    let rig = match (&args.rig, earlier.taken.begun.first()) {
+        (Some(rig), _) => rig.find()?,
+        (None, Some(begin)) => {
+            Rig::At(begin.device.link.parse().map_err(|e| Failure::Input(format!("--rig: {e}")))?).find()?
+        }
+        (None, None) => Address::VIRTUAL,
+    };
+    let mut session = open(&rig, args)?;
+    put_on_board(&mut earlier.campaign, &session)?;
     let campaign = &earlier.campaign;
     let predictions = prediction::predict(campaign).map_err(input)?;
     let expected = prediction::transient::predict(campaign).map_err(input)?;
     check(campaign, &predictions, &expected)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let rig = match (&args.rig, earlier.taken.begun.first()) {
-        (Some(rig), _) => rig.find()?,
-        (None, Some(begin)) => begin.device.link.parse().map_err(|e| Failure::Input(format!("--rig: {e}")))?,
-        (None, None) => Address::Virtual { single: false },
-    };
-    let mut session = open(&rig, args)?;
+    check_drive(campaign, &expected, &session.settings)?;
     let selection = Selection::of(campaign, &session).map_err(|e| failure(&e, ""))?;
     let begin = beginning(campaign, &session, &selection, &jiff::Zoned::now());
     let different = earlier.differences(&begin);
@@ -196,6 +223,9 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         let list = different.join("\n  ");
         let message = "use the rig that it was begun on (--rig), or run the campaign anew; nothing was moved";
         return Err(Failure::Input(format!("{} was begun in another way:\n  {list}\n  {message}", path.display())));
+    }
+    for changed in earlier.changed_limits(&begin) {
+        warn!("note: a limit of the board has changed: {changed}");
     }
     let folder = RunFolder::existing(&path);
     let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(failed)?;
@@ -210,10 +240,22 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     job.carry_out(&mut session, selection, begin, journal, &stop)
 }
 
+/// Compares the campaign's limits with those of the board that answers, and completes it by the board's settings.
+fn put_on_board(campaign: &mut Campaign, session: &Session) -> Result<(), Failure> {
+    let is_simulated = session.description.plant != PlantKind::Real;
+    campaign.on_board(&session.settings, is_simulated).map_err(input)
+}
+
 /// Refuses what would leave limits or stroke.
 fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<(), Failure> {
     prediction::check(campaign, predictions).map_err(input)?;
     prediction::transient::check(campaign, expected).map_err(input)
+}
+
+/// Refuses what the rig's drive cannot deliver.
+fn check_drive(campaign: &Campaign, expected: &[Expected], settings: &Settings) -> Result<(), Failure> {
+    let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
+    prediction::drive::check(campaign, expected, drive_m).map_err(input)
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
@@ -331,6 +373,7 @@ impl Job<'_> {
         let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
         let mut manifest = Manifest::begin(self.campaign, self.farthest_m.iter().map(record).collect(), started);
         manifest.device = Some(begin.device.clone());
+        manifest.acting_settings = acting_settings(self.campaign, begin.device.settings.as_ref());
         manifest.signals = begin.signals.clone();
         manifest
     }

@@ -24,8 +24,9 @@ pub struct Args {
     #[command(subcommand)]
     action: Action,
 
-    /// The rig: virtual, virtual:f32, tcp:HOST:PORT, serial:PATH, or auto for the only board that is plugged in. A simulated
-    /// board keeps settings as long as it lives: the virtual rig until the command ends
+    /// The rig: virtual, virtual:BOARD.toml, tcp:HOST:PORT, serial:PATH, or auto for the only board that is plugged in. A
+    /// simulated board keeps settings as long as it lives, the virtual rig until the command ends: there the settings are those of
+    /// BOARD.toml, a file as `export` writes it
     #[arg(long, value_name = "RIG", default_value = "virtual", global = true)]
     rig: Rig,
 
@@ -39,7 +40,8 @@ Examples:
   damprig settings show --rig auto
   damprig settings set spring.step_m=4e-6 safety.wall_force_n=300 --rig auto --save
   damprig settings export rig.toml --rig auto
-  damprig settings import rig.toml --rig serial:/dev/ttyACM0 --save";
+  damprig settings import rig.toml --rig serial:/dev/ttyACM0 --save
+  damprig settings export board.toml --rig virtual     # then edit it, and: damprig run CAMPAIGN.toml --rig virtual:board.toml";
 
 #[derive(Debug, Subcommand)]
 enum Action {
@@ -164,6 +166,9 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
 fn save(session: &mut Session) -> Outcome {
     session.tell("save its settings", Ask::SaveSettings).map_err(failed)?;
     println!("saved");
+    if session.name().starts_with("virtual") {
+        println!("note: the virtual rig ends with this command; a file for --rig virtual:BOARD.toml keeps settings");
+    }
     Ok(())
 }
 

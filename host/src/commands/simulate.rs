@@ -33,7 +33,8 @@ pub struct Args {
     #[arg(long)]
     analyse: bool,
 
-    /// Write the time history to FILE.parquet or FILE.csv, and the impacts to FILE.impacts.… beside it
+    /// Write the time history to FILE.parquet or FILE.csv, and impacts and accumulations to FILE.impacts.… and
+    /// FILE.accumulations.… beside it
     #[arg(long, value_name = "FILE")]
     out: Option<TablePath>,
 

@@ -17,9 +17,11 @@ pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Pa
     let read = [Some(("the case itself", path.to_path_buf())), record];
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let impacts = out.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
+    let accumulations =
+        out.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));
     let picture = plot.map(|plot| ("--plot", plot.to_path_buf()));
     let mut taken: Vec<(&str, PathBuf)> = read.into_iter().flatten().collect();
-    for (role, file) in [history, impacts, picture].into_iter().flatten() {
+    for (role, file) in [history, impacts, accumulations, picture].into_iter().flatten() {
         let place = place(&file);
         if let Some((other, _)) = taken.iter().find(|(_, other)| self::place(other) == place) {
             return Err(Failure::Input(format!(

@@ -11,6 +11,7 @@ use crate::simulation::cost::Cost;
 use crate::simulation::history::TablePath;
 use crate::simulation::outline::Outline;
 use crate::simulation::record::Quantity;
+use crate::simulation::run::FEW_ACCUMULATIONS;
 use crate::simulation::{Answer, Case};
 
 /// Runs that take longer are warned about, s.
@@ -171,6 +172,19 @@ fn excitation(case: &Case) -> String {
     }
 }
 
+/// How many chatters ended in a particle resting on a wall, and when the first of them did.
+fn accumulations(answer: &Answer) -> String {
+    let first = answer.accumulations.iter().take(FEW_ACCUMULATIONS);
+    let ends: Vec<String> = first.map(|a| digits(a.t_s, 9)).collect();
+    let count = answer.summary.accumulation_count;
+    let all = count == ends.len() as u64;
+    format!(
+        "{count}: the particle came to rest on a wall at {}{} s; the last impacts of each are summed, not listed",
+        ends.join(", "),
+        if all { "" } else { ", …" }
+    )
+}
+
 /// The summary for people.
 pub fn summary(case: &Case, answer: &Answer) -> String {
     let s = &answer.summary;
@@ -192,6 +206,9 @@ pub fn summary(case: &Case, answer: &Answer) -> String {
         let kind = if case.has_soft_wall() { "contacts" } else { "impacts" };
         let rate = ending.map_or(String::new(), |e| format!(", {} a cycle at the end", digits(e.impacts_per_cycle, 3)));
         lines.push((kind, format!("{}{rate}", s.impact_count)));
+    }
+    if s.accumulation_count > 0 {
+        lines.push(("accumulations", accumulations(answer)));
     }
     if s.unresolved > 0 {
         let text = format!(

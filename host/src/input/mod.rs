@@ -1,10 +1,11 @@
 //! Reading what a person wrote, and answering what is wrong with it: file, line, key, value, what is
 //! allowed, and the likely fix, all problems at once.
 //!
-//! [`section`] walks a TOML table; this module holds the text and renders the answer. Which keys there
-//! are and which values are physical is said by the readers ([`crate::campaign`]) and the model.
+//! [`section`] walks a TOML table, [`key`] has the form in which its keys are declared; this module holds the text and
+//! renders the answer. Which keys there are is said by the readers: [`crate::setup`], [`crate::campaign`],
+//! [`crate::simulation`].
 
-mod range;
+pub mod key;
 pub mod regular;
 pub mod section;
 mod suggest;
@@ -15,6 +16,7 @@ use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+use toml::de::DeTable;
 
 pub use section::{Number, Section, Text};
 pub use suggest::{near, replacement};
@@ -43,6 +45,7 @@ pub struct Problem {
 pub struct Source {
     name: String,
     text: String,
+    is_recorded: bool,
     problems: Mutex<Vec<Problem>>,
 }
 
@@ -73,7 +76,20 @@ impl Source {
     /// A text that is at hand already; `name` stands for the file in answers.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), text: text.into(), problems: Mutex::default() }
+        Self { name: name.into(), text: text.into(), is_recorded: false, problems: Mutex::default() }
+    }
+
+    /// The copy in a run folder, which may be older than this program: keys that are refused since then are ignored.
+    #[must_use]
+    pub fn recorded(mut self) -> Self {
+        self.is_recorded = true;
+        self
+    }
+
+    /// Whether it is the copy in a run folder.
+    #[must_use]
+    pub fn is_recorded(&self) -> bool {
+        self.is_recorded
     }
 
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {
@@ -91,6 +107,27 @@ impl Source {
     #[must_use]
     pub fn text(&self) -> &str {
         &self.text
+    }
+
+    /// Reads `text`, which stands for the source's own, as TOML; `title` is the problem's when it is none.
+    pub fn read_toml<T>(&self, text: &str, title: &str, read: impl FnOnce(&Section) -> Option<T>) -> Option<T> {
+        match DeTable::parse(text) {
+            Ok(document) => {
+                let root = Section::root(self, &document);
+                let found = read(&root);
+                root.finish();
+                found
+            }
+            Err(error) => {
+                self.report(Problem {
+                    title: title.into(),
+                    span: error.span().unwrap_or_default(),
+                    allowed: error.message().to_string(),
+                    help: None,
+                });
+                None
+            }
+        }
     }
 
     /// Notes a problem; reading goes on, so that one answer holds them all.

@@ -1,15 +1,17 @@
-//! One TOML table, read key by key: what is asked for is known, what is left over is answered.
+//! One TOML table, read key by key: keys that nothing reads are reported as unknown.
 //!
-//! A section may inherit: a key it does not have is looked up in the table of the same name that the file
-//! gives for all. Values are checked where they are read, and every problem is noted in the [`Source`], so
-//! readers carry on with `None` and the caller asks for the verdict once at the end.
+//! Quantities that are declared ([`super::key`]) are read by [`Section::given`] and what follows it, which apply the
+//! declaration; other keys by name. A section may inherit: a key that it does not have is looked up in the table of the
+//! same name at the top of the file. Every problem is noted in the [`Source`], so readers carry on with `None` and the
+//! caller asks for the verdict once at the end.
 
 use std::cell::RefCell;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Problem, Source, Span, range, suggest};
+use super::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
+use super::{Problem, Source, Span, suggest};
 
 /// A number and where it stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +31,21 @@ pub struct Text {
     pub span: Span,
 }
 
+/// The value of a quantity.
+#[derive(Debug)]
+pub enum Given<'a> {
+    /// A number.
+    Number(f64),
+    /// A list of numbers.
+    Numbers(Vec<Number>),
+    /// A word, by its place among the key's words.
+    Word(usize),
+    /// A text.
+    Text(Text),
+    /// A table.
+    Table(Section<'a>),
+}
+
 /// A table of the file, under the name that answers call it by.
 #[derive(Debug)]
 pub struct Section<'a> {
@@ -38,7 +55,7 @@ pub struct Section<'a> {
     own: &'a DeTable<'a>,
     inherited: Option<(&'static str, &'a DeTable<'a>)>,
     known: RefCell<Vec<&'static str>>,
-    missing: RefCell<Vec<(&'static str, Problem)>>,
+    missing: RefCell<Vec<(Vec<&'static str>, Problem)>>,
 }
 
 impl<'a> Section<'a> {
@@ -103,39 +120,190 @@ impl<'a> Section<'a> {
         });
     }
 
+    /// As [`Section::refuse`], of the value that the section or the table it inherits from has under `key`.
+    pub fn reject(&self, key: &'static str, allowed: impl Into<String>, help: Option<String>) {
+        self.refuse(key, &self.span_of(key), allowed, help);
+    }
+
+    /// Where the value of `key` stands; the section's place if it has none.
+    pub fn span_of(&self, key: &'static str) -> Span {
+        self.value(key).map_or(self.span(), Spanned::span)
+    }
+
     /// Notes that a key which must be there is not; `what` says in words what it is.
     pub fn lack(&self, key: &'static str, what: &str) {
-        let problem = Problem {
-            title: format!("`{}` is missing", self.full(key)),
-            span: self.span.clone(),
-            allowed: what.to_string(),
-            help: None,
-        };
-        self.missing.borrow_mut().push((key, problem));
+        self.missing.borrow_mut().push((vec![key], self.absence(key, what)));
+    }
+
+    fn absence(&self, key: &str, what: impl Into<String>) -> Problem {
+        let title = format!("`{}` is missing", self.full(key));
+        Problem { title, span: self.span(), allowed: what.into(), help: None }
+    }
+
+    /// The keys of a quantity that are written, here or in the table that the section inherits from.
+    fn found(&self, quantity: &Quantity) -> Vec<&'static Key> {
+        quantity.keys.iter().filter(|key| self.value(key.name).is_some()).collect()
+    }
+
+    /// Whether a quantity is written, here or in the table that the section inherits from.
+    #[must_use]
+    pub fn is_given(&self, quantity: &Quantity) -> bool {
+        !self.found(quantity).is_empty()
+    }
+
+    /// The key under which a quantity is written; one of the section's own counts before one that it inherits.
+    pub fn written(&self, quantity: &Quantity) -> Option<&'static Key> {
+        let found = self.found(quantity);
+        let own: Vec<&Key> = found.iter().copied().filter(|key| self.has_own(key.name)).collect();
+        let found = if own.is_empty() { found } else { own };
+        if let [first, second, ..] = found[..] {
+            let help = Some(format!("leave out `{}` or `{}`", first.name, second.name));
+            self.reject(second.name, format!("`{}` is given too, and says the same quantity", first.name), help);
+        }
+        found.first().copied()
+    }
+
+    /// A declared quantity: the place of the key that says it among its keys, and the value; `None` if there is none, or
+    /// after a problem has been noted.
+    pub fn given(&self, quantity: &Quantity) -> Option<(usize, Given<'a>)> {
+        let key = self.written(quantity);
+        let mut need = quantity.need;
+        let mut reason = None;
+        while let Need::If(other, name, then, otherwise) = need {
+            let holds = self.written(other).is_some_and(|key| key.name == name);
+            need = if holds { *then } else { *otherwise };
+            reason = Some((name, holds));
+        }
+        match (key, need) {
+            // What the section itself says makes an inherited key void.
+            (Some(key), Need::Forbidden) => {
+                if self.has_own(key.name) || !reason.is_some_and(|(other, _)| self.has_own(other)) {
+                    self.forbid(key, reason);
+                }
+                None
+            }
+            (Some(key), _) => Some((quantity.keys.iter().position(|k| k.name == key.name)?, self.read(key)?)),
+            (None, Need::Required) => {
+                // A number is what a quantity is in the end, whatever else may say it.
+                let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
+                let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
+                let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
+                let list: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+                let what = match &list[..] {
+                    [list @ .., last] if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
+                    _ => first.doc.into(),
+                };
+                self.missing.borrow_mut().push((names, self.absence(first.name, what)));
+                None
+            }
+            (None, Need::Default(DefaultValue::Word(word))) => {
+                let Kind::Word(words) = quantity.keys[0].kind else { return None };
+                Some((0, Given::Word(words.iter().position(|w| *w == word)?)))
+            }
+            (None, Need::Default(value)) => Some((0, Given::Number(value.number()?))),
+            (None, _) => None,
+        }
+    }
+
+    /// Notes that `key` is written where it must not be; `reason`: the other key, and whether that is written.
+    fn forbid(&self, key: &'static Key, reason: Option<(&'static str, bool)>) {
+        match reason {
+            Some((other, true)) if key.kind == Kind::Table => self.source.report(Problem {
+                title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(other)),
+                span: self.span_of(key.name),
+                allowed: "one or the other".into(),
+                help: Some(format!("leave out `{}` or `{other}`", key.name)),
+            }),
+            Some((other, true)) => {
+                let help = Some(format!("leave out `{other}` or `{}`", key.name));
+                self.reject(key.name, format!("`{other}` is given too, and says it"), help);
+            }
+            Some((other, false)) => self.reject(key.name, format!("goes with `{other}`, which is not given"), None),
+            None => self.reject(key.name, "must be left out", None),
+        }
+    }
+
+    fn read(&self, key: &'static Key) -> Option<Given<'a>> {
+        match key.kind {
+            Kind::Number(range) => self.number_in(key.name, range).map(|number| Given::Number(number.value)),
+            Kind::Numbers => self.numbers(key.name).map(Given::Numbers),
+            Kind::Word(words) => self.choice(key.name, words).map(Given::Word),
+            Kind::TextOrPlace if !self.is_text(key.name) => {
+                let is_place = |v: f64| v >= 1.0 && v.fract() == 0.0 && v < 1e6;
+                let place = self.number_if(key.name, is_place, "a place from 1 up, or a name in quotes");
+                place.map(|number| Given::Number(number.value))
+            }
+            Kind::Text | Kind::TextOrPlace => self.text(key.name).map(Given::Text),
+            Kind::Table => self.table(key.name, None).map(Given::Table),
+        }
+    }
+
+    /// A declared quantity that is a number: the place of its key, and the value.
+    pub fn one_of(&self, quantity: &Quantity) -> Option<(usize, f64)> {
+        match self.given(quantity)? {
+            (place, Given::Number(value)) => Some((place, value)),
+            _ => None,
+        }
+    }
+
+    /// A declared number.
+    pub fn scalar(&self, quantity: &Quantity) -> Option<f64> {
+        self.one_of(quantity).map(|(_, value)| value)
+    }
+
+    /// A declared word, by its place among the key's words.
+    pub fn word(&self, quantity: &Quantity) -> Option<usize> {
+        match self.given(quantity)? {
+            (_, Given::Word(place)) => Some(place),
+            _ => None,
+        }
+    }
+
+    /// A declared text.
+    pub fn text_of(&self, quantity: &Quantity) -> Option<Text> {
+        match self.given(quantity)? {
+            (_, Given::Text(text)) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// A declared table, which takes missing keys from `inherited`, as [`table`](Self::table) does.
+    pub fn table_of(&self, quantity: &Quantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
+        match self.given(quantity)? {
+            (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
+            _ => None,
+        }
+    }
+
+    /// Which of `tables`, told apart by their kind, the section is. When that is not known its other keys cannot be
+    /// checked: do not [`finish`](Self::finish) it.
+    pub fn variant(&self, tables: &[Table]) -> Option<usize> {
+        let kinds: Vec<&'static str> = tables.iter().filter_map(|table| table.kind).collect();
+        if self.value("kind").is_none() {
+            let list: Vec<String> = kinds.iter().map(|kind| format!("kind = {kind:?}")).collect();
+            self.source.report(self.absence("kind", format!("write {}", list.join(" or "))));
+        }
+        self.choice("kind", &kinds)
     }
 
     /// A finite number within what its unit may measure, if the key is there.
     pub fn number(&self, key: &'static str) -> Option<Number> {
+        self.number_in(key, Range::Any)
+    }
+
+    fn number_in(&self, key: &'static str, range: Range) -> Option<Number> {
         let value = self.value(key)?;
         let span = value.span();
-        let number = match value.get_ref() {
-            DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok(),
-            DeValue::Float(f) => f.as_str().parse().ok(),
-            _ => None,
+        let number = finite(value);
+        let refusal = match number {
+            None => Some("must be a finite number".to_string()),
+            Some(value) => Unit::of(key).and_then(|unit| unit.refusal(value)).or_else(|| range.refusal(value)),
         };
-        match number {
-            Some(number) if f64::is_finite(number) => {
-                if let Some(allowed) = range::excess(key, number) {
-                    self.refuse(key, &span, allowed, None);
-                    return None;
-                }
-                Some(Number { value: number, span })
-            }
-            _ => {
-                self.refuse(key, &span, "must be a finite number", None);
-                None
-            }
+        if let Some(allowed) = refusal {
+            self.refuse(key, &span, allowed, None);
+            return None;
         }
+        number.map(|value| Number { value, span })
     }
 
     /// A number for which `ok` holds; `allowed` says in words what that is.
@@ -170,33 +338,6 @@ impl<'a> Section<'a> {
             self.lack(key, what);
         }
         found
-    }
-
-    /// One quantity that may be written under either of two keys, with the same condition on both: which key
-    /// it was, and the number. A section's own key wins over the other one inherited.
-    pub fn either(
-        &self,
-        keys: [&'static str; 2],
-        read: impl Fn(&Self, &'static str) -> Option<Number>,
-    ) -> Option<(usize, Number)> {
-        let here = keys.map(|k| self.value(k).is_some());
-        let own = keys.map(|k| self.has_own(k));
-        let which = match (here, own) {
-            ([false, false], _) => {
-                self.lack(keys[0], &format!("give `{}` or `{}`", keys[0], keys[1]));
-                return None;
-            }
-            (_, [true, true]) | ([true, true], [false, false]) => {
-                let span = self.value(keys[1]).map_or(self.span(), Spanned::span);
-                let help = Some(format!("leave out `{}` or `{}`", keys[0], keys[1]));
-                self.refuse(keys[1], &span, format!("`{}` is given too, and says the same quantity", keys[0]), help);
-                return None;
-            }
-            (_, [true, false]) => 0,
-            (_, [false, true]) => 1,
-            ([first, _], _) => usize::from(!first),
-        };
-        read(self, keys[which]).map(|n| (which, n))
     }
 
     /// A text, if the key is there.
@@ -246,18 +387,11 @@ impl<'a> Section<'a> {
         let list = self.list(key)?;
         let mut numbers = Vec::new();
         for item in list {
-            let value = match item.get_ref() {
-                DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok(),
-                DeValue::Float(f) => f.as_str().parse().ok(),
-                _ => None,
+            let Some(value) = finite(item) else {
+                self.refuse(key, &item.span(), "must be a finite number", None);
+                return None;
             };
-            match value {
-                Some(value) if f64::is_finite(value) => numbers.push(Number { value, span: item.span() }),
-                _ => {
-                    self.refuse(key, &item.span(), "must be a finite number", None);
-                    return None;
-                }
-            }
+            numbers.push(Number { value, span: item.span() });
         }
         Some(numbers)
     }
@@ -333,12 +467,7 @@ impl<'a> Section<'a> {
         for (path, table) in tables.into_iter().flatten() {
             let absent: Vec<&str> = names.iter().copied().filter(|k| !table.contains_key(*k)).collect();
             for (key, value) in table.iter().filter(|(k, _)| !names.contains(&k.get_ref().as_ref())) {
-                let number = match value.get_ref() {
-                    DeValue::Integer(i) => i.as_str().parse().ok(),
-                    DeValue::Float(f) => f.as_str().parse().ok(),
-                    _ => None,
-                };
-                let help = suggest::replacement(key.get_ref(), number, &absent).map(|(right, help)| {
+                let help = suggest::replacement(key.get_ref(), finite(value), &absent).map(|(right, help)| {
                     answered.push(right);
                     help
                 });
@@ -352,10 +481,19 @@ impl<'a> Section<'a> {
             }
         }
         // A key that is only misspelt is answered once.
-        for (key, problem) in self.missing.take() {
-            if !answered.iter().any(|a| a == key) {
+        for (keys, problem) in self.missing.take() {
+            if !answered.iter().any(|a| keys.contains(&a.as_str())) {
                 self.source.report(problem);
             }
         }
     }
+}
+
+fn finite(value: &Spanned<DeValue>) -> Option<f64> {
+    let number = match value.get_ref() {
+        DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok(),
+        DeValue::Float(f) => f.as_str().parse().ok(),
+        _ => None,
+    };
+    number.filter(|value| f64::is_finite(*value))
 }

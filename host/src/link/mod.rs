@@ -6,10 +6,11 @@ mod virtual_rig;
 
 use std::fmt;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
+use crate::settings::read_board;
 pub use virtual_rig::VirtualRig;
 
 /// A two-way stream of bytes.
@@ -48,6 +49,8 @@ pub enum Address {
     Virtual {
         /// `f32`, to compare with a board bit for bit.
         single: bool,
+        /// The board's settings, a file as `damprig settings export` writes it; as delivered without one.
+        board: Option<PathBuf>,
     },
     /// `HOST:PORT`.
     Tcp(String),
@@ -58,8 +61,11 @@ pub enum Address {
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Virtual { single: false } => f.write_str("virtual"),
-            Self::Virtual { single: true } => f.write_str("virtual:f32"),
+            Self::Virtual { single, board } => {
+                f.write_str(if *single { "virtual:f32" } else { "virtual" })?;
+                let Some(board) = board else { return Ok(()) };
+                write!(f, "{}{}", if *single { "," } else { ":" }, board.display())
+            }
             Self::Tcp(address) => write!(f, "tcp:{address}"),
             Self::Serial(path) => write!(f, "serial:{}", path.display()),
         }
@@ -71,9 +77,8 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once(':') {
-            None if text == "virtual" => Ok(Self::Virtual { single: false }),
-            Some(("virtual", "f64")) => Ok(Self::Virtual { single: false }),
-            Some(("virtual", "f32")) => Ok(Self::Virtual { single: true }),
+            None if text == "virtual" => Ok(Self::VIRTUAL),
+            Some(("virtual", rest)) => virtual_board(rest),
             Some(("tcp", address)) => match address.rsplit_once(':') {
                 Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok_and(|p| p > 0) => {
                     Ok(Self::Tcp(address.to_string()))
@@ -81,9 +86,31 @@ impl FromStr for Address {
                 _ => Err("write tcp:HOST:PORT with a port from 1 to 65535".into()),
             },
             Some(("serial", path)) if !path.is_empty() => Ok(Self::Serial(path.into())),
-            _ => Err("must be virtual, virtual:f32, tcp:HOST:PORT or serial:PATH".into()),
+            _ => Err(ALLOWED.into()),
         }
     }
+}
+
+const ALLOWED: &str =
+    "must be virtual, virtual:f32, virtual:BOARD.toml, virtual:f32,BOARD.toml, tcp:HOST:PORT or serial:PATH";
+
+/// `f32`, `BOARD.toml`, or both with a comma between them.
+fn virtual_board(text: &str) -> Result<Address, String> {
+    let (precision, board) = match text.split_once(',') {
+        Some((precision, board)) => (Some(precision), Some(board)),
+        None if matches!(text, "f32" | "f64") => (Some(text), None),
+        None => (None, Some(text)),
+    };
+    let is_file = |name: &str| Path::new(name).extension().is_some_and(|extension| extension == "toml");
+    if precision.is_some_and(|word| !matches!(word, "f32" | "f64")) || board.is_some_and(|name| !is_file(name)) {
+        return Err(ALLOWED.into());
+    }
+    Ok(Address::Virtual { single: precision == Some("f32"), board: board.map(PathBuf::from) })
+}
+
+impl Address {
+    /// The virtual rig in double precision, its board as delivered.
+    pub const VIRTUAL: Self = Self::Virtual { single: false, board: None };
 }
 
 /// A link that cannot be opened.
@@ -101,8 +128,11 @@ pub struct Unreachable {
 pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
     let failed = |message: String| Unreachable { address: address.to_string(), message };
     Ok(match address {
-        Address::Virtual { single: false } => Box::new(VirtualRig::<f64>::new()),
-        Address::Virtual { single: true } => Box::new(VirtualRig::<f32>::new()),
+        Address::Virtual { single, board } => {
+            let settings = board.as_ref().map(|board| read_board(board)).transpose();
+            let settings = settings.map_err(|refusal| failed(refusal.to_string()))?;
+            Box::new(VirtualRig::new(*single, settings.as_ref()))
+        }
         Address::Tcp(place) => Box::new(tcp::Tcp::connect(place).map_err(failed)?),
         Address::Serial(path) => Box::new(serial::Serial::open(path).map_err(failed)?),
     })
@@ -119,14 +149,31 @@ mod tests {
 
     #[test]
     fn addresses_read_back_as_written() {
-        for text in ["virtual", "virtual:f32", "tcp:127.0.0.1:4000", "tcp:[::1]:4000", "serial:/dev/ttyACM0"] {
+        let boards = ["virtual:board.toml", "virtual:f32,my/board.toml"];
+        for text in boards.into_iter().chain([
+            "virtual",
+            "virtual:f32",
+            "tcp:127.0.0.1:4000",
+            "tcp:[::1]:4000",
+            "serial:/dev/ttyACM0",
+        ]) {
             assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
         }
     }
 
     #[test]
     fn a_wrong_address_is_told_what_is_allowed() {
-        for text in ["", "usb", "tcp:nowhere", "tcp::1", "tcp:host:0", "tcp:host:99999", "serial:", "virtual:f16"] {
+        for text in [
+            "",
+            "usb",
+            "tcp:nowhere",
+            "tcp::1",
+            "tcp:host:0",
+            "tcp:host:99999",
+            "serial:",
+            "virtual:f16",
+            "virtual:f16,a.toml",
+        ] {
             let answer = text.parse::<Address>().unwrap_err();
             assert!(answer.contains("tcp:HOST:PORT"), "{text}: {answer}");
         }

@@ -3,8 +3,9 @@
 use std::io;
 use std::time::Duration;
 
+use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Name;
-use damprig_device::simulated::{PlantScalar, Progress, Simulated};
+use damprig_device::simulated::{Progress, Simulated, VirtualBoard};
 
 use super::Link;
 
@@ -13,26 +14,26 @@ const TICKS_PER_TURN: u32 = 1000;
 
 /// A simulated board and the bytes on their way from it.
 #[derive(Debug)]
-pub struct VirtualRig<S> {
-    board: Box<Simulated<S>>,
+pub struct VirtualRig {
+    board: Box<VirtualBoard>,
 }
 
-impl<S: PlantScalar> VirtualRig<S> {
-    /// An idle board without a plant.
+impl VirtualRig {
+    /// An idle board without a plant, in single or double precision, that has kept these settings; as delivered for none.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn new(single: bool, settings: Option<&Settings>) -> Self {
         let name = Name::new(env!("CARGO_PKG_VERSION"), "virtual");
-        Self { board: Box::new(Simulated::new(name)) }
+        let mut board = Box::new(if single {
+            VirtualBoard::Single(Simulated::new(name))
+        } else {
+            VirtualBoard::Double(Simulated::new(name))
+        });
+        settings.into_iter().for_each(|settings| board.start_with(settings, Source::Stored));
+        Self { board }
     }
 }
 
-impl<S: PlantScalar> Default for VirtualRig<S> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<S: PlantScalar> Link for VirtualRig<S> {
+impl Link for VirtualRig {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.board.receive(bytes);
         Ok(())
@@ -41,7 +42,7 @@ impl<S: PlantScalar> Link for VirtualRig<S> {
     fn receive(&mut self, into: &mut Vec<u8>, _: Duration) -> io::Result<()> {
         // The board runs until it has said something; standing, it has nothing to say, however long one waits.
         let before = into.len();
-        while self.board.run(TICKS_PER_TURN, |bytes| into.extend_from_slice(bytes)) == Progress::Running
+        while self.board.run(TICKS_PER_TURN, &mut |bytes| into.extend_from_slice(bytes)) == Progress::Running
             && into.len() == before
         {}
         Ok(())

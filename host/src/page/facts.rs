@@ -9,6 +9,7 @@ use crate::campaign::Campaign;
 use crate::figure::campaign::Shown;
 use crate::input::Source;
 use crate::recording::journal::{self, Entry};
+use crate::recording::manifest::BoardSettings;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
 use crate::runs::columns::{Value, column, numbers, texts};
@@ -28,6 +29,8 @@ pub(super) struct Point {
     pub(super) x_max_m: f64,
     pub(super) cycles: u64,
     pub(super) saturated: bool,
+    /// Names of the sensors that were clipped.
+    pub(super) clipped: String,
     pub(super) segment: u64,
 }
 
@@ -70,7 +73,8 @@ impl Facts {
             Entry::Link { what, at } => Some((at.clone(), what.clone())),
             _ => None,
         });
-        let campaign = read_campaign(path);
+        let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());
+        let campaign = read_campaign(path, board);
         let batches = match &campaign {
             Ok(campaign) if !taken.rows().is_empty() => {
                 results(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
@@ -111,8 +115,14 @@ impl Facts {
     }
 }
 
-fn read_campaign(path: &Path) -> Result<Campaign, String> {
-    Source::read(&path.join("campaign.toml")).and_then(Campaign::parse).map_err(|e| e.to_string())
+fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign, String> {
+    let source = Source::read(&path.join("campaign.toml")).map_err(|e| e.to_string())?;
+    let mut campaign = Campaign::parse(source.recorded()).map_err(|e| e.to_string())?;
+    if let Some(board) = board {
+        // What was refused did not run.
+        let _ = campaign.on_board(&board.settings, false);
+    }
+    Ok(campaign)
 }
 
 fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
@@ -123,6 +133,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
     let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
     // Columns that older runs lack.
     let saturated = column(batch, "drive_saturated").unwrap_or_default();
+    let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
     let point = |n: usize| Point {
@@ -139,6 +150,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
         x_max_m: x_max[n],
         cycles: cycles[n] as u64,
         saturated: is(&saturated, n),
+        clipped: clipped.get(n).cloned().unwrap_or_default(),
         segment: segments.get(n).copied().unwrap_or(0.0) as u64,
     };
     Ok((0..batch.num_rows()).map(point).collect())

@@ -1,6 +1,8 @@
 //! Whether the run can be relied on: how it ended, what was lost and where, what the link went through, and what deserves
 //! a second look.
 
+use std::collections::BTreeSet;
+
 use maud::{Markup, html};
 
 use super::facts::Facts;
@@ -9,6 +11,9 @@ use crate::recording::controller::Controller;
 
 /// A measured base amplitude that is off by more than this share of the one that was set is pointed out.
 const NOTABLE_BASE_ERROR: f64 = 0.05;
+
+/// Sine of a phase of x against z above which x is said to lead: 30° to 150°.
+const LEADS: f64 = 0.5;
 
 /// How it ended, and how far it came.
 pub(super) fn state(facts: &Facts) -> Markup {
@@ -45,6 +50,8 @@ pub(super) fn warnings(facts: &Facts) -> Markup {
     if saturated > 0 {
         list.push(format!("at {saturated} points the drive was at its limit"));
     }
+    list.extend(clipped(facts));
+    list.extend(signs(facts));
     list.extend(base_errors(facts));
     list.extend(facts.manifest.controller.iter().flat_map(Controller::complaints));
     for begin in &facts.taken.begun {
@@ -61,6 +68,30 @@ pub(super) fn warnings(facts: &Facts) -> Markup {
             section { h2 { "To look at" } @for text in &list { p.note { (text) } } }
         }
     }
+}
+
+/// Sensors whose signal reached an end of its span while a point was measured.
+fn clipped(facts: &Facts) -> Option<String> {
+    let points = facts
+        .points
+        .iter()
+        .map(|p| p.clipped.as_str())
+        .chain(facts.taken.transients().iter().map(|t| t.sensors_clipped.as_str()));
+    let clipped: Vec<&str> = points.filter(|names| !["", "none"].contains(names)).collect();
+    let names: BTreeSet<&str> = clipped.iter().flat_map(|names| names.split(", ")).collect();
+    let names: Vec<&str> = names.into_iter().collect();
+    (!clipped.is_empty()).then(|| {
+        let count = clipped.len();
+        format!("at {count} points a sensor's signal reached an end of its span and is cut there: {}", names.join(", "))
+    })
+}
+
+/// Points at which x leads z by a right angle or nearly. In the mean the base feeds a structure energy, so x lags behind z.
+/// Only a particle that swings much further than the structure, far from its resonance, could make an exception.
+fn signs(facts: &Facts) -> Option<String> {
+    let leads = facts.points.iter().filter(|p| p.shown.phase_rad.sin() > LEADS).count();
+    (leads > 0)
+        .then(|| format!("at {leads} points x leads z, as with a sensor of the wrong sign: check those of x and z"))
 }
 
 /// Set-ups whose base did not move as it should.

@@ -56,7 +56,7 @@ pub fn page(run: &RunFolder) -> Page {
                     }
                     (health::warnings(&facts))
                     section { h2 { "What came of it" } (figures(&facts)) (tables::peaks(&facts)) (tables::transients(&facts)) }
-                    section { h2 { "What was run" } (set_ups::set_ups(&facts)) (set_ups::experiments(&facts)) }
+                    section { h2 { "What was run" } (set_ups::set_ups(&facts)) (set_ups::experiments(&facts)) (set_ups::acting(&facts)) }
                     @if !facts.points.is_empty() {
                         section { h2 { "Results" } (tables::results(&facts)) }
                     }

@@ -89,6 +89,7 @@ fn from_manifest(facts: &Facts) -> Markup {
 /// A row an experiment, and the rig that they share.
 pub(super) fn experiments(facts: &Facts) -> Markup {
     let Ok(campaign) = &facts.campaign else { return html! {} };
+    let [range_m, _] = campaign.rig.sensor_range_m();
     html! {
         div.wide { table {
             thead { tr {
@@ -116,13 +117,36 @@ pub(super) fn experiments(facts: &Facts) -> Markup {
             }
         } }
         dl {
-            dt { "Displacement limit" } dd { "±" (short(campaign.rig.displacement_limit_m * 1e3, 3)) " mm" }
             dt { "Sensors" }
-            dd { "±" (short(campaign.rig.sensor_range_m * 1e3, 3)) " mm, steps of "
+            dd { "±" (short(f64::from(range_m) * 1e3, 3)) " mm, steps of "
                 (short(campaign.rig.sensor_resolution_m * 1e6, 3)) " µm, noise "
                 (short(campaign.rig.sensor_noise_rms_m * 1e6, 3)) " µm RMS (simulated rigs)" }
             dt { "Base" }
             dd { (if campaign.rig.shaker.is_some() { "a shaker that feels its load" } else { "follows the drive" }) }
+        }
+    }
+}
+
+/// The limits and spring properties that acted, each with its origin.
+pub(super) fn acting(facts: &Facts) -> Markup {
+    let list = &facts.manifest.acting_settings;
+    html! {
+        @if !list.is_empty() {
+            h3 { "Limits and spring properties in force" }
+            div.wide { table {
+                thead { tr { th.word { "Setting" } th.word { "Set-up" } th { "Value" } th.word { "Set by" } th { "The board's" } } }
+                tbody {
+                    @for acting in list {
+                        tr {
+                            td.word { (acting.setting) }
+                            td.word { (acting.set_up.as_deref().unwrap_or("every")) }
+                            td { (acting.value) }
+                            td.word { (acting.origin) }
+                            td { (acting.board_value.map_or("–".into(), |value| value.to_string())) }
+                        }
+                    }
+                }
+            } }
         }
     }
 }

@@ -186,14 +186,14 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
 /// # Errors
 /// One answer for all of them, each pointing at what gives the height.
 pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> {
-    let limit = campaign.rig.displacement_limit_m;
+    let (limit, base_limit) = (campaign.rig.structure_limit_m(), campaign.rig.base_limit_m());
     let stroke = campaign.rig.shaker.map_or(f64::INFINITY, |shaker| shaker.half_stroke_m);
     for Expected { set_up, experiment, outlook } in expected {
         let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
         let mm = |metres: f64| format!("{:.3} mm", metres * 1e3);
         let too_far = [
             ("the shaker's stroke", "|z|", outlook.z_peak_m, stroke),
-            ("the displacement limit", "|z|", outlook.z_peak_m, USABLE * limit),
+            ("the displacement limit", "|z|", outlook.z_peak_m, USABLE * base_limit),
             ("the displacement limit", "|x|", outlook.x_peak_m, USABLE * limit),
         ];
         let Some((what, which, value, most)) = too_far.into_iter().find(|(.., value, most)| value > most) else {
@@ -204,7 +204,9 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
             Kind::FreeVibration(free) => ("start_m", free.span.clone()),
             Kind::SteppedSine(_) => continue,
         };
-        let fits = experiment.playback().and_then(|playback| fitting(set_up, playback, stroke, limit));
+        let fits = experiment
+            .playback()
+            .and_then(|playback| fitting(set_up, playback, stroke.min(USABLE * base_limit), limit));
         campaign.source.report(Problem {
             title: format!(
                 "experiment {:?} on set-up {:?} would leave {what}: predicted max{which} = {}, at most {} may be used",
@@ -225,9 +227,9 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
 }
 
 /// The largest peak of two digits at which a record fits. |x| need not rise steadily with it: candidates are simulated.
-fn fitting(set_up: &CampaignSetUp, playback: &Playback, stroke_m: f64, limit_m: f64) -> Option<f64> {
+fn fitting(set_up: &CampaignSetUp, playback: &Playback, most_z_m: f64, limit_m: f64) -> Option<f64> {
     let (before, most) = (playback.peak_m(), USABLE * limit_m);
-    let mut candidate = before.min(stroke_m).min(most);
+    let mut candidate = before.min(most_z_m);
     for _ in 0..30 {
         candidate = crate::campaign::transient::two_digits_down(candidate);
         let factor = candidate / before;

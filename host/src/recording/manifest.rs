@@ -3,9 +3,10 @@
 use std::ops::AddAssign;
 
 use damprig_core::settings::Settings;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::Signal;
+use super::acting::ActingSetting;
 use super::checksum::FileRecord;
 use super::clock::ClockFit;
 use super::controller::Controller;
@@ -59,9 +60,15 @@ pub struct Device {
     /// What ended an earlier run of the firmware since its supply came on.
     #[serde(default)]
     pub last_crash: Option<String>,
-    /// The settings that it had when the run began. The campaign's limits and constants take their place while it lasts.
-    #[serde(default)]
+    /// Its settings when the run began: the base of [`Manifest::acting_settings`].
+    #[serde(default, deserialize_with = "of_this_layout")]
     pub settings: Option<BoardSettings>,
+}
+
+/// Settings of another layout, which an older run may have, are passed over.
+fn of_this_layout<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<BoardSettings>, D::Error> {
+    let settings = serde_json::Value::deserialize(deserializer)?;
+    Ok(serde_json::from_value(settings).ok())
 }
 
 /// Settings of a board, and where they came from.
@@ -210,6 +217,8 @@ pub struct Manifest {
     pub resumed: usize,
     /// Each start of the device.
     pub segments: Vec<SegmentRecord>,
+    /// The limits and spring properties that acted, each with its origin.
+    pub acting_settings: Vec<ActingSetting>,
     /// The set-ups in SI units.
     pub set_ups: Vec<SetUpRecord>,
     /// The other files of the folder when the run ended; empty before.
@@ -240,6 +249,7 @@ impl Manifest {
             clock: Clock::default(),
             resumed: 0,
             segments: Vec::new(),
+            acting_settings: Vec::new(),
             set_ups,
             files: Vec::new(),
             results_columns: columns.collect(),

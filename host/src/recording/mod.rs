@@ -17,6 +17,7 @@
 //! [`part`], the [`samples`]. What a journal adds up to is [`taken`]'s, what it
 //! does not know [`known`]'s, whole tables are [`parquet`]'s.
 
+pub mod acting;
 pub mod checksum;
 pub mod clock;
 pub mod controller;

@@ -26,8 +26,11 @@ pub struct ResultRow {
     /// Lock-in amplitude of the drive, m.
     #[serde(with = "number")]
     pub drive_amplitude_m: f32,
-    /// Whether a closed loop's drive was at its limit.
+    /// Whether the drive was at its limit.
     pub drive_saturated: bool,
+    /// Names of the sensors that were clipped (a sample was at an end of the span), or `none`; empty in older runs.
+    #[serde(default)]
+    pub sensors_clipped: String,
     /// Clearance, m; NaN without a particle.
     #[serde(with = "number")]
     pub clearance_m: f64,
@@ -83,6 +86,7 @@ impl ResultRow {
         z_distortion: 0.0,
         drive_amplitude_m: 0.0,
         drive_saturated: false,
+        sensors_clipped: String::new(),
         clearance_m: 0.0,
         x_amplitude_m: 0.0,
         phase_rad: 0.0,
@@ -161,7 +165,10 @@ pub const COLUMNS: &[Column] = &[
     column("z_amplitude_m", "m", "base: lock-in amplitude", |r| Cell::F32(r.z_amplitude_m)),
     column("z_distortion", "1", "base: 2nd to 5th harmonic over the first", |r| Cell::F32(r.z_distortion)),
     column("drive_amplitude_m", "m", "drive: lock-in amplitude", |r| Cell::F32(r.drive_amplitude_m)),
-    column("drive_saturated", "", "whether a closed loop's drive was at its limit", |r| Cell::Bool(r.drive_saturated)),
+    column("drive_saturated", "", "whether the drive was at its limit", |r| Cell::Bool(r.drive_saturated)),
+    column("sensors_clipped", "", "sensors with a sample at an end of their span, or none", |r| {
+        Cell::Text(r.sensors_clipped.clone())
+    }),
     column("x_amplitude_m", "m", "structure: lock-in amplitude", |r| Cell::F32(r.x_amplitude_m)),
     column("phase_rad", "rad", "phase of x relative to z", |r| Cell::F32(r.phase_rad)),
     column("x_rms_m", "m", "structure: RMS over the dwell", |r| Cell::F32(r.x_rms_m)),

@@ -55,6 +55,9 @@ pub struct TransientRow {
     pub base_delay_s: f32,
     /// The demand was cut at its limit.
     pub drive_saturated: bool,
+    /// Names of the sensors that were clipped (a sample was at an end of the span), or `none`; empty in older runs.
+    #[serde(default)]
+    pub sensors_clipped: String,
     /// Measured impacts.
     pub impacts: u32,
     /// x0 of a free vibration, m.
@@ -129,6 +132,7 @@ pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
         ("base_error_rms_m", "m", "RMS of z less the demand, at its best delay", single(|r| r.base_error_rms_m)),
         ("base_delay_s", "s", "that delay, from demand to reading", single(|r| r.base_delay_s)),
         ("drive_saturated", "", "whether the demand was cut at its limit", saturated),
+        ("sensors_clipped", "", "sensors with a sample at an end of their span, or none", text(|r| &r.sensors_clipped)),
         ("impacts", "1", "measured impacts on both walls", count(|r| r.impacts)),
         ("start_m", "m", "x0 of a free vibration; NaN of others", double(|r| r.start_m)),
         ("end_m", "m", "largest |x| after `cycles`, on the side of x0", double(|r| r.end_m)),

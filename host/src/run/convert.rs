@@ -2,19 +2,20 @@
 
 use std::ops::Range;
 
-use damprig_core::control::friction_spring::SpringConfig;
-use damprig_core::control::limits::{Fault, Limits};
-use damprig_core::control::safety::SafetyConfig;
-use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::friction_spring::SpringSetUp;
+use damprig_core::control::limits::Fault;
+use damprig_core::control::stepped_sine::{self as core_sine, Drive};
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::rig::TICK_HZ;
+use damprig_core::rig::channels::SensorSet;
 use damprig_core::twin::TwinConfig;
 
 use super::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use crate::recording::samples::Label;
 use crate::recording::{ResultRow, Signal};
@@ -83,7 +84,10 @@ pub(super) fn label(set_up: &CampaignSetUp, experiment: &Experiment, segment: u3
     }
 }
 
-/// The plant that a simulated rig is to be.
+/// Stiffness of the simulated spring over the one that is known of it: a little stiffer than its data sheet says.
+const SPRING_DEVIATION: f64 = 1.074;
+
+/// The plant that a simulated rig is to be: the set-up, on a board whose settings are right about its sensors and its screw.
 pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> PlantConfig {
     PlantConfig {
         set_up: set_up.model(),
@@ -91,14 +95,19 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
         particle_start_m: set_up.particle_start_m(),
         base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
         sensors: SensorModel {
-            range_m: rig.sensor_range_m as f32,
+            range_m: rig.sensor_range_m(),
             resolution_m: rig.sensor_resolution_m as f32,
             noise_rms_m: rig.sensor_noise_rms_m as f32,
             seed: u64::from(rig.noise_seed),
         },
         data_sheet: rig.data_sheet,
-        walls: set_up.model().particle.map(|_| WallSensors::default()),
+        walls: set_up
+            .model()
+            .particle
+            .map(|_| WallSensors { scale: rig.board.calibration.walls, ..WallSensors::default() }),
         spring: set_up.spring().map(|spring| SpringPlant {
+            step_m: rig.board.spring.step_m,
+            stiffness_n_per_m: (SPRING_DEVIATION * spring.stiffness_n_per_m) as f32,
             friction_coefficient: spring.friction_coefficient as f32,
             seed: u64::from(rig.noise_seed),
             ..SpringPlant::default()
@@ -106,13 +115,13 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
     }
 }
 
-/// The constants of the friction damper's drive.
-pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringConfig {
-    SpringConfig {
-        stiffness_n_per_m: spring.stiffness_n_per_m as f32,
-        friction_coefficient: spring.friction_coefficient as f32,
+/// What the set-up says of its friction damper's spring.
+pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringSetUp {
+    let [friction_coefficient, stiffness_n_per_m] = spring.stated().map(|value| value.map(|value| value as f32));
+    SpringSetUp {
+        stiffness_n_per_m,
+        friction_coefficient,
         structure_stiffness_n_per_m: set_up.model().structure.stiffness_n_per_m as f32,
-        ..SpringConfig::default()
     }
 }
 
@@ -123,39 +132,26 @@ pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &E
     is_wanted.then(|| TwinConfig::new(set_up.model()))
 }
 
-/// The interlocks. A displacement sensor counts as frozen after half a second, or half a period if that is longer.
-pub(super) fn safety(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> SafetyConfig {
-    let limit_m = rig.displacement_limit_m as f32;
-    let lowest_hz = experiment.frequencies_hz().iter().copied().fold(f64::INFINITY, f64::min);
-    // What the sensor cannot resolve does not move.
-    let base_m = match &experiment.kind {
-        Kind::SteppedSine(_) => set_up.base_amplitude_m,
-        Kind::Playback(playback) => playback.peak_m(),
-        Kind::FreeVibration(_) => 0.0,
+/// These points of the experiment as the controller takes them, whose drive delivers ± `drive_m`.
+pub(super) fn plan(
+    set_up: &CampaignSetUp,
+    experiment: &SteppedSine,
+    points: Range<usize>,
+    drive_m: f32,
+) -> core_sine::SteppedSine {
+    let drive = match experiment.drive {
+        Drive::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
+            Drive::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
+        }
+        drive => drive,
     };
-    let is_seen = base_m > 5.0 * rig.sensor_resolution_m;
-    SafetyConfig {
-        limits: Limits { structure_m: limit_m, base_m: limit_m },
-        sensor_range_m: 1.05 * rig.sensor_range_m as f32,
-        half_cycles_ahead: rig.half_cycles_ahead as f32,
-        frozen_s: if is_seen { (0.5 / lowest_hz).max(0.5) as f32 } else { 0.0 },
-        // A drive at its limit is told with the point's result.
-        saturated_s: 1e6,
-        host_silent_s: rig.host_silent_s as f32,
-        brake_n: rig.brake_n as f32,
-        ..SafetyConfig::default()
-    }
-}
-
-/// These points of the experiment as the controller takes them.
-pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine, points: Range<usize>) -> core_sine::SteppedSine {
     core_sine::SteppedSine {
         start: match experiment.start {
             Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
             Start::CarryOver => core_sine::Start::CarryOver,
         },
         amplitude_m: set_up.base_amplitude_m as f32,
-        drive: experiment.drive,
+        drive,
         ramp_s: experiment.ramp_s as f32,
         settle_s: experiment.settle_s as f32,
         dwell_s: experiment.dwell_s as f32,
@@ -164,6 +160,11 @@ pub(super) fn plan(set_up: &CampaignSetUp, experiment: &SteppedSine, points: Ran
         // Cannot overflow: the campaign's reader has counted them.
         frequencies_hz: experiment.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
     }
+}
+
+/// Names of sensors, or that there are none.
+pub(super) fn clipped(sensors: SensorSet) -> String {
+    if sensors.is_empty() { "none".to_string() } else { sensors.to_string() }
 }
 
 pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -> ResultRow {
@@ -175,6 +176,7 @@ pub(super) fn row(set_up: &CampaignSetUp, label: &Label, result: &PointResult) -
         z_distortion: result.z_distortion,
         drive_amplitude_m: result.drive_amplitude_m,
         drive_saturated: result.drive_saturated,
+        sensors_clipped: clipped(result.clipped),
         clearance_m: set_up.model().particle.map_or(f64::NAN, |p| p.clearance_m),
         x_amplitude_m: result.x_amplitude_m,
         phase_rad: result.phase_rad,

@@ -33,7 +33,7 @@ use crate::recording::taken::Taken;
 use crate::recording::transients::TransientRow;
 use crate::recording::{ResultRow, StorageError};
 use crate::session::{Session, SessionError, hex};
-use crate::settings::origin_text;
+use crate::settings::{self, origin_text};
 use controller::Readings;
 pub use convert::Selection;
 pub use reconnect::Reconnect;
@@ -277,8 +277,16 @@ impl<'a> Run<'a> {
     fn make_ready(&mut self) -> Result<(), SessionError> {
         let watcher = &mut *self.watcher;
         self.session.bring_to_idle(|what| watcher.link(what))?;
+        self.check_settings()?;
         self.controller();
         self.end_telemetry()
+    }
+
+    /// A board that was reset has forgotten settings that were not saved.
+    fn check_settings(&mut self) -> Result<(), SessionError> {
+        let (now, _) = self.session.read_settings()?;
+        let differences = settings::differences(&self.campaign.rig.board, &now, |_| true);
+        if differences.is_empty() { Ok(()) } else { Err(SessionError::Settings { differences }) }
     }
 
     /// How the controller kept up since the run began, by what it said last.

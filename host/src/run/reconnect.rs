@@ -69,8 +69,9 @@ impl Run<'_> {
     /// Goes on with a new session, if the device is the one that the run was begun on.
     fn adopt(&mut self, session: Session) -> Result<(), SessionError> {
         let (before, mut now) = (device_record(self.session), device_record(&session));
-        // A port may have got another name.
+        // A port may have got another name; the settings are compared when the board is idle.
         now.link.clone_from(&before.link);
+        now.settings.clone_from(&before.settings);
         if before != now {
             let what = format!("{} (firmware {}, {})", now.board, now.firmware, now.plant);
             return Err(SessionError::Another { link: before.link, board: before.board, what });

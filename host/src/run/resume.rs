@@ -9,7 +9,7 @@ use crate::recording::journal::{self, Begin, Lines};
 use crate::recording::known;
 use crate::recording::taken::Taken;
 use crate::runs::folder::manifest_of;
-use crate::settings::{decimal, entries};
+use crate::settings;
 
 /// Why a run cannot be taken up again. The text names what is wrong, what is still good, and what can be done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -66,7 +66,7 @@ impl Earlier {
                 format!("{shown}/{}: its first line is damaged: nobody can tell what it was", journal::JOURNAL);
             return Err(CannotResume(message));
         }
-        let campaign = Campaign::parse(source).map_err(|e| CannotResume(e.to_string()))?;
+        let campaign = Campaign::parse(source.recorded()).map_err(|e| CannotResume(e.to_string()))?;
         is_one_run(folder, &campaign, &taken)?;
         let mut warnings: Vec<String> = Vec::new();
         if !lines.damaged.is_empty() {
@@ -107,15 +107,19 @@ impl Earlier {
         };
         compare("signals", names(then), names(now));
         compare("ticks between rows", then.every_ticks.to_string(), now.every_ticks.to_string());
-        // The other settings' places are the campaign's.
+        // Limits change no result that was taken within them: see `changed_limits`.
         if let (Some(then), Some(now)) = (&a.settings, &b.settings) {
-            for ((place, then), (_, now)) in entries(&then.settings).iter().zip(entries(&now.settings)) {
-                if place.first().is_some_and(|table| table == "calibration") {
-                    compare(&place.join("."), decimal(*then), decimal(now));
-                }
-            }
+            list.extend(settings::differences(&then.settings, &now.settings, |place| !is_limit(place)));
         }
         list
+    }
+
+    /// The board's limits that have changed since the run was begun, one a line.
+    #[must_use]
+    pub fn changed_limits(&self, now: &Begin) -> Vec<String> {
+        let then = self.taken.begun.last().and_then(|then| then.device.settings.as_ref());
+        let (Some(then), Some(now)) = (then, &now.device.settings) else { return Vec::new() };
+        settings::differences(&then.settings, &now.settings, is_limit)
     }
 
     /// Whether every point is taken.
@@ -150,6 +154,11 @@ impl Earlier {
         }
         list
     }
+}
+
+/// Whether a setting is one of the board's limits.
+fn is_limit(place: &[String]) -> bool {
+    place.first().is_some_and(|table| table == "safety")
 }
 
 /// Whether manifest and journal are of one run, in a format that this program writes. A manifest that is missing is made

@@ -141,15 +141,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let plant = convert::plant(rig, set_up, experiment);
             session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
         }
-        let mut safety = convert::safety(rig, set_up, experiment);
-        if session.is_granted() {
-            // Its time passes only while this program speaks.
-            safety.host_silent_s = 0.0;
-        }
-        session.tell("take the limits", Ask::SetSafety(safety))?;
         session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
         let ask = match &experiment.kind {
-            Kind::SteppedSine(sine) => Ask::Configure(convert::plan(set_up, sine, self.task.points.clone())),
+            Kind::SteppedSine(sine) => {
+                let drive_m = session.settings.calibration.drive.range().amplitude_m();
+                Ask::Configure(convert::plan(set_up, sine, self.task.points.clone(), drive_m))
+            }
             Kind::Playback(playback) => {
                 let stop = self.run.stop;
                 let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
@@ -162,6 +159,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
         };
         session.tell("take the experiment", ask)?;
+        session.tell("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
         let keeps_ratio = experiment.stepped_sine().is_some();
         match set_up.spring() {
             Some(spring) => self.run.tune(set_up, &spring, keeps_ratio),

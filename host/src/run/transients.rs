@@ -42,6 +42,7 @@ pub(super) fn row(
         base_error_rms_m: of_drive(result.base_error_rms_m),
         base_delay_s: of_drive(result.base_delay_s),
         drive_saturated: result.drive_saturated,
+        sensors_clipped: super::convert::clipped(result.clipped),
         impacts: result.impacts,
         start_m: if has_start { start_m } else { f64::NAN },
         end_m: of_decay(end_m),

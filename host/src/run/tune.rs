@@ -6,7 +6,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringConfig, SpringFault, Stage, Target};
+use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringFault, Stage, Target};
 use damprig_protocol::{Ask, Happening as Event, PlantKind};
 
 use super::{Run, RunError, convert};
@@ -26,8 +26,7 @@ impl Run<'_> {
         spring: &SpringSpec,
         keeps_ratio: bool,
     ) -> Result<(), RunError> {
-        let config = convert::spring(set_up, spring);
-        self.session.tell("take the spring's constants", Ask::SetSpring(config))?;
+        self.session.tell("take the set-up's spring", Ask::SetSpring(convert::spring(set_up, spring)))?;
         self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
         self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, Happening::OnTarget { .. }))?;
         let on_target = |happening: &Happening| matches!(happening, Happening::OnTarget { .. });
@@ -54,8 +53,7 @@ impl Run<'_> {
     pub(super) fn free(&mut self, set_up: &CampaignSetUp) -> Result<(), RunError> {
         if self.session.description.plant != PlantKind::Real {
             // The simulated plant is a new one, and so is its spring.
-            let new = Ask::SetSpring(SpringConfig::default());
-            return Ok(self.session.tell("forget the spring's position", new)?);
+            return Ok(());
         }
         let begun = Instant::now();
         let mut asked = false;
@@ -84,40 +82,51 @@ impl Run<'_> {
         is_done: impl Fn(&Happening) -> bool,
     ) -> Result<(), RunError> {
         self.session.tell("move the friction damper's spring", Ask::Spring(command))?;
-        let fault = |SpringFault { cause, value, limit }: SpringFault| RunError::Spring {
-            set_up: set_up.name.clone(),
-            cause,
-            value,
-            limit,
-        };
         let begun = Instant::now();
         loop {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
-            match self.session.next_report()? {
-                Some(Report::Event { event: Event::Spring(happening), .. }) => {
-                    self.watcher.spring(&happening);
-                    match happening {
-                        Happening::Fault(found) => return Err(fault(found)),
-                        done if is_done(&done) => return Ok(()),
-                        _ => {}
-                    }
-                }
-                Some(Report::Event { event: Event::Fault(found), .. }) => {
-                    return Err(convert::fault_error(set_up, found));
-                }
-                Some(_) => {}
-                // The word may have been lost.
-                None if begun.elapsed() > LONGEST_STEP => {
+            let Some(report) = self.session.next_report()? else {
+                // The event may have been lost.
+                if begun.elapsed() > LONGEST_STEP {
                     let (status, _) = self.session.status()?;
                     return Err(match status.spring.fault {
-                        Some(found) => fault(found),
+                        Some(fault) => spring_error(set_up, fault),
                         None => RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage },
                     });
                 }
-                None => {}
+                continue;
+            };
+            if self.spring_report(set_up, report)?.as_ref().is_some_and(&is_done) {
+                break;
             }
         }
+        // The next command comes at a tick that does not depend on how fast the link is, and finds no older reports.
+        self.session.use_up_credit()?;
+        while let Some(report) = self.session.report_at_hand() {
+            self.spring_report(set_up, report)?;
+        }
+        Ok(())
     }
+
+    /// What the spring reports, if `report` is the spring's.
+    fn spring_report(&mut self, set_up: &CampaignSetUp, report: Report) -> Result<Option<Happening>, RunError> {
+        match report {
+            Report::Event { event: Event::Spring(happening), .. } => {
+                self.watcher.spring(&happening);
+                match happening {
+                    Happening::Fault(fault) => Err(spring_error(set_up, fault)),
+                    other => Ok(Some(other)),
+                }
+            }
+            Report::Event { event: Event::Fault(fault), .. } => Err(convert::fault_error(set_up, fault)),
+            _ => Ok(None),
+        }
+    }
+}
+
+fn spring_error(set_up: &CampaignSetUp, fault: SpringFault) -> RunError {
+    let SpringFault { cause, value, limit } = fault;
+    RunError::Spring { set_up: set_up.name.clone(), cause, value, limit }
 }

@@ -4,6 +4,7 @@
 
 use serde::Deserialize;
 
+use crate::recording::acting::ActingSetting;
 use crate::recording::checksum::FileRecord;
 use crate::recording::controller::Controller;
 
@@ -128,6 +129,9 @@ pub struct Manifest {
     /// Durations.
     #[serde(default)]
     pub clock: Clock,
+    /// The limits and spring properties that acted; empty in older runs.
+    #[serde(default)]
+    pub acting_settings: Vec<ActingSetting>,
     /// The set-ups.
     pub set_ups: Vec<SetUp>,
     /// The other files when the run ended; empty for a run that was killed, or is older than checksums.

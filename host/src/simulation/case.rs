@@ -4,15 +4,15 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::integrator::sampled::Sampled;
-use damprig_core::model::{GRAVITY_M_PER_S2, Initial, Invalid, SetUp, Wall};
-use toml::de::DeTable;
+use damprig_core::model::{Initial, SetUp, Wall};
 
+use super::from_json;
+use super::keys::case;
 use super::loading::{self, Loading};
 use super::record::Record;
 use super::record::read::resolve;
-use super::{from_json, reading};
 use crate::input::{Problem, Refusal, Section, Source};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared};
 
 /// A case as read and checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,108 +104,95 @@ impl Case {
 }
 
 fn read(source: &Source, name: &str) -> Option<Case> {
-    let text = if is_json(source) { from_json::to_toml(source)? } else { source.text().to_string() };
-    let document = match DeTable::parse(&text) {
-        Ok(document) => document,
-        Err(error) => {
-            source.report(Problem {
-                // JSON that is sound may still say what TOML has no word for: a number of 20 digits, a key twice.
-                title: if is_json(source) { "this cannot be taken" } else { "this is not TOML" }.into(),
-                span: error.span().unwrap_or(0..0),
-                allowed: error.message().to_string(),
-                help: None,
-            });
-            return None;
-        }
-    };
-    let root = Section::root(source, &document);
-    let name = root.text("name").map_or_else(|| name.to_string(), |t| t.value);
-    let table = |key: &'static str, what: &str| root.required(key, what, |s, k| s.table(k, None));
-    let structure =
-        table("structure", "the table of the structure: mass, stiffness, damping").and_then(|s| reading::structure(&s));
-    let gravity_m_per_s2 = root.not_negative("gravity_m_per_s2").map_or(GRAVITY_M_PER_S2, |n| n.value);
-    let particle_section = root.table("particle", None);
-    let particle = particle_section.as_ref().map(|s| reading::particle(s, structure));
-    let friction_damper = root.table("friction_damper", None).map(|s| reading::friction_damper(&s));
-    let tmd_section = root.table("tmd", None);
-    let tmd = tmd_section.as_ref().map(|s| reading::tmd(s, structure));
-    if let (Some(section), Some(_)) = (&tmd_section, &particle_section) {
-        source.report(Problem {
-            title: "`tmd` and `particle` are both given".into(),
-            span: section.span(),
-            allowed: "one or the other: no set-up carries both".into(),
-            help: Some("leave out `tmd` or `particle`".into()),
-        });
+    if is_json(source) {
+        // JSON that is sound may still say what TOML has no word for: a number of 20 digits, a key twice.
+        return source.read_toml(&from_json::to_toml(source)?, "this cannot be taken", |root| read_root(root, name));
     }
-    let force = root.table("force", None).map(|s| loading::force(&s));
-    let beside = |file: &str| resolve(Path::new(source.name()), file);
-    let base = root.table("base", None).map(|s| loading::base(&s, &beside));
-    let loading = match (base, force) {
-        (None, None) => Some(Loading::Closed(Excitation::Fixed)),
-        (Some(base), None) => base,
-        (None, Some(force)) => force.map(Loading::Closed),
-        (Some(base), Some(force)) => {
-            if base.is_some_and(|b| b != Loading::Closed(Excitation::Fixed)) {
-                source.report(Problem {
-                    title: "`force` and a moving `base` are both given".into(),
-                    span: root.table("force", None).map_or(0..0, |s| s.span()),
-                    allowed: "one or the other: a force acts on the structure over a fixed base".into(),
-                    help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
-                });
-            }
-            force.map(Loading::Closed)
-        }
-    };
+    source.read_toml(source.text(), "this is not TOML", |root| read_root(root, name))
+}
+
+fn read_root(root: &Section, name: &str) -> Option<Case> {
+    let name = root.text_of(&case::NAME).map_or_else(|| name.to_string(), |text| text.value);
+    let stated_m = root.scalar(&BASE_AMPLITUDE);
+    let loading = read_loading(root, stated_m);
     let record = match &loading {
         Some(Loading::Recorded(record)) => Some(record),
         _ => None,
     };
-    let initial_section = root.table("initial", None);
-    let initial = loading::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m));
-    let length_s = record.map(Record::duration_s);
-    let run = match root.table("run", None) {
-        Some(s) => loading::run(&s, length_s),
-        None => {
-            root.lack("run", "the table of the run: duration_s at least");
-            None
-        }
-    };
-    root.finish();
-    let set_up = SetUp {
-        structure: structure?,
-        particle: flatten(particle)?,
-        friction_damper: flatten(friction_damper)?,
-        tmd: flatten(tmd)?,
-        gravity_m_per_s2,
-    };
-    let (excitation, record) = match loading? {
+    let base = loading.as_ref().map_or(BaseAmplitude::Unread, |loading| base_amplitude(loading, stated_m));
+    let spec = setup::read(root, &Shared::default(), base, record.map(|record| record.step_s));
+    let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
+    let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
+    let initial_section = root.table_of(&case::INITIAL, None);
+    let initial = loading::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
+    let run_section = root.table_of(&case::RUN, None);
+    let run = run_section.as_ref().and_then(|s| loading::run(s, record.map(Record::duration_s)));
+    let (spec, loading, run) = (spec?, loading?, run?);
+    if stated_m.is_some() && !spec.is_relative() && loading.amplitude_m().is_none() {
+        let help = "write base = { kind = \"sine\", frequency_hz = … } for a base that moves by it, or leave it out";
+        root.reject(BASE_AMPLITUDE.name(), "nothing refers to it: no ratio, no moving base", Some(help.into()));
+    }
+    let (excitation, record) = match loading {
         Loading::Closed(excitation) => (excitation, None),
         Loading::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
-    let run = run?;
-    let sampling = record.as_ref().map_or(Ok(1), |r| Sampled::<f64>::steps_per_sample(&set_up, r.step_s)).map(|_| ());
-    let checks = [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial), sampling];
-    for invalid in checks.into_iter().filter_map(Result::err) {
-        report_invalid(source, &root, initial_section.as_ref(), &invalid);
+    let set_up = spec.at(z_m);
+    for invalid in [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)] {
+        let Err(invalid) = invalid else { continue };
+        // What only the model can tell: a particle outside its cavity.
+        let place = initial_section.as_ref().filter(|_| invalid.parameter == "initial.y_m");
+        root.source().report(Problem {
+            title: format!("`{}` = {} is not allowed", invalid.parameter, invalid.value),
+            span: place.map_or(root.span(), |section| section.span_of("y_m")),
+            allowed: format!("must be {}", invalid.allowed),
+            help: None,
+        });
     }
     let case = Case { name, set_up, excitation, record, initial, run };
-    check_cycle(&root, &case);
+    if let Some(section) = &run_section {
+        check_cycle(section, &case);
+    }
     Some(case)
+}
+
+/// What moves it: a base or a force.
+fn read_loading(root: &Section, stated_m: Option<f64>) -> Option<Loading> {
+    let beside = |file: &str| resolve(Path::new(root.source().name()), file);
+    let base = root.table_of(&case::BASE, None).map(|s| loading::base(&s, stated_m, &beside));
+    let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), loading::force(&s)));
+    let fixed = Loading::Closed(Excitation::Fixed);
+    let Some((span, force)) = force else { return base.unwrap_or(Some(fixed)) };
+    if base.is_some_and(|base| base.is_some_and(|base| base != fixed)) {
+        root.source().report(Problem {
+            title: "`force` and a moving `base` are both given".into(),
+            span,
+            allowed: "one or the other: a force acts on the structure over a fixed base".into(),
+            help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
+        });
+    }
+    force.map(Loading::Closed)
+}
+
+/// Z: what the base moves by, or else what the set-up states.
+fn base_amplitude(loading: &Loading, stated_m: Option<f64>) -> BaseAmplitude {
+    match (loading.amplitude_m(), stated_m) {
+        (Some(0.0), _) => BaseAmplitude::Absent("the base's amplitude is 0"),
+        (Some(z_m), _) | (None, Some(z_m)) => BaseAmplitude::Is(z_m),
+        (None, None) if matches!(loading, Loading::Recorded(_)) => BaseAmplitude::Absent("a record has no amplitude"),
+        (None, None) => BaseAmplitude::Absent("the base of this case is fixed"),
+    }
 }
 
 /// The shortest cycle that makes sense, as a share of the period of structure or drive.
 const LEAST_CYCLE: f64 = 1e-6;
 
 /// Refuses a cycle so short that closing empty cycles would be all the work.
-fn check_cycle(root: &Section, case: &Case) {
+fn check_cycle(run: &Section, case: &Case) {
     let drive_s = TAU / case.excitation.angular_frequency_rad_per_s();
     let least_s = LEAST_CYCLE * case.natural_period_s().min(drive_s);
-    if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s)
-        && let Some(run) = root.table("run", None)
-        && let Some(cycle) = run.number("cycle_s")
-    {
+    if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s) {
         let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
-        run.refuse("cycle_s", &cycle.span, allowed, None);
+        run.reject("cycle_s", allowed, None);
     }
 }
 
@@ -213,30 +200,4 @@ fn check_cycle(root: &Section, case: &Case) {
 fn is_json(source: &Source) -> bool {
     let text = source.text().trim_start();
     text.starts_with('{') || text.strip_prefix('[').is_some_and(|rest| rest.trim_start().starts_with(['{', ']']))
-}
-
-/// An absent table is fine, one with a problem is not.
-fn flatten<T>(read: Option<Option<T>>) -> Option<Option<T>> {
-    match read {
-        None => Some(None),
-        Some(Some(value)) => Some(Some(value)),
-        Some(None) => None,
-    }
-}
-
-/// What only the model can tell (a particle outside its cavity), at the place of the value if it can be found.
-fn report_invalid(source: &Source, root: &Section, initial: Option<&Section>, invalid: &Invalid) {
-    let key = invalid.parameter.rsplit('.').next().unwrap_or_default();
-    let number = match (invalid.parameter.starts_with("initial."), initial) {
-        (true, Some(section)) => {
-            ["x_m", "v_m_per_s", "y_m", "u_m_per_s"].into_iter().find(|k| *k == key).and_then(|k| section.number(k))
-        }
-        _ => None,
-    };
-    source.report(Problem {
-        title: format!("`{}` = {} is not allowed", invalid.parameter, invalid.value),
-        span: number.map_or_else(|| root.span(), |n| n.span),
-        allowed: format!("must be {}", invalid.allowed),
-        help: None,
-    });
 }

@@ -5,7 +5,7 @@
 
 use damprig_core::integrator::exact::response::Wanted;
 
-use super::motion::{ImpactRecord, Instant, Piece, Viewer};
+use super::motion::{AccumulationRecord, ImpactRecord, Instant, Piece, Viewer};
 
 /// Gauss–Legendre on [0, 1], eight points: exact for the square of a flight of degree 7.
 const NODES: [(f64, f64); 4] = [
@@ -77,6 +77,8 @@ pub(super) struct Figures {
     pub max_abs_x_minus_z_m: f64,
     /// Impacts or first touches.
     pub impacts: u64,
+    /// Chatters that ended in a particle resting on a wall.
+    pub accumulations: u64,
     cycle: u64,
     cycle_max_m: f64,
     steady: (f64, f64, u64),
@@ -92,6 +94,7 @@ impl Figures {
             max_abs_x_m: 0.0,
             max_abs_x_minus_z_m: 0.0,
             impacts: 0,
+            accumulations: 0,
             cycle: 0,
             cycle_max_m: 0.0,
             steady: (0.0, 0.0, 0),
@@ -170,6 +173,10 @@ impl Viewer for Figures {
 
     fn impact(&mut self, _: &ImpactRecord) {
         self.impacts += 1;
+    }
+
+    fn accumulation(&mut self, _: &AccumulationRecord) {
+        self.accumulations += 1;
     }
 }
 
@@ -269,7 +276,7 @@ mod tests {
         }
 
         fn phase(&self) -> Phase {
-            Phase { mode: Mode { grip: Grip::Slip(0), contact: Contact::Absent }, pressing: false }
+            Phase { mode: Mode { grip: Grip::Absent, contact: Contact::Absent }, pressing: false }
         }
     }
 

@@ -1,7 +1,8 @@
 //! The time history of a run as a table in a file, written in chunks while it runs: memory does not grow.
 //!
 //! A file is written beside its place and gets its name when it is whole; a run that is stopped is whole up to there.
-//! The impacts have a table of their own beside it (`motion.csv`, `motion.impacts.csv`).
+//! Impacts and accumulations have tables of their own beside it (`motion.csv`, `motion.impacts.csv`,
+//! `motion.accumulations.csv`).
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -14,7 +15,7 @@ use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
 
-use super::motion::{ImpactRecord, Phase, Piece, Viewer};
+use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::recording::StorageError;
 use crate::recording::parquet::{field, properties};
 use crate::runs::columns::values;
@@ -51,8 +52,18 @@ impl TablePath {
     /// The table of impacts beside it.
     #[must_use]
     pub fn impacts(&self) -> Self {
-        let extension = if self.format == Format::Csv { "impacts.csv" } else { "impacts.parquet" };
-        Self { path: self.path.with_extension(extension), format: self.format }
+        self.beside("impacts")
+    }
+
+    /// The table of accumulations beside it.
+    #[must_use]
+    pub fn accumulations(&self) -> Self {
+        self.beside("accumulations")
+    }
+
+    fn beside(&self, what: &str) -> Self {
+        let extension = if self.format == Format::Csv { "csv" } else { "parquet" };
+        Self { path: self.path.with_extension(format!("{what}.{extension}")), format: self.format }
     }
 }
 
@@ -175,23 +186,50 @@ impl Motion {
     }
 }
 
+/// A table of what happened at a wall: impacts with their speed, or accumulations without one.
 #[derive(Debug)]
-struct Impacts {
+struct WallEvents {
     table: Table,
-    numbers: [Float64Builder; 2],
+    time: Float64Builder,
     side: Int32Builder,
+    speed: Option<Float64Builder>,
     rows: usize,
 }
 
-impl Impacts {
-    fn create(to: &TablePath) -> Result<Self, StorageError> {
-        let fields = vec![
-            described(field("t_s", DataType::Float64, "s"), "time"),
+impl WallEvents {
+    fn impacts(to: &TablePath) -> Result<Self, StorageError> {
+        let speed = described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before");
+        Self::create(&to.impacts(), "time", Some(speed))
+    }
+
+    fn accumulations(to: &TablePath) -> Result<Self, StorageError> {
+        Self::create(&to.accumulations(), "when the chatter ended and the particle rested on the wall", None)
+    }
+
+    fn create(to: &TablePath, time: &str, speed: Option<Field>) -> Result<Self, StorageError> {
+        let mut fields = vec![
+            described(field("t_s", DataType::Float64, "s"), time),
             described(field("side", DataType::Int32, ""), "+1 where y - x = +d, -1 where y - x = -d"),
-            described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before"),
         ];
-        let table = Table::create(to, fields)?;
-        Ok(Self { table, numbers: Default::default(), side: Int32Builder::new(), rows: 0 })
+        let has_speed = speed.is_some();
+        fields.extend(speed);
+        Ok(Self {
+            table: Table::create(to, fields)?,
+            time: Float64Builder::new(),
+            side: Int32Builder::new(),
+            speed: has_speed.then(Float64Builder::new),
+            rows: 0,
+        })
+    }
+
+    fn take(&mut self, t_s: f64, side: i8, speed_m_per_s: f64) -> Result<(), StorageError> {
+        self.time.append_value(t_s);
+        self.side.append_value(i32::from(side));
+        if let Some(speed) = &mut self.speed {
+            speed.append_value(speed_m_per_s);
+        }
+        self.rows += 1;
+        if self.rows >= CHUNK { self.flush() } else { Ok(()) }
     }
 
     fn flush(&mut self) -> Result<(), StorageError> {
@@ -199,10 +237,14 @@ impl Impacts {
             return Ok(());
         }
         self.rows = 0;
-        let [time, speed] = &mut self.numbers;
-        let columns: Vec<ArrayRef> =
-            vec![Arc::new(time.finish()), Arc::new(self.side.finish()), Arc::new(speed.finish())];
+        let mut columns: Vec<ArrayRef> = vec![Arc::new(self.time.finish()), Arc::new(self.side.finish())];
+        columns.extend(self.speed.as_mut().map(|speed| Arc::new(speed.finish()) as ArrayRef));
         self.table.write(columns)
+    }
+
+    fn finish(mut self) -> Result<(), StorageError> {
+        self.flush()?;
+        self.table.finish()
     }
 }
 
@@ -212,25 +254,27 @@ fn described(field: Field, about: &str) -> Field {
     field.with_metadata(metadata)
 }
 
-/// Writes the motion at equal intervals, and every impact.
+/// Writes the motion at equal intervals, and every impact and accumulation.
 pub struct History {
     rate_hz: f64,
     next: u64,
     rows: u64,
     motion: Motion,
-    impacts: Option<Impacts>,
+    impacts: Option<WallEvents>,
+    accumulations: Option<WallEvents>,
     failure: Option<StorageError>,
 }
 
 impl History {
-    /// Begins the files: `rate_hz` rows a second from t = 0 on, and a table of impacts if `has_walls`.
+    /// Begins the files: `rate_hz` rows a second from t = 0 on, and tables of impacts and accumulations if `has_walls`.
     ///
     /// # Errors
     /// When a file cannot be created.
     pub fn create(to: &TablePath, rate_hz: f64, has_walls: bool) -> Result<Self, StorageError> {
         let motion = Motion::create(to)?;
-        let impacts = if has_walls { Some(Impacts::create(&to.impacts())?) } else { None };
-        Ok(Self { rate_hz, next: 0, rows: 0, motion, impacts, failure: None })
+        let impacts = has_walls.then(|| WallEvents::impacts(to)).transpose()?;
+        let accumulations = has_walls.then(|| WallEvents::accumulations(to)).transpose()?;
+        Ok(Self { rate_hz, next: 0, rows: 0, motion, impacts, accumulations, failure: None })
     }
 
     /// Rows so far.
@@ -249,9 +293,8 @@ impl History {
         }
         self.motion.flush()?;
         self.motion.table.finish()?;
-        if let Some(mut impacts) = self.impacts {
-            impacts.flush()?;
-            impacts.table.finish()?;
+        for events in [self.impacts, self.accumulations].into_iter().flatten() {
+            events.finish()?;
         }
         Ok(())
     }
@@ -294,14 +337,14 @@ impl Viewer for History {
 
     fn impact(&mut self, impact: &ImpactRecord) {
         let Some(impacts) = self.impacts.as_mut().filter(|_| self.failure.is_none()) else { return };
-        impacts.numbers[0].append_value(impact.t_s);
-        impacts.numbers[1].append_value(impact.approach_speed_m_per_s);
-        impacts.side.append_value(i32::from(impact.side));
-        impacts.rows += 1;
-        if impacts.rows >= CHUNK {
-            let written = impacts.flush();
-            self.note(written);
-        }
+        let written = impacts.take(impact.t_s, impact.side, impact.approach_speed_m_per_s);
+        self.note(written);
+    }
+
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        let Some(accumulations) = self.accumulations.as_mut().filter(|_| self.failure.is_none()) else { return };
+        let written = accumulations.take(accumulation.t_s, accumulation.side, 0.0);
+        self.note(written);
     }
 
     fn is_done(&self) -> bool {

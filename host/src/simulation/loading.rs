@@ -1,14 +1,21 @@
 //! The tables of a case that say what moves it, from where, and for how long: base, force, initial state, run.
 
 use std::f64::consts::TAU;
+use std::path::PathBuf;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Initial;
 
 use super::case::RunSpec;
-use super::record::read::{RecordError, Which, read, units};
+use super::keys::{
+    base_fixed, base_half_sine, base_record, base_sine, base_versine, force_half_sine, force_sine, initial, run,
+};
+use super::record::read::{RecordError, UNITS, Which, read, unit_list};
 use super::record::{Quantity, Record, Spec};
+use crate::input::key::Quantity as Declared;
+use crate::input::section::Given;
 use crate::input::{Problem, Section};
+use crate::setup::BASE_AMPLITUDE;
 
 /// What moves the case.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,74 +26,86 @@ pub(super) enum Loading {
     Recorded(Record),
 }
 
-/// `base`; the record's file is found by `find`.
-pub(super) fn base(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> Option<Loading> {
-    let kinds = ["fixed", "sine", "half_sine", "versine", "record"];
-    let what = "\"fixed\", \"sine\", \"half_sine\", \"versine\" or \"record\"";
-    let kind = s.required("kind", what, |s, k| s.choice(k, &kinds));
-    let Some(kind) = kind else {
-        s.finish();
-        return None;
-    };
-    let base = match kind {
-        0 => Some(Excitation::Fixed),
+impl Loading {
+    /// Z, m, 0 or greater: the amplitude that the base moves by, if it moves by one.
+    pub(super) fn amplitude_m(&self) -> Option<f64> {
+        match self {
+            Self::Closed(
+                Excitation::Sine { amplitude_m, .. }
+                | Excitation::HalfSine { amplitude_m, .. }
+                | Excitation::Versine { amplitude_m, .. },
+            ) => Some(amplitude_m.abs()),
+            _ => None,
+        }
+    }
+}
+
+/// `base`; `stated_m` is the Z that the set-up states, the record's file is found by `find`.
+pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> PathBuf) -> Option<Loading> {
+    let tables = [base_fixed::TABLE, base_sine::TABLE, base_half_sine::TABLE, base_versine::TABLE, base_record::TABLE];
+    let base = match s.variant(&tables)? {
+        0 => Some(Loading::Closed(Excitation::Fixed)),
         1 => {
-            let amplitude = s.required("amplitude_m", "Z, m", Section::not_negative);
-            let omega = angular_frequency(s);
-            let phase_rad = s.number("phase_rad").map_or(0.0, |n| n.value);
-            match (amplitude, omega) {
-                (Some(amplitude), Some(angular_frequency_rad_per_s)) => {
-                    Some(Excitation::Sine { amplitude_m: amplitude.value, angular_frequency_rad_per_s, phase_rad })
-                }
-                _ => None,
-            }
+            let amplitude = amplitude(s, &base_sine::AMPLITUDE, stated_m);
+            let frequency = angular_frequency(s, &base_sine::FREQUENCY);
+            let phase = s.scalar(&base_sine::PHASE);
+            amplitude.zip(frequency).zip(phase).map(|((amplitude_m, angular_frequency_rad_per_s), phase_rad)| {
+                Loading::Closed(Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad })
+            })
         }
-        4 => {
-            let record = record(s, find);
-            s.finish();
-            return record.map(Loading::Recorded);
+        pulse @ (2 | 3) => {
+            // Both pulses have the same keys.
+            let amplitude = amplitude(s, &base_half_sine::AMPLITUDE, stated_m);
+            amplitude.zip(s.scalar(&base_half_sine::DURATION)).map(|(amplitude_m, duration_s)| {
+                Loading::Closed(match pulse {
+                    2 => Excitation::HalfSine { amplitude_m, duration_s },
+                    _ => Excitation::Versine { amplitude_m, duration_s },
+                })
+            })
         }
-        pulse => {
-            let amplitude = s.required("amplitude_m", "Z, m", Section::number);
-            let duration = s.required("duration_s", "T, s", Section::positive);
-            match (amplitude.map(|n| n.value), duration.map(|n| n.value)) {
-                (Some(amplitude_m), Some(duration_s)) if pulse == 2 => {
-                    Some(Excitation::HalfSine { amplitude_m, duration_s })
-                }
-                (Some(amplitude_m), Some(duration_s)) => Some(Excitation::Versine { amplitude_m, duration_s }),
-                _ => None,
-            }
-        }
+        _ => record(s, find).map(Loading::Recorded),
     };
     s.finish();
-    base.map(Loading::Closed)
+    base
+}
+
+/// Z, m: of the base's own table or of the set-up, not of both.
+fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<f64> {
+    if stated_m.is_none() {
+        return s.scalar(quantity);
+    }
+    if s.is_given(quantity) {
+        let (own, other) = (quantity.name(), BASE_AMPLITUDE.name());
+        let help = Some(format!("leave out `{own}` or `{other}`"));
+        s.reject(own, format!("`{other}` is given too, and says the same quantity"), help);
+    }
+    stated_m
 }
 
 /// The keys of a record, of a case as of a campaign; its file is found by `find`. Does not finish the table.
-pub(crate) fn record(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> Option<Record> {
-    let file = s.required("file", "the record: a CSV or AT2 file, relative to this one", Section::text);
-    let quantities = [Quantity::Acceleration, Quantity::Displacement];
-    let quantity = s.choice("quantity", &["acceleration", "displacement"]).map(|index| quantities[index]);
-    let names = |quantity| units(quantity).iter().map(|(name, _)| *name).collect::<Vec<_>>();
-    let allowed = match quantity {
-        Some(quantity) => names(quantity),
-        None => quantities.into_iter().flat_map(names).collect(),
+pub(crate) fn record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
+    let file = s.text_of(&base_record::FILE);
+    let quantity = s.word(&base_record::QUANTITY).map(|word| [Quantity::Acceleration, Quantity::Displacement][word]);
+    let unit = s.word(&base_record::UNIT).map(|word| UNITS[word]);
+    if let (Some(quantity), Some((_, of, _))) = (quantity, unit)
+        && quantity != of
+    {
+        s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
+    }
+    let spec = Spec {
+        quantity,
+        unit_si: unit.map(|(.., si)| si),
+        scale: s.scalar(&base_record::SCALE),
+        time_step_s: s.scalar(&base_record::TIME_STEP),
+        column: which(s, &base_record::COLUMN),
+        time_column: which(s, &base_record::TIME_COLUMN),
     };
-    let unit_si = s.choice("unit", &allowed).and_then(|index| {
-        quantities.into_iter().flat_map(|q| units(q)).find(|(name, _)| *name == allowed[index]).map(|(_, si)| *si)
-    });
-    let scale = s.number_if("scale", |v| v != 0.0, "a number other than 0").map(|n| n.value);
-    let time_step_s = s.positive("time_step_s").map(|n| n.value);
-    let column = which(s, "column");
-    let time_column = which(s, "time_column");
     let file = file?;
-    let path = find(&file.value);
     // Other problems of this table are answered first: the file is read by what it says.
     if !s.source().is_clean() {
         return None;
     }
-    let spec = Spec { quantity, unit_si, scale, time_step_s, column, time_column };
-    match read(&path, &spec) {
+    match read(&find(&file.value), &spec) {
         Ok(record) => Some(record),
         Err(RecordError(message)) => {
             let mut lines = message.lines();
@@ -103,107 +122,102 @@ pub(crate) fn record(s: &Section, find: &dyn Fn(&str) -> std::path::PathBuf) -> 
 }
 
 /// A column by place or name.
-fn which(s: &Section, key: &'static str) -> Option<Which> {
-    if s.is_text(key) {
-        return s.text(key).map(|t| Which::Name(t.value));
+fn which(s: &Section, quantity: &Declared) -> Option<Which> {
+    match s.given(quantity)? {
+        (_, Given::Text(name)) => Some(Which::Name(name.value)),
+        (_, Given::Number(place)) => Some(Which::Place(place as usize)),
+        _ => None,
     }
-    let place = s.number_if(key, |v| v >= 1.0 && v.fract() == 0.0 && v < 1e6, "a place from 1 up, or a name in quotes");
-    place.map(|n| Which::Place(n.value as usize))
 }
 
 /// `force`: on the structure, over a fixed base.
 pub(super) fn force(s: &Section) -> Option<Excitation> {
-    let kinds = ["sine", "half_sine"];
-    let kind = s.required("kind", "\"sine\" or \"half_sine\"", |s, k| s.choice(k, &kinds));
-    let force = match kind {
-        None => None,
-        Some(0) => {
-            let amplitude = s.required("amplitude_n", "P, N", Section::not_negative);
-            let omega = angular_frequency(s);
-            let phase_rad = s.number("phase_rad").map_or(0.0, |n| n.value);
-            amplitude.zip(omega).map(|(amplitude, angular_frequency_rad_per_s)| Excitation::ForceSine {
-                amplitude_n: amplitude.value,
-                angular_frequency_rad_per_s,
-                phase_rad,
+    let force = match s.variant(&[force_sine::TABLE, force_half_sine::TABLE])? {
+        0 => {
+            let amplitude = s.scalar(&force_sine::AMPLITUDE);
+            let frequency = angular_frequency(s, &force_sine::FREQUENCY);
+            let phase = s.scalar(&force_sine::PHASE);
+            amplitude.zip(frequency).zip(phase).map(|((amplitude_n, angular_frequency_rad_per_s), phase_rad)| {
+                Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, phase_rad }
             })
         }
-        Some(_) => {
-            let amplitude = s.required("amplitude_n", "P, N", Section::number);
-            let duration = s.required("duration_s", "T, s", Section::positive);
-            amplitude.zip(duration).map(|(amplitude, duration)| Excitation::ForceHalfSine {
-                amplitude_n: amplitude.value,
-                duration_s: duration.value,
-            })
+        _ => {
+            let amplitude = s.scalar(&force_half_sine::AMPLITUDE);
+            let duration = s.scalar(&force_half_sine::DURATION);
+            amplitude
+                .zip(duration)
+                .map(|(amplitude_n, duration_s)| Excitation::ForceHalfSine { amplitude_n, duration_s })
         }
     };
     s.finish();
     force
 }
 
-fn angular_frequency(s: &Section) -> Option<f64> {
-    match s.either(["angular_frequency_rad_per_s", "frequency_hz"], Section::positive)? {
-        (0, omega) => Some(omega.value),
-        (_, frequency) => Some(TAU * frequency.value),
+fn angular_frequency(s: &Section, quantity: &Declared) -> Option<f64> {
+    match s.one_of(quantity)? {
+        (0, omega) => Some(omega),
+        (_, frequency) => Some(TAU * frequency),
     }
 }
 
 /// `initial`: a structure that is not spoken of starts at 0, on a record where the base starts; a second mass starts
-/// with the structure, in the middle of its cavity.
-pub(super) fn initial(s: Option<&Section>, base_start_m: f64) -> Initial {
-    let or = |key: &'static str, absent: f64| s.and_then(|s| s.number(key)).map_or(absent, |n| n.value);
-    let (x_m, v_m_per_s) = (or("x_m", base_start_m), or("v_m_per_s", 0.0));
-    let initial = Initial { x_m, v_m_per_s, y_m: or("y_m", x_m), u_m_per_s: or("u_m_per_s", v_m_per_s) };
+/// with the structure, a particle where its set-up places it: `particle_start_m` from there, if it says so.
+pub(super) fn initial(s: Option<&Section>, base_start_m: f64, particle_start_m: Option<f64>) -> Initial {
+    let or = |quantity, absent: f64| s.and_then(|s| s.scalar(quantity)).unwrap_or(absent);
+    let (x_m, v_m_per_s) = (or(&initial::X, base_start_m), or(&initial::V, 0.0));
+    let y_m = or(&initial::Y, x_m + particle_start_m.unwrap_or(0.0));
+    let read = Initial { x_m, v_m_per_s, y_m, u_m_per_s: or(&initial::U, v_m_per_s) };
     if let Some(s) = s {
+        if particle_start_m.is_some() && s.is_given(&initial::Y) {
+            let help = Some("leave out `y_m`, or `start` and `start_m` of the particle".into());
+            s.reject(initial::Y.name(), "the particle's own table says where it starts", help);
+        }
         s.finish();
     }
-    initial
+    read
 }
 
 /// `run`; a record gives its length when none is asked for.
 pub(super) fn run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
     let duration = match record_s {
-        Some(length_s) if !s.has_own("duration_s") => {
-            s.positive("duration_s").map_or(Some(length_s), |n| Some(n.value))
-        }
-        _ => s.required("duration_s", "length of the run, s", Section::positive).map(|n| n.value),
+        Some(length_s) if !s.is_given(&run::DURATION) => Some(length_s),
+        _ => s.scalar(&run::DURATION),
     };
-    let times = s.numbers("sample_times_s").unwrap_or_default();
-    let cycle = s.positive("cycle_s");
-    let whole =
-        |s: &Section, k| s.number_if(k, |v| v >= 0.0 && v.fract() == 0.0 && v < 9e15, "a whole number, 0 or greater");
-    let steady = whole(s, "steady_from_cycle");
+    let times = match s.given(&run::SAMPLE_TIMES) {
+        Some((_, Given::Numbers(times))) => times,
+        _ => Vec::new(),
+    };
+    let cycle_s = s.scalar(&run::CYCLE);
+    let steady_from = s.scalar(&run::STEADY_FROM);
     s.finish();
     let duration_s = duration?;
     for (i, time) in times.iter().enumerate() {
         let early = i > 0 && time.value < times[i - 1].value;
         if early || !(0.0..=duration_s * (1.0 + 1e-12)).contains(&time.value) {
             let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
-            s.refuse("sample_times_s", &time.span, allowed, None);
+            s.refuse(run::SAMPLE_TIMES.name(), &time.span, allowed, None);
             return None;
         }
     }
-    if let Some(first) = &steady {
-        let Some(cycle) = cycle.as_ref() else {
-            s.refuse(
-                "steady_from_cycle",
-                &first.span,
-                "without `cycle_s` there are no cycles to count",
-                Some("give `cycle_s`, or leave out `steady_from_cycle`".into()),
-            );
+    if let Some(first) = steady_from {
+        let key = run::STEADY_FROM.name();
+        let Some(cycle_s) = cycle_s else {
+            let help = Some("give `cycle_s`, or leave out `steady_from_cycle`".into());
+            s.reject(key, "without `cycle_s` there are no cycles to count", help);
             return None;
         };
-        if (first.value + 1.0) * cycle.value > duration_s * (1.0 + 1e-12) {
-            let cycles = (duration_s / cycle.value * (1.0 + 1e-12)).floor();
+        if (first + 1.0) * cycle_s > duration_s * (1.0 + 1e-12) {
+            let cycles = (duration_s / cycle_s * (1.0 + 1e-12)).floor();
             let allowed = format!("no whole cycle is left: the run has {cycles}, the first of which is 0");
             let help = Some("make `duration_s` longer, or `steady_from_cycle` smaller".into());
-            s.refuse("steady_from_cycle", &first.span, allowed, help);
+            s.reject(key, allowed, help);
             return None;
         }
     }
     Some(RunSpec {
         duration_s,
-        sample_times_s: times.iter().map(|n| n.value).collect(),
-        cycle_s: cycle.map(|n| n.value),
-        steady_from_cycle: steady.map(|n| n.value as u64),
+        sample_times_s: times.iter().map(|time| time.value).collect(),
+        cycle_s,
+        steady_from_cycle: steady_from.map(|first| first as u64),
     })
 }

@@ -24,15 +24,16 @@ pub mod cost;
 pub mod figures;
 mod from_json;
 pub mod history;
+mod keys;
 mod loading;
 pub mod motion;
 pub mod outline;
 mod playback;
-mod reading;
 pub mod record;
 pub mod run;
 
 pub use case::Case;
+pub use keys::TABLES;
 pub(crate) use loading::record as record_keys;
-pub use motion::{ImpactRecord, Samples, Viewer};
+pub use motion::{AccumulationRecord, ImpactRecord, Samples, Viewer};
 pub use run::{Answer, Request, simulate};

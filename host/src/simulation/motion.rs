@@ -47,6 +47,15 @@ pub struct ImpactRecord {
     pub y_m: f64,
 }
 
+/// A chatter that came to rest on a wall: the impacts of its tail are summed and not listed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AccumulationRecord {
+    /// When it ended, s.
+    pub t_s: f64,
+    /// +1 where y − x = +d.
+    pub side: i8,
+}
+
 /// What sticks and slips, for people and tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Phase {
@@ -61,7 +70,7 @@ impl Phase {
     #[must_use]
     pub fn structure(self) -> &'static str {
         match self.mode.grip {
-            Grip::Slip(0) => "free",
+            Grip::Absent => "free",
             Grip::Slip(_) => "slipping",
             Grip::Stuck => "stuck",
         }
@@ -97,6 +106,11 @@ pub trait Viewer {
         let _ = impact;
     }
 
+    /// A chatter ended in a particle resting on a wall.
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        let _ = accumulation;
+    }
+
     /// Nothing more can be taken (a disk is full): the run had better end.
     fn is_done(&self) -> bool {
         false
@@ -125,6 +139,11 @@ impl<A: Viewer, B: Viewer> Viewer for (A, B) {
         self.1.impact(impact);
     }
 
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        self.0.accumulation(accumulation);
+        self.1.accumulation(accumulation);
+    }
+
     fn is_done(&self) -> bool {
         self.0.is_done() || self.1.is_done()
     }
@@ -141,6 +160,10 @@ impl<V: Viewer> Viewer for &mut V {
 
     fn impact(&mut self, impact: &ImpactRecord) {
         (**self).impact(impact);
+    }
+
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        (**self).accumulation(accumulation);
     }
 
     fn is_done(&self) -> bool {
@@ -163,6 +186,12 @@ impl<V: Viewer> Viewer for Option<V> {
     fn impact(&mut self, impact: &ImpactRecord) {
         if let Some(viewer) = self {
             viewer.impact(impact);
+        }
+    }
+
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        if let Some(viewer) = self {
+            viewer.accumulation(accumulation);
         }
     }
 
@@ -189,6 +218,10 @@ impl<V: Viewer> exact::Observer for Shown<V> {
             approach_speed_m_per_s: impact.approach_speed_m_per_s,
             y_m: impact.before.y_m(),
         });
+    }
+
+    fn accumulation(&mut self, accumulation: &exact::Accumulation) {
+        self.0.accumulation(&AccumulationRecord { t_s: accumulation.ended_s, side: accumulation.side });
     }
 }
 

@@ -242,7 +242,7 @@ mod tests {
         }
 
         fn phase(&self) -> Phase {
-            Phase { mode: Mode { grip: Grip::Slip(0), contact: Contact::Absent }, pressing: false }
+            Phase { mode: Mode { grip: Grip::Absent, contact: Contact::Absent }, pressing: false }
         }
     }
 

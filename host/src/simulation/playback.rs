@@ -9,7 +9,7 @@ use damprig_core::model::{Invalid, Wall};
 
 use super::Case;
 use super::figures::Figures;
-use super::motion::{ImpactRecord, Instant, Phase, Piece, Viewer};
+use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
 use super::record::Record;
 use super::run::{Gathered, Request, Summary, parts};
 
@@ -78,6 +78,7 @@ fn play<V: Viewer, J: Joint<f64>>(
         max_abs_x_m: figures.max_abs_x_m,
         max_abs_x_minus_z_m: figures.max_abs_x_minus_z_m,
         impact_count: figures.impacts,
+        accumulation_count: figures.accumulations,
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
         unresolved: motion.unresolved(),
@@ -98,7 +99,7 @@ struct SoftWall {
     /// The side that the particle is in contact with.
     pressing: Option<Sign>,
     peak_n: Option<f64>,
-    /// Time (s) and speed (m/s) of the first touch.
+    /// Time (s) and speed (m/s) of the first touch at speed.
     touch: Option<(f64, f64)>,
     /// Duration (s) and restitution of the first contact.
     first: Option<(f64, f64)>,
@@ -162,7 +163,7 @@ impl Default for Place {
             duration_s: 0.0,
             reached_s: 0.0,
             state: State::default(),
-            mode: Mode { grip: Grip::Slip(0), contact: Contact::Absent },
+            mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
             wall: None,
         }
     }
@@ -207,10 +208,22 @@ impl<V: Viewer> sampled::Observer<f64> for ShownFlights<'_, V> {
             let approach_speed_m_per_s = impact.approach / self.at.step_s;
             let y_m = self.at.state.y_m();
             if let Some(wall) = &mut self.at.wall {
-                wall.pressing = Some(impact.side);
                 wall.touch.get_or_insert((t_s, approach_speed_m_per_s));
             }
             self.viewer.impact(&ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m });
+        }
+    }
+
+    fn accumulation(&mut self, at: f64, side: Sign) {
+        let t_s = (self.at.step as f64 + at) * self.at.step_s;
+        if t_s <= self.at.duration_s {
+            self.viewer.accumulation(&AccumulationRecord { t_s, side });
+        }
+    }
+
+    fn contact_start(&mut self, _: f64, side: Sign) {
+        if let Some(wall) = &mut self.at.wall {
+            wall.pressing = Some(side);
         }
     }
 

@@ -8,11 +8,14 @@ use serde::Serialize;
 
 use super::Case;
 use super::figures::{Ending, Trend};
-use super::motion::{ImpactRecord, Samples, Shown, Viewer};
+use super::motion::{AccumulationRecord, ImpactRecord, Samples, Shown, Viewer};
 use super::playback;
 
-/// Impacts kept in an answer; the count goes on.
+/// Impacts, and accumulations, kept in an answer; the counts go on.
 pub const MOST_IMPACTS: usize = 1_000_000;
+
+/// Accumulations kept in an answer that keeps no impacts: enough for a line of text.
+pub const FEW_ACCUMULATIONS: usize = 8;
 
 /// The answer to a case, as `--json` prints it.
 #[derive(Clone, Debug, Serialize)]
@@ -27,6 +30,10 @@ pub struct Answer {
     pub u_m_per_s: Vec<f64>,
     /// The first million impacts.
     pub impacts: Vec<ImpactRecord>,
+    /// The first million accumulations: chatters that ended in a particle resting on a wall. The impacts of their tails
+    /// are summed, neither listed nor counted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub accumulations: Vec<AccumulationRecord>,
     /// The figures.
     pub summary: Summary,
     /// Where it was stopped before its end, s.
@@ -51,8 +58,11 @@ pub struct Summary {
     pub max_abs_x_m: f64,
     /// Largest |x − z|, m.
     pub max_abs_x_minus_z_m: f64,
-    /// Impacts; those of a chatter that was summed are not counted.
+    /// Impacts; those of a chatter's tail that was summed are not counted.
     pub impact_count: u64,
+    /// Chatters that ended in a particle resting on a wall, their tails summed.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub accumulation_count: u64,
     /// Largest |x| from the first steady cycle on, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steady_max_abs_x_m: Option<f64>,
@@ -74,14 +84,15 @@ pub struct Summary {
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
-fn is_zero(count: &u32) -> bool {
-    *count == 0
+fn is_zero<N: Copy + Into<u64>>(count: &N) -> bool {
+    (*count).into() == 0
 }
 
-/// Impacts as they came: at most [`MOST_IMPACTS`], none unless they are kept.
+/// Impacts and accumulations as they came: at most [`MOST_IMPACTS`] of each, and no impacts unless they are kept.
 #[derive(Debug, Default)]
 struct Impacts {
     kept: Option<Vec<ImpactRecord>>,
+    accumulations: Vec<AccumulationRecord>,
 }
 
 impl Viewer for Impacts {
@@ -92,6 +103,13 @@ impl Viewer for Impacts {
     fn impact(&mut self, impact: &ImpactRecord) {
         if let Some(kept) = self.kept.as_mut().filter(|kept| kept.len() < MOST_IMPACTS) {
             kept.push(*impact);
+        }
+    }
+
+    fn accumulation(&mut self, accumulation: &AccumulationRecord) {
+        let most = if self.kept.is_some() { MOST_IMPACTS } else { FEW_ACCUMULATIONS };
+        if self.accumulations.len() < most {
+            self.accumulations.push(*accumulation);
         }
     }
 }
@@ -119,7 +137,7 @@ impl<'v, V: Viewer> Gathered<'v, V> {
     fn new(case: &Case, keep: bool, also: &'v mut V) -> Self {
         Self {
             samples: Samples::at(if keep { case.run.sample_times_s.clone() } else { Vec::new() }),
-            impacts: Impacts { kept: keep.then(Vec::new) },
+            impacts: Impacts { kept: keep.then(Vec::new), accumulations: Vec::new() },
             trend: Trend::new(case.cycle_s(), case.run.duration_s),
             also,
         }
@@ -154,6 +172,7 @@ pub fn simulate<V: Viewer>(case: &Case, also: &mut V, request: Request) -> Resul
         y_m: column(State::y_m),
         u_m_per_s: column(State::u_m_per_s),
         impacts: gathered.impacts.kept.take().unwrap_or_default(),
+        accumulations: std::mem::take(&mut gathered.impacts.accumulations),
         stopped_at_s: (!is_whole).then_some(summary.simulated_s),
         ending: gathered.trend.as_ref().filter(|_| is_whole).and_then(Trend::ending),
         summary,
@@ -207,6 +226,7 @@ fn closed_form<V: Viewer>(
         max_abs_x_m: response.max_abs_x_m(),
         max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
         impact_count: response.impact_count(),
+        accumulation_count: response.accumulation_count(),
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
         unresolved: motion.unresolved(),

@@ -2,9 +2,16 @@
 
 use std::path::Path;
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
 use assert_cmd::Command;
-use damprig::analysis::Analysis;
+use damprig::analysis::{Analysis, PeriodicOrbit, Stability};
+use damprig::input::Source;
 use damprig::simulation::Case;
+use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
+use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
+use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
+use nalgebra::{Complex, Matrix4, Vector4};
 
 fn case(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("cases").join(name)
@@ -45,4 +52,207 @@ fn the_answer_carries_the_analysis_only_where_it_was_asked_for() {
     let (amplitude, largest) = (driven["amplitude_m"].as_f64(), driven["mean_cycle_max_abs_x_m"].as_f64());
     assert!(amplitude > Some(0.0) && largest > Some(0.0));
     assert!(both["summary"]["rms_x_m"].as_f64() > Some(0.0));
+}
+
+const ZETA: f64 = 0.0038;
+const MASS_RATIO: f64 = 0.1;
+const NATURAL: f64 = TAU * 2.5;
+
+fn damper(clearance_m: f64, coefficient: f64) -> SetUp {
+    let particle = Particle {
+        mass_kg: MASS_RATIO,
+        clearance_m,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient },
+    };
+    SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, ZETA)) }
+}
+
+/// The Floquet multipliers of the orbit with two impacts a cycle in closed form, Z = 1 m: half a cycle is the free motion
+/// and an impact, whose derivative holds what the shift of its instant does (the saltation matrix).
+fn closed_form(orbit: &SymmetricOrbit, e: f64, turning: f64) -> Vec<Complex<f64>> {
+    let (k, c) = (NATURAL * NATURAL, 2.0 * ZETA * NATURAL);
+    let (decay, ringing, half_s) = (ZETA * NATURAL, NATURAL * (1.0 - ZETA * ZETA).sqrt(), PI / turning);
+    let (fade, (sin, cos)) = ((-decay * half_s).exp(), (ringing * half_s).sin_cos());
+    let mut flight = Matrix4::identity();
+    flight[(0, 0)] = fade * (cos + decay / ringing * sin);
+    flight[(0, 1)] = fade * sin / ringing;
+    flight[(1, 0)] = -fade * k / ringing * sin;
+    flight[(1, 1)] = fade * (cos - decay / ringing * sin);
+    flight[(2, 3)] = half_s;
+    let (own, others) = (1.0 / (1.0 + MASS_RATIO), MASS_RATIO / (1.0 + MASS_RATIO));
+    let mut law = Matrix4::identity();
+    (law[(1, 1)], law[(1, 3)]) = (1.0 - others * (1.0 + e), others * (1.0 + e));
+    (law[(3, 1)], law[(3, 3)]) = (own * (1.0 + e), 1.0 - own * (1.0 + e));
+    let (sine, cosine) = orbit.drive_phase_rad.sin_cos();
+    let rates = |v: f64, u: f64| {
+        let pull = c * (v - turning * cosine) + k * (orbit.impact_displacement_m - sine);
+        Vector4::new(v, -pull, u, 0.0)
+    };
+    let speed = orbit.particle_speed_m_per_s;
+    let before = rates(speed - orbit.approach_speed_m_per_s, speed);
+    let after = rates(orbit.velocity_after_m_per_s, -speed);
+    let gap = Vector4::new(1.0, 0.0, -1.0, 0.0);
+    let impact = law + (after - law * before) * gap.transpose() / gap.dot(&before);
+    let half = impact * flight;
+    (half * half).complex_eigenvalues().iter().copied().collect()
+}
+
+#[derive(Default)]
+struct Count(usize);
+
+impl Observer for Count {
+    const ARCS: bool = false;
+
+    fn impact(&mut self, _: &Impact) {
+        self.0 += 1;
+    }
+}
+
+fn sine(turning: f64, phase_rad: f64) -> Excitation {
+    Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad }
+}
+
+/// Set-ups whose stable orbit of two impacts a cycle has one of them at drive phase `phase_rad`, the other half a turn on.
+fn with_impact_at(phase_rad: f64) -> Vec<(SetUp, f64, f64, SymmetricOrbit)> {
+    let mut found = vec![];
+    for e in [0.3, 0.5, 0.7] {
+        for n in 0..14 {
+            let turning = NATURAL * (0.8 + 0.05 * f64::from(n));
+            let orbit = |d: f64| SymmetricOrbit::new(&damper(d, e), 1.0, turning);
+            for m in 0..60 {
+                let (mut low, mut high) = (1.0 + 0.25 * f64::from(m), 1.25 + 0.25 * f64::from(m));
+                let late =
+                    |orbit: &SymmetricOrbit| (orbit.drive_phase_rad - phase_rad + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2;
+                let off = |d: f64| orbit(d).as_ref().map(late);
+                let (Some(a), Some(b)) = (off(low), off(high)) else { continue };
+                if a * b > 0.0 || (a - b).abs() > 1.0 {
+                    continue;
+                }
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    let Some(there) = off(middle) else { break };
+                    if there * a > 0.0 { low = middle } else { high = middle }
+                }
+                let Some(at) = orbit(low) else { continue };
+                let set_up = damper(low, e);
+                let mut motion =
+                    Exact::new(&set_up, &sine(turning, at.drive_phase_rad), &at.initial()).expect("physical");
+                let mut count = Count::default();
+                motion.run(1.25 * TAU / turning, &mut count);
+                let is_stable = closed_form(&at, e, turning).iter().all(|m| m.norm() < 0.98);
+                if count.0 == 2 && is_stable && late(&at).abs() < 1e-9 {
+                    found.push((set_up, e, turning, at));
+                }
+            }
+        }
+    }
+    found
+}
+
+/// The largest distance of a multiplier from the one expected next to it.
+fn apart(found: &[Complex<f64>], expected: &[Complex<f64>]) -> f64 {
+    let mut left = expected.to_vec();
+    found.iter().fold(0.0, |most, multiplier| {
+        let nearest =
+            (0..left.len()).min_by(|&a, &b| (left[a] - multiplier).norm().total_cmp(&(left[b] - multiplier).norm()));
+        nearest.map_or(f64::INFINITY, |n| (left.swap_remove(n) - multiplier).norm().max(most))
+    })
+}
+
+#[test]
+fn multipliers_do_not_depend_on_how_near_an_impact_lies_to_the_drive_phase_of_the_guess() {
+    let mut tested = 0;
+    for phase_rad in [0.0, 1e-7, -1e-7, 5e-6, -5e-6, 2e-5, -2e-5, 1e-3, -1.0] {
+        for (set_up, e, turning, formula) in with_impact_at(phase_rad) {
+            let initial = formula.initial();
+            let mut motion = Exact::new(&set_up, &sine(turning, formula.drive_phase_rad), &initial).expect("physical");
+            motion.run((TAU - formula.drive_phase_rad) / turning, &mut ());
+            let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, motion.state(), 1).expect("it is there");
+            let found: Vec<_> = orbit.multipliers.iter().map(|m| m.value).collect();
+            let error = apart(&found, &closed_form(&formula, e, turning));
+            // Of what is not known of the matrix, an eigenvalue shows some multiple.
+            let allowed = 100.0 * orbit.derivative_error;
+            assert!(
+                allowed < 1e-4 && error <= allowed,
+                "{phase_rad} {e} {turning}: off by {error:e}, {allowed:e} allowed"
+            );
+            assert_eq!(orbit.stability(), Stability::Stable, "{:?}", orbit.multipliers);
+            tested += 1;
+        }
+    }
+    assert!(tested > 30, "only {tested} orbits were tested");
+}
+
+/// A run that starts with an impact: the section at the drive phase of its start would catch it before or after by chance.
+#[test]
+fn a_run_that_starts_on_an_impact_of_its_orbit_repeats_every_period_and_is_stable() {
+    let mut tested = 0;
+    for (set_up, e, turning, formula) in with_impact_at(-1.0) {
+        let particle = set_up.particle.expect("a particle is mounted");
+        let start = formula.initial();
+        let text = format!(
+            "structure = {{ mass_kg = 1.0, natural_frequency_hz = 2.5, damping_ratio = {ZETA} }}
+             base = {{ kind = \"sine\", amplitude_m = 1.0, angular_frequency_rad_per_s = {turning:?}, phase_rad = {:?} }}
+             initial = {{ x_m = {:?}, v_m_per_s = {:?}, y_m = {:?}, u_m_per_s = {:?} }}
+             run = {{ duration_s = {:?} }}
+             [particle]
+             mass_kg = {MASS_RATIO}
+             clearance_m = {:?}
+             friction_coefficient = 0.0
+             wall = {{ kind = \"restitution\", coefficient = {e} }}",
+            formula.drive_phase_rad,
+            start.x_m,
+            start.v_m_per_s,
+            start.y_m,
+            start.u_m_per_s,
+            200.5 * TAU / turning,
+            particle.clearance_m,
+        );
+        let case = Case::parse(&Source::new("case.toml", text), "case").expect("a case");
+        let driven = Analysis::of(&case).expect("in closed form").driven.expect("it is driven");
+        assert_eq!(driven.repeats_after, Some(1));
+        let distance = (driven.section_phase_rad - formula.drive_phase_rad).rem_euclid(PI);
+        assert!(distance > 0.1 && distance < PI - 0.1, "the section is {distance} rad from an impact");
+        let orbit = driven.orbit.expect("it is on it");
+        assert_eq!(
+            (orbit.stability, orbit.stable),
+            ("stable", true),
+            "{orbit:?} {:?}",
+            closed_form(&formula, e, turning)
+        );
+        let found: Vec<_> = orbit.multipliers.iter().map(|[re, im]| Complex::new(*re, *im)).collect();
+        let error = apart(&found, &closed_form(&formula, e, turning));
+        assert!(error <= 100.0 * orbit.derivative_error, "off by {error:e}");
+        tested += 1;
+    }
+    assert!(tested > 3, "only {tested} orbits were tested");
+}
+
+/// What nothing brings back stays where it is put: a particle that touches no wall, one that friction holds, a structure
+/// that sticks, a structure without damping.
+#[test]
+fn disturbances_that_stay_are_neutral() {
+    let far = damper(1e3, 0.5);
+    let mut held = far;
+    held.particle.as_mut().expect("a particle is mounted").friction_coefficient = 100.0;
+    let stuck = SetUp { friction_damper: Some(FrictionDamper { force_n: 1e4 }), ..SetUp::bare(far.structure) };
+    let undamped = SetUp::bare(Structure::from_modal(1.0, 2.5, 0.0));
+    for ratio in [0.5, 0.8, 1.3] {
+        let turning = NATURAL * ratio;
+        for (name, set_up, neutral) in
+            [("far", far, 2), ("held", held, 1), ("stuck", stuck, 1), ("undamped", undamped, 2)]
+        {
+            let drive = sine(turning, 0.0);
+            let mut motion = Exact::new(&set_up, &drive, &Default::default()).expect("physical");
+            // Until the transient has died out where there is damping.
+            motion.run(2000.0 * TAU / turning, &mut ());
+            let guess = if name == "undamped" { State::default() } else { *motion.state() };
+            let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, &guess, 1).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(orbit.stability(), Stability::Neutral, "{name} {ratio}: {:?}", orbit.multipliers);
+            let count = orbit.multipliers.iter().filter(|m| m.is_neutral).count();
+            assert_eq!(count, neutral, "{name} {ratio}: {:?}", orbit.multipliers);
+            assert!(orbit.derivative_error < 1e-5, "{name}: {:e}", orbit.derivative_error);
+        }
+    }
 }

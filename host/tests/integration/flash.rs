@@ -152,7 +152,8 @@ fn a_pipe_or_a_folder_is_no_image_and_is_not_waited_for() {
     let pipe = folder.path().join("pipe.elf");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
     for (file, kind) in [("folder.elf", "a folder"), ("pipe.elf", "a pipe")] {
-        let output = damprig(&folder).args(["flash", file]).timeout(common::PATIENCE).output().expect("the command");
+        let output =
+            damprig(&folder).args(["flash", file]).timeout(crate::common::PATIENCE).output().expect("the command");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(&format!("cannot read the image {file}: this is {kind}, no plain file")), "{said}");

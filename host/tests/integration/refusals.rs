@@ -189,6 +189,53 @@ fn a_swing_beyond_the_range_is_refused_and_the_z_that_is_offered_fits() {
     damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
 }
 
+/// A structure that hardly answers stays within every limit; the drive does not go as far as that.
+#[test]
+fn what_the_drive_cannot_deliver_is_refused_on_every_virtual_rig_and_in_a_dry_run() {
+    let damped = short().replace("damping_ratio = 0.0038", "damping_ratio = 0.5");
+    let far = damped.replace("base_amplitude_m = 0.0004", "base_amplitude_m = 0.005");
+    for rig in
+        [&["--dry-run"][..], &["--rig", "virtual"], &["--rig", "virtual:f32"], &["--dry-run", "--rig", "virtual"]]
+    {
+        let folder = folder_with(&far);
+        let output = damprig(&folder).args(["run", "test.toml"]).args(rig).output().unwrap();
+        let answer = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{rig:?}: {answer}");
+        let place = format!("--> test.toml:{}:", line_of(&far, "base_amplitude_m = 0.005"));
+        for word in [
+            "set-up \"bare\" has too large a base amplitude: it asks the drive for 5 mm, which delivers ±4.392 mm",
+            "calibration.drive",
+            "write base_amplitude_m = 0.0043",
+            &place,
+        ] {
+            assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+        }
+        assert!(!folder.path().join("runs").exists(), "a run was begun");
+    }
+    let folder = folder_with(&far.replace("base_amplitude_m = 0.005", "base_amplitude_m = 0.0043"));
+    damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
+}
+
+#[test]
+fn the_drive_limit_of_a_closed_loop_is_the_rigs_unless_it_is_tighter() {
+    let with = |limit: &str| {
+        let experiment = format!("dwell_s = 4.0\ndrive = \"closed_loop\"\nclosed_loop = {{ {limit} }}\n");
+        folder_with(&(short().replace("dwell_s = 4.0", &experiment) + "\n[rig.shaker]\n"))
+    };
+    let far = with("drive_limit_m = 0.05");
+    let output = damprig(&far).args(["run", "test.toml", "--dry-run"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{answer}");
+    for word in
+        ["the closed loop's drive limit is too large", "asks the drive for 50 mm", "write drive_limit_m = 0.0043"]
+    {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+    for limit in ["", "drive_limit_m = 0.004"] {
+        damprig(&with(limit)).args(["run", "test.toml", "--dry-run"]).assert().success();
+    }
+}
+
 #[test]
 fn a_missing_file_is_answered_with_its_neighbour_and_no_toml_with_the_place() {
     let folder = folder_with("name = [\n");
@@ -242,7 +289,7 @@ fn a_spring_with_two_targets_or_none_is_refused() {
     refused(
         before,
         "friction_damper = { spring = { friction_ratio = 0.6, deflection_m = 0.001 } }",
-        &["friction_damper.spring.deflection_m` = 0.001", "a spring has one target", "leave one of"],
+        &["friction_damper.spring.deflection_m` = 0.001", "`friction_ratio` is given too", "leave out"],
     );
     refused(before, "friction_damper = { spring = {} }", &["friction_ratio", "`normal_force_n` or `deflection_m`"]);
     refused(

@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use crate::common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
-use damprig_protocol::FromDevice;
+use damprig_core::rig::channels::Sensor;
+use damprig_protocol::{FromDevice, Happening};
 use predicates::prelude::*;
 use predicates::str::contains;
 
@@ -66,6 +67,28 @@ fn lost_samples_are_told_with_their_place() {
     assert!(lost > 0);
     assert!(page.contains(&format!("{lost} rows of samples are missing")) && page.contains("<h3>Gaps</h3>"));
     assert!(page.contains(&format!("<td>{lost}</td>")), "one gap of {lost} rows");
+}
+
+/// A board whose x sensor is wired the wrong way round, and clipped.
+#[test]
+fn a_sensor_of_the_wrong_sign_and_one_that_was_clipped_are_pointed_out() {
+    let folder = folder_with(&short());
+    let board = Served::start(move |message| {
+        let FromDevice::Event { seq, tick, event: Happening::Point(mut point) } = *message else { return Fate::Pass };
+        point.phase_rad += std::f32::consts::PI;
+        point.clipped.insert(Sensor::X);
+        Fate::Replace(Box::new(FromDevice::Event { seq, tick, event: Happening::Point(point) }))
+    });
+    damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
+    let turned = page(&folder.path().join("out"));
+    for words in
+        ["points x leads z", "at 6 points a sensor&#39;s signal reached an end of its span and is cut there: x"]
+    {
+        assert!(turned.contains(words) || turned.contains(&words.replace("&#39;", "'")), "{words}");
+    }
+    damprig(&folder).args(["run", "test.toml", "--out", "sound"]).assert().success();
+    let sound = page(&folder.path().join("sound"));
+    assert!(!sound.contains("x leads z") && !sound.contains("end of its span"));
 }
 
 #[test]

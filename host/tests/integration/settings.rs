@@ -46,7 +46,13 @@ fn a_changed_setting_is_in_use_at_once_and_says_that_it_is_not_saved() {
 #[test]
 fn an_exported_file_is_imported_by_another_board() {
     let (one, other) = (Board::new(), Board::new());
-    one.settings(&["set", "calibration.x.zero_counts=32000.5", "impacts.threshold_n=3"]).success();
+    one.settings(&[
+        "set",
+        "calibration.x.zero_counts=32000.5",
+        "safety.limits.structure_m=0.07",
+        "impacts.threshold_n=3",
+    ])
+    .success();
     one.settings(&["export", "rig.toml"]).success();
     let again = err(one.settings(&["export", "rig.toml"]).code(2));
     assert!(again.contains("rig.toml") && again.contains("move it away"), "{again}");
@@ -55,6 +61,15 @@ fn an_exported_file_is_imported_by_another_board() {
     assert!(told.contains("calibration.x.zero_counts: 32760.0 -> 32000.5") && told.contains("saved"), "{told}");
     let body = |text: String| text.lines().filter(|line| !line.starts_with('#')).collect::<Vec<_>>().join("\n");
     assert_eq!(body(other.shown()), body(one.shown()));
+}
+
+/// The laser's middle is 2 mm off: at 78 mm on that side it would read its rail.
+#[test]
+fn a_limit_that_the_calibrated_sensor_cannot_see_is_refused() {
+    let board = Board::new();
+    let refused = err(board.settings(&["set", "calibration.x.zero_counts=32000.5"]).code(2));
+    assert!(refused.contains("structure_m` = 0.078") && refused.contains("inside the usable span"), "{refused}");
+    board.settings(&["set", "calibration.x.zero_counts=32000.5", "safety.limits.structure_m=0.076"]).success();
 }
 
 #[test]

@@ -94,7 +94,7 @@ fn a_walls_impossible_words_are_refused() {
     let bench = Bench::new();
     let near = ["`particle.wall.material` = \"ruber\" is not allowed", "did you mean \"rubber\"?"];
     bench.refused(&voigt("material = \"ruber\", release = \"zero_force\""), &near);
-    let twice = ["`particle.wall.stiffness_n_per_m` = 5", "another key says the stiffness too"];
+    let twice = ["`particle.wall.stiffness_n_per_m` = 5", "`material` is given too, and says the same quantity"];
     bench.refused(&voigt("material = \"rubber\", stiffness_n_per_m = 5, release = \"zero_force\""), &twice);
     let half = ["`particle.wall.shape_factor_m` is missing", "needs both"];
     bench.refused(&voigt("storage_modulus_pa = 1e5, loss_factor = 0.1, release = \"zero_force\""), &half);
@@ -297,7 +297,7 @@ fn a_structure_too_fast_for_its_record_is_refused() {
     let bench = Bench::new().with("slow.csv", "0\n1\n0\n");
     let fast = STRUCTURE.replace("2.5", "2500");
     let base = "base = { kind = \"record\", file = \"slow.csv\", quantity = \"displacement\", unit = \"mm\", time_step_s = 1 }\n";
-    bench.refused(&format!("{fast}{RUN}{base}"), &["structure.stiffness_n_per_m", "sampling rate"]);
+    bench.refused(&format!("{fast}{RUN}{base}"), &["`structure.natural_frequency_hz` = 2500", "sampling rate"]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 /// A campaign with one experiment on a bare structure.
 fn with(experiment: &str) -> TempDir {
     folder_with(&format!(
-        "name = \"t\"\nstructure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n[rig]\nsensor_range_m = 0.08\nsensor_noise_rms_m = 5e-6\n[[set_up]]\nname = \"bare\"\nlabel = \"Bare\"\nbase_amplitude_m = 0.003\n[[experiment]]\nname = \"e\"\n{experiment}\n[telemetry]\nrate_hz = 200\nsignals = [\"x\"]\n"
+        "name = \"t\"\nstructure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}\n[rig]\nsensor_noise_rms_m = 5e-6\n[[set_up]]\nname = \"bare\"\nlabel = \"Bare\"\nbase_amplitude_m = 0.003\n[[experiment]]\nname = \"e\"\n{experiment}\n[telemetry]\nrate_hz = 200\nsignals = [\"x\"]\n"
     ))
 }
 
@@ -93,7 +93,7 @@ fn settings_that_say_nothing_or_the_same_twice_are_refused() {
 
 #[test]
 fn a_table_that_a_format_cannot_hold_is_refused_and_no_empty_file_is_written() {
-    let folder = with("kind = \"impulse\"\nshape = \"versine\"\namplitude_m = 0.005\nduration_s = 0.2");
+    let folder = with("kind = \"impulse\"\nshape = \"versine\"\namplitude_m = 0.004\nduration_s = 0.2");
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     damprig(&folder)
         .args(["runs", "export", "out", "--format", "uff", "--what", "transients"])

@@ -118,7 +118,7 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
     let file = folder.join("campaign.toml");
     std::fs::write(&file, short()).unwrap();
     let campaign = Campaign::parse(Source::read(&file).unwrap()).unwrap();
-    let link = Box::new(VirtualRig::<f64>::new());
+    let link = Box::new(VirtualRig::new(false, None));
     let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
     let selection = Selection::of(&campaign, &session).unwrap();
     let plan = Plan {

@@ -57,7 +57,7 @@ const PULSE: &str = r#"
 name = "pulse"
 kind = "impulse"
 shape = "half_sine"
-amplitude_m = 0.01
+amplitude_m = 0.004
 duration_s = 0.2
 tail_s = 4
 "#;
@@ -155,7 +155,7 @@ fn all_three_kinds_are_measured_kept_and_shown() {
     let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
     for words in [
         "record: displacement of 1001 samples in 10.0000 s, baseline as recorded",
-        "half sine of 10 mm",
+        "half sine of 4 mm",
         "6 of 6 points",
     ] {
         assert!(said.contains(words), "no {words:?} in {said}");
@@ -313,13 +313,24 @@ fn a_record_that_would_leave_the_limits_is_refused_with_the_peak_that_fits() {
     ];
     refused(&edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.03"), &words);
     let words = ["max|z|", "write amplitude_m = 0.0"];
-    refused(&edited(PULSE, "amplitude_m = 0.01", "amplitude_m = 0.3"), &words);
+    refused(&edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.3"), &words);
 }
 
 #[test]
 fn the_shakers_stroke_is_told_before_anything_moves() {
-    let campaign = edited(PULSE, "amplitude_m = 0.01", "amplitude_m = 0.02") + "[rig.shaker]\nhalf_stroke_m = 0.015\n";
+    let campaign = edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.02") + "[rig.shaker]\nhalf_stroke_m = 0.015\n";
     refused(&campaign, &["the shaker's stroke", "20.000 mm, at most 15.000 mm", "write amplitude_m = 0.015"]);
+}
+
+/// A 10 mm pulse came out as 5 mm on a board, and as 10 mm on a virtual rig.
+#[test]
+fn a_pulse_or_a_record_that_the_drive_cannot_deliver_is_refused_before_anything_moves() {
+    let words = ["asks the drive for 10 mm", "delivers ±4.392 mm", "calibration.drive", "write amplitude_m = 0.0043"];
+    refused(&edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.01"), &words);
+    refused(
+        &edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.0045"),
+        &["goes too far", "write target_peak_m = 0.0043"],
+    );
 }
 
 #[test]
@@ -350,7 +361,7 @@ fn what_makes_no_sense_is_refused_with_what_does() {
     refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.2\nrise_s = 0.01"), &["rectangle"]);
     refused(&edited(PULSE, "duration_s = 0.2", "duration_s = 0.002"), &["fewer than 10 samples", "write 0.01 or more"]);
     refused(&edited(PULSE, "duration_s = 0.2", ""), &["`experiment[1].duration_s` is missing"]);
-    refused(&edited(RELEASE, "0.035", "0.3"), &["within the displacement limit"]);
+    refused(&edited(RELEASE, "0.035", "0.3"), &["would leave the displacement limit"]);
     refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\nlevel_m = 0.04"), &["below |start_m|", "write level_m"]);
     refused(&edited(RELEASE, "free_vibration", "free_vibrations"), &["did you mean \"free_vibration\""]);
     refused(&edited(RELEASE, "measure_s = 8", "measure_s = 8\ncycles = 2.5"), &["a whole number from 1 to 1000"]);

@@ -1,15 +1,15 @@
 //! What a rig is before a host says anything: its sensors' scales, its limits, and the constants of its friction damper and
 //! its walls.
 //!
-//! A board keeps them over power cuts; where and how is `damprig-device`'s and the firmware's. An experiment's own limits
-//! and constants take their place in the rig while it lasts, and leave them as they are.
+//! A board keeps them over power cuts; where and how is `damprig-device`'s and the firmware's. They are the base of every
+//! experiment, which may tighten limits and describe its friction damper's spring while it lasts, and no more.
 
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
 use crate::measure::impacts::{ImpactConfig, ImpactSettings};
-use crate::model::Invalid;
+use crate::model::{Invalid, require};
 use crate::rig::WALL_SUBSAMPLES;
-use crate::rig::calibration::Calibration;
+use crate::rig::calibration::{Calibration, WALL_USABLE};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Settings {
     /// What the converters' counts mean. A simulated board's displacements and spring force come in SI units: there only the
-    /// walls' scale has an effect.
+    /// walls' scale and the drive's range have an effect.
     pub calibration: Calibration,
     /// The interlocks.
     pub safety: SafetyConfig,
@@ -31,12 +31,39 @@ impl Default for Settings {
     /// The rig's as delivered: everything assumed, nothing measured.
     fn default() -> Self {
         Self {
-            // Sixteen 12-bit conversions added up, an output of 12 bits, ±5 mm of the shaker.
-            calibration: Calibration::assumed(16 * 4_095, 4_095, 0.005),
+            calibration: Calibration::default(),
             safety: SafetyConfig::default(),
             spring: SpringConfig::default(),
             impacts: ImpactConfig::default(),
         }
+    }
+}
+
+impl Settings {
+    /// Checks every value, and that each limit lies where its sensor can see it: a limit beyond the usable span would never trip.
+    ///
+    /// # Errors
+    /// Names the first parameter out of range.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        let Self { calibration, safety, spring, impacts } = self;
+        calibration.validate()?;
+        safety.validate()?;
+        spring.validate()?;
+        impacts.validate()?;
+        let walls = WALL_USABLE.map(|counts| calibration.walls.to_force_n(f32::from(counts)));
+        for (name, limit, most) in [
+            ("limits.structure_m", safety.limits.structure_m, calibration.x.usable_m().amplitude()),
+            ("limits.base_m", safety.limits.base_m, calibration.z.usable_m().amplitude()),
+            ("safety.wall_force_n", safety.wall_force_n, walls.high),
+            ("impacts.clip_n", impacts.clip_n, walls.high),
+            ("impacts.offset_limit_n", impacts.offset_limit_n, walls.amplitude()),
+            ("spring.largest_force_n", spring.largest_force_n, calibration.usable_spring_n().high),
+        ] {
+            let allowed = "inside the usable span of its sensor: 1 % of the span within its ends, as calibrated";
+            require(limit < most, name, f64::from(limit), allowed)?;
+        }
+        let allowed = "at most 0.9 of spring.largest_force_n";
+        require(safety.brake_n <= spring.working_force_n(), "safety.brake_n", f64::from(safety.brake_n), allowed)
     }
 }
 
@@ -70,7 +97,7 @@ impl Prepared {
     /// # Errors
     /// Names the first parameter out of range.
     pub fn new(settings: &Settings) -> Result<Self, Invalid> {
-        settings.calibration.validate()?;
+        settings.validate()?;
         Ok(Self {
             settings: *settings,
             safety: Safety::new(&settings.safety)?,

@@ -125,7 +125,6 @@ pub struct Control {
     /// But for what a bench and the settings say.
     description: Description,
     rig: Rig,
-    settings: Settings,
     settings_source: Source,
     /// The number of the request to save that waits for its answer.
     saving: Option<u16>,
@@ -164,7 +163,6 @@ impl Control {
                 settings: Source::Default,
             },
             rig: Rig::new(),
-            settings: Settings::default(),
             settings_source: Source::Default,
             saving: None,
             selection: Selection::default(),
@@ -179,9 +177,7 @@ impl Control {
     /// Takes over settings that were kept, before the first tick. Out of range they become those as delivered.
     pub fn start_with(&mut self, settings: &Settings, source: Source) {
         match Prepared::new(settings) {
-            Ok(prepared) if self.rig.adopt(&prepared).is_ok() => {
-                (self.settings, self.settings_source) = (*settings, source);
-            }
+            Ok(prepared) if self.rig.adopt(&prepared).is_ok() => self.settings_source = source,
             _ => self.settings_source = Source::Damaged,
         }
     }
@@ -189,7 +185,7 @@ impl Control {
     /// The settings in use.
     #[must_use]
     pub fn settings(&self) -> &Settings {
-        &self.settings
+        self.rig.settings()
     }
 
     /// The rig, to look at.
@@ -288,7 +284,7 @@ impl Control {
     /// Saves the settings, or begins to: then the reply waits.
     fn save<P>(&mut self, seq: u16, bench: &mut impl Bench<P>) -> Result<Answer, Refusal> {
         self.rig.must_be_idle()?;
-        match bench.save(&self.settings)? {
+        match bench.save(self.settings())? {
             Saving::Done => self.settings_source = Source::Stored,
             Saving::Begun => self.saving = Some(seq),
         }
@@ -345,24 +341,30 @@ impl Control {
                 self.selection = *selection;
                 Ok(Answer::Done)
             }
-            Work::Settings => Ok(Answer::Settings { settings: self.settings, source: self.settings_source }),
+            Work::Settings => Ok(Answer::Settings { settings: *self.settings(), source: self.settings_source }),
             // Nothing begins while the flash is written to.
             _ if self.saving.is_some() => Err(Refusal::NotHere("the settings are being saved: ask again")),
             Work::SetSettings(prepared) => {
                 self.rig.adopt(prepared)?;
-                (self.settings, self.settings_source) = (prepared.settings, Source::Host);
+                self.settings_source = Source::Host;
                 Ok(Answer::Done)
             }
             Work::SaveSettings => self.save(seq, bench),
             Work::SetPlant(config) => {
                 self.rig.must_be_idle()?;
                 bench.set_plant(config)?;
+                self.rig.replace_spring()?;
                 Ok(Answer::Done)
             }
             Work::Command(command) => {
+                if let Command::Configure(Some(experiment)) = command {
+                    let wanted = experiment.record();
+                    self.rig.check_drive(experiment, wanted.and_then(|wanted| store.peak_counts(&wanted)))?;
+                }
                 if matches!(command, Command::Start) {
-                    self.rig.could_start()?;
-                    if self.rig.wanted_record().is_some_and(|wanted| !store.holds(&wanted)) {
+                    let wanted = self.rig.wanted_record();
+                    self.rig.could_start(wanted.and_then(|wanted| store.peak_counts(&wanted)))?;
+                    if wanted.is_some_and(|wanted| !store.holds(&wanted)) {
                         return Err(Refusal::NotHere("upload the record that this playback names first"));
                     }
                     bench.restart()?;

@@ -4,14 +4,11 @@
 //! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
 
 use damprig_core::control::experiment::Experiment;
-use damprig_core::control::friction_spring::FrictionSpring;
-use damprig_core::control::safety::Safety;
 use damprig_core::control::stepped_sine::Plan;
 use damprig_core::control::transient::{free_vibration, playback};
-use damprig_core::measure::impacts::{ForceScale, ImpactSettings};
 use damprig_core::model::Invalid;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS, WALL_SUBSAMPLES};
+use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS};
 use damprig_core::settings::Prepared;
 use damprig_core::twin::TwinPlan;
 use damprig_protocol::ask::{Ask, Request};
@@ -158,12 +155,9 @@ impl<P> Work<P> {
             Ask::SetTelemetry { every_ticks, signals, impacts } => {
                 return Ok(Self::SetTelemetry(select(every_ticks, signals, impacts)?));
             }
-            Ask::SetSafety(config) => Command::SetSafety(Safety::new(&config)?),
-            Ask::SetSpring(config) => Command::SetSpring(FrictionSpring::new(&config)?),
-            Ask::SetImpacts(config) => {
-                // The rig puts them on its own scale.
-                Command::SetImpacts(ImpactSettings::new(&config, &ForceScale::default(), WALL_SUBSAMPLES as u8)?)
-            }
+            // Both are checked against the board's settings, which are the rig's.
+            Ask::SetLimits(limits) => Command::SetLimits(limits),
+            Ask::SetSpring(set_up) => Command::SetSpring(set_up),
             Ask::SetTwin(None) => Command::SetTwin(None),
             Ask::SetTwin(Some(config)) => Command::SetTwin(Some(TwinPlan::new(&config)?)),
             Ask::Configure(sine) => Command::Configure(Some(Experiment::SteppedSine(Plan::new(sine)?))),

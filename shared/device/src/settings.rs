@@ -21,7 +21,7 @@ const LAYOUT: [u8; 8] = Key::for_path::<Settings>("settings").to_bytes();
 
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// A record, padded to whole words of the flash, bytes: 43 numbers of four, the head, the checksum, and some to grow.
+/// A record, padded to whole words of the flash, bytes: 44 numbers of four, the head, the checksum, and some to grow.
 const RECORD: usize = 256;
 
 /// Layout, number, and length of the settings; of any layout's record.

@@ -14,7 +14,7 @@ use crate::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
 use damprig_core::plant::{Plant, PlantConfig};
 use damprig_core::rig::{Actuators, Readings, Refusal, Sensors, Signals, State};
 use damprig_core::scalar::Scalar;
-use damprig_core::settings::Settings;
+use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{Clock, FromDevice, PlantKind, ToDevice};
 use heapless::Deque;
@@ -183,6 +183,11 @@ impl<S: PlantScalar> Simulated<S> {
         }
     }
 
+    /// Takes over settings as a board does that has kept them; before the first tick.
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        self.control.start_with(settings, source);
+    }
+
     /// Takes received bytes.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
@@ -235,6 +240,8 @@ impl<S: PlantScalar> Simulated<S> {
                 self.stand(&mut frame, &mut out);
                 return Progress::Standing;
             }
+            // Each granted tick is the host's word.
+            self.control.hear();
             let mut actuators = Actuators::default();
             watch(&mut || actuators = self.control.tick(&self.sensors, &mut self.store, &mut self.waiting));
             if let Some(plant) = &mut self.bench.plant {
@@ -341,9 +348,9 @@ impl<S: PlantScalar> Simulated<S> {
         self.until_tick = 0;
         self.clock_told = true;
         // The plant is at its start; the friction damper's seat stays where it is.
-        let Sensors { readings: Readings { spring_n, .. }, at_limit, .. } = self.sensors;
-        self.sensors = Sensors { at_limit, ..Sensors::default() };
-        self.sensors.readings.spring_n = spring_n;
+        let Sensors { readings: Readings { spring_n, spring_rail, .. }, at_limit, emergency_stop, .. } = self.sensors;
+        self.sensors = Sensors { at_limit, emergency_stop, ..Sensors::default() };
+        (self.sensors.readings.spring_n, self.sensors.readings.spring_rail) = (spring_n, spring_rail);
         self.pace = Pace::default();
         self.batch = Batch::default();
         self.waiting.rows.clear();
@@ -358,6 +365,43 @@ impl<S: PlantScalar> Simulated<S> {
                 return Some(FromDevice::Telemetry(batch));
             }
             self.batch.push(&self.waiting.rows.pop_front()?);
+        }
+    }
+}
+
+/// A simulated board in single or double precision. Its functions are compiled with this crate, so that a host built for
+/// debugging still runs it fast.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // The caller boxes it.
+pub enum VirtualBoard {
+    /// The controller's precision.
+    Single(Simulated<f32>),
+    /// Double precision.
+    Double(Simulated<f64>),
+}
+
+impl VirtualBoard {
+    /// As [`Simulated::start_with`].
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        match self {
+            Self::Single(board) => board.start_with(settings, source),
+            Self::Double(board) => board.start_with(settings, source),
+        }
+    }
+
+    /// As [`Simulated::receive`].
+    pub fn receive(&mut self, bytes: &[u8]) {
+        match self {
+            Self::Single(board) => board.receive(bytes),
+            Self::Double(board) => board.receive(bytes),
+        }
+    }
+
+    /// As [`Simulated::run`].
+    pub fn run(&mut self, most_ticks: u32, out: &mut dyn FnMut(&[u8])) -> Progress {
+        match self {
+            Self::Single(board) => board.run(most_ticks, out),
+            Self::Double(board) => board.run(most_ticks, out),
         }
     }
 }

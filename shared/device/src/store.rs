@@ -21,6 +21,8 @@ pub struct Store {
     wanted: u32,
     crc32: u32,
     there: u32,
+    /// Largest |sample| of what is there.
+    peak: u16,
     checked: u32,
     running: u32,
     /// Samples that may be lent: all, once the checksum is right.
@@ -43,6 +45,7 @@ impl Store {
             wanted: 0,
             crc32: 0,
             there: 0,
+            peak: 0,
             checked: 0,
             running: 0,
             whole: 0,
@@ -61,7 +64,7 @@ impl Store {
     }
 
     fn drop_all(&mut self) {
-        (self.there, self.checked, self.running, self.whole) = (0, 0, 0, 0);
+        (self.there, self.peak, self.checked, self.running, self.whole) = (0, 0, 0, 0, 0);
     }
 
     /// Takes the bytes if they go on with what is there; otherwise nothing changes.
@@ -81,6 +84,7 @@ impl Store {
             let free = self.samples.get_mut(self.there as usize..end as usize).unwrap_or_default();
             for (sample, bytes) in free.iter_mut().zip(data.as_chunks::<2>().0) {
                 *sample = i16::from_le_bytes(*bytes);
+                self.peak = self.peak.max(sample.unsigned_abs());
             }
             self.there = end;
         }
@@ -134,6 +138,12 @@ impl Store {
     #[must_use]
     pub fn holds(&self, wanted: &RecordId) -> bool {
         self.whole > 0 && (u32::from(wanted.samples), wanted.crc32) == (self.wanted, self.crc32)
+    }
+
+    /// Largest |sample| of this record, if it is there, whole.
+    #[must_use]
+    pub fn peak_counts(&self, wanted: &RecordId) -> Option<u16> {
+        self.holds(wanted).then_some(self.peak)
     }
 
     /// The record that is there; empty unless it is whole.

@@ -5,11 +5,10 @@
 
 use core::fmt;
 
-use damprig_core::control::friction_spring::{SpringCommand, SpringConfig};
-use damprig_core::control::safety::SafetyConfig;
+use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp};
+use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::SteppedSine;
 use damprig_core::control::transient::{FreeVibration, Playback};
-use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use heapless::Vec;
@@ -55,8 +54,9 @@ pub enum Ask<P> {
     Describe,
     /// State, tick and counters.
     Status,
-    /// Set the interlocks.
-    SetSafety(SafetyConfig),
+    /// Tighten limits of the board for the configured experiment, from its start until the rig is idle again without a
+    /// latched fault. A limit looser than the board's is refused. Configuring an experiment ends earlier ones.
+    SetLimits(ExperimentLimits),
     /// Set the simulated plant (simulated boards only).
     SetPlant(P),
     /// Set the experiment.
@@ -86,12 +86,10 @@ pub enum Ask<P> {
         /// The first place wanted.
         from: u8,
     },
-    /// Set the friction damper's drive.
-    SetSpring(SpringConfig),
+    /// Describe the set-up to the friction damper's drive, until its experiment has ended. The drive has to be homed again.
+    SetSpring(SpringSetUp),
     /// Home, touch off, press, release, halt.
     Spring(SpringCommand),
-    /// Set how impacts are found.
-    SetImpacts(ImpactConfig),
     /// Let a twin of this set-up run along, or none.
     SetTwin(Option<TwinConfig>),
     /// Record the shape of the next impact.

@@ -11,6 +11,8 @@
 //!   what was lost. Replies and events go before telemetry.
 //! * A simulated board has no clock of its own: its ticks pass only as far as [`ToDevice::Grant`] allows, and it says
 //!   [`FromDevice::Clock`] when it has used them up. A real board ignores grants.
+//! * The board's settings are the base of every limit. [`Ask::SetLimits`] tightens some for one experiment; a looser one is
+//!   [`Refused::Looser`]. The board ends them by itself.
 //! * Records are [`upload`]ed in chunks; what is there survives a broken link.
 //! * [`Ask::Identify`] and [`Answer::Identity`] never change, so that two versions can tell each other what they are.
 //!

@@ -1,6 +1,8 @@
 //! Why a request was not carried out, as it goes over the line.
 
+use damprig_core::control::drive::AboveLimit;
 use damprig_core::control::friction_spring as spring;
+use damprig_core::control::safety::Looser;
 use damprig_core::model::Invalid;
 use damprig_core::rig::{Refusal, State};
 use heapless::String;
@@ -18,6 +20,15 @@ pub enum Refused {
         value: f64,
         /// What is allowed.
         allowed: String<96>,
+    },
+    /// A limit of an experiment is looser than the board's.
+    Looser {
+        /// The board's setting.
+        setting: String<40>,
+        /// What was asked for.
+        value: f32,
+        /// The board's value.
+        board: f32,
     },
     /// It makes no sense in this state.
     WrongState {
@@ -37,6 +48,17 @@ pub enum Refused {
     NotHere {
         /// Why.
         why: String<64>,
+    },
+    /// A value is above a limit of the board's settings.
+    AboveLimit {
+        /// Its name with its unit.
+        parameter: String<40>,
+        /// Its value.
+        value: f32,
+        /// The limit.
+        limit: f32,
+        /// What to do.
+        advice: String<96>,
     },
 }
 
@@ -58,9 +80,15 @@ impl From<Refusal> for Refused {
             Refusal::Invalid(Invalid { parameter, value, allowed }) => {
                 Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
             }
+            Refusal::Looser(Looser { setting, value, board }) => {
+                Self::Looser { setting: clipped(setting), value, board }
+            }
             Refusal::WrongState { state, advice } => Self::WrongState { state, advice: clipped(advice) },
             Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice: clipped(advice) },
             Refusal::NotHere(why) => Self::NotHere { why: clipped(why) },
+            Refusal::AboveLimit(AboveLimit { parameter, value, limit, advice }) => {
+                Self::AboveLimit { parameter: clipped(parameter), value, limit, advice: clipped(advice) }
+            }
         }
     }
 }
@@ -71,11 +99,20 @@ impl core::fmt::Display for Refused {
             Self::Invalid { parameter, value, allowed } => {
                 write!(f, "{parameter} = {value} is not allowed: must be {allowed}")
             }
+            Self::Looser { setting, value, board } => {
+                write!(
+                    f,
+                    "{setting} = {value} would loosen the board's {board}: an experiment may only tighten a limit"
+                )
+            }
             Self::WrongState { state, advice } => write!(f, "not while the rig is {}: {advice}", state.text()),
             Self::WrongStage { stage, advice } => {
                 write!(f, "not while the friction damper's spring is {}: {advice}", stage.text())
             }
             Self::NotHere { why } => f.write_str(why),
+            Self::AboveLimit { parameter, value, limit, advice } => {
+                write!(f, "{parameter} = {value} is above the limit of {limit}: {advice}")
+            }
         }
     }
 }

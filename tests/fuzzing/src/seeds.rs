@@ -6,8 +6,8 @@
 
 use std::path::{Path, PathBuf};
 
-use damprig_core::control::friction_spring::{SpringCommand, SpringConfig, Target};
-use damprig_core::control::safety::SafetyConfig;
+use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
+use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
@@ -82,7 +82,11 @@ pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
                 PlantConfig { spring: Some(SpringPlant::default()), ..PlantConfig::ideal(bare) },
                 None,
                 &[
-                    Ask::SetSpring(SpringConfig::default()),
+                    Ask::SetSpring(SpringSetUp {
+                        stiffness_n_per_m: None,
+                        friction_coefficient: Some(0.25),
+                        structure_stiffness_n_per_m: 394.78,
+                    }),
                     Ask::Spring(SpringCommand::Home),
                     Ask::Spring(SpringCommand::TouchOff),
                     Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })),
@@ -106,8 +110,8 @@ fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Ask]) -> Vec<Piec
     };
     let telemetry = Ask::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
     let mut asks = vec![Ask::Identify, Ask::Describe, Ask::Signals { from: 0 }, Ask::SetPlant(plant)];
-    asks.extend([Ask::SetSafety(SafetyConfig::default()), Ask::SetTwin(twin.map(TwinConfig::new))]);
-    asks.push(Ask::Configure(sine));
+    let limits = ExperimentLimits { wall_force_n: Some(300.0), ..ExperimentLimits::default() };
+    asks.extend([Ask::SetTwin(twin.map(TwinConfig::new)), Ask::Configure(sine), Ask::SetLimits(limits)]);
     asks.extend_from_slice(more);
     asks.extend([Ask::Start, telemetry]);
     let grants = (1..10).map(|n| ToDevice::Grant { until_tick: 400 * n });

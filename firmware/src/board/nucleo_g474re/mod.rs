@@ -26,7 +26,7 @@ pub mod settings;
 mod stall;
 mod stepper;
 
-use damprig_core::rig::calibration::{Calibration, DisplacementScale};
+use damprig_core::rig::calibration::{Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS};
 use damprig_core::rig::{Actuators, Sensors};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Birth;
@@ -50,9 +50,6 @@ pub const NAME: &str = "nucleo-g474re";
 
 /// Bits per second of the line.
 const BAUD: u32 = damprig_device::outbox::BAUD;
-
-/// The output's 12 bits.
-const OUTPUT_FULL_SCALE_COUNTS: u16 = 4_095;
 
 /// Without being fed for this long the watchdog resets the board: relay open, motor off. µs; longer than the erasing of a
 /// flash page (24.5 ms at most), which holds up whatever fetches from the same bank. Its oscillator of 32 kHz runs at 34 kHz at most:
@@ -196,7 +193,7 @@ impl Bench {
     }
 
     /// Sets the outputs, the drive on its scale.
-    pub fn set(&mut self, actuators: &Actuators, scale: &DisplacementScale) {
+    pub fn set(&mut self, actuators: &Actuators, scale: &DriveScale) {
         self.drive.set(actuators.drive_m, actuators.drive_enabled, scale);
         self.stepper.go(actuators.motor);
     }
@@ -237,12 +234,12 @@ impl Drive {
         drive
     }
 
-    fn put(&mut self, demand_m: f32, scale: &DisplacementScale) {
-        self.output.set(Value::Bit12Right(scale.to_counts(demand_m, OUTPUT_FULL_SCALE_COUNTS)));
+    fn put(&mut self, demand_m: f32, scale: &DriveScale) {
+        self.output.set(Value::Bit12Right(scale.to_counts(demand_m)));
     }
 
     /// The relay closes on an output that has been at no drive for a tick, and opens at once.
-    fn set(&mut self, demand_m: f32, enabled: bool, scale: &DisplacementScale) {
+    fn set(&mut self, demand_m: f32, enabled: bool, scale: &DriveScale) {
         if !enabled {
             self.relay.set_low();
             self.put(0.0, scale);

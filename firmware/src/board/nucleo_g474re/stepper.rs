@@ -51,11 +51,16 @@ impl Stepper {
         }
     }
 
-    /// Makes this tick's steps.
+    /// Makes this tick's steps. A motor that is not enabled is switched off and gets no pulse, not even one that is under way.
     pub fn go(&mut self, motor: Motor) {
-        self.off.set_level(if motor.enabled { Level::Low } else { Level::High });
+        if !motor.enabled {
+            self.off.set_high();
+            pac::TIM16.cr1().modify(|control| control.set_cen(false));
+            return;
+        }
+        self.off.set_low();
         let steps = motor.steps.unsigned_abs();
-        if steps == 0 || !motor.enabled {
+        if steps == 0 {
             return;
         }
         // At least 50 µs before the first pulse.

@@ -19,13 +19,22 @@ const UNEVEN: f64 = 0.1;
 /// A time may be off the even spacing by this share of a step.
 const OFF_GRID: f64 = 0.25;
 
-/// Units of a quantity, and how many SI units they are.
+/// Units: the name, what it is a unit of, and how many SI units it is.
+pub const UNITS: [(&str, Quantity, f64); 7] = [
+    ("m/s2", Quantity::Acceleration, 1.0),
+    ("g", Quantity::Acceleration, STANDARD_GRAVITY),
+    ("cm/s2", Quantity::Acceleration, 0.01),
+    ("mm/s2", Quantity::Acceleration, 0.001),
+    ("m", Quantity::Displacement, 1.0),
+    ("cm", Quantity::Displacement, 0.01),
+    ("mm", Quantity::Displacement, 0.001),
+];
+
+/// The units of a quantity for a message: `"m" or "cm" …`.
 #[must_use]
-pub fn units(quantity: Quantity) -> &'static [(&'static str, f64)] {
-    match quantity {
-        Quantity::Displacement => &[("m", 1.0), ("cm", 0.01), ("mm", 0.001)],
-        Quantity::Acceleration => &[("m/s2", 1.0), ("g", STANDARD_GRAVITY), ("cm/s2", 0.01), ("mm/s2", 0.001)],
-    }
+pub fn unit_list(quantity: Quantity) -> String {
+    let of = UNITS.iter().filter(|(_, of, _)| *of == quantity);
+    of.map(|(name, ..)| format!("{name:?}")).collect::<Vec<_>>().join(" or ")
 }
 
 /// Which column.
@@ -83,8 +92,7 @@ pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
             answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
         })?;
         let unit_si = spec.unit_si.ok_or_else(|| {
-            let list: Vec<String> = units(quantity).iter().map(|(name, _)| format!("{name:?}")).collect();
-            answer(format!("the unit of the values is not known: give unit = {}", list.join(" or ")))
+            answer(format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))
         })?;
         let (step_s, samples) = table(&text, spec).map_err(answer)?;
         (quantity, unit_si, step_s, samples)

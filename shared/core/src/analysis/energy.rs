@@ -2,10 +2,14 @@
 //!
 //! The base (or the force) does work on the system; dashpot, impacts, internal friction, friction damper and the link
 //! of a soft wall or tuned mass take it. Nothing else may: [`Balance::residual_j`] is the check.
+//!
+//! The books follow the state from the start on. An impact is booked with what the law of impact takes from the state
+//! before it, and each arc, impact and accumulation must begin with the state that the one before it left. What departs
+//! from that is a jump that no mechanism explains, and the residual shows it, also where the jump itself changes no energy.
 
 use crate::integrator::exact::response::integral;
-use crate::integrator::exact::{Arc, Impact, Observer, State, series};
-use crate::integrator::modes::{Contact, Grip, Sign, sign};
+use crate::integrator::exact::{Accumulation, Arc, Impact, Observer, State, series};
+use crate::integrator::modes::{Contact, Grip};
 use crate::model::{SetUp, Wall};
 
 /// Energy by mechanism since the start of the observation, J.
@@ -25,6 +29,8 @@ pub struct Balance {
     pub link_damping_j: f64,
     /// Kinetic and elastic energy now less that at the start.
     pub stored_j: f64,
+    /// What jumps of the state that no mechanism explains would move, sign aside: rounding, if the motion is right.
+    pub jumps_j: f64,
 }
 
 impl Balance {
@@ -38,10 +44,11 @@ impl Balance {
             + self.link_damping_j
     }
 
-    /// What the balance leaves open: rounding, if the motion is right.
+    /// What the balance leaves open, and every unexplained jump on top of it: rounding, if the motion is right.
     #[must_use]
     pub fn residual_j(&self) -> f64 {
-        self.input_j - self.dissipated_j() - self.stored_j
+        let open = self.input_j - self.dissipated_j() - self.stored_j;
+        open + libm::copysign(self.jumps_j, open)
     }
 }
 
@@ -53,9 +60,14 @@ pub struct EnergyMeter {
     link_stiffness: f64,
     link_damping: f64,
     friction_n: f64,
+    restitution: Option<f64>,
     balance: Balance,
+    /// The first state seen, until the first arc says where the base was.
+    first: Option<State>,
     stored_at_start_j: Option<f64>,
-    lost_before_start_j: f64,
+    /// The state that everything seen so far leads to.
+    last: Option<State>,
+    base_m: f64,
     pressed_m: f64,
 }
 
@@ -64,11 +76,15 @@ impl EnergyMeter {
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let (mut second_mass_kg, mut link_stiffness, mut link_damping, mut friction_n) = (0.0, 0.0, 0.0, 0.0);
+        let mut restitution = None;
         if let Some(particle) = set_up.particle {
             second_mass_kg = particle.mass_kg;
             friction_n = particle.friction_coefficient * particle.mass_kg * set_up.gravity_m_per_s2;
-            if let Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } = particle.wall {
-                (link_stiffness, link_damping) = (stiffness_n_per_m, damping_n_s_per_m);
+            match particle.wall {
+                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                    (link_stiffness, link_damping) = (stiffness_n_per_m, damping_n_s_per_m);
+                }
+                Wall::Restitution { coefficient } => restitution = Some(coefficient),
             }
         } else if let Some(tmd) = set_up.tmd {
             second_mass_kg = tmd.mass_kg;
@@ -80,9 +96,12 @@ impl EnergyMeter {
             link_stiffness,
             link_damping,
             friction_n,
+            restitution,
             balance: Balance::default(),
+            first: None,
             stored_at_start_j: None,
-            lost_before_start_j: 0.0,
+            last: None,
+            base_m: 0.0,
             pressed_m: 0.0,
         }
     }
@@ -101,11 +120,53 @@ impl EnergyMeter {
             + structure.stiffness_n_per_m * stretch * stretch
             + self.link_stiffness * pressed * pressed)
     }
+
+    /// What a jump from `from` to `to` would move: as kinetic energy, and as work against the structure's spring.
+    fn moved_j(&self, from: &State, to: &State) -> f64 {
+        let structure = &self.set_up.structure;
+        let speeds = |mass: f64, from: f64, to: f64| 0.5 * mass * (from.abs() + to.abs()) * (to - from).abs();
+        let stretch = |state: &State| (state.x_m - self.base_m).abs();
+        let displaced = (to.x_m - from.x_m).abs() + (to.offset_m - from.offset_m).abs();
+        speeds(structure.mass_kg, from.v_m_per_s, to.v_m_per_s)
+            + speeds(self.second_mass_kg, from.u_m_per_s(), to.u_m_per_s())
+            + 0.5 * structure.stiffness_n_per_m * (stretch(from) + stretch(to) + displaced) * displaced
+    }
+
+    /// Takes the state with which an arc or an event begins: where what came before it has led, or there was a jump.
+    fn continue_from(&mut self, state: &State) {
+        if let Some(last) = &self.last {
+            self.balance.jumps_j += self.moved_j(last, state);
+        }
+        self.first.get_or_insert(*state);
+        self.last = Some(*state);
+    }
+
+    /// An impact with restitution e at the state reached, by its law: momentum is kept and the relative velocity times −e.
+    /// What it leaves must be `after`.
+    fn impact_of(&mut self, restitution: f64, after: &State) {
+        let Some(before) = self.last else { return };
+        let (mass, second) = (self.set_up.structure.mass_kg, self.second_mass_kg);
+        let share = second / (mass + second);
+        let slide = before.slide_m_per_s;
+        self.balance.impacts_j += 0.5 * mass * share * (1.0 - restitution * restitution) * slide * slide;
+        self.last = Some(State {
+            v_m_per_s: before.v_m_per_s + share * (1.0 + restitution) * slide,
+            slide_m_per_s: -restitution * slide,
+            ..before
+        });
+        self.continue_from(after);
+    }
 }
 
 impl Observer for EnergyMeter {
+    fn start(&mut self, _time_s: f64, state: &State) {
+        self.continue_from(state);
+    }
+
     fn arc(&mut self, arc: &Arc<'_>) {
         let (span, end) = (arc.span(), arc.end_fraction());
+        self.base_m = span.base[0];
+        self.continue_from(&arc.start);
         let (h, per_step) = (span.step_s, 1.0 / span.step_s);
         let rate = |p: &series::Series| series::derivative(p).map(|c| c * per_step);
         let (x_rate, z_rate, slide) = (rate(&span.x), rate(&span.base), rate(&span.offset));
@@ -124,9 +185,7 @@ impl Observer for EnergyMeter {
             let force = arc.applied_force_n(at);
             series::value(&z_rate, at) * (gained - force) + series::value(&x_rate, at) * force
         });
-        if let (Grip::Slip(direction), Some(damper)) = (arc.mode.grip, self.set_up.friction_damper)
-            && direction != 0
-        {
+        if let (Grip::Slip(_), Some(damper)) = (arc.mode.grip, self.set_up.friction_damper) {
             let slipped = series::value(&span.x, end) - span.x[0] - (series::value(&span.base, end) - span.base[0]);
             self.balance.friction_damper_j += damper.force_n * slipped.abs();
         }
@@ -145,27 +204,32 @@ impl Observer for EnergyMeter {
             });
         }
         let pressed = |offset: f64| link.map_or(0.0, |rest| offset - rest);
-        let before = self.stored_j(&arc.start, span.base[0], pressed(arc.start.offset_m));
-        let after = self.stored_j(&arc.end, series::value(&span.base, end), pressed(arc.end.offset_m));
-        self.pressed_m = pressed(arc.end.offset_m);
-        let start = *self.stored_at_start_j.get_or_insert(before + self.lost_before_start_j);
+        let end_base_m = series::value(&span.base, end);
+        let after = self.stored_j(&arc.end, end_base_m, pressed(arc.end.offset_m));
+        let start = self.stored_at_start_j.unwrap_or_else(|| {
+            let first = self.first.unwrap_or(arc.start);
+            self.stored_j(&first, span.base[0], pressed(first.offset_m))
+        });
+        self.stored_at_start_j = Some(start);
         self.balance.stored_j = after - start;
+        self.pressed_m = pressed(arc.end.offset_m);
+        (self.base_m, self.last) = (end_base_m, Some(arc.end));
     }
 
     fn impact(&mut self, impact: &Impact) {
-        let kinetic = |state: &State| {
-            let (v, u) = (state.v_m_per_s, state.u_m_per_s());
-            0.5 * (self.set_up.structure.mass_kg * v * v + self.second_mass_kg * u * u)
-        };
-        let lost = kinetic(&impact.before) - kinetic(&impact.after);
-        self.balance.impacts_j += lost;
-        if self.stored_at_start_j.is_none() {
-            self.lost_before_start_j += lost;
+        self.continue_from(&impact.before);
+        match self.restitution {
+            Some(restitution) => self.impact_of(restitution, &impact.after),
+            None => self.continue_from(&impact.after),
         }
     }
 
-    fn rest(&mut self, _time_s: f64, _side: Sign, energy_j: f64) {
-        debug_assert!(sign(energy_j) >= 0);
-        self.balance.impacts_j += energy_j;
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        self.continue_from(&accumulation.before);
+        // All impacts to come together leave what one without restitution does, and what the spring does meanwhile.
+        let mut after = accumulation.after;
+        after.v_m_per_s -= accumulation.spring_m_per_s;
+        self.impact_of(0.0, &after);
+        self.last = Some(accumulation.after);
     }
 }

@@ -52,6 +52,7 @@
 
 use crate::measure::lock_in::LockIn;
 use crate::model::{Invalid, positive, require};
+use crate::rig::calibration::DriveScale;
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -82,13 +83,15 @@ pub struct ClosedLoop {
     pub tolerance: f32,
     /// Longest time to wait, beyond the settling, for the base to be held, s; from 0 to 3600.
     pub wait_s: f32,
-    /// The drive stays within ± this, m; greater than 0.
+    /// The drive stays within ± this, m; greater than 0, at most what the drive delivers.
     pub drive_limit_m: f32,
 }
 
 impl Default for ClosedLoop {
+    /// The limit is what the drive of a rig as delivered gives.
     fn default() -> Self {
-        Self { gain_per_s: 20.0, calibrated_at_hz: 2.5, tolerance: 0.01, wait_s: 120.0, drive_limit_m: 0.05 }
+        let drive_limit_m = DriveScale::default().range().amplitude_m();
+        Self { gain_per_s: 20.0, calibrated_at_hz: 2.5, tolerance: 0.01, wait_s: 120.0, drive_limit_m }
     }
 }
 
@@ -132,8 +135,6 @@ pub struct BaseLoop {
     held: u32,
     /// In the last tick.
     saturated: bool,
-    /// Since last asked.
-    was_saturated: bool,
 }
 
 impl BaseLoop {
@@ -172,7 +173,6 @@ impl BaseLoop {
         }
         let drive = self.proportional * error + self.open(now);
         self.saturated = is_too_much || drive.abs() > self.limit;
-        self.was_saturated |= self.saturated;
         drive.max(-self.limit).min(self.limit)
     }
 
@@ -210,11 +210,6 @@ impl BaseLoop {
     #[must_use]
     pub fn is_saturated(&self) -> bool {
         self.saturated
-    }
-
-    /// The drive was at its limit since this was last asked.
-    pub fn take_was_saturated(&mut self) -> bool {
-        core::mem::take(&mut self.was_saturated)
     }
 }
 

@@ -3,13 +3,15 @@
 //!
 //! [`Experiment`] is what has been checked, [`Runner`] what is in progress; here is only the choice between the kinds.
 
+use super::drive::DriveRange;
 use super::limits::Fault;
-use super::stepped_sine;
+use super::stepped_sine::{self, Drive};
 use super::transient::free_vibration;
 use super::transient::playback::{self, RecordId};
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
 use crate::rig::Readings;
+use crate::rig::channels::SensorSet;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -50,6 +52,8 @@ pub struct Now<'a> {
     pub readings: &'a Readings,
     /// Impacts measured so far.
     pub impacts: u32,
+    /// Sensors with a sample at a rail in this tick.
+    pub clipped: SensorSet,
 }
 
 /// A checked experiment.
@@ -71,6 +75,23 @@ impl Experiment {
         match self {
             Self::Playback(plan) => Some(plan.playback().record),
             Self::SteppedSine(_) | Self::FreeVibration(_) => None,
+        }
+    }
+
+    /// The largest drive that it asks for, m, with the name of the parameter that says so: the amplitude at constant drive, the
+    /// limit of a closed loop, the peak of a record, of which `record_peak_counts` is the largest |sample|. `None` where nothing
+    /// is driven or the record is not there yet.
+    #[must_use]
+    pub fn largest_drive_m(&self, record_peak_counts: Option<u16>) -> Option<(&'static str, f32)> {
+        match self {
+            Self::SteppedSine(plan) => Some(match &plan.sine().drive {
+                Drive::Constant => ("amplitude_m", plan.sine().amplitude_m),
+                Drive::ClosedLoop(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
+            }),
+            Self::Playback(plan) => {
+                record_peak_counts.map(|counts| ("record peak (m)", f32::from(counts) * plan.playback().scale_m))
+            }
+            Self::FreeVibration(_) => None,
         }
     }
 }
@@ -110,12 +131,12 @@ macro_rules! ask {
 }
 
 impl Runner {
-    /// At the beginning.
+    /// At the beginning; `drive` is what can be delivered.
     #[must_use]
-    pub fn new(experiment: &Experiment) -> Self {
+    pub fn new(experiment: &Experiment, drive: &DriveRange) -> Self {
         match experiment {
-            Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::Runner::new(plan)),
-            Experiment::Playback(_) => Self::Playback(playback::Runner::default()),
+            Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::Runner::new(plan, drive)),
+            Experiment::Playback(_) => Self::Playback(playback::Runner::new(drive)),
             Experiment::FreeVibration(_) => Self::FreeVibration(free_vibration::Runner::default()),
         }
     }

@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 /// Displacements that must not be reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Limits {
-    /// Largest |x| of the structure, m; within the sensor's range.
+    /// Largest |x| of the structure, m; inside the sensor's usable span.
     pub structure_m: f32,
-    /// Largest |z| of the base, m.
+    /// Largest |z| of the base, m; inside the sensor's usable span.
     pub base_m: f32,
 }
 
 impl Default for Limits {
-    /// The source document's lasers read ±80 mm.
+    /// Inside the usable ±78.4 mm of the source document's lasers, which read ±80 mm.
     fn default() -> Self {
-        Self { structure_m: 0.08, base_m: 0.08 }
+        Self { structure_m: 0.078, base_m: 0.078 }
     }
 }
 

@@ -1,6 +1,8 @@
 //! What the rig does: experiments, the friction spring, and the interlocks that end a drive. [`crate::rig`] joins them.
 
+pub mod base_follow;
 pub mod base_loop;
+pub mod drive;
 pub mod experiment;
 pub mod friction_spring;
 pub mod limits;

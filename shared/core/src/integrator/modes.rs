@@ -19,7 +19,9 @@ pub type Sign = i8;
 /// What the friction damper does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grip {
-    /// The structure slips on the damper (or there is none): the force is −sign·F.
+    /// There is none, or its force is zero: nothing slips or sticks, so no slip can end.
+    Absent,
+    /// The structure slips on the damper in the direction of the sign, +1 or −1: the force is −sign·F.
     Slip(Sign),
     /// The structure moves with the base.
     Stuck,
@@ -128,6 +130,29 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
+    /// How the friction damper stands in a structure that moves at `slip` (x′ − z′, m/s) relative to the base, before the
+    /// forces are known: a slip of exactly zero may stick.
+    #[must_use]
+    pub fn grip_at(&self, slip: S) -> Grip {
+        if self.damper_force == S::ZERO {
+            Grip::Absent
+        } else if slip == S::ZERO {
+            Grip::Stuck
+        } else {
+            Grip::Slip(sign(slip))
+        }
+    }
+
+    /// Force with which a slipping damper resists, N: positive against a slip along +x. What a stuck one supplies follows
+    /// from the motion ([`Coefficients::holding_force`]).
+    #[must_use]
+    pub fn resistance(&self, grip: Grip) -> S {
+        match grip {
+            Grip::Slip(direction) => signed(direction, self.damper_force),
+            Grip::Absent | Grip::Stuck => S::ZERO,
+        }
+    }
+
     /// Force that a stuck damper must supply, N: positive pushes the structure along +x.
     ///
     /// `stretch` is x − z, `base_acceleration` is z″. The damper holds while its magnitude is at most F.
@@ -198,6 +223,8 @@ pub struct Situation<S> {
     pub joint_force: S,
     /// Any other force on the structure, N.
     pub applied_force: S,
+    /// What rounding may make of an acceleration of zero, m/s²: a body is not let go by that little.
+    pub rounding: S,
 }
 
 /// The mode that follows from a state: the one in which every force is within its limit.
@@ -218,13 +245,13 @@ pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation
     let grip_held = grip(c, held, s);
     let acceleration = match grip_held {
         Grip::Stuck => s.base_acceleration,
-        Grip::Slip(direction) => structure_acceleration(c, held, direction, s),
+        Grip::Absent | Grip::Slip(_) => structure_acceleration(c, held, grip_held, s),
     };
     let (low, high) = c.held_limits(s.side, s.joint_force);
     // The particle lags behind a structure that accelerates more than friction and wall can follow.
-    let contact = if high.is_some_and(|high| acceleration > high) {
+    let contact = if high.is_some_and(|high| acceleration > high + s.rounding) {
         Contact::Free(-1)
-    } else if low.is_some_and(|low| acceleration < low) {
+    } else if low.is_some_and(|low| acceleration < low - s.rounding) {
         Contact::Free(1)
     } else {
         return Mode { grip: grip_held, contact: held };
@@ -233,18 +260,16 @@ pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation
 }
 
 fn grip<S: Scalar>(c: &Coefficients<S>, contact: Contact, s: &Situation<S>) -> Grip {
-    if c.damper_force == S::ZERO {
-        return Grip::Slip(0);
-    }
-    if s.slip != S::ZERO {
-        return Grip::Slip(sign(s.slip));
+    let grip = c.grip_at(s.slip);
+    if grip != Grip::Stuck {
+        return grip;
     }
     let needed = c.holding_force(contact, s.stretch, s.base_acceleration) - joint_force(contact, s) - s.applied_force;
     if needed.abs() <= c.damper_force { Grip::Stuck } else { Grip::Slip(-sign(needed)) }
 }
 
-fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, direction: Sign, s: &Situation<S>) -> S {
-    let force = c.drag(contact) - c.stiffness * s.stretch - c.damping * s.slip - signed(direction, c.damper_force);
+fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, grip: Grip, s: &Situation<S>) -> S {
+    let force = c.drag(contact) - c.stiffness * s.stretch - c.damping * s.slip - c.resistance(grip);
     (force + joint_force(contact, s) + s.applied_force) / c.moving_mass(contact)
 }
 

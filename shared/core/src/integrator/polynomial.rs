@@ -91,9 +91,10 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
     if g[0] > reach(&g, end) {
         return None;
     }
-    // A step below the resolution of the numbers near `end` cannot be told from a root.
+    // Towards a root, a step below the resolution of the numbers near `end` cannot be told from it.
     let smallest_step = end * S::EPSILON * S::from_u8(4);
     let mut t = S::ZERO;
+    let mut has_fallen = false;
     // Convergence is quadratic at a simple root and linear (a factor of at least two) at a double one.
     for _ in 0..64 {
         let rest = end - t;
@@ -102,6 +103,7 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
             bound = bound * rest + coefficient.abs();
         }
         let (value, slope) = (g[0], g[1]);
+        has_fallen |= slope < S::ZERO;
         let four_bound = bound * S::from_u8(4);
         let root = (slope * slope + four_bound * value).sqrt();
         let step = if slope < S::ZERO {
@@ -115,7 +117,7 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
             return None;
         }
         t += step;
-        if step <= smallest_step {
+        if has_fallen && step <= smallest_step {
             return Some(t);
         }
         shift(&mut g, step);
@@ -123,7 +125,50 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
             return Some(t);
         }
     }
-    Some(t)
+    crawl(g, t, end, has_fallen)
+}
+
+/// The rest of a search whose steps are very short: `g` has left zero as the third power of time a moment ago (a particle
+/// just let go by its wall), and the bound of the whole rest hides that it rises. So each step takes the bound of a stretch
+/// that suits it.
+#[cold]
+fn crawl<S: Scalar>(mut g: Polynomial<S>, mut t: S, end: S, mut has_fallen: bool) -> Option<S> {
+    let smallest_step = end * S::EPSILON * S::from_u8(4);
+    let half = S::from_f64(0.5);
+    // Each step at least doubles how long ago it left zero.
+    for _ in 0..256 {
+        let rest = end - t;
+        let mut stretch = rest;
+        has_fallen |= g[1] < S::ZERO;
+        let step = loop {
+            let mut bound = S::ZERO;
+            for &coefficient in g[2..].iter().rev() {
+                bound = bound * stretch + coefficient.abs();
+            }
+            let (value, slope) = (g[0], g[1]);
+            let root = (slope * slope + bound * S::from_u8(4) * value).sqrt();
+            let step = if slope < S::ZERO {
+                (value + value) / (root - slope)
+            } else if bound > S::ZERO {
+                (slope + root) / (bound + bound)
+            } else {
+                stretch
+            };
+            if step + step >= stretch {
+                break step.min(stretch);
+            }
+            stretch = stretch * half;
+        };
+        if step >= rest {
+            return None;
+        }
+        t += step;
+        shift(&mut g, step);
+        if (has_fallen && step <= smallest_step) || g[0] <= S::ZERO {
+            return Some(t);
+        }
+    }
+    has_fallen.then_some(t)
 }
 
 #[cfg(test)]
@@ -157,6 +202,23 @@ mod tests {
         let mut p = from_roots(&[0.5, 0.5]);
         p[0] += 1e-9;
         assert_eq!(first_failure(&p, 1.0), None);
+    }
+
+    #[test]
+    fn a_quantity_that_left_zero_as_the_third_power_a_moment_ago_does_not_fail() {
+        for since in [1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 1e-30] {
+            let mut p = [0.0; COEFFICIENTS];
+            (p[0], p[1], p[2], p[3]) = (since * since * since, 3.0 * since * since, 3.0 * since, 1.0);
+            assert_eq!(first_failure(&p, 1.0), None, "{since}");
+            assert_eq!(first_failure(&p.map(|c| c as f32), 1.0), None, "{since}");
+            // (t + s)³ (1 − t/0.7) comes back at 0.7.
+            let rising = p;
+            for n in 1..COEFFICIENTS {
+                p[n] -= rising[n - 1] / 0.7;
+            }
+            let found = first_failure(&p, 1.0).expect("it comes back");
+            assert!((found - 0.7).abs() < 1e-14, "{since}: {found}");
+        }
     }
 
     #[test]

@@ -97,7 +97,7 @@ pub struct Impact<S> {
     pub at: S,
     /// +1 where y − x = +d.
     pub side: Sign,
-    /// |y′ − x′| just before.
+    /// |y′ − x′| just before; greater than 0.
     pub approach: S,
     /// Momentum given to the structure over its mass: the change of x′.
     pub kick: S,
@@ -115,9 +115,20 @@ pub trait Observer<S> {
         let _ = (start, length, flight);
     }
 
-    /// The particle hit a wall.
+    /// The particle hit a wall at speed. A particle that starts to press on a soft wall from rest makes no impact.
     fn impact(&mut self, impact: &Impact<S>) {
         let _ = impact;
+    }
+
+    /// Accumulating impacts ended at `at` (steps from the start of the step) in a particle resting on the hard wall of
+    /// `side`; the last impact reported holds those still to come.
+    fn accumulation(&mut self, at: S, side: Sign) {
+        let _ = (at, side);
+    }
+
+    /// The particle starts to press on the soft wall of `side` at `at` (steps from the start of the step).
+    fn contact_start(&mut self, at: S, side: Sign) {
+        let _ = (at, side);
     }
 
     /// The soft wall of `side` let go at `at` (steps from the start of the step), the particle leaving at `separation`.
@@ -320,21 +331,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             self.mode = Some(self.resolve(&base, self.state.v - base.velocity()));
         }
         let (mut start, mut events) = (S::ZERO, 0);
-        loop {
+        while events < most_events {
             let rest = S::ONE - start;
-            if events == most_events {
-                self.end_chatter(rest, &base);
-            }
             let mode = self.current_mode();
             let flight = self.flight(mode, &base);
-            if events == most_events {
-                self.unresolved += 1;
-                self.fly(start, mode, &flight, rest, observer);
-                if self.joint.link().is_none() {
-                    self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
-                }
-                return;
-            }
             let longest = self.joint.link().map_or(rest, |link| link.longest(mode, rest));
             let (length, event) = self.next_event(mode, &flight, &base, longest);
             self.fly(start, mode, &flight, length, observer);
@@ -347,6 +347,13 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 events += 1;
                 self.handle(event, mode, &base, start, observer);
             }
+        }
+        self.unresolved += 1;
+        self.end_chatter(start, &base, observer);
+        let mode = self.current_mode();
+        self.fly(start, mode, &self.flight(mode, &base), S::ONE - start, observer);
+        if self.joint.link().is_none() {
+            self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
         }
     }
 
@@ -364,7 +371,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     fn current_mode(&self) -> Mode {
-        self.mode.unwrap_or(Mode { grip: Grip::Slip(0), contact: Contact::Absent })
+        self.mode.unwrap_or(Mode { grip: Grip::Absent, contact: Contact::Absent })
     }
 
     /// The motion from the present state in `mode`.
@@ -379,12 +386,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         stretch[0] = self.state.x - z[0];
         match mode.grip {
             Grip::Stuck => x[1..4].copy_from_slice(&z[1..4]),
-            Grip::Slip(direction) => {
+            Grip::Absent | Grip::Slip(_) => {
                 let weights = match mode.contact {
                     Contact::Held(_) => &self.together,
                     Contact::Absent | Contact::Free(_) => &self.alone,
                 };
-                let force = self.c.drag(mode.contact) - signed(direction, self.c.damper_force);
+                let force = self.c.drag(mode.contact) - self.c.resistance(mode.grip);
                 x[1] = self.state.v;
                 stretch[1] = x[1] - z[1];
                 x[2] = force * weights.half_inverse_mass
@@ -443,6 +450,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             base_acceleration: base.acceleration(),
             joint_force: self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, self.state.slide)),
             applied_force: S::ZERO,
+            rounding: S::ZERO,
         };
         modes::resolve(&self.c, self.has_particle, &situation)
     }
@@ -450,7 +458,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     fn handle(&mut self, event: Event, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
-            Grip::Slip(_) => self.state.v - base.velocity(),
+            Grip::Absent | Grip::Slip(_) => self.state.v - base.velocity(),
         };
         match event {
             Event::Wall(side) => {
@@ -474,6 +482,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Event::HoldBreaks(direction) => {
                 self.slide_released = true;
                 self.mode = Some(Mode { contact: Contact::Free(direction), ..mode });
+                self.press_from_rest(direction, at, observer);
             }
             Event::GripBreaks => {
                 self.slip_released = true;
@@ -496,11 +505,17 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         // A bounce whose height cannot be told from zero next to the clearance is the end of a chatter.
         let pressing = self.pressing(side, base);
         let height = self.c.clearance * S::EPSILON * S::from_u8(16);
-        if pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4) {
+        let rests = pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4);
+        if rests {
             self.stay_at_wall(base);
         }
         observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
+        // Without restitution one impact ends it.
+        if rests && self.c.restitution > S::ZERO {
+            observer.accumulation(at, side);
+        }
     }
+
     /// Half the acceleration, relative to the structure, with which the particle is driven to the wall on `side`.
     fn pressing(&self, side: Sign, base: &Segment<S>) -> S {
         signed(side, self.flight(self.current_mode(), base).offset[2])
@@ -513,11 +528,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
     }
 
-    /// A particle at a hard wall that would bounce on it again within `rest` stays there.
-    fn end_chatter(&mut self, rest: S, base: &Segment<S>) {
+    /// A particle at a hard wall that would bounce on it again within the step stays there.
+    fn end_chatter(&mut self, at: S, base: &Segment<S>, observer: &mut impl Observer<S>) {
         let side = self.side();
-        if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * rest {
+        if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {
             self.stay_at_wall(base);
+            observer.accumulation(at, side);
         }
     }
 }

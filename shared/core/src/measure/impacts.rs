@@ -10,7 +10,8 @@
 //!
 //! A hard wall rings: within the refractory time a new pulse must exceed a part of the last peak. A contact that does not
 //! end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset (charge
-//! amplifiers drift) is followed while nothing touches. Following one channel is `pulse`'s business, recording a
+//! amplifiers drift) is followed while nothing touches, within [`ImpactConfig::offset_limit_n`] of the calibrated zero: an open
+//! input is no new zero. Following one channel is `pulse`'s business, recording a
 //! pulse's shape [`super::snippet`]'s.
 //!
 //! Everything before a pulse's end is done in the converter's whole counts: sums of whole numbers lose nothing.
@@ -19,6 +20,8 @@ use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Paces};
 pub use super::pulse::{GUARD, Pair};
 use super::snippet::Snippet;
 use crate::model::{Invalid, positive, require};
+use crate::rig::calibration::WALL_USABLE;
+use crate::rig::channels::Rail;
 use crate::rig::{TICK_HZ, WALL_SUBSAMPLES};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -39,13 +42,22 @@ pub struct ImpactConfig {
     pub ringing: f32,
     /// A contact longer than this is a particle at rest, s.
     pub longest_contact_s: f32,
+    /// The offset is followed within ± this of the calibrated zero, N; more is a sensor fault.
+    pub offset_limit_n: f32,
 }
 
 impl Default for ImpactConfig {
     /// Assumed: 0.16 kg on a structure of up to 10 m/s² presses with 1.6 N; a wall rings for a millisecond or two. Clipped
-    /// just below the end of [`ForceScale`]'s span.
+    /// just below the end of [`ForceScale`]'s usable span. The offset may drift by 5 % of the span; its live zero is 10 %.
     fn default() -> Self {
-        Self { threshold_n: 2.5, clip_n: 455.0, refractory_s: 2e-3, ringing: 0.3, longest_contact_s: 0.06 }
+        Self {
+            threshold_n: 2.5,
+            clip_n: 455.0,
+            refractory_s: 2e-3,
+            ringing: 0.3,
+            longest_contact_s: 0.06,
+            offset_limit_n: 25.0,
+        }
     }
 }
 
@@ -57,6 +69,7 @@ impl ImpactConfig {
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("impacts.threshold_n", f64::from(self.threshold_n))?;
         positive("impacts.clip_n", f64::from(self.clip_n))?;
+        positive("impacts.offset_limit_n", f64::from(self.offset_limit_n))?;
         let (clip, ringing) = (f64::from(self.clip_n), f64::from(self.ringing));
         require(self.clip_n > 2.0 * self.threshold_n, "impacts.clip_n", clip, "above twice impacts.threshold_n")?;
         require((0.0..=1.0).contains(&self.ringing), "impacts.ringing", ringing, "from 0 to 1")?;
@@ -184,6 +197,7 @@ impl ImpactSettings {
     fn of(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Self {
         let rate_hz = TICK_HZ * f32::from(samples_per_tick);
         let samples = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
+        let drift = config.offset_limit_n / scale.newtons_per_count;
         let paces = Paces {
             threshold: config.threshold_n / scale.newtons_per_count,
             clip: config.clip_n / scale.newtons_per_count + scale.zero_counts,
@@ -192,6 +206,8 @@ impl ImpactSettings {
             // Sums of this many counts stay within their whole numbers.
             longest: samples(config.longest_contact_s).clamp(GUARD as u32 + 2, 1 << 15),
             offset_gain: 1.0 / (OFFSET_S * rate_hz),
+            offset_low: scale.zero_counts - drift,
+            offset_high: scale.zero_counts + drift,
         };
         Self { config: *config, scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
     }
@@ -218,6 +234,8 @@ pub struct ImpactMeter {
     before: Before,
     /// Highest reading of each wall in the last block while it was touched, counts above its offset; 0 if it was not.
     highest: [f32; 2],
+    /// What of each wall's last block is at a rail.
+    rails: [Rail; 2],
     counts: ImpactCounts,
     counted_before_cycle: u32,
     snippet: Snippet,
@@ -246,6 +264,7 @@ impl ImpactMeter {
             channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
             before: Before::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
             highest: [0.0; 2],
+            rails: [Rail::Clear; 2],
             counts: ImpactCounts::default(),
             counted_before_cycle: 0,
             snippet: Snippet::new(),
@@ -276,6 +295,21 @@ impl ImpactMeter {
         self.highest.map(|counts| counts * self.settings.scale.newtons_per_count)
     }
 
+    /// What of each wall's last block is at a rail of the converter.
+    #[must_use]
+    pub fn rails(&self) -> [Rail; 2] {
+        self.rails
+    }
+
+    /// For each wall whose zero is off its calibration by more than may be followed: what it reads, and what may be, N.
+    #[must_use]
+    pub fn drift_n(&self) -> [Option<(f32, f32)>; 2] {
+        [0, 1].map(|wall: usize| {
+            let counts = self.channels[wall].drifted_to()?;
+            Some((self.settings.scale.to_force_n(counts), self.settings.config.offset_limit_n))
+        })
+    }
+
     /// Counts from zero again; pulses in progress are forgotten.
     pub fn reset(&mut self) {
         self.channels.iter_mut().for_each(Channel::reset);
@@ -304,6 +338,7 @@ impl ImpactMeter {
     /// longer than announced is cut. Impacts that end in it are `found`.
     pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
+        self.rails = [0, 1].map(|wall| self.rail(block, wall));
         for wall in 0..2 {
             let channel = &mut self.channels[wall];
             let limit = channel.limit();
@@ -317,6 +352,17 @@ impl ImpactMeter {
         }
         self.before.push(block);
         self.snippet.push(block);
+    }
+
+    fn rail(&self, block: &[Pair], wall: usize) -> Rail {
+        let at_rail = block.iter().filter(|pair| WALL_USABLE.is_at_rail(pair.of(wall))).count();
+        if at_rail == 0 {
+            return Rail::Clear;
+        }
+        let sum: u32 = block.iter().map(|pair| u32::from(pair.of(wall))).sum();
+        let to_si = |counts: u16| self.settings.scale.to_force_n(f32::from(counts));
+        let mean_n = self.settings.scale.to_force_n(sum as f32 / block.len() as f32);
+        WALL_USABLE.map(to_si).rail(at_rail, block.len(), mean_n)
     }
 
     fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {

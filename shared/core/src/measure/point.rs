@@ -4,6 +4,7 @@ use super::lock_in::LockIn;
 use super::sum::Sum;
 use super::trend::Trend;
 use crate::rig::Readings;
+use crate::rig::channels::SensorSet;
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -37,8 +38,10 @@ pub struct PointResult {
     pub z_distortion: f32,
     /// Drive amplitude at the drive frequency, m: the demanded one at constant drive, what it took in closed loop.
     pub drive_amplitude_m: f32,
-    /// A closed loop's drive was at its limit during the dwell: Z may be below its target.
+    /// The drive was at its limit during the dwell: Z may be below its target.
     pub drive_saturated: bool,
+    /// Sensors that were clipped during the dwell: a sample was at a rail of its converter.
+    pub clipped: SensorSet,
     /// Structure amplitude at the drive frequency (lock-in), m.
     pub x_amplitude_m: f32,
     /// Phase of x relative to z, −π to π, rad.
@@ -158,6 +161,7 @@ impl PointMeter {
             z_distortion: distortion,
             drive_amplitude_m: Scalar::sqrt(self.drive.squared_amplitude(self.samples)),
             drive_saturated: place.drive_saturated,
+            clipped: place.clipped,
             x_amplitude_m: x_amplitude,
             phase_rad: wrapped(x_phase - z_phase),
             x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1) as f32),
@@ -188,6 +192,8 @@ pub struct Place {
     pub end_tick: u32,
     /// The drive was at its limit.
     pub drive_saturated: bool,
+    /// Sensors that were clipped while it was measured.
+    pub clipped: SensorSet,
     /// Measured impacts.
     pub impacts: u32,
 }

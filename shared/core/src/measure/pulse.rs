@@ -64,6 +64,9 @@ pub(super) struct Paces {
     pub refractory: u32,
     pub longest: u32,
     pub offset_gain: f32,
+    /// Between these the offset is followed.
+    pub offset_low: f32,
+    pub offset_high: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,6 +150,8 @@ pub(super) enum Finding {
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     offset: f32,
+    /// Mean of idle samples towards which the offset may not be followed further.
+    drifted_to: Option<f32>,
     /// Readings from here on begin a pulse.
     limit: u16,
     phase: Phase,
@@ -173,6 +178,7 @@ impl Channel {
     pub(super) fn new(offset: f32, paces: &Paces) -> Self {
         Self {
             offset,
+            drifted_to: None,
             limit: limit(offset, paces),
             phase: Phase::Idle,
             pulse: Pulse::default(),
@@ -196,6 +202,11 @@ impl Channel {
         }
     }
 
+    /// The mean of idle samples, counts, where the offset may not be followed so far.
+    pub(super) fn drifted_to(&self) -> Option<f32> {
+        self.drifted_to
+    }
+
     /// Nothing is in progress.
     pub(super) fn is_idle(&self) -> bool {
         self.phase == Phase::Idle
@@ -209,7 +220,9 @@ impl Channel {
     /// Takes `count` idle samples of this mean.
     pub(super) fn idle(&mut self, mean: f32, count: usize, paces: &Paces) {
         self.since = self.since.saturating_add(count as u32);
-        self.offset += (mean - self.offset) * (count as f32 * paces.offset_gain);
+        let followed = self.offset + (mean - self.offset) * (count as f32 * paces.offset_gain);
+        self.offset = followed.max(paces.offset_low).min(paces.offset_high);
+        self.drifted_to = (self.offset != followed).then_some(mean);
         self.limit = limit(self.offset, paces);
     }
 

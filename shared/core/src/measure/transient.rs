@@ -11,6 +11,7 @@
 //! 3·10⁻⁵ at 2.5 Hz and half a tick.
 
 use super::sum::Sum;
+use crate::rig::channels::SensorSet;
 use crate::rig::{Readings, TICK_HZ};
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
@@ -48,6 +49,8 @@ pub struct TransientResult {
     pub base_delay_s: f32,
     /// The demand was cut at its limit.
     pub drive_saturated: bool,
+    /// Sensors that were clipped: a sample was at a rail of its converter.
+    pub clipped: SensorSet,
     /// Measured impacts on both walls.
     pub impacts: u32,
     /// How a free vibration decayed; zeros of a record.
@@ -151,7 +154,7 @@ mod tests {
         for tick in 0..4000u16 {
             let z = wave(f64::from(tick) - late_ticks);
             let other = distortion * libm::sin(core::f64::consts::TAU * 10e-3 * f64::from(tick)) as f32;
-            let readings = Readings { x: reading(3.0 * z), z: reading(z + other), spring_n: 0.0 };
+            let readings = Readings { x: reading(3.0 * z), z: reading(z + other), ..Readings::default() };
             meter.push(&readings, wave(f64::from(tick)));
         }
         meter.result()

@@ -24,7 +24,7 @@ impl DampingLaw {
 
     /// As files spell it.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Natural => "natural",
             Self::Contact => "contact",
@@ -73,7 +73,7 @@ impl Material {
 
     /// As files spell it.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Rubber => "rubber",
             Self::AntiVibrationPad => "anti_vibration_pad",

@@ -22,7 +22,7 @@ impl Tuning {
 
     /// As files spell it.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::DenHartog => "den_hartog",
             Self::Warburton => "warburton",

@@ -5,6 +5,7 @@
 //! its stepper and [`spring`] if so configured. The virtual rig runs it in `f64`, the emulated board in `f32`. What moves
 //! on the base is [`crate::integrator`]'s business.
 
+pub mod faults;
 mod noise;
 pub mod sensors;
 pub mod shaker;
@@ -12,15 +13,19 @@ pub mod spring;
 pub mod table;
 pub mod walls;
 
+pub use faults::{End, SensorFault};
 pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
 
 use crate::integrator::base::{Segment, Track};
 use crate::integrator::polynomial;
 use crate::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
+use crate::measure::impacts::Pair;
 use crate::model::{Initial, Invalid, SetUp};
-use crate::rig::{Actuators, Readings, SUBSAMPLES, Sensors, TICK_HZ};
+use crate::rig::channels::{Sensor, Usable};
+use crate::rig::{Actuators, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ};
 use crate::scalar::Scalar;
+use faults::{Faults, Span};
 use heapless::Vec;
 use noise::Noise;
 use postcard_schema::Schema;
@@ -102,6 +107,7 @@ pub struct Plant<S> {
     impacts: u32,
     walls: Option<Walls>,
     spring: Option<SimulatedSpring>,
+    faults: Faults,
     /// N·s per unit of the structure's change of velocity.
     impulse_per_kick: f32,
     /// Somebody presses the emergency stop.
@@ -152,6 +158,7 @@ impl<S: Scalar> Plant<S> {
             impacts: 0,
             walls: config.walls.as_ref().map(|walls| Walls::new(walls, seed)).transpose()?,
             spring: config.spring.as_ref().map(SimulatedSpring::new).transpose()?,
+            faults: Faults::new(seed),
             impulse_per_kick: (config.set_up.structure.mass_kg * units.velocity_m_per_s()) as f32,
             emergency_stop: false,
         };
@@ -169,6 +176,11 @@ impl<S: Scalar> Plant<S> {
     /// The friction damper's spring, to break it.
     pub fn spring_mut(&mut self) -> Option<&mut SimulatedSpring> {
         self.spring.as_mut()
+    }
+
+    /// Breaks a sensor, or mends it.
+    pub fn set_sensor_fault(&mut self, sensor: Sensor, fault: Option<SensorFault>) {
+        self.faults.set(sensor, fault);
     }
 
     /// Puts the motion back to its start; the friction damper's seat stays where it is. `stream` chooses among
@@ -215,7 +227,9 @@ impl<S: Scalar> Plant<S> {
         let (x, z) = self.advance(actuators);
         let mut sensors = Sensors { emergency_stop: self.emergency_stop, ..Sensors::default() };
         let (mut x_m, mut z_m, mut spring_n) = ([0.0; SUBSAMPLES], [0.0; SUBSAMPLES], [0.0; SUBSAMPLES]);
+        let mut span_n = (SpringPlant::default().lowest_n, SpringPlant::default().highest_n);
         if let Some(spring) = &mut self.spring {
+            span_n = spring.sensor_span_n();
             (spring_n, sensors.at_limit) = spring.tick(actuators.motor);
             if actuators.motor.steps != 0 {
                 self.press();
@@ -229,7 +243,32 @@ impl<S: Scalar> Plant<S> {
             x_m[n] = x_channel.read(x[n].to_f64() as f32, &mut self.noise);
             z_m[n] = z_channel.read(z[n].to_f64() as f32, &mut self.noise);
         }
-        sensors.readings = Readings::of(&x_m, &z_m, &spring_n);
+        let [x_range_m, z_range_m] = self.config.sensors.range_m;
+        let si = |low, high| Span { low, high, per_unit: 1.0 };
+        for (sensor, block, span) in [
+            (Sensor::X, &mut x_m, si(-x_range_m, x_range_m)),
+            (Sensor::Z, &mut z_m, si(-z_range_m, z_range_m)),
+            (Sensor::SpringForce, &mut spring_n, si(span_n.0, span_n.1)),
+        ] {
+            if self.faults.has(sensor) {
+                block.iter_mut().for_each(|sample| *sample = self.faults.apply(sensor, *sample, span));
+            }
+        }
+        let walls = self.config.walls.unwrap_or_default();
+        let counts =
+            Span { low: 0.0, high: f32::from(walls.highest_counts), per_unit: 1.0 / walls.scale.newtons_per_count };
+        for (wall, sensor) in [Sensor::WallLow, Sensor::WallHigh].into_iter().enumerate() {
+            if self.faults.has(sensor) {
+                for pair in &mut sensors.walls {
+                    let mut both = [pair.of(0), pair.of(1)];
+                    both[wall] = self.faults.apply(sensor, f32::from(both[wall]), counts) as u16;
+                    *pair = Pair::new(both[0], both[1]);
+                }
+            }
+        }
+        let [x, z] = [(&x_m, x_range_m), (&z_m, z_range_m)]
+            .map(|(block, range_m)| Reading::within(block, &Usable::of_span(-range_m, range_m)));
+        sensors.readings = Readings::new(x, z, &spring_n, &Usable::of_span(span_n.0, span_n.1));
         sensors
     }
 

@@ -18,8 +18,8 @@ const SAMPLES_PER_S: f64 = TICK_HZ as f64 * SUBSAMPLES as f64;
 /// An ideal displacement sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SensorModel {
-    /// Readings stop at ± this, m; greater than 0.
-    pub range_m: f32,
+    /// Readings of x and of z stop at ± these, m; greater than 0.
+    pub range_m: [f32; 2],
     /// Readings are multiples of this, m; 0 for none. A [`DataSheet`]'s converter has its own and takes its place.
     pub resolution_m: f32,
     /// RMS of the white noise of one 10 kHz sample, m.
@@ -31,7 +31,7 @@ pub struct SensorModel {
 impl Default for SensorModel {
     /// The source document's laser: ±80 mm; 10 µm resolution and 5 µm RMS noise are assumed.
     fn default() -> Self {
-        Self { range_m: 0.08, resolution_m: 1e-5, noise_rms_m: 5e-6, seed: 1 }
+        Self { range_m: [0.08; 2], resolution_m: 1e-5, noise_rms_m: 5e-6, seed: 1 }
     }
 }
 
@@ -41,10 +41,12 @@ impl SensorModel {
     /// # Errors
     /// Names the first that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
-        positive("sensors.range_m", f64::from(self.range_m))?;
+        let [x_m, z_m] = self.range_m;
+        positive("sensors.range_m", f64::from(x_m))?;
+        positive("sensors.range_m", f64::from(z_m))?;
         not_negative("sensors.resolution_m", f64::from(self.resolution_m))?;
         not_negative("sensors.noise_rms_m", f64::from(self.noise_rms_m))?;
-        let counts = if self.resolution_m > 0.0 { self.range_m / self.resolution_m } else { 0.0 };
+        let counts = if self.resolution_m > 0.0 { Scalar::max(x_m, z_m) / self.resolution_m } else { 0.0 };
         require(
             counts < 4e6,
             "sensors.resolution_m",
@@ -153,19 +155,20 @@ struct Imperfect {
 impl Channel {
     /// `late`: the converter takes its turn after the other channel's.
     pub(super) fn new(model: &SensorModel, sheet: Option<&DataSheet>, late: bool) -> Self {
+        let range = model.range_m[usize::from(late)];
         let resolution = match sheet {
             // The range is 2^bits codes wide.
-            Some(sheet) => 2.0 * model.range_m / (1u32 << sheet.bits) as f32,
+            Some(sheet) => 2.0 * range / (1u32 << sheet.bits) as f32,
             None => model.resolution_m,
         };
         let conversions = sheet.map_or(1, |sheet| sheet.oversampling);
         Self {
-            range: model.range_m,
+            range,
             resolution,
             per_resolution: if resolution > 0.0 { 1.0 / resolution } else { 0.0 },
             // The noise of a sample is that of its mean.
             noise: model.noise_rms_m * libm::sqrtf(f32::from(conversions)),
-            imperfect: sheet.map(|sheet| Imperfect::new(model, sheet, late)),
+            imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)),
         }
     }
 
@@ -205,13 +208,13 @@ impl Channel {
 }
 
 impl Imperfect {
-    fn new(model: &SensorModel, sheet: &DataSheet, late: bool) -> Self {
+    fn new(range: f32, sheet: &DataSheet, late: bool) -> Self {
         let n = f32::from(sheet.oversampling);
         let skew = if late { f64::from(sheet.skew_s) * SAMPLES_PER_S } else { 0.0 };
         Self {
             // max (r − r³) = 2/(3√3) on 0 … 1.
-            bend: sheet.linearity * model.range_m * 2.598_076,
-            per_range: 1.0 / model.range_m,
+            bend: sheet.linearity * range * 2.598_076,
+            per_range: 1.0 / range,
             response: Lag::new(f64::from(sheet.response_s)),
             filter: Lag::new(1.0 / (TAU * f64::from(sheet.anti_alias_hz))),
             // The conversions fill the interval before the sample instant. A late channel's last ones come after it, where

@@ -2,7 +2,7 @@
 
 use super::Noise;
 use crate::control::friction_spring::Drive;
-use crate::model::{Invalid, not_negative, positive};
+use crate::model::{Invalid, finite, not_negative, positive, require};
 use crate::rig::SUBSAMPLES;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,10 @@ pub struct SpringPlant {
     pub friction_coefficient: f32,
     /// Force reading without contact, N.
     pub offset_n: f32,
+    /// Readings do not go below this, N.
+    pub lowest_n: f32,
+    /// Readings do not go above this, N.
+    pub highest_n: f32,
     /// RMS of the white noise of one 10 kHz sample, N.
     pub noise_rms_n: f32,
     /// Force sensor's lag, first order, s; 0 for none.
@@ -31,7 +35,8 @@ pub struct SpringPlant {
 }
 
 impl Default for SpringPlant {
-    /// Assumed: the seat starts somewhere, the spring is a little stiffer than its data sheet says.
+    /// Assumed: the seat starts somewhere, the spring is a little stiffer than its data sheet says; a sensor of 0 N to 50 N
+    /// over nine tenths of its converter's span.
     fn default() -> Self {
         Self {
             step_m: 5e-6,
@@ -40,6 +45,8 @@ impl Default for SpringPlant {
             stiffness_n_per_m: 537.0,
             friction_coefficient: 0.3,
             offset_n: 0.35,
+            lowest_n: -50.0 / 9.0,
+            highest_n: 50.0,
             noise_rms_n: 0.01,
             lag_s: 2e-3,
             seed: 1,
@@ -56,6 +63,9 @@ impl SpringPlant {
         positive("spring_plant.step_m", f64::from(self.step_m))?;
         positive("spring_plant.stiffness_n_per_m", f64::from(self.stiffness_n_per_m))?;
         positive("spring_plant.friction_coefficient", f64::from(self.friction_coefficient))?;
+        let (lowest, highest) = (f64::from(self.lowest_n), f64::from(self.highest_n));
+        finite("spring_plant.highest_n", highest)?;
+        require(lowest < highest, "spring_plant.lowest_n", lowest, "below spring_plant.highest_n")?;
         not_negative("spring_plant.start_m", f64::from(self.start_m))?;
         not_negative("spring_plant.touch_m", f64::from(self.touch_m))?;
         not_negative("spring_plant.noise_rms_n", f64::from(self.noise_rms_n))?;
@@ -68,14 +78,14 @@ impl SpringPlant {
 pub struct Breakage {
     /// The motor makes no step at all.
     pub jammed: bool,
+    /// The motor turns the other way.
+    pub reversed: bool,
     /// The motor stalls while the spring presses back with more than this, N.
     pub stalls_above_n: Option<f32>,
     /// Every so-many-th step is lost; 0 for none.
     pub loses_every: u32,
     /// The limit switch reads this, wherever the seat is.
     pub switch_stuck: Option<bool>,
-    /// The force sensor reads this, whatever presses, N (NaN for a lost one).
-    pub sensor_stuck_n: Option<f32>,
     /// There is no structure to touch.
     pub nothing_there: bool,
 }
@@ -88,6 +98,7 @@ pub struct SimulatedSpring {
     steps: i32,
     steps_asked: u32,
     lagged_n: f32,
+    energised: bool,
     noise: Noise,
     /// What is broken at present.
     pub broken: Breakage,
@@ -105,6 +116,7 @@ impl SimulatedSpring {
             steps: (plant.start_m / plant.step_m) as i32,
             steps_asked: 0,
             lagged_n: 0.0,
+            energised: false,
             noise: Noise::new(plant.seed, 0),
             broken: Breakage::default(),
         })
@@ -119,6 +131,18 @@ impl SimulatedSpring {
     /// The spring has become another.
     pub fn set_stiffness(&mut self, stiffness_n_per_m: f32) {
         self.plant.stiffness_n_per_m = stiffness_n_per_m;
+    }
+
+    /// Lowest and highest reading of the force sensor, N.
+    #[must_use]
+    pub fn sensor_span_n(&self) -> (f32, f32) {
+        (self.plant.lowest_n, self.plant.highest_n)
+    }
+
+    /// The motor's driver was switched on in the last tick.
+    #[must_use]
+    pub fn is_energised(&self) -> bool {
+        self.energised
     }
 
     /// True normal force, N.
@@ -136,7 +160,8 @@ impl SimulatedSpring {
 
     /// One tick: makes the steps; returns the block of force readings, N, and whether the limit switch is closed.
     pub fn tick(&mut self, drive: Drive) -> ([f32; SUBSAMPLES], bool) {
-        let direction = i32::from(drive.steps.signum());
+        self.energised = drive.enabled;
+        let direction = i32::from(drive.steps.signum()) * if self.broken.reversed { -1 } else { 1 };
         for _ in 0..drive.steps.unsigned_abs() {
             self.steps_asked = self.steps_asked.wrapping_add(1);
             let stalled = direction > 0 && self.broken.stalls_above_n.is_some_and(|most| self.normal_force_n() > most);
@@ -151,7 +176,7 @@ impl SimulatedSpring {
         let block = core::array::from_fn(|_| {
             self.lagged_n += (truth - self.lagged_n) * follow;
             let reading = self.lagged_n + self.plant.offset_n + self.plant.noise_rms_n * self.noise.next();
-            self.broken.sensor_stuck_n.unwrap_or(reading)
+            reading.max(self.plant.lowest_n).min(self.plant.highest_n)
         });
         (block, self.broken.switch_stuck.unwrap_or(self.steps <= 0))
     }

@@ -1,8 +1,9 @@
 //! The dampers' part of a tick: wall forces, the friction damper's spring, and the twin that follows the rig.
 
 use super::event_queue::EventQueue;
-use super::{Readings, Sensors};
-use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand};
+use super::{Brake, Readings, Sensors};
+use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand, Stage};
+use crate::control::safety::rails::Verdict;
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::ImpactMeter;
 use crate::twin::{Twin, TwinSignals};
@@ -81,13 +82,24 @@ impl Dampers {
     }
 
     /// The spring's tick: the motor's steps, and what happened.
-    pub(super) fn tick_spring(&mut self, sensors: &Sensors) -> (Motor, Option<Happening>) {
+    pub(super) fn tick_spring(&mut self, sensors: &Sensors, force_sensor: Verdict) -> (Motor, Option<Happening>) {
         self.spring.tick(&Inputs {
             force_n: sensors.readings.spring_n,
+            force_sensor,
             at_switch: sensors.at_limit,
             x_peak_m: sensors.readings.x.peak_m,
             base_amplitude_m: self.base_amplitude_m,
+            emergency_stop: sensors.emergency_stop,
         })
+    }
+
+    /// Commands the brake until it closes, where one is wanted, N.
+    pub fn brake(&mut self, wanted_n: Option<f32>) -> Brake {
+        let Some(force_n) = wanted_n else { return Brake::Open };
+        if !self.spring.is_braking() && !self.spring.brake(force_n) {
+            return Brake::Waits;
+        }
+        if self.spring.stage() == Stage::Holding { Brake::Holds } else { Brake::Closes }
     }
 
     /// Lets go of what was pressed as a brake. A spring that cannot has let go already.

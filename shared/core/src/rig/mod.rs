@@ -1,33 +1,38 @@
 //! The rig's one decision maker: samples and commands in, actuator values, replies and events out.
 //!
 //! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. [`sensors`] holds what goes in and comes out, [`words`] the
+//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
+//! do in it what they allow. [`channels`] names the sensors, [`sensors`] holds what goes in and comes out, [`words`] the
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
 pub mod calibration;
+pub mod channels;
 pub mod damper;
 mod event_queue;
 pub mod sensors;
 pub mod signals;
 pub mod words;
 
+use crate::control::drive::DriveRange;
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
-use crate::control::friction_spring::{Drive as Motor, Happening, SpringCommand, Stage as SpringStage};
+use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
-use crate::control::safety::{Allowed, Danger, SafeStage, Safety, Signs, Trip};
+use crate::control::safety::{Allowed, Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
 use crate::control::transient::playback::RecordId;
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
-use crate::settings::Prepared;
+use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
+use calibration::DriveScale;
+use channels::Sensor;
 use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
 pub use sensors::{Actuators, CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
-pub use words::{Command, Event, Refusal, State, Status};
+pub use words::{Brake, Command, Event, Refusal, State, Status};
 
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
@@ -35,7 +40,11 @@ pub const KEPT_RESULTS: usize = 8;
 /// The rig.
 #[derive(Clone, Debug)]
 pub struct Rig {
+    /// The board's: what is in force unless an experiment tightens or describes some of it.
+    settings: Settings,
     experiment: Option<Experiment>,
+    /// Of the configured experiment.
+    limits: ExperimentLimits,
     runner: Option<Runner>,
     safety: Safety,
     dampers: Dampers,
@@ -44,9 +53,15 @@ pub struct Rig {
     points: u16,
     results: Deque<PointResult, KEPT_RESULTS>,
     transient: Option<TransientResult>,
+    /// Largest |demanded base displacement| since the start, m.
+    largest_drive_m: f32,
     fault: Option<Fault>,
     finishing: bool,
     host_heard: bool,
+    drive: DriveRange,
+    /// In the last tick.
+    emergency_stop: bool,
+    brake: Brake,
     events: EventQueue,
     signals: Signals,
 }
@@ -62,7 +77,9 @@ impl Rig {
     #[must_use]
     pub fn new() -> Self {
         Self {
+            settings: Settings::default(),
             experiment: None,
+            limits: ExperimentLimits::default(),
             runner: None,
             safety: Safety::default(),
             dampers: Dampers::default(),
@@ -71,12 +88,22 @@ impl Rig {
             points: 0,
             results: Deque::new(),
             transient: None,
+            largest_drive_m: 0.0,
             fault: None,
             finishing: false,
             host_heard: false,
+            drive: DriveScale::default().range(),
+            emergency_stop: false,
+            brake: Brake::Open,
             events: EventQueue::default(),
             signals: [0.0; SIGNALS.len()],
         }
+    }
+
+    /// The board's settings.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
     }
 
     /// The present state.
@@ -88,6 +115,8 @@ impl Rig {
             points: self.points,
             fault: self.fault,
             safe: self.safety.stage(),
+            sensors: self.safety.sensors(),
+            brake: self.brake,
             spring: self.dampers.spring.status(),
             events_lost: self.events.lost(),
         }
@@ -171,22 +200,18 @@ impl Rig {
     /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
     pub fn handle(&mut self, command: &mut Command) -> Result<(), Refusal> {
         match command {
-            Command::SetSafety(safety) => {
-                // What latched a fault may be a limit that was set wrong.
-                if self.state != State::Faulted || self.runner.is_some() {
-                    self.must_be_idle()?;
+            Command::SetLimits(limits) => {
+                self.must_be_idle()?;
+                if self.experiment.is_none() {
+                    let advice = "configure an experiment first";
+                    return Err(Refusal::WrongState { state: self.state, advice });
                 }
-                self.safety.adopt(safety);
+                self.settings.safety.tightened(limits)?;
+                self.limits = *limits;
             }
-            Command::SetSpring(spring) => {
+            Command::SetSpring(set_up) => {
                 self.must_be_idle()?;
-                self.dampers.spring = *spring;
-            }
-            Command::SetImpacts(settings) => {
-                self.must_be_idle()?;
-                // The scale is the board's.
-                let settings = settings.on(self.dampers.meter.scale());
-                self.dampers.meter.adopt(&settings);
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(set_up))?;
             }
             Command::SetTwin(twin) => {
                 self.must_be_idle()?;
@@ -194,7 +219,11 @@ impl Rig {
             }
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
+                if let Some(experiment) = experiment.as_ref() {
+                    self.check_drive(experiment, None)?;
+                }
                 self.experiment = experiment.take();
+                self.limits = ExperimentLimits::default();
             }
             Command::Start => self.start()?,
             Command::Stop => {
@@ -212,27 +241,65 @@ impl Rig {
         Ok(())
     }
 
-    /// Takes settings over: interlocks, the friction damper's drive, which has to be homed again, and how impacts are found.
+    /// Whether the drive can deliver what an experiment asks of it; `record_peak_counts` is the largest |sample| of the record
+    /// that it plays, where that is there.
     ///
     /// # Errors
-    /// As [`Rig::must_be_idle`].
+    /// It asks for more.
+    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+        match experiment.largest_drive_m(record_peak_counts) {
+            Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
+            None => Ok(()),
+        }
+    }
+
+    /// Takes settings of the board over. A friction damper's drive with other settings has to be homed again.
+    ///
+    /// # Errors
+    /// The rig is neither idle nor faulted with its drive off: a limit that was set wrong may be what latched a fault.
     pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
-        self.must_be_idle()?;
+        if self.state != State::Faulted || self.runner.is_some() {
+            self.must_be_idle()?;
+        }
+        self.drive = prepared.settings.calibration.drive.range();
         self.safety.adopt(&prepared.safety);
-        self.dampers.spring = prepared.spring;
+        if prepared.settings.spring != self.settings.spring {
+            self.dampers.spring = prepared.spring;
+        }
         self.dampers.meter.adopt(&prepared.impacts);
+        self.settings = prepared.settings;
         Ok(())
     }
 
-    /// Whether an experiment could begin now.
+    /// The friction damper's drive is another one, as on a simulated plant that has been set: nothing is known of its
+    /// position.
+    ///
+    /// # Errors
+    /// As [`Rig::must_be_idle`].
+    pub fn replace_spring(&mut self) -> Result<(), Refusal> {
+        self.must_be_idle()?;
+        self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
+        Ok(())
+    }
+
+    /// The board's own settings are in force again.
+    fn end_experiment(&mut self) {
+        self.safety.end_experiment();
+        self.dampers.spring.end_set_up(&self.settings.spring);
+    }
+
+    /// Whether the configured experiment could begin now; `record_peak_counts` is the largest |sample| of the record that is
+    /// there.
     ///
     /// # Errors
     /// As [`Rig::handle`] of a start.
-    pub fn could_start(&self) -> Result<(), Refusal> {
+    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
         self.must_be_idle()?;
-        if self.experiment.is_none() {
+        let Some(experiment) = &self.experiment else {
             return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
-        }
+        };
+        // The settings may have changed since it was configured.
+        self.check_drive(experiment, record_peak_counts)?;
         match self.dampers.spring.stage() {
             SpringStage::Faulted => {
                 Err(Refusal::WrongStage { stage: SpringStage::Faulted, advice: "clear the spring's fault first" })
@@ -245,14 +312,18 @@ impl Rig {
     }
 
     fn start(&mut self) -> Result<(), Refusal> {
-        self.could_start()?;
-        self.runner = self.experiment.as_ref().map(Runner::new);
+        self.could_start(None)?;
+        // The board's settings may have changed since the limits were set.
+        self.safety.tighten(&self.limits)?;
+        self.runner = self.experiment.as_ref().map(|experiment| Runner::new(experiment, &self.drive));
         self.state = State::Running(Stage::Rest);
         self.tick = 0;
         self.points = 0;
         self.results.clear();
         self.transient = None;
+        self.largest_drive_m = 0.0;
         self.finishing = false;
+        self.safety.restart();
         self.dampers.restart();
         Ok(())
     }
@@ -263,7 +334,9 @@ impl Rig {
         self.fault = None;
         if self.state == State::Faulted {
             self.state = State::Idle;
+            self.brake = Brake::Open;
             self.dampers.let_go();
+            self.end_experiment();
         }
         Ok(())
     }
@@ -271,6 +344,13 @@ impl Rig {
     fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
+        let state = self.state;
+        if self.emergency_stop && (moves || command == SpringCommand::Release) {
+            return Err(Refusal::WrongState { state, advice: "release the emergency stop first" });
+        }
+        if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
+            return Err(Refusal::WrongState { state, advice: "the brake closes: clear the fault first" });
+        }
         match self.state {
             State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
             State::Faulted if moves => self.must_be_idle()?,
@@ -284,7 +364,8 @@ impl Rig {
         let (tick, readings) = (self.tick, sensors.readings);
         let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
         self.dampers.measure(tick, sensors, frequency_hz, &mut self.events);
-        let allowed = self.check_interlocks(sensors);
+        let allowed = self.check_interlocks(sensors, frequency_hz);
+        self.brake = self.dampers.brake(allowed.brake_n);
         let motor = self.run_spring(sensors);
         let mut actuators = Actuators { motor, ..Actuators::default() };
         self.run_experiment(&readings, record, &allowed, &mut actuators);
@@ -297,8 +378,8 @@ impl Rig {
         actuators
     }
 
-    fn check_interlocks(&mut self, sensors: &Sensors) -> Allowed {
-        let signs = self.signs(sensors);
+    fn check_interlocks(&mut self, sensors: &Sensors, frequency_hz: f32) -> Allowed {
+        let signs = self.signs(sensors, frequency_hz);
         let (allowed, trip) = self.safety.tick(&sensors.readings, &signs);
         if let Some(Trip { danger: cause, value, limit }) = trip {
             self.trip(Fault { cause, tick: self.tick, value, limit });
@@ -308,7 +389,8 @@ impl Rig {
 
     /// The friction spring's tick. Its fault ends an experiment.
     fn run_spring(&mut self, sensors: &Sensors) -> Motor {
-        let (motor, happening) = self.dampers.tick_spring(sensors);
+        let force_sensor = self.safety.verdict(Sensor::SpringForce);
+        let (motor, happening) = self.dampers.tick_spring(sensors, force_sensor);
         if let Some(happening) = happening {
             self.events.push(Event::Spring(happening));
         }
@@ -323,7 +405,8 @@ impl Rig {
 
     /// The experiment's tick: the drive, within what the interlocks allow.
     fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
-        let now = Now { tick: self.tick, readings, impacts: self.dampers.impacts() };
+        let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
+        let now = Now { tick: self.tick, readings, impacts, clipped };
         let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
         let (drive_m, outcome) = if let State::Running(_) = self.state {
             let driven = runner.tick(experiment, record, &now);
@@ -335,6 +418,7 @@ impl Rig {
         };
         actuators.drive_enabled = allowed.relay;
         actuators.drive_m = drive_m * allowed.drive;
+        self.largest_drive_m = self.largest_drive_m.max(libm::fabsf(actuators.drive_m));
         if runner.cycle_ended() {
             self.dampers.end_cycle();
         }
@@ -347,12 +431,22 @@ impl Rig {
         }
     }
 
-    fn signs(&mut self, sensors: &Sensors) -> Signs {
-        let [low, high] = self.dampers.meter.highest_n();
+    fn signs(&mut self, sensors: &Sensors, frequency_hz: f32) -> Signs {
+        let meter = &self.dampers.meter;
+        let wall_rails = meter.rails();
+        // What is at a rail is no force.
+        let force_n = |wall: usize| if wall_rails[wall].is_all() { 0.0 } else { meter.highest_n()[wall] };
+        let (low, high) = (force_n(0), force_n(1));
+        self.emergency_stop = sensors.emergency_stop;
         let drive = self.runner.as_ref().map_or(Driving::default(), Runner::driving);
         Signs {
             driving: drive.on,
             swinging: drive.swinging,
+            drive_m: self.largest_drive_m,
+            frequency_hz,
+            running: self.runner.is_some(),
+            wall_rails,
+            wall_drift: meter.drift_n(),
             wall_force_n: if low > high { low } else { high },
             saturated: drive.saturated,
             emergency_stop: sensors.emergency_stop,
@@ -368,17 +462,12 @@ impl Rig {
         }
     }
 
-    /// The cause is latched already: the drive is let go, the brake closes.
+    /// The cause is latched already: the drive is let go. What the interlocks allow from now on says whether the brake closes.
     fn trip(&mut self, fault: Fault) {
         self.fault = Some(fault);
         self.state = State::Faulted;
         if let Some(runner) = &mut self.runner {
             runner.release_drive();
-        }
-        let brake_n = self.safety.config().brake_n;
-        if brake_n > 0.0 {
-            // Without a zero reading it cannot.
-            let _ = self.dampers.spring.brake(brake_n);
         }
         self.events.push(Event::Fault(fault));
     }
@@ -423,6 +512,7 @@ impl Rig {
             return;
         }
         self.state = State::Idle;
+        self.end_experiment();
         if core::mem::take(&mut self.finishing) {
             self.events.push(Event::Finished { points: self.points });
         }

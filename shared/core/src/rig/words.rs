@@ -1,11 +1,13 @@
 //! What may be asked of the rig, and what it answers and reports.
 
 use super::TICK_HZ;
+use crate::control::drive::AboveLimit;
 use crate::control::experiment::{Experiment, Stage};
-use crate::control::friction_spring::{self as spring, FrictionSpring, SpringCommand, SpringStatus};
+use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
 use crate::control::limits::Fault;
-use crate::control::safety::{SafeStage, Safety};
-use crate::measure::impacts::{ImpactRecord, ImpactSettings};
+use crate::control::safety::rails::SensorHealth;
+use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
+use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
 use crate::model::Invalid;
@@ -47,15 +49,14 @@ impl State {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Command {
-    /// Set the interlocks. Idle or faulted only.
-    SetSafety(Safety),
-    /// Set the friction damper's drive; it has to be homed again. Idle only.
-    SetSpring(FrictionSpring),
-    /// Set how impacts are found. Idle only.
-    SetImpacts(ImpactSettings),
+    /// Tighten limits for the configured experiment, from its start until the rig is idle again. Idle only.
+    SetLimits(ExperimentLimits),
+    /// Describe the friction damper's spring of the set-up until the end of its experiment; it has to be homed again. Idle
+    /// only.
+    SetSpring(SpringSetUp),
     /// Let a twin run along, or none. Idle only.
     SetTwin(Option<TwinPlan>),
-    /// Set the experiment, or none. Idle only.
+    /// Set the experiment, or none; it starts under the board's limits unless some are tightened. Idle only.
     Configure(Option<Experiment>),
     /// Begin the configured experiment at tick 0. Idle only.
     Start,
@@ -74,6 +75,8 @@ pub enum Command {
 pub enum Refusal {
     /// A parameter is out of range.
     Invalid(Invalid),
+    /// A limit of an experiment is looser than the board's.
+    Looser(Looser),
     /// The command makes no sense in this state.
     WrongState {
         /// The state.
@@ -90,11 +93,28 @@ pub enum Refusal {
     },
     /// This board cannot do it; why, in words.
     NotHere(&'static str),
+    /// A value is above a limit of the board's settings.
+    AboveLimit(AboveLimit),
+}
+
+impl From<AboveLimit> for Refusal {
+    fn from(above: AboveLimit) -> Self {
+        Self::AboveLimit(above)
+    }
 }
 
 impl From<Invalid> for Refusal {
     fn from(invalid: Invalid) -> Self {
         Self::Invalid(invalid)
+    }
+}
+
+impl From<LimitsRejected> for Refusal {
+    fn from(rejected: LimitsRejected) -> Self {
+        match rejected {
+            LimitsRejected::Looser(looser) => Self::Looser(looser),
+            LimitsRejected::Invalid(invalid) => Self::Invalid(invalid),
+        }
     }
 }
 
@@ -105,6 +125,19 @@ impl From<spring::Refusal> for Refusal {
             spring::Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
         }
     }
+}
+
+/// The friction damper as a brake after a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Brake {
+    /// It is not wanted.
+    Open,
+    /// It is wanted and cannot close: the spring has no zero reading or a fault, or has not ended what it was doing.
+    Waits,
+    /// It closes.
+    Closes,
+    /// It presses with its force.
+    Holds,
 }
 
 /// What a host should hear of without asking.
@@ -140,6 +173,10 @@ pub struct Status {
     pub fault: Option<Fault>,
     /// How far the way to the safe state has been gone.
     pub safe: SafeStage,
+    /// Which sensors are lost, also while the rig is idle, and which were clipped.
+    pub sensors: SensorHealth,
+    /// The friction damper as a brake.
+    pub brake: Brake,
     /// The friction damper's spring.
     pub spring: SpringStatus,
     /// Events that found no room, since power-on.

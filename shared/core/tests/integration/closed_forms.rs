@@ -5,8 +5,7 @@ use core::f64::consts::{PI, TAU};
 use damprig_core::analysis::section::{Section, period};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
-use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, Excitation, Impact, Observer};
 use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -199,14 +198,14 @@ fn free_coulomb_decay_is_a_straight_line() {
 /// A particle over a floor that accelerates evenly is a bouncing ball: t∞ = √(2h/a) (1+e)/(1−e).
 #[test]
 fn accumulating_impacts_end_when_the_bouncing_ball_does() {
-    struct Rest(Option<f64>, f64);
+    struct Rest(Option<Accumulation>, f64);
     impl Observer for Rest {
         const ARCS: bool = false;
         fn impact(&mut self, impact: &Impact) {
             self.1 = impact.approach_speed_m_per_s;
         }
-        fn rest(&mut self, time_s: f64, _: Sign, _: f64) {
-            self.0 = Some(time_s);
+        fn accumulation(&mut self, accumulation: &Accumulation) {
+            self.0 = Some(*accumulation);
         }
     }
     let mut draw = draws(15);
@@ -228,10 +227,12 @@ fn accumulating_impacts_end_when_the_bouncing_ball_does() {
         let end = (2.0 * height / pull).sqrt() * (1.0 + e) / (1.0 - e);
         let mut rest = Rest(None, 0.0);
         motion.run(1.5 * end, &mut rest);
-        let at = rest.0.expect("the particle comes to rest");
+        let Accumulation { time_s: at, ended_s, .. } = rest.0.expect("the particle comes to rest");
         // It is said to rest when what remains no longer shows: the flights still to come last this long.
         let remaining = 2.0 * e * rest.1 / (pull * (1.0 - e));
         assert!(at <= end * (1.0 + 1e-9) && end - at <= remaining * 1.001 + 1e-9 * end, "{at} {end} {remaining:e}");
+        // The pull is even to 10⁻⁹ of itself, so the flights still to come are a geometric series.
+        assert!((ended_s / end - 1.0).abs() < 1e-9, "{ended_s} {end}");
     }
 }
 

@@ -2,7 +2,11 @@
 
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
+use damprig_core::rig::channels::{Rail, Sensor, Usable};
 use damprig_core::rig::{Reading, Readings, SUBSAMPLES, Sensors};
+
+/// ±80 mm less 1 % of its span at either end.
+const LASER: Usable<f32> = Usable { low: -0.0784, high: 0.0784 };
 
 struct Bench {
     safety: Safety,
@@ -14,12 +18,13 @@ struct Bench {
 
 impl Bench {
     fn with(config: SafetyConfig) -> Self {
-        let signs = Signs { driving: true, swinging: true, host_heard: true, ..Signs::default() };
+        let signs =
+            Signs { driving: true, swinging: true, running: true, drive_m: 2e-3, host_heard: true, ..Signs::default() };
         Self { safety: Safety::new(&config).unwrap(), tick: 0, x_m: 0.02, z_m: 2e-3, signs }
     }
 
     fn new() -> Self {
-        Self::with(SafetyConfig { host_silent_s: 2.0, brake_n: 6.0, ..SafetyConfig::default() })
+        Self::with(SafetyConfig { saturated_s: 0.5, host_silent_s: 2.0, brake_n: 6.0, ..SafetyConfig::default() })
     }
 
     /// Structure and base vibrate at 2.5 Hz with these amplitudes.
@@ -28,7 +33,8 @@ impl Bench {
         let sine = |n: usize| libm::sin(15.708e-3 * (tick + n as f64 / SUBSAMPLES as f64)) as f32;
         self.tick += 1;
         let block = |amplitude: f32| std::array::from_fn(|n| amplitude * sine(n));
-        Sensors { readings: Readings::of(&block(self.x_m), &block(self.z_m), &[0.0; SUBSAMPLES]), ..Sensors::default() }
+        let [x, z] = [self.x_m, self.z_m].map(|amplitude| Reading::within(&block(amplitude), &LASER));
+        Sensors { readings: Readings { x, z, ..Readings::default() }, ..Sensors::default() }
     }
 
     fn tick(&mut self) -> (Allowed, Option<Danger>) {
@@ -50,14 +56,14 @@ impl Bench {
     }
 
     fn expect_safe_path(&mut self, danger: Danger) {
-        (self.signs.driving, self.signs.swinging) = (false, false);
+        (self.signs.driving, self.signs.swinging, self.signs.running) = (false, false, false);
         let mut drive = 1.0;
         let fade = if danger.cuts_at_once() { 0 } else { 201 };
         for tick in 0..400 {
             let (allowed, again) = self.tick();
             assert!(again.is_none(), "latched once only");
             assert!(allowed.drive <= drive, "the drive never rises again");
-            assert_eq!(allowed.brake_n, Some(6.0));
+            assert_eq!(allowed.brake_n, (danger != Danger::EmergencyStop).then_some(6.0));
             assert!(allowed.relay || allowed.drive == 0.0);
             if tick >= fade {
                 assert!(!allowed.relay && allowed.drive == 0.0, "tick {tick}: {allowed:?}");
@@ -132,43 +138,78 @@ fn a_growing_vibration_is_ended_before_it_reaches_its_limit() {
         }
     }
     assert_eq!(danger, Some(Danger::StructureForeseen));
-    // Six half-cycles of 200 ms at 5 µm/ms are 6 mm before 80 mm; up to one more until the maximum is known.
-    assert!((0.073..0.076).contains(&largest), "{largest}");
+    // Six half-cycles of 200 ms at 5 µm/ms are 6 mm before 78 mm; up to one more until the maximum is known.
+    assert!((0.071..0.074).contains(&largest), "{largest}");
     bench.expect_safe_path(Danger::StructureForeseen);
 }
 
 #[test]
 fn sensors_that_cannot_be_believed_end_the_drive() {
     for (broken, danger) in [
-        (f32::NAN, Danger::SensorInvalid),
-        (f32::NEG_INFINITY, Danger::SensorOutOfRange),
-        (0.09, Danger::SensorOutOfRange),
+        (f32::NAN, Danger::SensorInvalid as fn(Sensor) -> Danger),
+        (f32::NEG_INFINITY, Danger::SensorAtRail),
+        (0.0785, Danger::SensorAtRail),
         (0.0123, Danger::SensorFrozen),
     ] {
-        for channel in 0..2 {
+        for sensor in [Sensor::X, Sensor::Z] {
             let mut bench = Bench::new();
             bench.run(1000);
             let mut found = None;
             for _ in 0..600 {
                 let mut sensors = bench.sensors();
                 let Readings { x, z, .. } = &mut sensors.readings;
-                *(if channel == 0 { x } else { z }) = Reading::of(&[broken; SUBSAMPLES]);
+                *(if sensor == Sensor::X { x } else { z }) = Reading::within(&[broken; SUBSAMPLES], &LASER);
                 let (allowed, trip) = bench.safety.tick(&sensors.readings, &bench.signs);
                 found = found.or(trip.map(|trip| trip.danger));
                 assert!(allowed.drive.is_finite());
             }
-            assert_eq!(found, Some(danger), "{broken} on channel {channel}");
+            assert_eq!(found, Some(danger(sensor)), "{broken} on {sensor:?}");
             // Still broken, "at rest": that is not to be believed.
-            if danger != Danger::SensorFrozen {
+            if danger(sensor) != Danger::SensorFrozen(sensor) {
                 for _ in 0..2000 {
-                    let readings = Readings { x: Reading::of(&[broken; SUBSAMPLES]), ..Sensors::default().readings };
-                    bench.safety.tick(&readings, &bench.signs);
+                    let x = Reading::within(&[broken; SUBSAMPLES], &LASER);
+                    bench.safety.tick(&Readings { x, ..Sensors::default().readings }, &bench.signs);
                     assert!(bench.safety.clear().is_err());
                 }
             }
-            bench.expect_safe_path(danger);
+            bench.expect_safe_path(danger(sensor));
         }
     }
+}
+
+#[test]
+fn every_sensor_at_a_rail_for_five_milliseconds_ends_an_experiment_and_is_named() {
+    let lost = Rail::All { reading: -5.5, edge: -5.0 };
+    for sensor in Sensor::ALL {
+        let mut bench = Bench::new();
+        bench.run(1000);
+        for tick in 1..=5 {
+            let mut readings = bench.sensors().readings;
+            match sensor {
+                Sensor::X => readings.x.rail = lost,
+                Sensor::Z => readings.z.rail = lost,
+                Sensor::SpringForce => readings.spring_rail = lost,
+                Sensor::WallLow => bench.signs.wall_rails[0] = lost,
+                Sensor::WallHigh => bench.signs.wall_rails[1] = lost,
+            }
+            let (_, trip) = bench.safety.tick(&readings, &bench.signs);
+            let danger = (tick == 5).then_some(Danger::SensorAtRail(sensor));
+            assert_eq!(trip.map(|trip| trip.danger), danger, "{sensor:?}, tick {tick}");
+        }
+        assert!(bench.safety.sensors().lost.contains(sensor));
+    }
+}
+
+#[test]
+fn a_lost_sensor_of_an_idle_rig_is_told_and_latches_nothing() {
+    let mut bench = Bench::new();
+    bench.signs = Signs { host_heard: true, ..Signs::default() };
+    let lost = Readings { x: Reading::within(&[-0.08; SUBSAMPLES], &LASER), ..Sensors::default().readings };
+    for _ in 0..2000 {
+        assert_eq!(bench.safety.tick(&lost, &bench.signs).1, None);
+    }
+    assert!(bench.safety.sensors().lost.contains(Sensor::X));
+    assert_eq!(bench.safety.stage(), SafeStage::Clear);
 }
 
 #[test]
@@ -178,6 +219,40 @@ fn a_sensor_may_stand_still_while_nothing_is_driven() {
     (bench.x_m, bench.z_m) = (0.0, 0.0);
     bench.run(10_000);
     assert_eq!(bench.safety.stage(), SafeStage::Clear);
+}
+
+/// Ticks that both sensors stand still before their fault, at most 3000.
+fn still_for(bench: &mut Bench) -> Option<u32> {
+    bench.run(1000);
+    let still = Readings { x: Reading::still(2e-3), z: Reading::still(1e-3), ..Sensors::default().readings };
+    (0..3000).find(|_| bench.safety.tick(&still, &bench.signs).1.is_some())
+}
+
+#[test]
+fn a_slow_sine_may_stand_still_for_half_a_period_before_its_sensor_counts_as_frozen() {
+    // As set, 0.5 s; half a period of 0.4 Hz, 1.25 s. The first still block is a step, not yet standing still.
+    for (frequency_hz, ticks) in [(0.0, 500), (2.5, 500), (0.4, 1250)] {
+        let mut bench = Bench::new();
+        bench.signs.frequency_hz = frequency_hz;
+        assert_eq!(still_for(&mut bench), Some(ticks), "{frequency_hz} Hz");
+    }
+}
+
+#[test]
+fn a_drive_that_the_sensors_do_not_resolve_shows_no_frozen_sensor() {
+    for (drive_m, resolution_m, is_judged) in [(2e-3, 1e-5, true), (4e-5, 1e-5, false), (2e-3, 1e-3, false)] {
+        let mut bench = Bench::with(SafetyConfig { resolution_m, ..SafetyConfig::default() });
+        bench.signs.drive_m = drive_m;
+        assert_eq!(still_for(&mut bench).is_some(), is_judged, "{drive_m} m of drive, steps of {resolution_m} m");
+    }
+}
+
+#[test]
+fn saturation_that_is_only_reported_ends_no_drive() {
+    let mut bench = Bench::with(SafetyConfig::default());
+    bench.signs.saturated = true;
+    bench.run(60_000);
+    assert!(bench.safety.trip().is_none());
 }
 
 #[test]
@@ -219,8 +294,9 @@ fn wrong_settings_are_named() {
     let good = SafetyConfig::default();
     for (bad, name) in [
         (SafetyConfig { half_cycles_ahead: 21.0, ..good }, "safety.half_cycles_ahead"),
-        (SafetyConfig { restart_m: 0.08, ..good }, "safety.restart_m"),
-        (SafetyConfig { saturated_s: 0.0, ..good }, "safety.saturated_s"),
+        (SafetyConfig { restart_m: 0.078, ..good }, "safety.restart_m"),
+        (SafetyConfig { saturated_s: -1.0, ..good }, "safety.saturated_s"),
+        (SafetyConfig { resolution_m: -1e-5, ..good }, "safety.resolution_m"),
         (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
         (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "limits.base_m"),
     ] {

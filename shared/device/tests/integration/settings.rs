@@ -19,8 +19,8 @@ fn save(flash: &mut Flash, settings: &Settings) -> Result<(), NotSaved> {
 /// Settings that differ from those of any other number in several places.
 fn numbered(number: u16) -> Settings {
     let mut settings = Settings::default();
-    settings.calibration.x.zero_counts += f32::from(number);
-    settings.safety.wall_force_n = 100.0 + f32::from(number);
+    settings.calibration.drive.zero_counts += 0.1 * f32::from(number);
+    settings.safety.wall_force_n = 100.0 + 0.1 * f32::from(number);
     settings.impacts.ringing = 0.5 - f32::from(number) * 1e-4;
     settings
 }

@@ -8,6 +8,7 @@ use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::PlantConfig;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::rig::{SIGNALS, State};
+use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use damprig_device::control::Name;
 use damprig_device::simulated::{Progress, Simulated};
@@ -347,9 +348,9 @@ fn a_damaged_frame_is_counted_and_changes_nothing() {
 #[test]
 fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let mut host = ready();
-    let limits = Limits { structure_m: 3e-3, base_m: 0.08 };
+    let limits = Limits { structure_m: 3e-3, ..Limits::default() };
     let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
-    assert_eq!(host.ask(Ask::SetSafety(safety)), Ok(Answer::Done));
+    assert_eq!(host.ask(Ask::SetSettings(Settings { safety, ..Settings::default() })), Ok(Answer::Done));
     let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
     assert_eq!(host.ask(Ask::Configure(resonance)), Ok(Answer::Done));
     assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));

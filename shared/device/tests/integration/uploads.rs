@@ -128,7 +128,6 @@ fn playback(bytes: &[u8]) -> Playback {
         scale_m: 1e-7,
         ramp_s: 0.0,
         tail_s: 2.0,
-        drive_limit_m: 0.01,
         // The plant is put back to its 35 mm: what it does there is of no matter here.
         rest_level_m: 0.05,
         index: 3,

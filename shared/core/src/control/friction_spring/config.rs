@@ -39,12 +39,10 @@ pub struct SpringConfig {
     pub touch_span_n: f32,
     /// Force errors up to this are left alone, N; at least the force of one step.
     pub dead_band_n: f32,
-    /// Force that must not be reached, N.
+    /// Force that must not be reached, N; inside the force sensor's usable span.
     pub largest_force_n: f32,
     /// Largest distance of a settled force from the spring's line, N: more is a stall or a slipped block.
     pub follow_tolerance_n: f32,
-    /// Readings beyond ± this are no force but a broken sensor, N.
-    pub sensor_range_n: f32,
     /// Time after a move before the force is believed, s.
     pub settle_s: f32,
     /// Time over which a force is averaged, s.
@@ -72,7 +70,6 @@ impl Default for SpringConfig {
             dead_band_n: 0.02,
             largest_force_n: 15.0,
             follow_tolerance_n: 0.5,
-            sensor_range_n: 50.0,
             settle_s: 0.05,
             average_s: 0.1,
             quiet_m: 0.0,
@@ -80,7 +77,29 @@ impl Default for SpringConfig {
     }
 }
 
+/// What a set-up says of spring, block and structure. Everything else, limits included, is the board's alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringSetUp {
+    /// k_s of the spring, N/m; `None` for the board's.
+    pub stiffness_n_per_m: Option<f32>,
+    /// μ_e between block and structure; `None` for the board's.
+    pub friction_coefficient: Option<f32>,
+    /// k of the structure, N/m.
+    pub structure_stiffness_n_per_m: f32,
+}
+
 impl SpringConfig {
+    /// These settings with the set-up's properties.
+    #[must_use]
+    pub fn for_set_up(&self, set_up: &SpringSetUp) -> Self {
+        Self {
+            stiffness_n_per_m: set_up.stiffness_n_per_m.unwrap_or(self.stiffness_n_per_m),
+            friction_coefficient: set_up.friction_coefficient.unwrap_or(self.friction_coefficient),
+            structure_stiffness_n_per_m: set_up.structure_stiffness_n_per_m,
+            ..*self
+        }
+    }
+
     /// Checks every value, and those that must fit each other.
     ///
     /// # Errors
@@ -101,7 +120,6 @@ impl SpringConfig {
             ("spring.dead_band_n", self.dead_band_n),
             ("spring.largest_force_n", self.largest_force_n),
             ("spring.follow_tolerance_n", self.follow_tolerance_n),
-            ("spring.sensor_range_n", self.sensor_range_n),
             ("spring.settle_s", self.settle_s),
             ("spring.average_s", self.average_s),
         ] {
@@ -145,12 +163,6 @@ impl SpringConfig {
             "spring.follow_tolerance_n",
             self.follow_tolerance_n,
             "above spring.dead_band_n",
-        )?;
-        ask(
-            self.largest_force_n < self.sensor_range_n,
-            "spring.largest_force_n",
-            self.largest_force_n,
-            "below spring.sensor_range_n",
         )?;
         // The touch is seen three ticks late, the ramp then takes v²/2a to stop, and the spring may be twice as stiff.
         let stop_steps = self.search_rate_hz * (self.search_rate_hz / (2.0 * self.acceleration_hz_per_s) + 0.005);
@@ -221,7 +233,6 @@ mod tests {
             (SpringConfig { back_off_m: 0.05, ..good }, "spring.back_off_m"),
             (SpringConfig { dead_band_n: 1e-3, ..good }, "spring.dead_band_n"),
             (SpringConfig { follow_tolerance_n: 0.01, ..good }, "spring.follow_tolerance_n"),
-            (SpringConfig { largest_force_n: 50.0, ..good }, "spring.largest_force_n"),
             (SpringConfig { touch_span_n: 8.0, ..good }, "spring.touch_span_n"),
             (SpringConfig { average_s: 11.0, ..good }, "spring.average_s"),
             (SpringConfig { quiet_m: -1.0, ..good }, "spring.quiet_m"),

@@ -7,6 +7,9 @@
 //! Every target then starts from the line and is corrected by what the force sensor says; a settled force off the line
 //! is a fault, because a motor without an encoder has no other way to notice lost steps.
 //!
+//! A force whose sensor is at a rail is not judged, and the motor brakes to a standstill meanwhile. The emergency stop switches
+//! the motor off in its tick; the position is then unknown, so the spring has to be homed again.
+//!
 //! Plain functions of one tick: [`Inputs`] in, [`Drive`] out. [`config`] holds the constants, [`ramp`] the motor's
 //! motion, [`words`] what goes in and out. Pulses and pins are the board's; the rig's other interlocks are in
 //! [`super::limits`]. Backlash has no model: the spring keeps the nut on one flank.
@@ -18,9 +21,10 @@ pub mod ramp;
 mod touch_off;
 pub mod words;
 
+use crate::control::safety::rails::Verdict;
 use crate::model::{Invalid, not_negative, require};
-pub use config::SpringConfig;
 use config::nearest;
+pub use config::{SpringConfig, SpringSetUp};
 use ramp::{Ramp, RampLimits};
 use touch_off::TouchOff;
 pub use words::{
@@ -88,6 +92,8 @@ pub struct FrictionSpring {
     homed: bool,
     /// Force reading without contact, N.
     bias_n: f32,
+    /// Lowest force reading of the present homing, N.
+    lowest_n: f32,
     touch: Option<Touch>,
     target: Option<Target>,
     on_target: bool,
@@ -138,6 +144,7 @@ impl FrictionSpring {
             task: Task::Stand,
             homed: false,
             bias_n: 0.0,
+            lowest_n: f32::INFINITY,
             touch: None,
             target: None,
             on_target: false,
@@ -150,6 +157,13 @@ impl FrictionSpring {
             quiet_ticks: 0,
             fault: None,
         }
+    }
+
+    /// The set-up is no longer the experiment's: its properties are the board's again. Position, task and zero reading stay.
+    pub fn end_set_up(&mut self, board: &SpringConfig) {
+        let SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, .. } = *board;
+        self.config =
+            SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, ..self.config };
     }
 
     /// The constants.
@@ -242,6 +256,7 @@ impl FrictionSpring {
                 self.touch = None;
                 self.stand();
                 self.ramp.declare(0);
+                self.lowest_n = f32::INFINITY;
                 self.task = Task::SeekSwitch;
             }
             (_, Stage::Unhomed) => return refuse("home the spring first"),
@@ -330,12 +345,28 @@ impl FrictionSpring {
         self.target_force_n = 0.0;
     }
 
+    /// Switches the motor off at once. Where it stands is then unknown.
+    fn de_energise(&mut self) {
+        self.stand();
+        self.ramp.halt();
+        self.homed = false;
+        self.touch = None;
+        self.waiting = false;
+    }
+
     /// One tick. At most one happening results.
     pub fn tick(&mut self, inputs: &Inputs) -> (Drive, Option<Happening>) {
+        if inputs.emergency_stop {
+            self.de_energise();
+            return (Drive::default(), None);
+        }
         let force_n = inputs.force_n - self.bias_n;
         let found = if self.fault.is_none() { self.watch(inputs, force_n) } else { None };
         let (steps, happening) = match found {
             Some(fault) => (0, Some(self.trip(fault))),
+            None if inputs.force_sensor == Verdict::AtRail && self.fault.is_none() => {
+                (self.ramp.tick(&self.paces.fast, None), None)
+            }
             None => self.work(inputs, force_n),
         };
         // A screw of this pitch holds itself: the motor need not be on where the position is unknown or done with.
@@ -352,11 +383,29 @@ impl FrictionSpring {
         if self.task == Task::Stand && !self.homed {
             return None;
         }
-        if inputs.force_n.is_nan() || libm::fabsf(inputs.force_n) > self.config.sensor_range_n {
-            return fault(Cause::SensorLost, inputs.force_n, self.config.sensor_range_n);
+        match inputs.force_sensor {
+            Verdict::Reads if inputs.force_n.is_nan() => return fault(Cause::SensorLost, inputs.force_n, 0.0),
+            Verdict::Reads => {}
+            // What it reads is no force: wait for what it comes to.
+            Verdict::AtRail => return None,
+            Verdict::Lost { reading, edge } => return fault(Cause::SensorLost, reading, edge),
         }
         if force_n >= self.config.largest_force_n {
             return fault(Cause::ForceAboveLargest, force_n, self.config.largest_force_n);
+        }
+        let tolerance_n = self.config.follow_tolerance_n;
+        if self.task == Task::SeekSwitch {
+            self.lowest_n = self.lowest_n.min(inputs.force_n);
+            if inputs.force_n - self.lowest_n > tolerance_n {
+                return fault(Cause::WrongDirection, inputs.force_n - self.lowest_n, tolerance_n);
+            }
+        }
+        let has_bias = match &self.task {
+            Task::TouchOff(touch_off) => touch_off.has_bias(),
+            _ => self.touch.is_some(),
+        };
+        if has_bias && force_n < -tolerance_n {
+            return fault(Cause::WrongSign, force_n, -tolerance_n);
         }
         let homing = matches!(self.task, Task::SeekSwitch | Task::LeaveSwitch | Task::BackOff);
         if inputs.at_switch && self.homed && !homing {
@@ -371,10 +420,7 @@ impl FrictionSpring {
         self.touch = None;
         match fault.cause.safe_path() {
             SafePath::Release if self.homed => self.task = Task::Release,
-            _ => {
-                self.ramp.halt();
-                self.homed = false;
-            }
+            _ => self.de_energise(),
         }
         Happening::Fault(fault)
     }

@@ -37,6 +37,11 @@ impl TouchOff {
     pub(super) fn new() -> Self {
         Self { phase: Phase::Retreat, points: [(0.0, 0.0); POINTS], taken: 0, from: 0 }
     }
+
+    /// The reading without contact is known.
+    pub(super) fn has_bias(&self) -> bool {
+        !matches!(self.phase, Phase::Retreat | Phase::Bias(_))
+    }
 }
 
 impl FrictionSpring {

@@ -1,5 +1,6 @@
 //! What goes into the friction-damper spring's controller and what comes out of it.
 
+use crate::control::safety::rails::Verdict;
 use crate::model::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -9,12 +10,16 @@ use serde::{Deserialize, Serialize};
 pub struct Inputs {
     /// Spring force as read, compression positive, N: the mean of the tick's block.
     pub force_n: f32,
+    /// What the force sensor is worth in this tick.
+    pub force_sensor: Verdict,
     /// The limit switch is closed.
     pub at_switch: bool,
     /// max |x| of the structure over the block, m.
     pub x_peak_m: f32,
     /// Measured base amplitude Z, m; `None` while there is none.
     pub base_amplitude_m: Option<f32>,
+    /// The emergency stop is pressed: the motor is switched off, whatever it is doing.
+    pub emergency_stop: bool,
 }
 
 /// One tick's motor demand.
@@ -141,8 +146,12 @@ pub enum Cause {
     ForceDoesNotFollow,
     /// The force reached its limit (N).
     ForceAboveLargest,
-    /// The force reading is not a number or out of the sensor's range (N).
+    /// The force sensor is at a rail of its converter, or gives no number (N).
     SensorLost,
+    /// The force rises while the seat moves away from the structure (N).
+    WrongDirection,
+    /// The force falls below the reading without contact: nothing pulls on the block (N).
+    WrongSign,
 }
 
 /// What is done about a fault.
@@ -159,10 +168,14 @@ impl Cause {
     #[must_use]
     pub fn safe_path(self) -> SafePath {
         match self {
-            Self::NoTouch | Self::SpringImplausible | Self::ForceAboveLargest | Self::SensorLost => SafePath::Release,
-            Self::SwitchNotFound | Self::SwitchStuck | Self::LimitReached | Self::ForceDoesNotFollow => {
-                SafePath::SwitchOff
+            Self::NoTouch | Self::SpringImplausible | Self::ForceAboveLargest | Self::SensorLost | Self::WrongSign => {
+                SafePath::Release
             }
+            Self::SwitchNotFound
+            | Self::SwitchStuck
+            | Self::LimitReached
+            | Self::ForceDoesNotFollow
+            | Self::WrongDirection => SafePath::SwitchOff,
         }
     }
 
@@ -179,7 +192,11 @@ impl Cause {
             }
             Self::ForceDoesNotFollow => "the force does not follow the position: lost steps or a stall; home again",
             Self::ForceAboveLargest => "the force reached its limit",
-            Self::SensorLost => "the force sensor gives no valid reading: check its cable",
+            Self::SensorLost => "the spring force sensor reads an end of its span: check its cable and supply",
+            Self::WrongDirection => {
+                "the force rises while the block moves away: check the motor's direction and the force sensor's sign"
+            }
+            Self::WrongSign => "the force falls while the block presses: check the sign of the force sensor",
         }
     }
 }

@@ -5,19 +5,33 @@
 //! *safe* only when |x| has stayed below a stated level: a structure of ζ = 0.0038 rings for half a minute, and a shaker
 //! that starts under a ringing structure is no defined start. Only then can the cause be cleared.
 //!
+//! The board's settings are the base of every limit. While an experiment runs, its [`ExperimentLimits`] may tighten some
+//! of them ([`Safety::tighten`]); they end with the experiment, or with the clearing of the fault that ended it. Whether a
+//! tripped rig is safe again is judged by the board's limits alone: a limit of an experiment, set too tight, must not keep
+//! the rig from being cleared.
+//!
+//! While an experiment runs every sensor is watched: one that is lost ([`rails`]), frozen or has drifted ends the drive, and the
+//! cause names it. While the rig is idle a lost sensor is told in the status and latches nothing. A displacement whose sensor
+//! is at a rail is not judged: what it reads is no displacement. The friction damper's spring watches its own force.
+//!
 //! The displacement limits themselves are [`super::limits`]'. A stuck processor is the watchdog's, and a broken board the
 //! hardware's: the relay is off without either.
 
 pub mod envelope;
+pub mod rails;
+mod tighten;
 pub mod watch;
 
 use super::friction_spring::Cause as SpringCause;
 use super::limits::Limits;
 use crate::model::{Invalid, not_negative, positive, require};
+use crate::rig::channels::{Rail, SENSORS, Sensor, SensorSet};
 use crate::rig::{Readings, TICK_HZ};
 use envelope::Envelope;
 use postcard_schema::Schema;
+use rails::{RailWatch, SensorHealth, Verdict};
 use serde::{Deserialize, Serialize};
+pub use tighten::{ExperimentLimits, LimitsRejected, Looser};
 use watch::{Defect, Watch};
 
 /// How long |x| must stay below the restart level, s: longer than a half-cycle from 1 Hz up.
@@ -26,6 +40,9 @@ const CALM_S: f32 = 0.5;
 /// Time over which the drive fades, s.
 const FADE_S: f32 = 0.2;
 
+/// A drive of this many steps of the displacement sensors moves their readings.
+const RESOLVED_STEPS: f32 = 5.0;
+
 /// What the interlocks know.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SafetyConfig {
@@ -33,15 +50,15 @@ pub struct SafetyConfig {
     pub limits: Limits,
     /// Half-cycles ahead for which the structure's amplitude is foreseen; 0 to 20, 0 for none.
     pub half_cycles_ahead: f32,
-    /// Displacement sensors' range, m: readings at or beyond ± this are no displacement.
-    pub sensor_range_m: f32,
-    /// Time of identical samples, while driven, that makes a sensor frozen, s; 0 never.
+    /// Smallest displacement that both sensors resolve, m: a drive of less than five times this shows no frozen sensor.
+    pub resolution_m: f32,
+    /// Time of identical samples, while driven, that makes a sensor frozen, s; at least half a period of the drive; 0 never.
     pub frozen_s: f32,
     /// Force on a wall that must not be reached, N.
     pub wall_force_n: f32,
-    /// Time for which the drive may be saturated, s.
+    /// Time for which the drive may be saturated, s; 0: saturation is reported with the result and ends no drive.
     pub saturated_s: f32,
-    /// Time without a word from the host after which the drive ends, s; 0 for any.
+    /// Time without a message from the host after which the drive ends, s; 0 for no limit.
     pub host_silent_s: f32,
     /// |x| below which a restart is allowed, m.
     pub restart_m: f32,
@@ -50,16 +67,16 @@ pub struct SafetyConfig {
 }
 
 impl Default for SafetyConfig {
-    /// The lasers' ±80 mm; an assumed wall sensor of 460 N.
+    /// Inside the usable spans of the lasers (±78.4 mm, 10 µm resolution assumed) and of an assumed wall sensor (455 N).
     fn default() -> Self {
         Self {
             limits: Limits::default(),
             half_cycles_ahead: 6.0,
-            sensor_range_m: 0.085,
+            resolution_m: 1e-5,
             frozen_s: 0.5,
             wall_force_n: 450.0,
-            saturated_s: 0.5,
-            host_silent_s: 0.0,
+            saturated_s: 0.0,
+            host_silent_s: 10.0,
             restart_m: 1e-3,
             brake_n: 0.0,
         }
@@ -73,16 +90,13 @@ impl SafetyConfig {
     /// Names the first parameter out of range.
     pub fn validate(&self) -> Result<(), Invalid> {
         self.limits.validate()?;
-        for (name, value) in [
-            ("safety.sensor_range_m", self.sensor_range_m),
-            ("safety.wall_force_n", self.wall_force_n),
-            ("safety.saturated_s", self.saturated_s),
-            ("safety.restart_m", self.restart_m),
-        ] {
+        for (name, value) in [("safety.wall_force_n", self.wall_force_n), ("safety.restart_m", self.restart_m)] {
             positive(name, f64::from(value))?;
         }
         for (name, value) in [
+            ("safety.resolution_m", self.resolution_m),
             ("safety.frozen_s", self.frozen_s),
+            ("safety.saturated_s", self.saturated_s),
             ("safety.host_silent_s", self.host_silent_s),
             ("safety.brake_n", self.brake_n),
             ("safety.half_cycles_ahead", self.half_cycles_ahead),
@@ -100,12 +114,14 @@ impl SafetyConfig {
 pub enum Danger {
     /// The emergency stop is pressed.
     EmergencyStop,
-    /// A displacement sample is not a number.
-    SensorInvalid,
-    /// A displacement sensor reads a rail (m).
-    SensorOutOfRange,
-    /// A displacement sensor gives the same number for ever (s).
-    SensorFrozen,
+    /// A sample of this sensor is not a number.
+    SensorInvalid(Sensor),
+    /// This sensor is at a rail of its converter (m or N).
+    SensorAtRail(Sensor),
+    /// This sensor does not change (s).
+    SensorFrozen(Sensor),
+    /// This sensor's zero is off its calibration by more than may be followed (N).
+    SensorDrifted(Sensor),
     /// |z| reached its limit (m).
     BaseDisplacement,
     /// |x| reached its limit (m).
@@ -122,10 +138,27 @@ pub enum Danger {
     RestTimeout,
     /// The closed loop of the base amplitude swung up (m).
     BaseRunaway,
+    /// z is far below the demanded amplitude though the base is driven (m).
+    BaseStill,
+    /// z is far above the demanded amplitude (m).
+    BaseOverdriven,
     /// The friction damper's spring faulted while the rig was driven.
     Spring(SpringCause),
     /// Nobody released the structure for a free vibration in the time given (m).
     ReleaseTimeout,
+}
+
+/// A text that names the sensor.
+macro_rules! naming {
+    ($sensor:expr, $before:literal, $after:literal) => {
+        match $sensor {
+            Sensor::X => concat!($before, "the x sensor", $after),
+            Sensor::Z => concat!($before, "the z sensor", $after),
+            Sensor::SpringForce => concat!($before, "the spring force sensor", $after),
+            Sensor::WallLow => concat!($before, "the force sensor of the wall at −d", $after),
+            Sensor::WallHigh => concat!($before, "the force sensor of the wall at +d", $after),
+        }
+    };
 }
 
 impl Danger {
@@ -134,9 +167,16 @@ impl Danger {
     pub fn text(self) -> &'static str {
         match self {
             Self::EmergencyStop => "the emergency stop is pressed",
-            Self::SensorInvalid => "a displacement sensor gave no number",
-            Self::SensorOutOfRange => "a displacement sensor reads its rail: check its cable and distance",
-            Self::SensorFrozen => "a displacement sensor does not change while the rig is driven: check its supply",
+            Self::SensorInvalid(sensor) => naming!(sensor, "a block of samples was lost, ", " gives no number"),
+            Self::SensorAtRail(sensor) => {
+                naming!(sensor, "", " reads an end of its span: check its cable, supply and distance")
+            }
+            Self::SensorFrozen(sensor) => {
+                naming!(sensor, "", " does not change while the rig is driven: check its supply")
+            }
+            Self::SensorDrifted(sensor) => {
+                naming!(sensor, "the zero of ", " has drifted beyond impacts.offset_limit_n: check its amplifier")
+            }
             Self::BaseDisplacement => "the base reached its displacement limit",
             Self::StructureDisplacement => "the structure reached its displacement limit",
             Self::StructureForeseen => "the structure's growing vibration would have passed its limit",
@@ -147,6 +187,12 @@ impl Danger {
             Self::BaseRunaway => {
                 "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
             }
+            Self::BaseStill => {
+                "the base hardly moves though it is driven: check the amplifier, the relay and the z sensor"
+            }
+            Self::BaseOverdriven => {
+                "the base moves much further than it was asked to: check the calibration of drive and z, and the gain"
+            }
             Self::Spring(cause) => cause.text(),
             Self::ReleaseTimeout => "the structure was not held beyond the level and released in time",
         }
@@ -155,7 +201,7 @@ impl Danger {
     /// The drive stops within the tick: a fade would go on with what is already wrong.
     #[must_use]
     pub fn cuts_at_once(self) -> bool {
-        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway)
+        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway | Self::BaseOverdriven)
     }
 }
 
@@ -190,8 +236,18 @@ pub struct Signs {
     pub driving: bool,
     /// It is strong enough to see both displacements move.
     pub swinging: bool,
+    /// Largest |demanded base displacement| since the start, m.
+    pub drive_m: f32,
+    /// Its frequency, Hz; 0 where it has none.
+    pub frequency_hz: f32,
+    /// An experiment runs: every sensor is needed.
+    pub running: bool,
     /// Largest force on either wall, N.
     pub wall_force_n: f32,
+    /// What of the walls' blocks is at a rail.
+    pub wall_rails: [Rail; 2],
+    /// A wall sensor's zero, as far as it is off its calibration by more than may be followed, and what may be, N.
+    pub wall_drift: [Option<(f32, f32)>; 2],
     /// The drive is at its limit.
     pub saturated: bool,
     /// The emergency stop is pressed.
@@ -207,7 +263,7 @@ pub struct Allowed {
     pub drive: f32,
     /// The drive's relay may be closed.
     pub relay: bool,
-    /// The friction damper should press with this, N.
+    /// The friction damper has to press with this, N; in every tick until the fault is cleared.
     pub brake_n: Option<f32>,
 }
 
@@ -223,8 +279,12 @@ pub struct NotSafe {
 /// The interlocks' state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Safety {
+    /// The board's settings.
+    board: SafetyConfig,
+    /// With the limits of the experiment in progress.
     config: SafetyConfig,
     longest: Longest,
+    rails: RailWatch,
     x: Watch,
     z: Watch,
     envelope: Envelope,
@@ -242,6 +302,22 @@ struct Longest {
     frozen: u32,
     saturated: u32,
     silent: u32,
+}
+
+impl Longest {
+    fn of(config: &SafetyConfig) -> Self {
+        Self {
+            frozen: ticks(config.frozen_s),
+            saturated: ticks(config.saturated_s),
+            silent: ticks(config.host_silent_s),
+        }
+    }
+
+    /// At least half a period of the drive: a sine may stand still at its turning points. 0 for never.
+    fn frozen(&self, frequency_hz: f32) -> u32 {
+        let half = if frequency_hz > 0.0 { ticks(0.5 / frequency_hz) } else { 0 };
+        if self.frozen == 0 { 0 } else { self.frozen.max(half) }
+    }
 }
 
 fn ticks(seconds: f32) -> u32 {
@@ -267,14 +343,11 @@ impl Safety {
     }
 
     fn of(config: SafetyConfig) -> Self {
-        let longest = Longest {
-            frozen: ticks(config.frozen_s),
-            saturated: ticks(config.saturated_s),
-            silent: ticks(config.host_silent_s),
-        };
         Self {
+            board: config,
             config,
-            longest,
+            longest: Longest::of(&config),
+            rails: RailWatch::default(),
             x: Watch::default(),
             z: Watch::default(),
             envelope: Envelope::default(),
@@ -299,7 +372,7 @@ impl Safety {
         self.stage
     }
 
-    /// Forgets the cause.
+    /// Forgets the cause; the board's limits are in force again.
     ///
     /// # Errors
     /// The rig is not safe yet.
@@ -309,23 +382,50 @@ impl Safety {
             SafeStage::Fading => "wait until the drive is silent",
             SafeStage::Ringing => "wait for rest; release the emergency stop",
             SafeStage::Safe => {
-                *self = Self { x: self.x, z: self.z, ..Self::of(self.config) };
+                *self = Self { rails: self.rails, x: self.x, z: self.z, ..Self::of(self.board) };
                 return Ok(());
             }
         };
         Err(NotSafe { stage: self.stage, advice })
     }
 
+    /// The sensors' health.
+    #[must_use]
+    pub fn sensors(&self) -> SensorHealth {
+        self.rails.health()
+    }
+
+    /// What a sensor is worth in this tick.
+    #[must_use]
+    pub fn verdict(&self, sensor: Sensor) -> Verdict {
+        self.rails.verdict(sensor)
+    }
+
+    /// Sensors with a sample at a rail in this tick.
+    #[must_use]
+    pub fn clipped_now(&self) -> SensorSet {
+        self.rails.clipped_now()
+    }
+
+    /// An experiment starts.
+    pub fn restart(&mut self) {
+        self.rails.restart();
+    }
+
     /// One tick. Returns what is allowed, and the cause in the tick in which it is latched.
     pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Trip>) {
+        let [low, high] = signs.wall_rails;
+        let rails: [Rail; SENSORS] = [readings.x.rail, readings.z.rail, readings.spring_rail, low, high];
+        self.rails.push(&rails);
         let found = self.look(readings, signs);
         let latched = found.filter(|trip| self.latch(*trip));
         if self.trip.is_some() {
             self.go_on(readings, signs, found);
         }
         let running = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
-        let braking = self.trip.is_some() && self.config.brake_n > 0.0;
-        let brake_n = braking.then_some(self.config.brake_n);
+        // An emergency stop switches the motor off: nothing may press.
+        let brakes = self.trip.is_some_and(|trip| trip.danger != Danger::EmergencyStop) && !signs.emergency_stop;
+        let brake_n = (brakes && self.config.brake_n > 0.0).then_some(self.config.brake_n);
         (Allowed { drive: if running { self.fade } else { 0.0 }, relay: running, brake_n }, latched)
     }
 
@@ -339,12 +439,32 @@ impl Safety {
         first
     }
 
-    /// Goes on under other constants; what is latched stays latched.
+    /// Goes on under other settings of the board; what is latched stays latched.
     pub fn adopt(&mut self, other: &Self) {
-        (self.config, self.longest) = (other.config, other.longest);
+        self.board = other.board;
+        self.act_under(other.board);
     }
 
-    /// The constants.
+    /// Puts the limits of an experiment in force, on top of the board's.
+    ///
+    /// # Errors
+    /// As [`SafetyConfig::tightened`]; nothing changes then.
+    pub fn tighten(&mut self, limits: &ExperimentLimits) -> Result<(), LimitsRejected> {
+        let tightened = self.board.tightened(limits)?;
+        self.act_under(tightened);
+        Ok(())
+    }
+
+    /// The experiment is over: the board's limits are in force again.
+    pub fn end_experiment(&mut self) {
+        self.act_under(self.board);
+    }
+
+    fn act_under(&mut self, config: SafetyConfig) {
+        (self.config, self.longest) = (config, Longest::of(&config));
+    }
+
+    /// The settings in force.
     #[must_use]
     pub fn config(&self) -> &SafetyConfig {
         &self.config
@@ -352,33 +472,48 @@ impl Safety {
 
     /// The first danger of this tick.
     fn look(&mut self, readings: &Readings, signs: &Signs) -> Option<Trip> {
-        let config = &self.config;
+        let is_driven = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
+        let config = if is_driven { &self.config } else { &self.board };
         let trip = |danger, value, limit| Some(Trip { danger, value, limit });
-        if !signs.swinging {
-            // What is not driven may stand.
+        if !signs.swinging || signs.drive_m < RESOLVED_STEPS * config.resolution_m {
+            // What is not driven, or by less than can be seen, may stand.
             self.x.forgive();
             self.z.forgive();
         }
-        let Longest { frozen, saturated, silent } = self.longest;
-        let defect = [
-            (self.x.push(&readings.x, config.sensor_range_m, frozen), readings.x.peak_m),
-            (self.z.push(&readings.z, config.sensor_range_m, frozen), readings.z.peak_m),
-        ];
-        let foreseen = self.envelope.push(readings.x.mean_m, config.half_cycles_ahead);
+        let Longest { saturated, silent, .. } = self.longest;
+        let frozen = self.longest.frozen(signs.frequency_hz);
+        let defects = [(Sensor::X, self.x.push(&readings.x, frozen)), (Sensor::Z, self.z.push(&readings.z, frozen))];
+        // What is at a rail is no displacement to foresee from.
+        let foreseen = match readings.x.rail {
+            Rail::Clear => self.envelope.push(readings.x.mean_m, config.half_cycles_ahead),
+            Rail::Some | Rail::All { .. } => 0.0,
+        };
         self.saturated_ticks = if signs.saturated { self.saturated_ticks.saturating_add(1) } else { 0 };
         self.silent_ticks = if signs.host_heard { 0 } else { self.silent_ticks.saturating_add(1) };
         if signs.emergency_stop {
             return trip(Danger::EmergencyStop, 0.0, 0.0);
         }
-        for (defect, value) in defect {
+        if signs.running
+            && let Some((sensor, reading, edge)) = self.rails.first_lost()
+        {
+            return trip(Danger::SensorAtRail(sensor), reading, edge);
+        }
+        for (sensor, defect) in defects {
             match defect {
                 None => {}
-                Some(Defect::NotANumber) => return trip(Danger::SensorInvalid, 0.0, 0.0),
-                Some(Defect::OutOfRange) => return trip(Danger::SensorOutOfRange, value, config.sensor_range_m),
-                Some(Defect::Frozen) => return trip(Danger::SensorFrozen, config.frozen_s, config.frozen_s),
+                Some(Defect::NotANumber) => return trip(Danger::SensorInvalid(sensor), 0.0, 0.0),
+                Some(Defect::Frozen) => {
+                    let frozen_s = frozen as f32 / TICK_HZ;
+                    return trip(Danger::SensorFrozen(sensor), frozen_s, frozen_s);
+                }
             }
         }
-        let (x, z, limits) = (readings.x.peak_m, readings.z.peak_m, &config.limits);
+        for (sensor, drift) in [Sensor::WallLow, Sensor::WallHigh].into_iter().zip(signs.wall_drift) {
+            if let Some((value, limit)) = drift.filter(|_| signs.running) {
+                return trip(Danger::SensorDrifted(sensor), value, limit);
+            }
+        }
+        let (x, z, limits) = (readings.x.inside_peak_m, readings.z.inside_peak_m, &config.limits);
         if z >= limits.base_m {
             return trip(Danger::BaseDisplacement, z, limits.base_m);
         }
@@ -391,7 +526,7 @@ impl Safety {
         if signs.wall_force_n >= config.wall_force_n || signs.wall_force_n.is_nan() {
             return trip(Danger::WallForce, signs.wall_force_n, config.wall_force_n);
         }
-        if signs.driving && self.saturated_ticks > saturated {
+        if signs.driving && config.saturated_s > 0.0 && self.saturated_ticks > saturated {
             return trip(Danger::DriveSaturated, config.saturated_s, config.saturated_s);
         }
         if signs.driving && config.host_silent_s > 0.0 && self.silent_ticks > silent {
@@ -412,7 +547,8 @@ impl Safety {
         }
         let x = readings.x.peak_m;
         // A sensor that cannot be believed says nothing about rest.
-        let calm = x < self.config.restart_m && found.is_none() && !signs.emergency_stop;
+        let believed = found.is_none() && readings.x.rail == Rail::Clear;
+        let calm = x < self.config.restart_m && believed && !signs.emergency_stop;
         self.calm_ticks = if calm { self.calm_ticks.saturating_add(1) } else { 0 };
         if self.stage != SafeStage::Fading {
             self.stage = if self.calm_ticks >= ticks(CALM_S) { SafeStage::Safe } else { SafeStage::Ringing };

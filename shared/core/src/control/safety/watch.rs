@@ -1,4 +1,4 @@
-//! Whether a sensor can be believed: numbers, within its range, and not the same number for ever.
+//! Whether a sensor's samples are numbers, and not the same number for ever. Whether it is at a rail is [`super::rails`]'.
 
 use crate::rig::Reading;
 
@@ -7,8 +7,6 @@ use crate::rig::Reading;
 pub enum Defect {
     /// A sample is not a number.
     NotANumber,
-    /// A sample is at or beyond the range: a broken cable reads a rail.
-    OutOfRange,
     /// Every sample has been the same for longer than a moving thing can stand.
     Frozen,
 }
@@ -22,7 +20,7 @@ pub struct Watch {
 
 impl Watch {
     /// Takes one tick's reading. `frozen_ticks` of identical samples make a frozen sensor; 0 never.
-    pub fn push(&mut self, reading: &Reading, range: f32, frozen_ticks: u32) -> Option<Defect> {
+    pub fn push(&mut self, reading: &Reading, frozen_ticks: u32) -> Option<Defect> {
         if reading.peak_m.is_nan() {
             return Some(Defect::NotANumber);
         }
@@ -30,9 +28,6 @@ impl Watch {
         self.same_ticks = if same { self.same_ticks.saturating_add(1) } else { 0 };
         if let Some(at) = reading.still_at {
             self.last = at;
-        }
-        if reading.peak_m >= range {
-            return Some(Defect::OutOfRange);
         }
         (frozen_ticks > 0 && self.same_ticks >= frozen_ticks).then_some(Defect::Frozen)
     }
@@ -60,28 +55,26 @@ mod tests {
     fn a_stale_reading_is_frozen_and_then_recovers() {
         let mut watch = Watch::default();
         let still = Reading::of(&STILL);
-        assert_eq!(watch.push(&ending(0.1), 1.0, 3), None);
-        assert_eq!(watch.push(&still, 1.0, 3), None, "the first block of it");
-        assert_eq!(watch.push(&still, 1.0, 3), None);
-        assert_eq!(watch.push(&still, 1.0, 3), None);
-        assert_eq!(watch.push(&still, 1.0, 3), Some(Defect::Frozen));
-        assert_eq!(watch.push(&ending(0.3), 1.0, 3), None);
+        assert_eq!(watch.push(&ending(0.1), 3), None);
+        assert_eq!(watch.push(&still, 3), None, "the first block of it");
+        assert_eq!(watch.push(&still, 3), None);
+        assert_eq!(watch.push(&still, 3), None);
+        assert_eq!(watch.push(&still, 3), Some(Defect::Frozen));
+        assert_eq!(watch.push(&ending(0.3), 3), None);
     }
 
     #[test]
     fn steps_between_still_blocks_are_movement() {
         let mut watch = Watch::default();
         for n in 0..100u8 {
-            assert_eq!(watch.push(&Reading::of(&[f32::from(n % 2) * 0.1; 10]), 1.0, 2), None);
+            assert_eq!(watch.push(&Reading::of(&[f32::from(n % 2) * 0.1; 10]), 2), None);
         }
     }
 
     #[test]
-    fn rails_and_no_numbers_are_told_apart() {
+    fn what_is_no_number_is_a_defect_at_once() {
         let mut watch = Watch::default();
-        assert_eq!(watch.push(&ending(-1.0), 1.0, 0), Some(Defect::OutOfRange));
-        assert_eq!(watch.push(&ending(f32::INFINITY), 1.0, 0), Some(Defect::OutOfRange));
-        assert_eq!(watch.push(&ending(f32::NAN), 1.0, 0), Some(Defect::NotANumber));
-        assert_eq!(watch.push(&ending(0.1), 1.0, 0), None);
+        assert_eq!(watch.push(&ending(f32::NAN), 0), Some(Defect::NotANumber));
+        assert_eq!(watch.push(&ending(0.1), 0), None);
     }
 }

@@ -1,13 +1,16 @@
 //! Carries a checked stepped sine out, a tick at a time.
 
 use super::{Drive, FADE_S, Plan, Start};
+use crate::control::base_follow::BaseFollow;
 use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
+use crate::control::drive::DriveRange;
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
 use crate::measure::point::{Place, PointMeter};
 use crate::rig::TICK_HZ;
+use crate::rig::channels::{Rail, SensorSet};
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
@@ -29,8 +32,16 @@ pub struct Runner {
     gain: f32,
     fall: f32,
     driving: bool,
+    /// What can be delivered.
+    range: DriveRange,
     /// Used by [`Drive::ClosedLoop`] alone.
     base: BaseLoop,
+    follow: BaseFollow,
+    /// The drive was at its limit: in the last tick, and since the dwell began.
+    saturated: bool,
+    was_saturated: bool,
+    /// Sensors that were clipped since the dwell began.
+    clipped: SensorSet,
     meter: PointMeter,
     cycles: u32,
     cycle_ended: bool,
@@ -40,9 +51,9 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// At the beginning of the first point.
+    /// At the beginning of the first point; `drive` is what can be delivered.
     #[must_use]
-    pub fn new(plan: &Plan) -> Self {
+    pub fn new(plan: &Plan, drive: &DriveRange) -> Self {
         let mut runner = Self {
             index: 0,
             stage: Stage::Rest,
@@ -55,7 +66,12 @@ impl Runner {
             gain: 0.0,
             fall: FADE_PER_TICK,
             driving: false,
+            range: *drive,
             base: BaseLoop::default(),
+            follow: BaseFollow::default(),
+            saturated: false,
+            was_saturated: false,
+            clipped: SensorSet::default(),
             meter: PointMeter::default(),
             cycles: 0,
             cycle_ended: false,
@@ -103,10 +119,10 @@ impl Runner {
         self.driving
     }
 
-    /// The closed loop was at its limit in the last tick.
+    /// The drive was at its limit in the last tick.
     #[must_use]
     pub fn is_saturated(&self) -> bool {
-        self.base.is_saturated()
+        self.saturated
     }
 
     /// The point's place in the whole experiment.
@@ -186,7 +202,7 @@ impl Runner {
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
         self.meter = PointMeter::new(self.cycles);
-        self.base.take_was_saturated();
+        (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
 
     /// The drive for this tick, m, without measuring: for the fade after a stop.
@@ -196,19 +212,29 @@ impl Runner {
         drive
     }
 
-    /// The drive at the present phase, m, and a fault of the closed loop. Fades while the drive is released: then, and
-    /// without readings, the loop is open.
+    /// The drive at the present phase, m, within what can be delivered, and a fault of the base. Fades while the drive is
+    /// released: then, and without readings of z, the loop is open.
     fn drive_m(&mut self, plan: &Plan, now: Option<&Now>) -> (f32, Option<Fault>) {
         let step = if self.driving { plan.rise } else { -self.fall };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
+        let wave = self.phase.sin_cos();
+        let (demand, fault) = self.demand_m(plan, now.filter(|_| self.driving), wave);
+        let (drive, is_cut) = self.range.limit(demand);
+        self.saturated |= is_cut;
+        self.was_saturated |= self.saturated;
+        (drive, fault.or_else(|| self.follow(plan, now?, drive, wave)))
+    }
+
+    /// The demand, m, and a fault of the closed loop.
+    fn demand_m(&mut self, plan: &Plan, now: Option<&Now>, wave: (f32, f32)) -> (f32, Option<Fault>) {
         // Without a corner at either end.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
-        let wave = self.phase.sin_cos();
         let wave_then = self.waves[0];
         self.waves.rotate_left(1);
         self.waves[DELAY_TICKS as usize - 1] = wave;
+        self.saturated = false;
         let amplitude = plan.sine.amplitude_m;
-        let (Drive::ClosedLoop(_), Some(now), true) = (&plan.sine.drive, now, self.driving) else {
+        let (Drive::ClosedLoop(_), Some(now)) = (&plan.sine.drive, now) else {
             let full = match plan.sine.drive {
                 Drive::Constant => amplitude * wave.0,
                 Drive::ClosedLoop(_) => self.base.open(wave),
@@ -216,7 +242,12 @@ impl Runner {
             return (ramp * full, None);
         };
         let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
+        if now.readings.z.rail != Rail::Clear {
+            // What z reads is no displacement: the drive goes on as it was.
+            return (self.base.open(wave), None);
+        }
         let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, wave_then, wave);
+        self.saturated = self.base.is_saturated();
         if then.0.checked_add(self.increment).is_none() {
             self.base.end_cycle(amplitude);
             if let Some(value) = self.base.runaway(amplitude) {
@@ -225,6 +256,20 @@ impl Runner {
             }
         }
         (drive, None)
+    }
+
+    /// Whether the base does at all what is asked of it.
+    fn follow(&mut self, plan: &Plan, now: &Now, drive: f32, wave: (f32, f32)) -> Option<Fault> {
+        let z = &now.readings.z;
+        self.follow.push(z.mean_m, drive, wave);
+        if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear {
+            self.follow.disturb();
+        }
+        if self.phase.0.checked_add(self.increment).is_some() {
+            return None;
+        }
+        let (cause, value, limit) = self.follow.end_cycle(plan.sine.amplitude_m)?;
+        Some(Fault { cause, tick: now.tick, value, limit })
     }
 
     /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
@@ -242,6 +287,7 @@ impl Runner {
         let measuring = self.stage == Stage::Dwell && self.index < plan.sine.frequencies_hz.len();
         if measuring {
             self.meter.push(now.readings, drive, self.phase.sin_cos());
+            self.clipped.extend(now.clipped);
         }
         self.cycle_ended = self.phase.advance(self.increment);
         if self.cycle_ended && measuring {
@@ -287,7 +333,8 @@ impl Runner {
             frequency_hz: self.frequency_hz,
             start_tick: self.start_tick,
             end_tick: now.tick + 1,
-            drive_saturated: self.base.take_was_saturated(),
+            drive_saturated: self.was_saturated,
+            clipped: self.clipped,
             impacts: now.impacts.wrapping_sub(self.impacts_before),
         };
         let result = self.meter.result(&place, &plan.sine.steady);
@@ -309,6 +356,7 @@ mod tests {
     use crate::control::stepped_sine::SteppedSine;
     use crate::measure::point::SteadyLimits;
     use crate::rig::Readings;
+    use crate::rig::calibration::DriveScale;
 
     #[test]
     fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {
@@ -324,9 +372,9 @@ mod tests {
             first_index: 0,
         })
         .unwrap();
-        let (mut runner, readings) = (Runner::new(&plan), Readings::default());
+        let (mut runner, readings) = (Runner::new(&plan, &DriveScale::default().range()), Readings::default());
         for tick in 0..1000 {
-            runner.tick(&plan, &Now { tick, readings: &readings, impacts: 0 });
+            runner.tick(&plan, &Now { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
                 // The phase is the next tick's by now.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));

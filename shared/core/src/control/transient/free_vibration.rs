@@ -236,7 +236,7 @@ impl Runner {
                 return Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
             }
         } else if self.measuring.meter.ticks() < plan.measure_ticks {
-            self.measuring.meter.push(now.readings, 0.0);
+            self.measuring.push(now, 0.0);
             self.swings.push(x, self.measuring.meter.ticks(), plan.free.cycles);
             if self.measuring.meter.ticks() == plan.measure_ticks {
                 return self.measuring.end(now, plan.free.index, false, &self.swings.decay);

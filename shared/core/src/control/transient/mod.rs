@@ -10,6 +10,7 @@ use crate::control::experiment::{Now, Outcome};
 use crate::measure::transient::{Decay, TransientMeter};
 use crate::model::{Invalid, require};
 use crate::rig::TICK_HZ;
+use crate::rig::channels::SensorSet;
 
 /// Longest time that one of these experiments may take for a part of it, s: 10⁹ ticks.
 const LONGEST_S: f32 = 1e9 / TICK_HZ;
@@ -39,11 +40,18 @@ struct Measuring {
     meter: TransientMeter,
     start_tick: u32,
     impacts_before: u32,
+    clipped: SensorSet,
 }
 
 impl Measuring {
     fn from(now: &Now) -> Self {
         Self { start_tick: now.tick, impacts_before: now.impacts, ..Self::default() }
+    }
+
+    /// Takes a tick: its readings, and the demand, m.
+    fn push(&mut self, now: &Now, demand_m: f32) {
+        self.meter.push(now.readings, demand_m);
+        self.clipped.extend(now.clipped);
     }
 
     /// The result, this tick being the last.
@@ -53,6 +61,7 @@ impl Measuring {
         (result.start_tick, result.end_tick) = (self.start_tick, now.tick + 1);
         result.impacts = now.impacts.wrapping_sub(self.impacts_before);
         result.drive_saturated = drive_saturated;
+        result.clipped = self.clipped;
         result.decay = *decay;
         // The release of a free vibration is found a little after it.
         result.x_peak_m = result.x_peak_m.max(decay.start_m);

@@ -4,12 +4,14 @@
 //! them the demand is a cubic with continuous velocity (Catmull–Rom, as [`crate::integrator::base`]): a sine of angular
 //! frequency Ω sampled every h is met to (Ωh)³/50 of its amplitude, and the counts round to half of one. Before its first
 //! sample and after its last the record is zero, and playing begins two samples early and ends two late: so the demand starts
-//! and ends at rest whatever the record holds, and [`Playback::ramp_s`] makes an end gentler that a record has not. The
-//! demand is cut at [`Playback::drive_limit_m`], which counts as saturation.
+//! and ends at rest whatever the record holds, and [`Playback::ramp_s`] makes an end gentler that a record has not. A record
+//! whose samples are beyond what the drive delivers is refused; a demand that goes there between its samples is cut, which
+//! counts as saturation.
 //!
 //! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
+use crate::control::drive::DriveRange;
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
@@ -47,18 +49,15 @@ pub struct Playback {
     pub ramp_s: f32,
     /// Time measured after the record's end, s.
     pub tail_s: f32,
-    /// Largest |demand|, m: beyond it the demand is cut.
-    pub drive_limit_m: f32,
     /// |x| below which the structure counts as at rest before the record begins, m.
     pub rest_level_m: f32,
     /// Place in the whole experiment; the virtual rig's noise and the result go by it.
     pub index: u16,
 }
 
-const LIMITS: [Limit; 6] = [
+const LIMITS: [Limit; 5] = [
     ("sample_rate_hz", 0.1, TICK_HZ, "from 0.1 Hz to the tick rate of 1000 Hz"),
     ("scale_m", LEAST, f32::MAX, "greater than 0"),
-    ("drive_limit_m", LEAST, f32::MAX, "greater than 0"),
     ("rest_level_m", LEAST, f32::MAX, "greater than 0"),
     ("ramp_s", 0.0, LONGEST_S, "0 or greater, at most half the record"),
     ("tail_s", 0.0, LONGEST_S, "from 0 to 10⁹ ticks"),
@@ -78,7 +77,7 @@ impl Playback {
             "from 2 to 20480: the controller's record buffer holds 40 KiB",
         )?;
         let rate = self.sample_rate_hz;
-        let values = [rate, self.scale_m, self.drive_limit_m, self.rest_level_m, self.ramp_s, self.tail_s];
+        let values = [rate, self.scale_m, self.rest_level_m, self.ramp_s, self.tail_s];
         within(&LIMITS, &values)?;
         let longest_s = 0.5 * f32::from(self.record.samples) / rate;
         require(self.ramp_s <= longest_s, "ramp_s", f64::from(self.ramp_s), "at most half the record")
@@ -103,8 +102,6 @@ pub struct Plan {
     /// Ticks from the start of playing from which the ramp falls.
     falls_from: u32,
     tail_ticks: u32,
-    /// Demand's change in a tick above which the base is meant to move visibly, m.
-    visible_m: f32,
 }
 
 /// Nodes of the spline beyond either end of the record: from the second on it is at rest.
@@ -127,7 +124,6 @@ impl Plan {
             ramp: if ramp_ticks > 0 { 1.0 / ramp_ticks as f32 } else { 1.0 },
             falls_from: ((intervals * per_tick) as u32).saturating_sub(ramp_ticks),
             tail_ticks: ticks(playback.tail_s),
-            visible_m: VISIBLE * playback.drive_limit_m,
             playback,
         })
     }
@@ -139,9 +135,9 @@ impl Plan {
     }
 }
 
-/// The base is meant to move visibly where the demand changes by more than this share of its limit in a tick: 0.8 mm/s
-/// of 80 mm. Slower parts of a record do not say whether a sensor is frozen.
-const VISIBLE: f32 = 1e-5;
+/// The base is meant to move visibly where the demand changes by more than this in a tick, m: 0.8 mm/s, 20 steps of a laser
+/// of 10 µm in the quarter of a second below. Slower parts of a record do not say whether a sensor is frozen.
+const VISIBLE_M: f32 = 0.8e-6;
 
 /// So long after a visible change the base still counts as moving: past a turning point, but for less time than makes a
 /// sensor frozen.
@@ -152,6 +148,7 @@ const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 /// A playback in progress. Its [`Plan`] and its record are the caller's: every call wants the same ones.
 #[derive(Clone, Debug)]
 pub struct Runner {
+    drive: DriveRange,
     stage: Stage,
     rest: RestWait,
     put_back: Option<u16>,
@@ -171,9 +168,12 @@ pub struct Runner {
     measuring: Measuring,
 }
 
-impl Default for Runner {
-    fn default() -> Self {
+impl Runner {
+    /// At the beginning; `drive` is what can be delivered.
+    #[must_use]
+    pub fn new(drive: &DriveRange) -> Self {
         Self {
+            drive: *drive,
             stage: Stage::Rest,
             rest: RestWait::default(),
             put_back: None,
@@ -191,9 +191,7 @@ impl Default for Runner {
             measuring: Measuring::default(),
         }
     }
-}
 
-impl Runner {
     /// Where it stands.
     #[must_use]
     pub fn stage(&self) -> Stage {
@@ -258,7 +256,7 @@ impl Runner {
         }
         let drive = self.drive_m(plan, record);
         if self.stage == Stage::Dwell && self.driving {
-            self.measuring.meter.push(now.readings, drive);
+            self.measuring.push(now, drive);
             if self.is_over(record) {
                 if self.tail_left == 0 {
                     outcome = self.measuring.end(now, plan.playback.index, self.was_saturated, &Decay::default());
@@ -299,11 +297,10 @@ impl Runner {
         // Without a corner at either end.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wanted = ramp * plan.playback.scale_m * self.counts(record);
-        let limit = plan.playback.drive_limit_m;
-        let demand = wanted.min(limit).max(-limit);
-        self.saturated = demand != wanted;
+        let demand;
+        (demand, self.saturated) = self.drive.limit(wanted);
         self.was_saturated |= self.saturated;
-        self.visible_ticks = if libm::fabsf(demand - self.last_demand) > plan.visible_m {
+        self.visible_ticks = if libm::fabsf(demand - self.last_demand) > VISIBLE_M {
             VISIBLE_TICKS
         } else {
             self.visible_ticks.saturating_sub(1)

@@ -8,7 +8,7 @@ use super::guards;
 use super::observe::{Arc, Observer};
 use super::quick::Hit;
 use super::time::Time;
-use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
+use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
 use crate::model::{Initial, Invalid, Release, SetUp, Wall};
 
 /// Arcs after which the rotating pair is taken afresh from the time, so that its rounding cannot add up.
@@ -31,6 +31,9 @@ pub enum Touch {
     /// The wall let go before the particle is back inside the clearance.
     Leaving(Sign),
 }
+
+/// Roundings that may be left of a sum of five terms that cancel, each term of a few operations.
+pub(super) const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
 /// Guards that start an arc at their limit: how many leading coefficients are zero by definition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,6 +88,8 @@ pub struct Exact {
     pub(super) touch: Touch,
     pub(super) leg: Leg,
     pub(super) fresh: Fresh,
+    /// Approach speed of the fastest impact since the start, m/s.
+    pub(super) fastest_m_per_s: f64,
     next_break_s: f64,
     started: bool,
     pub(super) arcs_since_anchor: u32,
@@ -108,7 +113,7 @@ impl Exact {
             Wall::Restitution { .. } => None,
         });
         let flows = Flows::new(set_up, excitation);
-        let mode = Mode { grip: Grip::Slip(0), contact: Contact::Absent };
+        let mode = Mode { grip: Grip::Absent, contact: Contact::Absent };
         let leg = Leg {
             path: Path::Alone,
             sliding: false,
@@ -131,6 +136,7 @@ impl Exact {
             touch: Touch::Clear,
             leg,
             fresh: Fresh::default(),
+            fastest_m_per_s: 0.0,
             next_break_s: f64::INFINITY,
             started: false,
             arcs_since_anchor: 0,
@@ -164,6 +170,7 @@ impl Exact {
         self.next_break_s = self.excitation.next_break_s(t_s);
         self.touch = Touch::Clear;
         self.fresh = Fresh::default();
+        self.fastest_m_per_s = 0.0;
         self.started = false;
         self.events_at_once = 0;
     }
@@ -273,26 +280,26 @@ impl Exact {
     pub(super) fn slip(&self) -> f64 {
         match self.mode.grip {
             Grip::Stuck => 0.0,
-            Grip::Slip(_) => self.state.v_m_per_s - self.base_velocity(),
+            Grip::Absent | Grip::Slip(_) => self.state.v_m_per_s - self.base_velocity(),
         }
     }
 
     /// Side of the hard wall that the particle touches.
     pub(super) fn wall_side(&self) -> Sign {
-        if !self.has_particle || self.soft.is_some() {
-            0
-        } else if self.state.offset_m >= self.c.clearance {
-            1
-        } else if self.state.offset_m <= -self.c.clearance {
-            -1
-        } else {
-            0
-        }
+        if self.soft.is_some() { 0 } else { self.end_of_travel() }
+    }
+
+    /// Side of the cavity whose wall, hard or soft, the particle touches or presses into; 0 between them.
+    pub(super) fn end_of_travel(&self) -> Sign {
+        if self.has_particle && self.state.offset_m.abs() >= self.c.clearance { sign(self.state.offset_m) } else { 0 }
     }
 
     pub(super) fn situation(&self, slip: f64) -> Situation<f64> {
         let link = &self.flows.link;
         let joint = |rest: f64| link.stiffness * (self.state.offset_m - rest) + link.damping * self.state.slide_m_per_s;
+        let (state, share) = (&self.state, self.flows.base_share);
+        let spring_size = state.x_m.abs() + self.wave.offset.abs() + share * self.wave.sine.abs();
+        let dashpot_size = state.v_m_per_s.abs() + share * self.flows.turning * self.wave.cosine.abs();
         Situation {
             stretch: self.state.x_m - (self.wave.offset + self.flows.base_share * self.wave.sine),
             slip,
@@ -305,6 +312,7 @@ impl Exact {
                 Touch::Clear | Touch::Leaving(_) => 0.0,
             },
             applied_force: (1.0 - self.flows.base_share) * self.wave.sine,
+            rounding: ROUNDINGS * (self.c.stiffness * spring_size + self.c.damping * dashpot_size) / self.c.mass,
         }
     }
 
@@ -323,7 +331,7 @@ impl Exact {
                 (self.fresh.gap_side, self.fresh.gap) = (side, 2);
             }
         }
-        if slip == 0.0 && matches!(mode.grip, Grip::Slip(direction) if direction != 0) {
+        if slip == 0.0 && matches!(mode.grip, Grip::Slip(_)) {
             self.fresh.slip = self.fresh.slip.max(1);
         }
         self.set_mode(mode, observer);
@@ -335,6 +343,7 @@ impl Exact {
         }
         self.mode = mode;
         self.set_leg();
+        self.depart();
     }
 
     /// Derives the equations of motion from the mode.
@@ -347,9 +356,9 @@ impl Exact {
         let (path, force) = match mode.grip {
             Grip::Stuck if joined => (Path::CarriedCoupled, 0.0),
             Grip::Stuck => (Path::Carried, 0.0),
-            Grip::Slip(direction) => {
-                let force = self.c.drag(mode.contact) - signed(direction, self.c.damper_force)
-                    + self.c.stiffness * self.wave.offset;
+            Grip::Absent | Grip::Slip(_) => {
+                let force =
+                    self.c.drag(mode.contact) - self.c.resistance(mode.grip) + self.c.stiffness * self.wave.offset;
                 (
                     if joined {
                         Path::Coupled
@@ -380,7 +389,7 @@ impl Exact {
     fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
         if let Some(Hit { side, .. }) = self.fly(limit_s, observer) {
             self.events_at_once = 1;
-            self.hit(side, signed(side, self.state.slide_m_per_s), self.slip(), observer);
+            self.reach_wall(side, self.slip(), observer);
         } else {
             self.walk(limit_s, observer);
         }

@@ -1,14 +1,18 @@
 //! What happens at an instant: start, impact, touch and release, stick and slip, and the end of a chatter.
 
-use super::driver::{Exact, Touch};
+use super::driver::{Exact, ROUNDINGS, Touch};
 use super::flow::{Path, dot};
 use super::guards::Event;
-use super::observe::{ContactEnd, Impact, Observer};
+use super::observe::{Accumulation, ContactEnd, Impact, Observer};
+use super::series::TERMS;
 use crate::integrator::modes::{self, Contact, Grip, Mode, Sign, sign, signed};
 use crate::model::Release;
 
 /// What a summed chatter may leave out, relative to the motion: one rounding.
 const LEFT_OUT: f64 = f64::EPSILON;
+
+/// Only impacts slower than this share of the run's fastest are summed instead of listed.
+const SLOW: f64 = 1e-4;
 
 /// The pressing acceleration may change by this share until the chatter ends.
 const PRESSING_CHANGE: f64 = 0.125;
@@ -16,16 +20,11 @@ const PRESSING_CHANGE: f64 = 0.125;
 impl Exact {
     /// Settles the initial state: contacts, sticking, an impact at t = 0.
     pub(super) fn start<O: Observer>(&mut self, observer: &mut O) {
+        observer.start(self.time.seconds(), &self.state);
         let slip = self.state.v_m_per_s - self.base_velocity();
-        let side = if self.has_particle && self.state.offset_m.abs() >= self.c.clearance {
-            sign(self.state.offset_m)
-        } else {
-            0
-        };
-        self.mode = Mode { grip: Grip::Slip(sign(slip)), contact: Contact::Absent };
-        if self.has_particle {
-            self.mode.contact = Contact::Free(sign(self.state.slide_m_per_s));
-        }
+        let side = self.end_of_travel();
+        let contact = if self.has_particle { Contact::Free(sign(self.state.slide_m_per_s)) } else { Contact::Absent };
+        self.mode = Mode { grip: self.c.grip_at(slip), contact };
         self.set_leg();
         observer.mode(self.time.seconds(), self.mode);
         if side == 0 {
@@ -59,15 +58,15 @@ impl Exact {
                 self.state.v_m_per_s = self.base_velocity();
                 self.resolve(0.0, observer);
             }
-            Event::HoldBreaks(direction) => {
+            Event::HoldBreaks { direction, order } => {
                 // Friction, or the wall, is at its limit and goes on without a jump: velocity and acceleration of the
                 // slide start from zero.
-                self.fresh.slide = 2;
-                let side = self.wall_side();
-                if side != 0 {
-                    (self.fresh.gap_side, self.fresh.gap) = (side, 3);
-                }
+                self.fresh.slide = order + 1;
                 self.state.slide_m_per_s = 0.0;
+                let side = self.end_of_travel();
+                if self.touch == Touch::Clear && side != 0 {
+                    self.leave_rest(side, direction == side, order + 2);
+                }
                 self.set_mode(Mode { contact: Contact::Free(direction), ..self.mode }, observer);
             }
             Event::GripBreaks(direction) => {
@@ -79,7 +78,7 @@ impl Exact {
     }
 
     /// The particle is at the wall of `side`: it hits it, leaves it or rests on it.
-    fn reach_wall<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
+    pub(super) fn reach_wall<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let approach = signed(side, self.state.slide_m_per_s);
         if self.soft.is_some() {
             self.touch_soft(side, approach, slip, observer);
@@ -91,7 +90,7 @@ impl Exact {
         }
     }
 
-    pub(super) fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
+    fn hit<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
         let before = self.state;
         let (v, slide) = modes::impact(&self.c, self.c.restitution, before.v_m_per_s, before.slide_m_per_s);
         self.state.v_m_per_s = v;
@@ -99,6 +98,7 @@ impl Exact {
         let time_s = self.time.seconds();
         let after = self.state;
         observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after });
+        self.fastest_m_per_s = self.fastest_m_per_s.max(approach);
         if slide != 0.0 {
             (self.fresh.gap_side, self.fresh.gap) = (side, 1);
         }
@@ -153,21 +153,46 @@ impl Exact {
             let change = (light / mass + lasts) * (lift + pressing + self.c.damper_force / mass * h * h) * 4.0;
             slip.abs() * h <= change
         };
-        let summed = sure && left_out <= LEFT_OUT * size && (!damper_matters || height <= 64.0 * LEFT_OUT * size);
+        let slow = self.state.slide_m_per_s.abs() <= SLOW * self.fastest_m_per_s;
+        let summed =
+            slow && sure && left_out <= LEFT_OUT * size && (!damper_matters || height <= 64.0 * LEFT_OUT * size);
         let invisible = height <= 4.0 * f64::EPSILON * self.c.clearance;
         if !summed && !invisible {
             return;
         }
-        let relative = self.state.slide_m_per_s;
-        let (v, _) = modes::impact(&self.c, 0.0, self.state.v_m_per_s, relative);
+        let before = self.state;
+        let (v, _) = modes::impact(&self.c, 0.0, before.v_m_per_s, before.slide_m_per_s);
         let correction = if summed && both_ways == 0.0 && !damper_matters { signed(side, kick / h) } else { 0.0 };
-        let slip = slip + (v - correction - self.state.v_m_per_s);
+        let slip = slip + (v - correction - before.v_m_per_s);
+        let tail_s = if lasts > 1.0 { 0.0 } else { h * self.tail(side, lift, (pressing_out, pressing), returned) };
         self.state.v_m_per_s = v - correction;
         self.state.slide_m_per_s = 0.0;
         self.fresh.gap = 0;
-        observer.rest(self.time.seconds(), side, 0.5 * mass * light / together * relative * relative);
+        let time_s = self.time.seconds();
+        observer.accumulation(&Accumulation {
+            time_s,
+            ended_s: time_s + tail_s,
+            side,
+            before,
+            after: self.state,
+            spring_m_per_s: -correction,
+        });
         self.mode.contact = Contact::Free(0);
         self.resolve(slip, observer);
+    }
+
+    /// How long accumulating impacts go on, in arcs, if the particle leaves with `lift` (speed × arc, m) and is pressed
+    /// back with these accelerations (× arc², m) on its way out and back, to return with a share `returned` of its speed.
+    fn tail(&self, side: Sign, lift: f64, (out, back): (f64, f64), returned: f64) -> f64 {
+        let even = lift * (1.0 / out + 1.0 / libm::sqrt(out * back)) / (1.0 - returned);
+        if self.leg.path != Path::Alone {
+            return even;
+        }
+        // The pressing changes at a rate of j: to first order each flight, and so their sum T, is T (1 − j T/(3 pressing)).
+        let unit =
+            [self.state.x_m, self.state.v_m_per_s, self.leg.structure_acceleration, self.wave.sine, self.wave.cosine];
+        let rate = -signed(side, dot(&self.flows.alone.rates[1], &unit));
+        even * (1.0 - rate * even / (3.0 * back))
     }
 
     /// The acceleration with which the gap closes, m/s².
@@ -185,26 +210,49 @@ impl Exact {
     }
 
     fn touch_soft<O: Observer>(&mut self, side: Sign, approach: f64, slip: f64, observer: &mut O) {
-        let pressing = if approach == 0.0 {
-            self.mode.contact = Contact::Free(0);
-            self.resolve(slip, observer);
-            match self.mode.contact {
-                Contact::Held(_) => return,
-                _ => self.pressing(side, self.slip()),
-            }
+        if approach > 0.0 {
+            self.touch = Touch::Pressing(side);
+            self.fresh.press = 1;
+            let (time_s, before) = (self.time.seconds(), self.state);
+            observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after: before });
+        } else if approach < 0.0 {
+            (self.fresh.gap_side, self.fresh.gap) = (side, 1);
         } else {
-            approach
-        };
-        if pressing <= 0.0 {
-            (self.fresh.gap_side, self.fresh.gap) = (side, if approach < 0.0 { 1 } else { 2 });
-            self.resolve(slip, observer);
-            return;
+            self.mode.contact = Contact::Free(0);
+            self.fresh.gap = 0;
         }
-        self.touch = Touch::Pressing(side);
-        self.fresh.press = if approach > 0.0 { 1 } else { 2 };
-        let (time_s, before) = (self.time.seconds(), self.state);
-        observer.impact(&Impact { time_s, side, approach_speed_m_per_s: approach, before, after: before });
         self.resolve(slip, observer);
+    }
+
+    /// Sets a particle in motion that is at rest at a soft wall which does not push yet, and that nothing holds.
+    pub(super) fn depart(&mut self) {
+        let side = if self.soft.is_some() { self.end_of_travel() } else { 0 };
+        let at_rest = side != 0 && self.touch == Touch::Clear && self.state.slide_m_per_s == 0.0 && self.fresh.gap == 0;
+        if at_rest && matches!(self.mode.contact, Contact::Free(_)) {
+            let (order, presses) = self.departure(side);
+            self.leave_rest(side, presses, order);
+            self.set_leg();
+        }
+    }
+
+    /// A particle at rest at the wall of `side` starts to move relative to it: into it or away from it, as τ to the power
+    /// of `order`.
+    fn leave_rest(&mut self, side: Sign, presses: bool, order: usize) {
+        if presses && self.soft.is_some() {
+            self.touch = Touch::Pressing(side);
+            self.fresh.press = order;
+        } else {
+            (self.fresh.gap_side, self.fresh.gap) = (side, order);
+        }
+    }
+
+    /// How a particle at rest at a soft wall starts to move relative to it: the power of τ, and whether into the wall. A
+    /// coefficient that is rounding counts as zero; if all are, nothing moves it.
+    fn departure(&self, side: Sign) -> (usize, bool) {
+        let offset = self.flows.span(&self.leg, &self.state, &self.wave).offset;
+        let sizes = self.flows.sizes(&self.leg, &self.state, &self.wave).unwrap_or([0.0; TERMS]);
+        let moved = |n: &usize| offset[*n].abs() > ROUNDINGS * sizes[*n];
+        (2..TERMS).find(moved).map_or((TERMS, false), |order| (order, signed(side, offset[order]) > 0.0))
     }
 
     fn let_go<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {

@@ -354,6 +354,23 @@ impl Flows {
         }
     }
 
+    /// Sizes of the terms that [`Flows::span`] adds up to each coefficient of x; none where second mass and structure
+    /// are joined.
+    pub(super) fn sizes(&self, leg: &Leg, state: &State, wave: &Wave) -> Option<Series> {
+        let unit = [state.x_m, state.v_m_per_s, leg.structure_acceleration, wave.sine, wave.cosine].map(f64::abs);
+        match leg.path {
+            Path::Alone | Path::Together => self.oscillator(leg.path).map(|table| {
+                core::array::from_fn(|n| (0..5).map(|which| table.columns[which][n].abs() * unit[which]).sum())
+            }),
+            Path::Carried => {
+                let angle = self.turning * leg.step_s;
+                let turned = wave_series(self.base_share * unit[3], self.base_share * unit[4], angle);
+                Some(turned.map(f64::abs))
+            }
+            Path::Coupled | Path::CarriedCoupled => None,
+        }
+    }
+
     /// The arc from `state`.
     #[inline]
     pub(super) fn span(&self, leg: &Leg, state: &State, wave: &Wave) -> Span {

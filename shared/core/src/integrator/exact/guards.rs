@@ -1,6 +1,6 @@
 //! What must stay positive in each mode, as series, and which fails first.
 
-use super::driver::{Exact, Touch};
+use super::driver::{Exact, ROUNDINGS, Touch};
 use super::flow::Span;
 use super::series::{Series, TERMS, derivative, first_failure};
 use crate::integrator::modes::{Contact, Grip, Sign, signed};
@@ -19,8 +19,8 @@ pub(super) enum Event {
     SlideStops,
     /// x′ − z′ reaches zero.
     SlipStops,
-    /// A held particle starts to slide in that direction.
-    HoldBreaks(Sign),
+    /// A held particle starts to slide in that direction; what held it falls below zero as τ to the power of `order`.
+    HoldBreaks { direction: Sign, order: usize },
     /// A stuck structure starts to slip in that direction.
     GripBreaks(Sign),
 }
@@ -74,20 +74,31 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
             let per_square = 1.0 / (span.step_s * span.step_s);
             let acceleration = derivative(&derivative(&span.x)).map(|a| a * per_square);
             let (low, high) = exact.c.held_limits(side, exact.situation(0.0).joint_force);
+            let sizes = exact.flows.sizes(&exact.leg, &exact.state, &exact.wave).unwrap_or([0.0; TERMS]);
+            let sizes = derivative(&derivative(&sizes)).map(|a| a * per_square);
+            let mut hold = |mut guard: Series, direction: Sign| {
+                // A particle at rest at its limit: what cancels but for rounding is zero.
+                let order = (0..TERMS).take_while(|&n| guard[n].abs() <= ROUNDINGS * sizes[n]).count();
+                guard[..order].fill(0.0);
+                // One that fails later falls through zero.
+                let fails_at_once = guard.get(order).is_some_and(|&next| next < 0.0);
+                let order = if fails_at_once { order } else { 1 };
+                search.consider(guard, 0, Event::HoldBreaks { direction, order });
+            };
             if let Some(high) = high {
                 let mut guard = acceleration.map(|a| -a);
                 guard[0] += high;
-                search.consider(guard, 0, Event::HoldBreaks(-1));
+                hold(guard, -1);
             }
             if let Some(low) = low {
                 let mut guard = acceleration;
                 guard[0] -= low;
-                search.consider(guard, 0, Event::HoldBreaks(1));
+                hold(guard, 1);
             }
         }
     }
     match exact.mode.grip {
-        Grip::Slip(0) => {}
+        Grip::Absent => {}
         Grip::Slip(direction) => {
             let mut slip = derivative(&span.x);
             let base = derivative(&span.base);
@@ -155,7 +166,9 @@ impl Search {
     fn consider(&mut self, mut guard: Series, order: usize, event: Event) {
         if order > 0 {
             guard[..order].fill(0.0);
-            guard[order] = guard[order].max(0.0);
+            if let Some(next) = guard.get_mut(order) {
+                *next = next.max(0.0);
+            }
         }
         if let Some(at) = first_failure(&guard, self.at)
             && (self.event.is_none() || at < self.at)

@@ -38,7 +38,8 @@
 //! A particle that bounces ever lower comes to rest after infinitely many impacts in finite time. When the pressing
 //! acceleration A is sure to last, the impacts still to come are summed: momentum is kept by all of them, and while
 //! the particle is off the wall the spring sees the structure displaced by m/(M+m) times the gap, which changes the
-//! common velocity by `k m/(M+m)²·⅔ V³/(A²(1−e³))` in all. The sum is taken when what it leaves out is below rounding.
+//! common velocity by `k m/(M+m)²·⅔ V³/(A²(1−e³))` in all. The sum is taken when what it leaves out is below rounding and
+//! the impacts in it are slower than 10⁻⁴ of the run's fastest; [`Observer::accumulation`] reports it.
 //!
 //! What sees a run is in [`observe`], what is computed from it in [`response`].
 
@@ -57,4 +58,4 @@ pub mod time;
 pub use driver::{Exact, Touch, Work};
 pub use excitation::Excitation;
 pub use flow::State;
-pub use observe::{Arc, ContactEnd, Impact, Observer};
+pub use observe::{Accumulation, Arc, ContactEnd, Impact, Observer};

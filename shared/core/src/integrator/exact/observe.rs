@@ -72,14 +72,14 @@ impl Span {
     }
 }
 
-/// The particle meets a wall: an impact on a hard one, the first touch of a soft one.
+/// The particle meets a wall at speed: an impact on a hard one, the first touch of a soft one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// When, s.
     pub time_s: f64,
     /// +1 where y − x = +d.
     pub side: Sign,
-    /// |x′ − y′| just before, m/s.
+    /// |x′ − y′| just before, m/s; greater than 0.
     pub approach_speed_m_per_s: f64,
     /// The state just before.
     pub before: State,
@@ -98,17 +98,40 @@ pub struct ContactEnd {
     pub separation_speed_m_per_s: f64,
 }
 
+/// Impacts accumulated: the particle has come to rest on a hard wall, and the impacts still to come were summed instead
+/// of listed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Accumulation {
+    /// When the sum was taken, s: from here on the particle counts as resting.
+    pub time_s: f64,
+    /// When the last of the summed impacts would have been, s; right to first order in the length of what was summed.
+    pub ended_s: f64,
+    /// +1 where y − x = +d.
+    pub side: Sign,
+    /// The state just before the sum: the particle leaves the wall.
+    pub before: State,
+    /// The state just after: the particle rests on it.
+    pub after: State,
+    /// The part of the change of x′ that the structure's spring makes, m/s; the rest the impacts make.
+    pub spring_m_per_s: f64,
+}
+
 /// Sees a run. Every method may be left out and then costs nothing.
 pub trait Observer {
     /// Whether [`Observer::arc`] is wanted at all.
     const ARCS: bool = true;
+
+    /// The motion starts at `time_s` from `state`; what happens at the same instant follows.
+    fn start(&mut self, time_s: f64, state: &State) {
+        let _ = (time_s, state);
+    }
 
     /// A smooth piece of the motion; pieces follow each other without gaps.
     fn arc(&mut self, arc: &Arc<'_>) {
         let _ = arc;
     }
 
-    /// The particle met a wall.
+    /// The particle met a wall at speed. A particle that starts to press on a soft wall from rest makes no impact.
     fn impact(&mut self, impact: &Impact) {
         let _ = impact;
     }
@@ -123,9 +146,9 @@ pub trait Observer {
         let _ = (time_s, mode);
     }
 
-    /// Accumulating impacts ended in a particle resting on a wall; energy (J) that the impacts still to come took.
-    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
-        let _ = (time_s, side, energy_j);
+    /// Accumulating impacts ended in a particle resting on a hard wall.
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        let _ = accumulation;
     }
 
     /// Asked before each arc, `time_s` being where the motion is: `false` ends the run there.
@@ -142,6 +165,11 @@ impl Observer for () {
 /// Two observers at once.
 impl<A: Observer, B: Observer> Observer for (A, B) {
     const ARCS: bool = A::ARCS || B::ARCS;
+
+    fn start(&mut self, time_s: f64, state: &State) {
+        self.0.start(time_s, state);
+        self.1.start(time_s, state);
+    }
 
     fn arc(&mut self, arc: &Arc<'_>) {
         self.0.arc(arc);
@@ -163,9 +191,9 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
         self.1.mode(time_s, mode);
     }
 
-    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
-        self.0.rest(time_s, side, energy_j);
-        self.1.rest(time_s, side, energy_j);
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        self.0.accumulation(accumulation);
+        self.1.accumulation(accumulation);
     }
 
     fn goes_on(&mut self, time_s: f64) -> bool {
@@ -176,6 +204,10 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
 impl<O: Observer> Observer for &mut O {
     const ARCS: bool = O::ARCS;
+
+    fn start(&mut self, time_s: f64, state: &State) {
+        (**self).start(time_s, state);
+    }
 
     fn arc(&mut self, arc: &Arc<'_>) {
         (**self).arc(arc);
@@ -193,8 +225,8 @@ impl<O: Observer> Observer for &mut O {
         (**self).mode(time_s, mode);
     }
 
-    fn rest(&mut self, time_s: f64, side: Sign, energy_j: f64) {
-        (**self).rest(time_s, side, energy_j);
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        (**self).accumulation(accumulation);
     }
 
     fn goes_on(&mut self, time_s: f64) -> bool {

@@ -135,7 +135,6 @@ impl Exact {
     #[inline(always)]
     fn judge(&self, full: &Full<'_>, state: &State, end: &State, wave: &Wave, end_wave: &Wave) -> Verdict {
         if let Grip::Slip(direction) = self.mode.grip
-            && direction != 0
             && !self.slips_on(full, (state, wave), (end, end_wave), direction)
         {
             return Verdict::Unsure;

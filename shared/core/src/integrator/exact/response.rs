@@ -3,7 +3,7 @@
 use super::excitation::Wave;
 use super::flow::{State, dot};
 use super::near::{Motion, inverse_cubic};
-use super::observe::{Arc, ContactEnd, Impact, Observer};
+use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;
 
@@ -27,6 +27,7 @@ pub struct Response {
     max_abs_x_m: f64,
     max_abs_x_minus_z_m: f64,
     impacts: u64,
+    accumulations: u64,
     cycle: u64,
     cycle_max_m: f64,
     last_cycle_max_m: Option<f64>,
@@ -49,6 +50,7 @@ impl Response {
             max_abs_x_m: 0.0,
             max_abs_x_minus_z_m: 0.0,
             impacts: 0,
+            accumulations: 0,
             cycle: 0,
             cycle_max_m: 0.0,
             last_cycle_max_m: None,
@@ -83,6 +85,13 @@ impl Response {
     #[must_use]
     pub fn impact_count(&self) -> u64 {
         self.impacts
+    }
+
+    /// Chatters that ended in a particle resting on a hard wall and whose last impacts were summed; when each ended is in
+    /// [`Observer::accumulation`].
+    #[must_use]
+    pub fn accumulation_count(&self) -> u64 {
+        self.accumulations
     }
 
     /// Largest |x| of the last complete cycle, m.
@@ -211,6 +220,10 @@ impl Observer for Response {
         if self.first_touch.is_none() {
             self.first_touch = Some(*impact);
         }
+    }
+
+    fn accumulation(&mut self, _: &Accumulation) {
+        self.accumulations += 1;
     }
 
     fn contact_end(&mut self, end: &ContactEnd) {

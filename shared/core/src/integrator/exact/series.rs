@@ -132,28 +132,64 @@ pub fn first_failure(guard: &Series, end: f64) -> Option<f64> {
     walk(&g, 0.0, end)
 }
 
+/// Steps before the walk takes a shorter stretch: quadratic at a simple root and halving at a double one, they are beyond
+/// the bits there are to find.
+const MOST_STEPS: u32 = 200;
+
+/// Stretches before a quantity that has fallen so near to zero that nothing can be told any more counts as failed.
+const MOST_STRETCHES: u32 = 200;
+
+/// What a stretch of the walk found.
+enum Stretch {
+    /// No root.
+    Clear,
+    /// The first root.
+    Root(f64),
+    /// No root up to there, in very short steps.
+    Slow(f64),
+}
+
 /// The walk of [`first_failure`], from `from`, where `g` is positive.
+///
+/// A quantity that has left zero as the third power of time and is still small (a particle just let go by its wall) allows
+/// short steps only while `B` is that of the whole interval: the walk then goes on in stretches, each with its own.
 fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
-    let bound = curvature_bound(g, end);
+    let (mut t, mut until, mut has_fallen) = (from, end, false);
+    for _ in 0..MOST_STRETCHES {
+        t = match stretch(g, (t, until), end, &mut has_fallen) {
+            Stretch::Root(at) => return Some(at),
+            Stretch::Clear if until >= end => return None,
+            Stretch::Clear => until,
+            Stretch::Slow(at) => at,
+        };
+        until = (2.0 * t).min(end);
+    }
+    has_fallen.then_some(t)
+}
+
+/// The walk from `from` to `until` within an interval that goes to `end`. Only a quantity that falls, or has fallen, comes
+/// to a root: one that has only risen may be as near to zero as it will.
+fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut bool) -> Stretch {
+    let bound = curvature_bound(g, until);
     let smallest_step = end * f64::EPSILON;
     let mut t = from;
     let (mut value, mut slope) = value_and_slope(g, from);
-    // Quadratic at a simple root, halving at a double one; 200 is beyond the bits there are to find.
-    for _ in 0..200 {
+    for _ in 0..MOST_STEPS {
+        *has_fallen |= slope < 0.0;
         let root = libm::sqrt(slope * slope + 4.0 * bound * value.max(0.0));
         let step = if slope < 0.0 {
             2.0 * value / (root - slope)
         } else if bound > 0.0 {
             (slope + root) / (2.0 * bound)
         } else {
-            return None;
+            return Stretch::Clear;
         };
-        if step > end - t {
-            return None;
+        if step > until - t {
+            return Stretch::Clear;
         }
         t += step;
         (value, slope) = value_and_slope(g, t);
-        if value <= 0.0 || step <= smallest_step.max(t * f64::EPSILON) {
+        if value <= 0.0 || (*has_fallen && step <= smallest_step.max(t * f64::EPSILON)) {
             // Rounding may have put the last step past the root: one Newton step polishes it.
             if slope < 0.0 {
                 let polished = t - value / slope;
@@ -161,10 +197,10 @@ fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
                     t = polished.clamp(from, end);
                 }
             }
-            return Some(t);
+            return Stretch::Root(t);
         }
     }
-    Some(t)
+    Stretch::Slow(t)
 }
 
 /// The largest value of `p` over `[from, to]`, if it is above `least`; else `least`.
@@ -264,6 +300,22 @@ mod tests {
             assert_eq!(largest(&wave(shift), 0.0, 1.0, 1.5), 1.5);
         }
         assert!((largest(&wave(0.5), 0.2, 1.0, -5.0) - libm::cos(0.9)).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_quantity_that_left_zero_as_the_third_power_a_moment_ago_does_not_fail() {
+        for since in [1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 1e-30] {
+            let mut p = [0.0; TERMS];
+            (p[0], p[1], p[2], p[3]) = (since * since * since, 3.0 * since * since, 3.0 * since, 1.0);
+            assert_eq!(first_failure(&p, 1.0), None, "{since}");
+            // (t + s)³ (1 − t/0.7) comes back at 0.7.
+            let rising = p;
+            for n in 1..TERMS {
+                p[n] -= rising[n - 1] / 0.7;
+            }
+            let found = first_failure(&p, 1.0).expect("it comes back");
+            assert!((found - 0.7).abs() < 1e-14, "{since}: {found}");
+        }
     }
 
     #[test]

@@ -29,9 +29,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// that sticks breaks free in the next step if the force no longer holds it.
     pub fn set_damper_force_n(&mut self, force_n: f64, set_up: &SetUp) {
         let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..*set_up };
+        let was_absent = self.c.damper_force == S::ZERO;
         self.c.damper_force = Coefficients::in_units(&set_up, &self.units).damper_force;
-        // Nothing was there to stick to.
-        if matches!(self.mode.map(|mode| mode.grip), Some(Grip::Slip(0))) {
+        // With the damper's coming or going the mode is decided anew.
+        if was_absent != (self.c.damper_force == S::ZERO) {
             self.mode = None;
         }
     }

@@ -63,7 +63,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             }
         }
         match mode.grip {
-            Grip::Slip(0) => {}
+            Grip::Absent => {}
             Grip::Slip(direction) => {
                 let mut slip = all_signed(direction, polynomial::derivative(&flight.stretch));
                 if self.slip_released {

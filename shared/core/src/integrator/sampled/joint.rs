@@ -214,7 +214,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         (offset[0], offset[1]) = (self.state.offset, self.state.slide);
         let (stuck, force) = match mode.grip {
             Grip::Stuck => (true, S::ZERO),
-            Grip::Slip(direction) => (false, self.c.drag(mode.contact) - signed(direction, self.c.damper_force)),
+            Grip::Absent | Grip::Slip(_) => (false, self.c.drag(mode.contact) - self.c.resistance(mode.grip)),
         };
         if stuck {
             x[1..4].copy_from_slice(&z[1..4]);
@@ -246,13 +246,29 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The particle is at a soft wall.
     pub(super) fn touch(&mut self, side: Sign, slip: S, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = signed(side, self.state.slide);
-        let presses = approach >= S::ZERO;
-        if let Some(link) = self.joint.link_mut().filter(|_| presses) {
-            link.touch = Touch::Pressing(side);
-            link.touched = true;
+        if approach > S::ZERO {
             observer.impact(&Impact { at, side, approach, kick: S::ZERO });
         }
+        if approach >= S::ZERO {
+            self.press(side, at, observer);
+        }
         self.mode = Some(self.resolve(base, slip));
+    }
+
+    /// A particle that friction held starts to slide in `direction`: if a soft wall is there, it presses on it from now on.
+    pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut impl Observer<S>) {
+        let at_wall = signed(direction, self.state.offset) >= self.c.clearance;
+        if at_wall && self.joint.link().is_some_and(|link| link.touch == Touch::Clear) {
+            self.press(direction, at, observer);
+        }
+    }
+
+    fn press(&mut self, side: Sign, at: S, observer: &mut impl Observer<S>) {
+        if let Some(link) = self.joint.link_mut() {
+            link.touch = Touch::Pressing(side);
+            link.touched = true;
+            observer.contact_start(at, side);
+        }
     }
 
     /// The soft wall of `side` lets go.

@@ -1,0 +1,111 @@
+//! Before anything moves: whether the drive can deliver what the experiments ask of it.
+//!
+//! How far the drive goes is said by the calibration of the rig's drive ([`damprig_core::control::drive`]). The device refuses the same
+//! when an experiment is configured; here the answer points at the line in the campaign.
+
+use damprig_core::control::stepped_sine::Drive;
+
+use super::transient::Expected;
+use super::trim;
+use crate::campaign::transient::two_digits_down;
+use crate::campaign::{Campaign, CampaignSetUp, Kind, Playback, SteppedSine};
+use crate::input::{Problem, Refusal, Span};
+
+/// A demand that is too large.
+struct TooMuch {
+    title: String,
+    span: Span,
+    asked_m: f64,
+    key: &'static str,
+    /// What would fit, as a person would write it.
+    fits_m: f64,
+}
+
+/// Refuses what a drive of ± `drive_m` cannot deliver.
+///
+/// # Errors
+/// One answer for all of it, each part pointing at what gives the amplitude.
+pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result<(), Refusal> {
+    let mut all: Vec<TooMuch> = Vec::new();
+    for experiment in &campaign.experiments {
+        let Some(sine) = experiment.stepped_sine() else { continue };
+        all.extend(limit_too_high(sine, drive_m));
+        for &index in &experiment.set_ups {
+            all.extend(amplitude_too_high(&campaign.set_ups[index], drive_m));
+        }
+    }
+    for Expected { set_up, experiment, outlook } in expected {
+        let (set_up, experiment) = (&campaign.set_ups[*set_up], &campaign.experiments[*experiment]);
+        if let Kind::Playback(playback) = &experiment.kind {
+            all.extend(record_too_high(&set_up.name, &experiment.name, playback, outlook.z_peak_m, drive_m));
+        }
+    }
+    let mut seen: Vec<Span> = Vec::new();
+    for TooMuch { title, span, asked_m, key, fits_m } in all {
+        // A set-up or a record may be used more than once.
+        if seen.contains(&span) {
+            continue;
+        }
+        seen.push(span.clone());
+        campaign.source.report(Problem {
+            title: format!(
+                "{title}: it asks the drive for {} mm, which delivers ±{} mm",
+                trim(asked_m * 1e3),
+                trim(drive_m * 1e3)
+            ),
+            span,
+            allowed: format!(
+                "at most {} m: the drive's output is linear only up to there (settings, calibration.drive)",
+                trim_m(drive_m)
+            ),
+            help: Some(format!("write {key} = {fits_m}")),
+        });
+    }
+    campaign.source.verdict()
+}
+
+/// Rounded down to a hundredth of a millimetre.
+fn trim_m(value: f64) -> String {
+    format!("{}", (value * 1e5).floor() / 1e5)
+}
+
+fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
+    let asked_m = set_up.base_amplitude_m;
+    (asked_m as f32 > drive_m as f32).then(|| TooMuch {
+        title: format!("set-up {:?} has too large a base amplitude", set_up.name),
+        span: set_up.base_amplitude_span.clone(),
+        asked_m,
+        key: "base_amplitude_m",
+        fits_m: two_digits_down(drive_m),
+    })
+}
+
+/// A closed loop's limit that is given and beyond the drive's.
+fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
+    let limit = sine.drive_limit.as_ref().filter(|_| matches!(sine.drive, Drive::ClosedLoop(_)))?;
+    (limit.value as f32 > drive_m as f32).then(|| TooMuch {
+        title: "the closed loop's drive limit is too large".into(),
+        span: limit.span.clone(),
+        asked_m: limit.value,
+        key: "drive_limit_m",
+        fits_m: two_digits_down(drive_m),
+    })
+}
+
+fn record_too_high(
+    set_up: &str,
+    experiment: &str,
+    playback: &Playback,
+    z_peak_m: f64,
+    drive_m: f64,
+) -> Option<TooMuch> {
+    // Between its samples a record may go further than at them.
+    let peak_m = z_peak_m.max(playback.peak_m());
+    (peak_m as f32 > drive_m as f32).then(|| TooMuch {
+        title: format!("experiment {experiment:?} on set-up {set_up:?} goes too far"),
+        span: playback.span.clone(),
+        asked_m: peak_m,
+        key: if playback.key == "amplitude_m" { playback.key } else { "target_peak_m" },
+        fits_m: two_digits_down(drive_m * playback.peak_m() / peak_m),
+    })
+}

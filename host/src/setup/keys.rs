@@ -1,0 +1,132 @@
+//! The keys of a set-up: name, type, range, default and meaning of each. The one place where they are declared.
+
+use damprig_core::control::friction_spring::SpringConfig;
+use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};
+
+use crate::input::key::DefaultValue::{From, Number, Word};
+use crate::input::key::Need::{Default, Forbidden, If, Optional, Required};
+use crate::input::key::Range::{Any, Between, NotNegative, Positive};
+use crate::input::key::{Kind, Quantity, Table, key, names, number, tables, word};
+
+const LAW_NAMES: &[&str] = names!(DampingLaw::ALL, law => law.name());
+
+tables! {
+    "The tables of a set-up, with all their keys."
+
+    "What is mounted: at the top of a case, and in each `[[set_up]]` of a campaign."
+    set_up("") {
+        BASE_AMPLITUDE: Optional, [
+            number("base_amplitude_m", Positive, "Z: what a campaign's sine and a case's base move by, and ratios refer to"),
+        ];
+        GRAVITY: Default(Number(GRAVITY_M_PER_S2)), [
+            number("gravity_m_per_s2", NotNegative, "g in the friction between particle and structure"),
+        ];
+        STRUCTURE: Required, [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
+        PARTICLE: Optional, [key("particle", Kind::Table, "the impact damper")];
+        FRICTION_DAMPER: Optional, [key("friction_damper", Kind::Table, "the friction damper, between structure and base")];
+        TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", Kind::Table, "the tuned mass damper")];
+    }
+
+    "The structure: a mass on a spring and a viscous damper."
+    structure("structure") {
+        MASS: Required, [number("mass_kg", Positive, "M, the structure's mass")];
+        STIFFNESS: Required, [
+            number("natural_frequency_hz", Positive, "f_n = √(k/M)/2π, the undamped natural frequency"),
+            number("stiffness_n_per_m", Positive, "k, the spring's stiffness"),
+        ];
+        DAMPING: Required, [
+            number("damping_ratio", NotNegative, "ζ = c/(2√(kM))"),
+            number("damping_n_s_per_m", NotNegative, "c, the viscous damping"),
+        ];
+    }
+
+    "A single particle that slides between two walls on the structure."
+    particle("particle") {
+        MASS: Required, [
+            number("mass_kg", Positive, "m, the particle's mass"),
+            number("mass_ratio", Positive, "m/M, the particle's mass over the structure's"),
+        ];
+        CLEARANCE: Required, [
+            number("clearance_m", Positive, "d, half the free travel"),
+            number("clearance_ratio", Positive, "d/Z, half the free travel over the base amplitude"),
+        ];
+        FRICTION: Default(Number(0.0)), [
+            number("friction_coefficient", NotNegative, "μi of the dry friction between particle and structure"),
+        ];
+        WALL: Required, [
+            key("wall", Kind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
+        ];
+        START: Default(Word("centre")), [
+            word("start", &["centre", "at_negative_wall", "at_positive_wall"], "where the particle starts in its cavity"),
+            number("start_m", Any, "y − x at the start, within the clearance"),
+        ];
+    }
+
+    "A hard wall: an impact takes no time."
+    wall_restitution("particle.wall", "restitution") {
+        COEFFICIENT: Required, [number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution")];
+    }
+
+    "A soft wall: a spring k1 and a dashpot c1 in parallel (Voigt)."
+    wall_voigt("particle.wall", "voigt") {
+        STIFFNESS: Required, [
+            word("material", names!(Material::ALL, material => material.name()), "a measured pad: gives k1 and the loss factor"),
+            number("stiffness_n_per_m", Positive, "k1, the wall's stiffness"),
+            number("storage_modulus_pa", Positive, "E_s of the pad: k1 = ν·E_s with the shape factor"),
+        ];
+        SHAPE: If(&STIFFNESS, "storage_modulus_pa", &Required, &Forbidden), [
+            number("shape_factor_m", Positive, "ν of the pad: k1 = ν·E_s needs both"),
+        ];
+        DAMPING: If(&STIFFNESS, "material", &Optional, &Required), [
+            number("damping_n_s_per_m", NotNegative, "c1, the wall's viscous damping"),
+            number("loss_factor", NotNegative, "η of the pad: c1 follows by `law`"),
+        ];
+        LAW: If(&DAMPING, "damping_n_s_per_m", &Forbidden, &Default(Word(LAW_NAMES[0]))), [
+            word("law", LAW_NAMES, "the frequency at which c1 loses what η says: of the structure, or of the contact"),
+        ];
+        RELEASE: Required, [
+            word("release", &["zero_penetration", "zero_force"], "when the contact ends"),
+        ];
+    }
+
+    "A dry friction damper between structure and base."
+    friction_damper("friction_damper") {
+        FORCE: Required, [
+            key("spring", Kind::Table, "a spring that the rig tunes presses the block"),
+            number("force_n", NotNegative, "F, the friction force while slipping"),
+            number("friction_ratio", NotNegative, "γF = F/(kZ), the friction force over stiffness times base amplitude"),
+        ];
+    }
+
+    "The friction damper's spring: what it is tuned to, and what is known of it."
+    spring("friction_damper.spring") {
+        TARGET: Required, [
+            number("friction_ratio", NotNegative, "γF = μe·F_N/(kZ), kept while Z changes"),
+            number("normal_force_n", NotNegative, "F_N, the normal force"),
+            number("deflection_m", NotNegative, "Δs from the zero reading"),
+        ];
+        FRICTION: Default(From(|| f64::from(SpringConfig::default().friction_coefficient))), [
+            number("friction_coefficient", Positive, "μe between block and base"),
+        ];
+        STIFFNESS: Default(From(|| f64::from(SpringConfig::default().stiffness_n_per_m))), [
+            number("stiffness_n_per_m", Positive, "k_s as far as known: the rig measures it"),
+        ];
+    }
+
+    "A tuned mass damper: a mass on a spring and a dashpot from the structure."
+    tmd("tmd") {
+        MASS: Required, [
+            number("mass_kg", Positive, "m, the damper's mass"),
+            number("mass_ratio", Positive, "m/M, the damper's mass over the structure's"),
+        ];
+        SPRING: Required, [
+            word("tuning", names!(Tuning::ALL, tuning => tuning.name()), "the rule that gives spring and dashpot"),
+            number("stiffness_n_per_m", Positive, "k1, the damper's stiffness"),
+            number("frequency_ratio", Positive, "γ, the damper's own frequency over the structure's"),
+        ];
+        DASHPOT: If(&SPRING, "tuning", &Forbidden, &Required), [
+            number("damping_ratio", NotNegative, "ζ = c1/(2√(k1·m))"),
+            number("damping_n_s_per_m", NotNegative, "c1, the damper's viscous damping"),
+        ];
+    }
+}

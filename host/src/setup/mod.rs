@@ -1,0 +1,263 @@
+//! One set-up as a person writes it, in a case ([`crate::simulation`]) as in a campaign ([`crate::campaign`]): the same
+//! keys, the same model.
+//!
+//! [`TABLES`] declares the keys; here is what they mean together. Which values are physical is the model's to say
+//! ([`damprig_core::model`]), how the base moves is the file's.
+
+mod keys;
+mod spec;
+
+use damprig_core::integrator::sampled::Sampled;
+use damprig_core::model::{DampingLaw, Material, Release, SetUp, Structure, Tmd, Tuning, Wall};
+use toml::de::DeTable;
+
+use crate::input::Section;
+use crate::input::key::{Key, Kind, Quantity};
+use crate::input::section::Given;
+use keys::{friction_damper, particle, set_up, spring, structure, tmd, wall_restitution, wall_voigt};
+use spec::{Friction, ParticleSpec, Place, Relative};
+
+pub use keys::TABLES;
+pub(crate) use keys::set_up::BASE_AMPLITUDE;
+pub use spec::{SetUpSpec, SpringSpec, SpringTarget};
+
+/// The base amplitude Z that ratios refer to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BaseAmplitude {
+    /// Z, m; greater than 0.
+    Is(f64),
+    /// There is none, and why.
+    Absent(&'static str),
+    /// It could not be read.
+    Unread,
+}
+
+/// What a file says once for all its set-ups.
+#[derive(Clone, Debug, Default)]
+pub struct Shared<'a> {
+    tables: Vec<(&'static str, &'a DeTable<'a>)>,
+    gravity_m_per_s2: Option<f64>,
+}
+
+impl<'a> Shared<'a> {
+    /// The tables at the top of a file, to be inherited from key by key, and its gravity.
+    #[must_use]
+    pub fn of(root: &Section<'a>) -> Self {
+        let tables = [set_up::STRUCTURE, set_up::PARTICLE, set_up::FRICTION_DAMPER, set_up::TMD];
+        let tables = tables.iter().filter_map(|table| Some((table.name(), root.raw_table(table.name())?))).collect();
+        Self { tables, gravity_m_per_s2: root.scalar(&set_up::GRAVITY) }
+    }
+
+    fn table(&self, quantity: &Quantity) -> Option<&'a DeTable<'a>> {
+        self.tables.iter().find(|(name, _)| *name == quantity.name()).map(|(_, table)| *table)
+    }
+}
+
+/// Reads the set-up that `section` describes, a case or a `[[set_up]]` of a campaign, without finishing the section;
+/// `None` after a problem has been noted.
+///
+/// `sample_s` is the interval of the samples that move the base, s, if samples do: a structure too fast for them is
+/// refused.
+pub fn read<'a>(
+    section: &Section<'a>,
+    shared: &Shared<'a>,
+    base: BaseAmplitude,
+    sample_s: Option<f64>,
+) -> Option<SetUpSpec> {
+    let structure = match shared.table(&set_up::STRUCTURE) {
+        Some(table) if !section.is_given(&set_up::STRUCTURE) => section.inherited_table("structure", Some(table)),
+        table => section.table_of(&set_up::STRUCTURE, table),
+    };
+    let structure = structure.and_then(|s| read_structure(&s, sample_s));
+    let of = structure.as_ref();
+    let particle = part(section, shared, &set_up::PARTICLE, |s| read_particle(s, of, base));
+    let friction = part(section, shared, &set_up::FRICTION_DAMPER, |s| read_friction(s, base));
+    let tmd = part(section, shared, &set_up::TMD, |s| read_tmd(s, of));
+    let gravity = section.scalar(&set_up::GRAVITY);
+    let gravity = shared.gravity_m_per_s2.filter(|_| !section.is_given(&set_up::GRAVITY)).or(gravity);
+    Some(SetUpSpec {
+        structure: structure?,
+        particle: particle?,
+        friction: friction?,
+        tmd: tmd?,
+        gravity_m_per_s2: gravity?,
+    })
+}
+
+/// A table that may be left out: `Some(None)` then, `None` after a problem.
+fn part<'a, T>(
+    section: &Section<'a>,
+    shared: &Shared<'a>,
+    quantity: &Quantity,
+    read: impl FnOnce(&Section<'a>) -> Option<T>,
+) -> Option<Option<T>> {
+    match section.table_of(quantity, shared.table(quantity)) {
+        Some(table) => read(&table).map(Some),
+        None => (!section.is_given(quantity)).then_some(None),
+    }
+}
+
+fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {
+    let mass = s.scalar(&structure::MASS);
+    let stiffness = s.one_of(&structure::STIFFNESS);
+    let damping = s.one_of(&structure::DAMPING);
+    s.finish();
+    let (mass_kg, (spelling, stiffness), damping) = (mass?, stiffness?, damping?);
+    let stiffness_n_per_m = match spelling {
+        0 => Structure::from_modal(mass_kg, stiffness, 0.0).stiffness_n_per_m,
+        _ => stiffness,
+    };
+    let damping_n_s_per_m = damping_of(damping, mass_kg, stiffness_n_per_m);
+    let read = Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m };
+    let fits = sample_s.map_or(Ok(0), |sample_s| Sampled::<f64>::steps_per_sample(&SetUp::bare(read), sample_s));
+    if let Err(invalid) = fits {
+        s.reject(structure::STIFFNESS.keys[spelling].name, format!("must be {}", invalid.allowed), None);
+        return None;
+    }
+    Some(read)
+}
+
+/// c, N·s/m, from a damping ratio (0) or as it is (1).
+fn damping_of((spelling, damping): (usize, f64), mass_kg: f64, stiffness_n_per_m: f64) -> f64 {
+    if spelling == 0 { 2.0 * damping * (stiffness_n_per_m * mass_kg).sqrt() } else { damping }
+}
+
+/// A mass in kg (0) or as a share of the structure's (1).
+fn mass_of((spelling, mass): (usize, f64), structure: Option<&Structure>) -> Option<f64> {
+    if spelling == 0 { Some(mass) } else { Some(mass * structure?.mass_kg) }
+}
+
+/// A length or a force, which the second of its keys states relative to the base amplitude.
+fn relative(s: &Section, quantity: &Quantity, base: BaseAmplitude) -> Option<Relative> {
+    match s.one_of(quantity)? {
+        (0, value) => Some(Relative::Absolute(value)),
+        (_, ratio) => refers(s, quantity, 1, base).then_some(Relative::Ratio(ratio)),
+    }
+}
+
+/// Whether there may be a base amplitude that the quantity refers to under its key at `place`.
+fn refers(s: &Section, quantity: &Quantity, place: usize, base: BaseAmplitude) -> bool {
+    if let BaseAmplitude::Absent(why) = base {
+        let is_absolute = |key: &&Key| matches!(key.kind, Kind::Number(_)) && !key.name.ends_with("_ratio");
+        let absolute = quantity.keys.iter().find(is_absolute).map_or("", |key| key.name);
+        let help = format!("write `{absolute}`, or say what Z is with `base_amplitude_m` at the top of the case");
+        s.reject(quantity.keys[place].name, format!("is relative to Z, and {why}"), Some(help));
+    }
+    !matches!(base, BaseAmplitude::Absent(_))
+}
+
+fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude) -> Option<ParticleSpec> {
+    let mass = s.one_of(&particle::MASS).and_then(|mass| mass_of(mass, structure));
+    let clearance = relative(s, &particle::CLEARANCE, base);
+    let friction = s.scalar(&particle::FRICTION);
+    let wall = s.table_of(&particle::WALL, None).and_then(|wall| read_wall(&wall, structure, mass));
+    let place = match s.given(&particle::START) {
+        Some((_, Given::Word(word))) => Some(Place::Share([0.0, -1.0, 1.0][word])),
+        Some((_, Given::Number(start))) => Some(Place::Metres(start)),
+        _ => None,
+    };
+    let room = match (clearance, base) {
+        (Some(Relative::Ratio(ratio)), BaseAmplitude::Is(z)) => Some(ratio * z),
+        (Some(Relative::Absolute(clearance)), _) => Some(clearance),
+        _ => None,
+    };
+    if let (Some(Place::Metres(start)), Some(room)) = (place, room)
+        && start.abs() > room
+    {
+        s.reject("start_m", format!("must be within the clearance, −{room} to {room}"), None);
+    }
+    s.finish();
+    Some(ParticleSpec {
+        mass_kg: mass?,
+        clearance: clearance?,
+        friction_coefficient: friction?,
+        wall: wall?,
+        place: place?,
+        is_placed: s.is_given(&particle::START),
+    })
+}
+
+fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
+    let wall = match s.variant(&[wall_restitution::TABLE, wall_voigt::TABLE])? {
+        0 => s.scalar(&wall_restitution::COEFFICIENT).map(|coefficient| Wall::Restitution { coefficient }),
+        _ => read_voigt(s, structure, particle_mass_kg),
+    };
+    s.finish();
+    wall
+}
+
+/// k1 as it is, by its material's name, or from storage modulus and shape factor; c1 as it is, or from the loss factor by a
+/// law.
+fn read_voigt(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
+    let shape = s.scalar(&wall_voigt::SHAPE);
+    let (stiffness, material_loss) = match s.given(&wall_voigt::STIFFNESS) {
+        Some((_, Given::Word(word))) => {
+            let material = Material::ALL[word];
+            (Some(material.stiffness_n_per_m()), Some(material.loss_factor()))
+        }
+        Some((1, Given::Number(stiffness))) => (Some(stiffness), None),
+        Some((_, Given::Number(modulus))) => (shape.map(|shape| shape * modulus), None),
+        _ => (None, None),
+    };
+    let damping = s.one_of(&wall_voigt::DAMPING).or(material_loss.map(|loss| (1, loss)));
+    let law = s.word(&wall_voigt::LAW).map(|word| DampingLaw::ALL[word]);
+    let release = s.word(&wall_voigt::RELEASE);
+    let stiffness_n_per_m = stiffness?;
+    let damping_n_s_per_m = match damping? {
+        (0, damping) => damping,
+        (_, loss) => law?.damping_n_s_per_m(stiffness_n_per_m, loss, structure?, particle_mass_kg?),
+    };
+    let release = if release? == 0 { Release::ZeroPenetration } else { Release::ZeroForce };
+    Some(Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release })
+}
+
+fn read_friction(s: &Section, base: BaseAmplitude) -> Option<Friction> {
+    let friction = match s.given(&friction_damper::FORCE) {
+        Some((_, Given::Table(spring))) => read_spring(&spring, base).map(Friction::Tuned),
+        Some((1, Given::Number(force))) => Some(Friction::Constant(Relative::Absolute(force))),
+        Some((place, Given::Number(ratio))) if refers(s, &friction_damper::FORCE, place, base) => {
+            Some(Friction::Constant(Relative::Ratio(ratio)))
+        }
+        _ => None,
+    };
+    s.finish();
+    friction
+}
+
+fn read_spring(s: &Section, base: BaseAmplitude) -> Option<SpringSpec> {
+    let target = match s.one_of(&spring::TARGET) {
+        Some((0, ratio)) if refers(s, &spring::TARGET, 0, base) => Some(SpringTarget::FrictionRatio(ratio)),
+        Some((1, force)) => Some(SpringTarget::NormalForce(force)),
+        Some((2, deflection)) => Some(SpringTarget::Deflection(deflection)),
+        _ => None,
+    };
+    let states = [&spring::FRICTION, &spring::STIFFNESS].map(|quantity| s.written(quantity).is_some());
+    let friction = s.scalar(&spring::FRICTION);
+    let stiffness = s.scalar(&spring::STIFFNESS);
+    s.finish();
+    Some(SpringSpec { target: target?, friction_coefficient: friction?, stiffness_n_per_m: stiffness?, states })
+}
+
+/// Tuned by a rule, by ratios, or as it is.
+fn read_tmd(s: &Section, structure: Option<&Structure>) -> Option<Tmd> {
+    let mass = s.one_of(&tmd::MASS).and_then(|mass| mass_of(mass, structure));
+    let spring = s.given(&tmd::SPRING);
+    let dashpot = s.one_of(&tmd::DASHPOT);
+    s.finish();
+    let (mass_kg, structure) = (mass?, structure?);
+    let stiffness_n_per_m = match spring? {
+        (_, Given::Word(word)) => {
+            let tuned = Tmd::tuned(structure, mass_kg, Tuning::ALL[word]);
+            if !(tuned.stiffness_n_per_m > 0.0 && tuned.damping_n_s_per_m.is_finite()) {
+                s.reject("tuning", "the rule has a spring for mass ratios less than 2 only", None);
+                return None;
+            }
+            return Some(tuned);
+        }
+        (1, Given::Number(stiffness)) => stiffness,
+        (_, Given::Number(ratio)) => mass_kg * (ratio * structure.angular_frequency_rad_per_s()).powi(2),
+        _ => return None,
+    };
+    let damping_n_s_per_m = damping_of(dashpot?, mass_kg, stiffness_n_per_m);
+    Some(Tmd { mass_kg, stiffness_n_per_m, damping_n_s_per_m })
+}

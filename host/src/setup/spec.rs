@@ -1,0 +1,173 @@
+//! A set-up as written: what is relative to the base amplitude stays so until Z is known.
+
+use damprig_core::control::friction_spring::SpringConfig;
+use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Tmd, Wall};
+
+/// A quantity in its own unit, or relative to the base amplitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Relative {
+    Absolute(f64),
+    Ratio(f64),
+}
+
+/// Where the particle stands at the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// Share of the clearance from the centre, −1 to 1.
+    Share(f64),
+    /// Distance from the centre, m.
+    Metres(f64),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ParticleSpec {
+    pub(super) mass_kg: f64,
+    pub(super) clearance: Relative,
+    pub(super) friction_coefficient: f64,
+    pub(super) wall: Wall,
+    pub(super) place: Place,
+    /// The place was written, not left to its default.
+    pub(super) is_placed: bool,
+}
+
+impl ParticleSpec {
+    fn clearance_m(&self, base_amplitude_m: f64) -> f64 {
+        match self.clearance {
+            Relative::Absolute(clearance) => clearance,
+            Relative::Ratio(ratio) => ratio * base_amplitude_m,
+        }
+    }
+}
+
+/// A friction damper of constant force, or one whose spring the rig tunes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Friction {
+    Constant(Relative),
+    Tuned(SpringSpec),
+}
+
+/// What the friction damper's spring is set to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpringTarget {
+    /// γF = μe·F_N/(kZ), kept while Z changes.
+    FrictionRatio(f64),
+    /// F_N, N.
+    NormalForce(f64),
+    /// Δs from the zero reading, m.
+    Deflection(f64),
+}
+
+/// A friction damper whose spring the rig tunes by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringSpec {
+    /// What it is set to.
+    pub target: SpringTarget,
+    /// μe between block and base; the board's unless stated.
+    pub friction_coefficient: f64,
+    /// k_s as far as known, N/m: the rig measures it; the board's unless stated.
+    pub stiffness_n_per_m: f64,
+    /// Whether the campaign states the friction coefficient, and whether the stiffness.
+    pub(super) states: [bool; 2],
+}
+
+impl SpringSpec {
+    /// μe and k_s where the campaign states them.
+    #[must_use]
+    pub fn stated(&self) -> [Option<f64>; 2] {
+        let [friction, stiffness] = self.states;
+        [friction.then_some(self.friction_coefficient), stiffness.then_some(self.stiffness_n_per_m)]
+    }
+
+    /// The normal force that is wanted on a structure of this stiffness at base amplitude Z, N.
+    #[must_use]
+    pub fn normal_force_n(&self, structure_stiffness_n_per_m: f64, base_amplitude_m: f64) -> f64 {
+        match self.target {
+            SpringTarget::FrictionRatio(ratio) => {
+                ratio * structure_stiffness_n_per_m * base_amplitude_m / self.friction_coefficient
+            }
+            SpringTarget::NormalForce(force) => force,
+            SpringTarget::Deflection(deflection) => self.stiffness_n_per_m * deflection,
+        }
+    }
+}
+
+/// A set-up as written: some of it may scale with the base amplitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetUpSpec {
+    pub(super) structure: Structure,
+    pub(super) particle: Option<ParticleSpec>,
+    pub(super) friction: Option<Friction>,
+    pub(super) tmd: Option<Tmd>,
+    pub(super) gravity_m_per_s2: f64,
+}
+
+impl SetUpSpec {
+    /// Takes what the campaign does not state of the spring from the board's settings.
+    pub(crate) fn on_board(&mut self, board: &SpringConfig) {
+        let Some(Friction::Tuned(spring)) = &mut self.friction else { return };
+        let [friction, stiffness] = spring.stated();
+        spring.friction_coefficient = friction.unwrap_or(f64::from(board.friction_coefficient));
+        spring.stiffness_n_per_m = stiffness.unwrap_or(f64::from(board.stiffness_n_per_m));
+    }
+
+    /// The set-up in SI units at base amplitude Z, m.
+    #[must_use]
+    pub fn at(&self, base_amplitude_m: f64) -> SetUp {
+        let stiffness_n_per_m = self.structure.stiffness_n_per_m;
+        SetUp {
+            structure: self.structure,
+            particle: self.particle.map(|p| Particle {
+                mass_kg: p.mass_kg,
+                clearance_m: p.clearance_m(base_amplitude_m),
+                friction_coefficient: p.friction_coefficient,
+                wall: p.wall,
+            }),
+            friction_damper: self.friction.map(|friction| FrictionDamper {
+                force_n: match friction {
+                    Friction::Constant(Relative::Absolute(force)) => force,
+                    Friction::Constant(Relative::Ratio(ratio)) => ratio * stiffness_n_per_m * base_amplitude_m,
+                    Friction::Tuned(spring) => {
+                        spring.friction_coefficient * spring.normal_force_n(stiffness_n_per_m, base_amplitude_m)
+                    }
+                },
+            }),
+            tmd: self.tmd,
+            gravity_m_per_s2: self.gravity_m_per_s2,
+        }
+    }
+
+    /// Whether any of it is relative to the base amplitude.
+    #[must_use]
+    pub fn is_relative(&self) -> bool {
+        let by_friction = match self.friction {
+            Some(Friction::Constant(force)) => matches!(force, Relative::Ratio(_)),
+            Some(Friction::Tuned(spring)) => matches!(spring.target, SpringTarget::FrictionRatio(_)),
+            None => false,
+        };
+        by_friction || self.particle.is_some_and(|p| matches!(p.clearance, Relative::Ratio(_)))
+    }
+
+    /// y − x at the start at base amplitude Z, m; 0 without a particle.
+    #[must_use]
+    pub fn particle_start_m(&self, base_amplitude_m: f64) -> f64 {
+        self.particle.map_or(0.0, |p| match p.place {
+            Place::Share(share) => share * p.clearance_m(base_amplitude_m),
+            Place::Metres(start) => start,
+        })
+    }
+
+    /// Whether it says where the particle starts.
+    #[must_use]
+    pub fn places_particle(&self) -> bool {
+        self.particle.is_some_and(|p| p.is_placed)
+    }
+
+    /// The friction damper's spring, where the rig tunes it.
+    #[must_use]
+    pub fn spring(&self) -> Option<SpringSpec> {
+        match self.friction {
+            Some(Friction::Tuned(spring)) => Some(spring),
+            _ => None,
+        }
+    }
+}

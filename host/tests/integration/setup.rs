@@ -1,0 +1,381 @@
+//! A set-up says the same in a case and in a campaign, and the table of its keys is what the parser applies.
+//!
+//! Files are written from the table itself, at random with fixed seeds.
+
+use std::collections::BTreeSet;
+
+use damprig::campaign::Campaign;
+use damprig::input::Source;
+use damprig::input::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
+use damprig::simulation::Case;
+use damprig::{setup, simulation};
+use fastrand::Rng;
+
+use crate::common::{damprig, folder_with};
+
+/// A change to one table of a file that is written.
+#[derive(Clone)]
+struct Edit {
+    path: &'static str,
+    kind: Option<&'static str>,
+    /// The key that is changed; one that the table does not have is added.
+    key: &'static str,
+    /// What it is written as; none to leave it out.
+    value: Option<String>,
+}
+
+impl Edit {
+    fn new(table: &Table, key: &'static str, value: Option<String>) -> Self {
+        Self { path: table.path, kind: table.kind, key, value }
+    }
+}
+
+/// Writes files that say what the tables allow.
+struct Writer<'t> {
+    tables: &'t [Table],
+    rng: Rng,
+    edit: Option<Edit>,
+    /// Path, kind and key of what was written.
+    written: Vec<(&'static str, Option<&'static str>, &'static str)>,
+}
+
+type Lines = Vec<(&'static str, String)>;
+
+impl<'t> Writer<'t> {
+    fn new(tables: &'t [Table], seed: u64) -> Self {
+        Self { tables, rng: Rng::with_seed(seed), edit: None, written: Vec::new() }
+    }
+
+    /// Keys and values of the table at `path`, of a kind chosen at random where there are several.
+    fn table(&mut self, path: &'static str) -> Lines {
+        let mut tables: Vec<&Table> = self.tables.iter().filter(|table| table.path == path).collect();
+        let mut lines = Lines::new();
+        if let Some(kind) = tables[0].kind {
+            let place = self.rng.usize(..tables.len());
+            lines.push(("kind", format!("{:?}", tables[place].kind.unwrap_or(kind))));
+            tables = vec![tables[place]];
+        }
+        for quantity in tables.iter().flat_map(|table| table.quantities) {
+            if let Some(key) = self.choose(quantity, &lines) {
+                lines.push((key.name, self.value(path, key)));
+                self.written.push((path, tables[0].kind, key.name));
+            }
+        }
+        if let Some(edit) = self.edit.clone().filter(|edit| edit.path == path && edit.kind == tables[0].kind) {
+            lines.retain(|(key, _)| *key != edit.key);
+            lines.extend(edit.value.map(|value| (edit.key, value)));
+        }
+        lines
+    }
+
+    /// The key under which a quantity is written, beside the `lines` there are.
+    fn choose(&mut self, quantity: &Quantity, lines: &Lines) -> Option<&'static Key> {
+        let mut need = quantity.need;
+        while let Need::If(_, name, then, otherwise) = need {
+            need = if lines.iter().any(|(key, _)| *key == name) { *then } else { *otherwise };
+        }
+        let is_written = match need {
+            Need::Required => true,
+            Need::Forbidden => false,
+            _ => self.rng.bool(),
+        };
+        is_written.then(|| &quantity.keys[self.rng.usize(..quantity.keys.len())])
+    }
+
+    fn value(&mut self, path: &'static str, key: &Key) -> String {
+        match key.kind {
+            Kind::Table => {
+                let full = if path.is_empty() { key.name.into() } else { format!("{path}.{}", key.name) };
+                let inner = self.tables.iter().find(|table| table.path == full).expect("a declared table").path;
+                let inner = self.table(inner);
+                let lines: Vec<String> = inner.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+                format!("{{ {} }}", lines.join(", "))
+            }
+            Kind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
+            Kind::Number(_) => format!("{:?}", self.number(key.name)),
+            Kind::Numbers => "[0.0, 0.05]".into(),
+            Kind::Text => "\"some.csv\"".into(),
+            Kind::TextOrPlace => "2".into(),
+        }
+    }
+
+    /// A number of the magnitude that rigs have, such that any together are a set-up.
+    fn number(&mut self, key: &str) -> f64 {
+        let (low, high) = match (key, Unit::of(key).map_or("", |unit| unit.symbol)) {
+            ("start_m", _) => (-4e-5, 4e-5),
+            ("steady_from_cycle", _) => return f64::from(self.rng.u8(..3)),
+            (_, "kg") => (1.0, 1.9),
+            (_, "Hz") => (1.0, 10.0),
+            (_, "N/m") => (100.0, 1000.0),
+            (_, "m") => (1e-3, 0.1),
+            (_, "Pa") => (1e4, 1e6),
+            _ => (0.05, 1.0),
+        };
+        low + (high - low) * self.rng.f64()
+    }
+}
+
+fn text(lines: &Lines) -> String {
+    lines.iter().map(|(key, value)| format!("{key} = {value}\n")).collect()
+}
+
+fn case(text: &str) -> Result<Case, String> {
+    Case::parse(&Source::new("case.toml", text), "case").map_err(|refusal| refusal.to_string())
+}
+
+/// A campaign with these tables at its top, and one set-up.
+fn campaign(shared: &str, set_up: &str) -> Result<Campaign, String> {
+    let experiment = "kind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"from_rest\"\ndwell_s = 4\n";
+    let text = format!("name = \"t\"\n{shared}[[experiment]]\n{experiment}[[set_up]]\nname = \"s\"\n{set_up}");
+    Campaign::parse(Source::new("campaign.toml", text)).map_err(|refusal| refusal.to_string())
+}
+
+/// Every table of a case: its set-up's, and those beside.
+fn tables() -> Vec<Table> {
+    setup::TABLES.iter().chain(simulation::TABLES).copied().collect()
+}
+
+/// The case of a seed, changed.
+fn written(seed: u64, edit: Option<Edit>) -> String {
+    let all = tables();
+    let mut writer = Writer::new(&all, seed);
+    writer.edit = edit;
+    text(&writer.table(""))
+}
+
+/// The first seed whose case has the table, with the key if one is asked for, and is as wanted.
+fn seed_with(table: &Table, key: Option<&str>, wanted: impl Fn(u64) -> bool) -> u64 {
+    let all = tables();
+    let seed = (0..50_000).find(|seed| {
+        let mut writer = Writer::new(&all, *seed);
+        writer.table("");
+        let is_it = |(path, kind, name): &(&str, Option<&str>, &str)| {
+            *path == table.path && *kind == table.kind && key.is_none_or(|key| key == *name)
+        };
+        writer.written.iter().any(is_it) && wanted(*seed)
+    });
+    seed.unwrap_or_else(|| panic!("no case has `{}` {:?} with {key:?}", table.path, table.kind))
+}
+
+#[test]
+fn a_set_up_written_in_a_case_and_in_a_campaign_gives_the_same_model() {
+    const Z_M: f64 = 0.003;
+    for seed in 0..2000 {
+        let mut writer = Writer::new(setup::TABLES, seed);
+        let mut set_up = writer.table("");
+        set_up.retain(|(key, _)| *key != "base_amplitude_m");
+        let stated = format!("base_amplitude_m = {Z_M}\n");
+        let (at_top, in_base) = if writer.rng.bool() {
+            (stated.clone(), String::new())
+        } else {
+            (String::new(), format!("amplitude_m = {Z_M}, "))
+        };
+        let sine = format!("base = {{ kind = \"sine\", {in_base}frequency_hz = 2.5 }}\nrun = {{ duration_s = 1 }}\n");
+        let alone = text(&set_up);
+        let case = case(&format!("{alone}{at_top}{sine}")).unwrap_or_else(|refusal| panic!("seed {seed}: {refusal}"));
+
+        // Some of it may stand at the top of a campaign, for all its set-ups.
+        let (mut shared, mut own) = (Lines::new(), Lines::new());
+        for (key, value) in set_up {
+            let is_shared = writer.rng.bool();
+            if is_shared && !["structure", "gravity_m_per_s2"].contains(&key) {
+                own.push((key, "{}".into()));
+            }
+            if is_shared { &mut shared } else { &mut own }.push((key, value));
+        }
+        let campaign = campaign(&text(&shared), &format!("{stated}{}", text(&own)));
+        let campaign = campaign.unwrap_or_else(|refusal| panic!("seed {seed}: {refusal}"));
+        assert_eq!(case.set_up, campaign.set_ups[0].model(), "seed {seed}:\n{alone}");
+        assert_eq!(case.initial.y_m, campaign.set_ups[0].particle_start_m(), "seed {seed}:\n{alone}");
+    }
+}
+
+#[test]
+fn the_parser_reads_the_declared_keys_and_no_others() {
+    let allowed = |answer: &str| -> BTreeSet<String> {
+        let list = answer.split("allowed here: ").nth(1).unwrap_or_else(|| panic!("no list in:\n{answer}"));
+        list.lines().next().unwrap_or_default().split(", ").map(str::to_string).collect()
+    };
+    let declared = |path: &str, kind: Option<&str>, tables: &[Table]| -> BTreeSet<String> {
+        let own = tables.iter().filter(|table| table.path == path && table.kind == kind);
+        let keys = own.flat_map(|table| table.quantities).flat_map(|quantity| quantity.keys);
+        keys.map(|key| key.name).chain(kind.map(|_| "kind")).map(str::to_string).collect()
+    };
+    let all = tables();
+    for table in all.iter().filter(|table| table.kind != Some("fixed")) {
+        let seed = seed_with(table, None, |_| true);
+        let answer = case(&written(seed, Some(Edit::new(table, "zzz", Some("1".into()))))).expect_err("zzz");
+        assert_eq!(allowed(&answer), declared(table.path, table.kind, &all), "{}:\n{answer}", table.path);
+    }
+    let answer = campaign("", "zzz = 1\n").expect_err("zzz");
+    let mut keys = declared("", None, setup::TABLES);
+    keys.extend(["name".to_string(), "label".into()]);
+    assert_eq!(allowed(&answer), keys, "{answer}");
+}
+
+#[test]
+fn a_number_is_refused_outside_its_declared_range_and_read_within() {
+    let all = tables();
+    for table in &all {
+        for key in table.quantities.iter().flat_map(|quantity| quantity.keys) {
+            let Kind::Number(range) = key.kind else { continue };
+            let (least, most) = Unit::of(key.name).map_or((0.0, f64::MAX), |unit| (unit.least, unit.most));
+            let (low, high) = match range {
+                Range::Any => (-most, most),
+                Range::NotZero | Range::Positive => (if least > 0.0 { least } else { 1e-300 }, most),
+                Range::NotNegative => (0.0, most),
+                Range::Between(low, high) => (low, high),
+                Range::Whole => (0.0, 9e15),
+            };
+            let below = if range == Range::NotZero { 0.0 } else { low - 0.1 * low.abs().max(1e-3) };
+            // Beside a Z at the top the base's own is refused, whatever it is.
+            let is_alone = |seed| key.name == "base_amplitude_m" || !written(seed, None).contains("base_amplitude_m");
+            let seed = seed_with(table, Some(key.name), is_alone);
+            let answer_to = |value: f64| {
+                let answer = case(&written(seed, Some(Edit::new(table, key.name, Some(format!("{value:?}"))))));
+                let refused = format!("{}` = {value:?} is not allowed", key.name);
+                // What else the model has to say of such a value is none of the range's.
+                let is_range = |text: &str| {
+                    text.contains("in magnitude") || range.refusal(value).is_some_and(|r| text.contains(&r))
+                };
+                answer.err().filter(|text| text.contains(&refused) && is_range(text))
+            };
+            for value in [below, 2.0 * high].into_iter().filter(|value| value.is_finite()) {
+                assert!(answer_to(value).is_some(), "{}.{} = {value:e} was read", table.path, key.name);
+            }
+            for value in [low, high] {
+                assert_eq!(answer_to(value), None, "{}.{} = {value:e}", table.path, key.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_default_that_is_written_changes_nothing() {
+    let mut defaults = 0;
+    for table in tables() {
+        for quantity in table.quantities {
+            let mut need = quantity.need;
+            while let Need::If(.., otherwise) = need {
+                need = *otherwise;
+            }
+            let Need::Default(default) = need else { continue };
+            let value = match default {
+                DefaultValue::Word(word) => format!("{word:?}"),
+                _ => format!("{:?}", default.number().expect("a number")),
+            };
+            let key = quantity.keys[0].name;
+            let with = |seed| case(&written(seed, Some(Edit::new(&table, key, Some(value.clone())))));
+            let seed = seed_with(&table, Some(key), |seed| with(seed).is_ok());
+            let without = case(&written(seed, Some(Edit::new(&table, key, None))));
+            assert_eq!(with(seed), without, "{}.{key} = {value}", table.path);
+            defaults += 1;
+        }
+    }
+    assert!(defaults > 5, "{defaults}");
+}
+
+const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n";
+const SINE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }\n";
+const RUN: &str = "run = { duration_s = 1 }\n";
+const RATIOS: &str = "particle = { mass_ratio = 0.1, clearance_ratio = 5, wall = { kind = \"restitution\", coefficient = 0.5 } }\n\
+                      friction_damper = { friction_ratio = 0.4 }\n";
+
+/// The answer must have all of `words`.
+fn refused<T: std::fmt::Debug>(answer: Result<T, String>, words: &[&str]) {
+    let answer = answer.expect_err("it is refused");
+    for word in words {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+}
+
+#[test]
+fn a_case_may_give_clearance_and_friction_relative_to_its_base_amplitude() {
+    let found = case(&format!("{STRUCTURE}{SINE}{RUN}{RATIOS}")).unwrap().set_up;
+    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.003);
+    assert_eq!(found.friction_damper.unwrap().force_n, 0.4 * found.structure.stiffness_n_per_m * 0.003);
+    let pulse = "base = { kind = \"versine\", amplitude_m = -0.01, duration_s = 0.2 }\n";
+    let found = case(&format!("{STRUCTURE}{pulse}{RUN}{RATIOS}")).unwrap().set_up;
+    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.01, "of a pulse downwards too");
+    let stated = "base_amplitude_m = 0.002\ninitial = { x_m = 0.035 }\n";
+    let found = case(&format!("{STRUCTURE}{stated}{RUN}{RATIOS}")).unwrap().set_up;
+    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.002, "of a release, where the case says what Z is");
+}
+
+#[test]
+fn a_ratio_without_a_base_amplitude_is_refused_with_the_key_to_write() {
+    let words = [
+        "`particle.clearance_ratio` = 5 is not allowed",
+        "is relative to Z, and the base of this case is fixed",
+        "write `clearance_m`",
+        "`friction_damper.friction_ratio` = 0.4",
+        "write `force_n`",
+    ];
+    refused(case(&format!("{STRUCTURE}{RUN}{RATIOS}")), &words);
+    refused(case(&format!("{STRUCTURE}{RUN}{RATIOS}base = {{ kind = \"fixed\" }}\n")), &words);
+    refused(case(&format!("{STRUCTURE}{RUN}{RATIOS}{}", SINE.replace("0.003", "0"))), &["the base's amplitude is 0"]);
+    let spring = "friction_damper = { spring = { friction_ratio = 0.6 } }\n";
+    refused(case(&format!("{STRUCTURE}{RUN}{spring}")), &["spring.friction_ratio` = 0.6", "write `normal_force_n`"]);
+}
+
+#[test]
+fn a_base_amplitude_is_stated_once_and_not_in_vain() {
+    let twice = ["`base.amplitude_m` = 0.003", "`base_amplitude_m` is given too"];
+    refused(case(&format!("{STRUCTURE}{SINE}{RUN}base_amplitude_m = 0.003\n")), &twice);
+    let vain = ["`base_amplitude_m` = 0.003", "nothing refers to it", "write base = { kind = \"sine\""];
+    refused(case(&format!("{STRUCTURE}{RUN}base_amplitude_m = 0.003\n")), &vain);
+}
+
+#[test]
+fn a_case_may_say_how_its_friction_spring_is_tuned_and_where_its_particle_starts() {
+    let spring = "friction_damper = { spring = { normal_force_n = 2, friction_coefficient = 0.25 } }\n";
+    let found = case(&format!("{STRUCTURE}{RUN}{spring}")).unwrap().set_up;
+    assert_eq!(found.friction_damper.unwrap().force_n, 0.5, "μe·F_N");
+    let particle = |more: &str| RATIOS.replace("mass_ratio = 0.1", &format!("mass_ratio = 0.1, {more}"));
+    let initial = "initial = { x_m = 0.001 }\n";
+    let at_wall = particle("start = \"at_positive_wall\"");
+    let found = case(&format!("{STRUCTURE}{SINE}{RUN}{at_wall}{initial}")).unwrap().initial;
+    assert_eq!(found.y_m, 0.001 + 5.0 * 0.003);
+    let both = initial.replace("0.001", "0.001, y_m = 0.002");
+    refused(
+        case(&format!("{STRUCTURE}{SINE}{RUN}{at_wall}{both}")),
+        &["`initial.y_m` = 0.002", "the particle's own table says where it starts"],
+    );
+}
+
+#[test]
+fn a_wall_without_its_kind_is_answered_with_the_kinds() {
+    let wall = RATIOS.replace("kind = \"restitution\", ", "");
+    let words = ["`particle.wall.kind` is missing", "kind = \"restitution\" or kind = \"voigt\""];
+    refused(case(&format!("{STRUCTURE}{SINE}{RUN}{wall}")), &words);
+}
+
+#[test]
+fn what_a_set_up_says_itself_counts_before_what_it_inherits_under_another_key() {
+    let shared = format!("{STRUCTURE}tmd = {{ mass_ratio = 0.1, stiffness_n_per_m = 30, damping_ratio = 0.1 }}\n");
+    for own in ["frequency_ratio = 0.9, damping_n_s_per_m = 0.5", "tuning = \"warburton\""] {
+        let set_up = format!("base_amplitude_m = 0.003\ntmd = {{ {own} }}\n");
+        let inherited = campaign(&shared, &set_up).unwrap().set_ups[0].model();
+        let whole = case(&format!("{STRUCTURE}{RUN}tmd = {{ mass_ratio = 0.1, {own} }}\n")).unwrap().set_up;
+        assert_eq!(inherited, whole, "{own}");
+    }
+}
+
+#[test]
+fn a_campaign_with_soft_walls_or_a_tuned_mass_is_refused_before_it_is_predicted() {
+    let head = "name = \"t\"\n[[experiment]]\nkind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"from_rest\"\ndwell_s = 4\n";
+    let wall = "wall = { kind = \"voigt\", material = \"pu_foam\", release = \"zero_force\" }";
+    for (damper, what) in [
+        (format!("particle = {{ mass_ratio = 0.1, clearance_ratio = 5, {wall} }}"), "soft walls"),
+        ("tmd = { mass_ratio = 0.1, tuning = \"den_hartog\" }".into(), "a tuned mass damper"),
+    ] {
+        let folder =
+            folder_with(&format!("{head}[[set_up]]\nname = \"s\"\nbase_amplitude_m = 0.003\n{STRUCTURE}{damper}\n"));
+        let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+        let answer = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{answer}");
+        for word in ["test.toml:9:", &format!("set-up \"s\" has {what}"), "`damprig simulate` follows"] {
+            assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+        }
+    }
+}

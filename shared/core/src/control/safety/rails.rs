@@ -1,0 +1,132 @@
+//! Whether each sensor is connected: a signal at a rail for [`RAIL_TICKS`] is a sensor fault, whatever its scale.
+//!
+//! An open input, a broken supply and a shorted cable all read a rail; a signal that only touches one is clipped, which is
+//! counted and told. What a [`Rail`] is stands in [`crate::rig::channels`]; which sensors end an experiment in
+//! [`super::Safety`].
+
+use crate::rig::channels::{Rail, SENSORS, Sensor, SensorSet};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Ticks in a row with every sample at a rail that make a sensor fault: 5 ms.
+pub const RAIL_TICKS: u8 = 5;
+
+/// What a sensor is worth in this tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Verdict {
+    /// It gives a signal.
+    #[default]
+    Reads,
+    /// Every sample is at a rail, for less than [`RAIL_TICKS`].
+    AtRail,
+    /// It is unplugged, unsupplied or shorted.
+    Lost {
+        /// What it reads, in its unit.
+        reading: f32,
+        /// The end of its usable span that this is beyond.
+        edge: f32,
+    },
+}
+
+/// The sensors' health, for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct SensorHealth {
+    /// At a rail now, for [`RAIL_TICKS`] or longer.
+    pub lost: SensorSet,
+    /// At least one sample was at a rail since the last start.
+    pub clipped: SensorSet,
+}
+
+/// Watches every sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RailWatch {
+    ticks: [u8; SENSORS],
+    verdicts: [Verdict; SENSORS],
+    health: SensorHealth,
+    clipped_now: SensorSet,
+}
+
+impl RailWatch {
+    /// Takes one tick's blocks, in the order of [`Sensor::ALL`].
+    pub fn push(&mut self, rails: &[Rail; SENSORS]) {
+        self.clipped_now = SensorSet::default();
+        self.health.lost = SensorSet::default();
+        for (sensor, rail) in Sensor::ALL.into_iter().zip(rails) {
+            let (ticks, verdict) = (&mut self.ticks[sensor as usize], &mut self.verdicts[sensor as usize]);
+            if *rail != Rail::Clear {
+                self.clipped_now.insert(sensor);
+            }
+            let Rail::All { reading, edge } = *rail else {
+                (*ticks, *verdict) = (0, Verdict::Reads);
+                continue;
+            };
+            *ticks = ticks.saturating_add(1);
+            *verdict = Verdict::AtRail;
+            if *ticks >= RAIL_TICKS {
+                *verdict = Verdict::Lost { reading, edge };
+                self.health.lost.insert(sensor);
+            }
+        }
+        self.health.clipped.extend(self.clipped_now);
+    }
+
+    /// What a sensor is worth in this tick.
+    #[must_use]
+    pub fn verdict(&self, sensor: Sensor) -> Verdict {
+        self.verdicts[sensor as usize]
+    }
+
+    /// The first lost sensor, what it reads and the end of its usable span.
+    #[must_use]
+    pub fn first_lost(&self) -> Option<(Sensor, f32, f32)> {
+        Sensor::ALL.into_iter().find_map(|sensor| match self.verdict(sensor) {
+            Verdict::Lost { reading, edge } => Some((sensor, reading, edge)),
+            Verdict::Reads | Verdict::AtRail => None,
+        })
+    }
+
+    /// Sensors with a sample at a rail in this tick.
+    #[must_use]
+    pub fn clipped_now(&self) -> SensorSet {
+        self.clipped_now
+    }
+
+    /// The sensors' health.
+    #[must_use]
+    pub fn health(&self) -> SensorHealth {
+        self.health
+    }
+
+    /// An experiment starts: clipping is told since now.
+    pub fn restart(&mut self) {
+        self.health.clipped = SensorSet::default();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT_RAIL: Rail = Rail::All { reading: 0.0, edge: 0.01 };
+
+    fn ticks(watch: &mut RailWatch, rail: Rail, count: u8) -> Verdict {
+        let mut rails = [Rail::Clear; SENSORS];
+        rails[Sensor::SpringForce as usize] = rail;
+        (0..count).for_each(|_| watch.push(&rails));
+        watch.verdict(Sensor::SpringForce)
+    }
+
+    #[test]
+    fn five_milliseconds_at_a_rail_are_a_lost_sensor_and_less_are_clipping() {
+        let mut watch = RailWatch::default();
+        assert_eq!(ticks(&mut watch, AT_RAIL, 4), Verdict::AtRail);
+        assert_eq!(ticks(&mut watch, Rail::Some, 1), Verdict::Reads);
+        assert_eq!(watch.first_lost(), None);
+        assert!(watch.health().clipped.contains(Sensor::SpringForce) && watch.health().lost.is_empty());
+        assert_eq!(ticks(&mut watch, AT_RAIL, 5), Verdict::Lost { reading: 0.0, edge: 0.01 });
+        assert_eq!(watch.first_lost(), Some((Sensor::SpringForce, 0.0, 0.01)));
+        assert!(watch.health().lost.contains(Sensor::SpringForce) && !watch.health().lost.contains(Sensor::X));
+        assert_eq!(ticks(&mut watch, Rail::Clear, 1), Verdict::Reads);
+        assert!(watch.health().lost.is_empty() && watch.clipped_now().is_empty());
+    }
+}

@@ -1,0 +1,825 @@
+//! The board: the core (Unicorn's Cortex-M4F) driven in slices over the [`Chip`], exceptions taken between them.
+//!
+//! # Time
+//! An instruction takes one cycle of HCLK, entering an exception [`ENTRY_CYCLES`], leaving one [`EXIT_CYCLES`]; wait states and
+//! caches are not modelled. A slice ends at the next event of the chip, at the instruction after a register access that
+//! changes what is to be done, or where interrupts are unmasked while one is pending: so an interrupt is taken between
+//! the same two instructions in every run. `WFE` passes the time to the next event.
+//!
+//! # Exceptions
+//! Unicorn has none of its own: their frame is pushed and popped here, always with the floating-point registers. A handler's
+//! return shows either as an exception of the emulator or as an instruction in a page of its own.
+
+use std::collections::{BTreeMap, HashMap};
+
+use unicorn_engine::{Arch, ArmCpuModel, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+
+use crate::chip::{BANK2_BASE, Chip, Config, FLASH_BASE, RAM_BASE, RAM_BYTES};
+use crate::image::Image;
+use crate::peripherals::flash::BANK_BYTES;
+use crate::peripherals::nvic::Masks;
+use crate::peripherals::rcc::ResetCause;
+use crate::register::Refused;
+use crate::time::Time;
+
+/// Cycles from an interrupt to its handler's first instruction (Cortex-M4 TRM, without wait states).
+pub const ENTRY_CYCLES: u64 = 12;
+
+/// Cycles from a handler's last instruction back to what it interrupted.
+pub const EXIT_CYCLES: u64 = 10;
+
+/// Where the return addresses of exceptions lie.
+const RETURN_PAGE: u32 = 0xffff_f000;
+
+/// EXC_RETURN with a floating-point frame on the main stack, to a handler and to a thread.
+const TO_HANDLER: u32 = 0xffff_ffe1;
+const TO_THREAD: u32 = 0xffff_ffe9;
+
+/// Words of a frame with floating-point registers.
+const FRAME_WORDS: usize = 26;
+
+/// xPSR: the Thumb bit, and the mark of a stack that was aligned.
+const XPSR_T: u32 = 1 << 24;
+const XPSR_ALIGNED: u32 = 1 << 9;
+
+/// An address that no program reaches: the end of a slice is decided elsewhere.
+const NOWHERE: u64 = 0xffff_fffe;
+
+/// The emulator's own number for a return from an exception.
+const EXCEPTION_EXIT: u32 = 8;
+
+/// What the peripherals' memory is, for the core: first address and length.
+const DEVICES: [(u32, u32); 6] = [
+    (BANK2_BASE, BANK_BYTES),
+    (0x1fff_0000, 0x1_0000),
+    (0x4000_0000, 0x3_0000),
+    (0x4800_0000, 0x2000),
+    (0x5000_0000, 0x1000),
+    (0xe000_0000, 0x10_0000),
+];
+
+/// A run that cannot go on: the program did something that is not modelled or not allowed.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{message}\n  {:.6} s after power-on, at {place}", time.s())]
+pub struct Failure {
+    /// What.
+    pub message: String,
+    /// The instruction's address.
+    pub address: u32,
+    /// Its place in the source.
+    pub place: String,
+    /// When.
+    pub time: Time,
+}
+
+/// Why a slice ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stop {
+    /// Time is up, or something is to be looked at.
+    Due,
+    /// A wait for an event.
+    Wait,
+    /// A hint that does nothing.
+    Hint,
+    /// An exception returns.
+    Return,
+    /// IPSR is read into this register.
+    ReadIpsr(u8),
+    /// The program did something that is not modelled.
+    Failed,
+}
+
+/// What the hooks work on.
+struct Machine {
+    chip: Chip,
+    /// The first bank, to look at instructions.
+    code: Vec<u8>,
+    /// The slice ends here.
+    deadline: Time,
+    cycle: Time,
+    stop: Stop,
+    pc: u32,
+    /// The instructions after this address and before that one belong to an IT block, in which a slice cannot end.
+    it_block: (u32, u32),
+    /// The core's event register.
+    event: bool,
+    instructions: u64,
+    failure: Option<Refused>,
+    /// The instruction that failed.
+    failed_at: u32,
+    /// The last access to a register: after how many instructions, and where.
+    accessed: (u64, u32),
+    /// Instructions by halfword of the first bank, if they are counted.
+    profile: Option<Vec<u32>>,
+}
+
+impl Machine {
+    fn opcode(&self, address: u32) -> Option<u16> {
+        let place = address.checked_sub(FLASH_BASE)? as usize;
+        let bytes = self.code.get(place..place + 2)?;
+        Some(u16::from_le_bytes([bytes[0], bytes[1]]))
+    }
+
+    fn fail(&mut self, refused: Refused) {
+        if self.failure.is_none() {
+            (self.failure, self.failed_at) = (Some(refused), self.pc);
+        }
+        self.deadline = Time(0);
+    }
+
+    /// Before each instruction: whether the slice goes on with it.
+    fn goes_on(&mut self, address: u32) -> bool {
+        self.pc = address;
+        if self.chip.now >= self.deadline && !(self.it_block.0 < address && address < self.it_block.1) {
+            self.stop = if self.failure.is_some() { Stop::Failed } else { Stop::Due };
+            return false;
+        }
+        let Some(opcode) = self.opcode(address) else {
+            self.stop = if address >= RETURN_PAGE { Stop::Return } else { Stop::Failed };
+            if self.stop == Stop::Failed {
+                self.fail(Refused(format!("the program runs at {address:#010x}, outside the first bank of the flash")));
+            }
+            return false;
+        };
+        // Hints, IT, CPS; BKPT, SVC and permanently undefined; MSR and MRS.
+        if matches!(opcode >> 8, 0xb6 | 0xbe | 0xbf | 0xde | 0xdf | 0xf3)
+            && let Some(stop) = self.look_at(address, opcode)
+        {
+            self.stop = stop;
+            return false;
+        }
+        self.chip.now += self.cycle;
+        self.instructions += 1;
+        if let Some(profile) = &mut self.profile {
+            profile[(address - FLASH_BASE) as usize / 2] += 1;
+        }
+        true
+    }
+
+    /// An instruction that is more than a calculation: why the slice ends before it, if it does.
+    fn look_at(&mut self, address: u32, opcode: u16) -> Option<Stop> {
+        let second = self.opcode(address + 2).unwrap_or(0);
+        match opcode {
+            0xbf20 => return Some(Stop::Wait),
+            0xbf30 => {
+                self.fail(Refused("WFI is not modelled".into()));
+                return Some(Stop::Failed);
+            }
+            0xbf10 => return Some(Stop::Hint),
+            0xbf40 => self.event = true,
+            0xbf00 => {}
+            0xbf01..=0xbfff => {
+                // One to four instructions, as many as the mask's lowest 1 leaves.
+                let count = 4 - (opcode & 0xf).trailing_zeros();
+                let mut end = address + 2;
+                for _ in 0..count {
+                    let is_wide = self.opcode(end).is_some_and(|first| first >> 11 >= 0b11101);
+                    end += if is_wide { 4 } else { 2 };
+                }
+                self.it_block = (address, end);
+            }
+            0xb660..=0xb67f => self.look_after(),
+            0xbe00..=0xbeff | 0xde00..=0xdfff => {
+                self.fail(Refused(format!("the instruction {opcode:#06x} (BKPT, SVC or UDF) is not modelled")));
+                return Some(Stop::Failed);
+            }
+            0xf380..=0xf38f if second & 0xff00 == 0x8800 => match second & 0xff {
+                16..=19 => self.look_after(),
+                8 => {}
+                other => {
+                    self.fail(Refused(format!("MSR to special register {other} is not modelled")));
+                    return Some(Stop::Failed);
+                }
+            },
+            0xf3ef => match second & 0xff {
+                8 | 16..=19 => {}
+                5 => return Some(Stop::ReadIpsr((second >> 8 & 0xf) as u8)),
+                other => {
+                    self.fail(Refused(format!("MRS from special register {other} is not modelled")));
+                    return Some(Stop::Failed);
+                }
+            },
+            _ => {}
+        }
+        None
+    }
+
+    /// After this instruction an exception may be taken.
+    fn look_after(&mut self) {
+        if self.chip.nvic.has_pending() {
+            self.deadline = Time(0);
+        }
+    }
+
+    /// Before an access to a register. The emulator makes two aligned ones of one that is not: an instruction that moves one
+    /// word then comes twice.
+    fn begin_access(&mut self, address: u32) -> Result<(), Refused> {
+        let before = std::mem::replace(&mut self.accessed, (self.instructions, address));
+        let moves_one = self.opcode(self.pc).is_some_and(|opcode| {
+            // LDR and STR with their kin, of 16 bits and of 32.
+            matches!(opcode >> 12, 5..=9) || opcode >> 9 == 0b111_1100
+        });
+        if before.0 == self.instructions && moves_one {
+            return Err(Refused(format!("a misaligned access between {:#010x} and {address:#010x}", before.1)));
+        }
+        Ok(())
+    }
+
+    /// After an access: what it brought to memory, and whether the core is to look up.
+    fn after_access(uc: &mut Unicorn<'_, Machine>) {
+        let machine = uc.get_data_mut();
+        if let Some(refused) = machine.chip.failure.take() {
+            machine.fail(refused);
+        }
+        if machine.chip.stalled_until > machine.chip.now {
+            machine.chip.now = machine.chip.stalled_until;
+        }
+        let next = machine.chip.next_event();
+        machine.deadline = machine.deadline.min(next);
+        machine.cycle = machine.chip.cycle();
+        if machine.chip.nvic.has_pending() || machine.chip.wants_reset().is_some() {
+            machine.deadline = Time(0);
+        }
+        for (address, bytes) in std::mem::take(&mut machine.chip.memory) {
+            uc.mem_write(address.into(), &bytes).expect("DMA writes to memory that is there");
+        }
+    }
+}
+
+/// What the handlers of an exception have cost so far, without those that interrupted them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// How often it was taken.
+    pub count: u64,
+    /// Instructions in all.
+    pub instructions: u64,
+    /// Instructions of the longest.
+    pub most: u64,
+}
+
+impl Cost {
+    /// Instructions on average.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.instructions as f64 / self.count.max(1) as f64
+    }
+}
+
+/// An exception that is being handled.
+#[derive(Clone, Copy, Debug)]
+struct Handled {
+    exception: u16,
+    begun: u64,
+    /// Instructions of those that interrupted it.
+    others: u64,
+}
+
+/// The board.
+pub struct Board {
+    uc: Unicorn<'static, Machine>,
+    image: Image,
+    is_waiting: bool,
+    handled: Vec<Handled>,
+    costs: BTreeMap<u16, Cost>,
+    lowest_stack: u32,
+}
+
+impl Board {
+    /// A board that has just been powered, this image in its flash.
+    ///
+    /// # Errors
+    /// The rig's configuration, or what the emulator says.
+    pub fn new(image: Image, config: &Config) -> Result<Self, String> {
+        let chip = Chip::new(config).map_err(|invalid| format!("{invalid:?}"))?;
+        let code = image.flash[..BANK_BYTES as usize].to_vec();
+        let machine = Machine {
+            cycle: chip.cycle(),
+            chip,
+            code,
+            deadline: Time(0),
+            stop: Stop::Due,
+            pc: 0,
+            it_block: (0, 0),
+            event: false,
+            instructions: 0,
+            failure: None,
+            failed_at: 0,
+            accessed: (0, 0),
+            profile: None,
+        };
+        let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, machine).map_err(says)?;
+        uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(says)?;
+        map(&mut uc)?;
+        let mut board =
+            Self { uc, image, is_waiting: false, handled: Vec::new(), costs: BTreeMap::new(), lowest_stack: u32::MAX };
+        board.start_core();
+        Ok(board)
+    }
+
+    fn machine(&self) -> &Machine {
+        self.uc.get_data()
+    }
+
+    /// The chip.
+    #[must_use]
+    pub fn chip(&self) -> &Chip {
+        &self.machine().chip
+    }
+
+    /// The chip, to reach its pins and its line.
+    pub fn chip_mut(&mut self) -> &mut Chip {
+        &mut self.uc.get_data_mut().chip
+    }
+
+    /// The image.
+    #[must_use]
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// Now.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.chip().now
+    }
+
+    /// Instructions executed so far.
+    #[must_use]
+    pub fn instructions(&self) -> u64 {
+        self.machine().instructions
+    }
+
+    /// What each exception has cost since [`Board::forget_costs`], by its number: an interrupt's is 16 more than its own.
+    #[must_use]
+    pub fn costs(&self) -> &BTreeMap<u16, Cost> {
+        &self.costs
+    }
+
+    /// Begins to count the costs anew.
+    pub fn forget_costs(&mut self) {
+        self.costs.clear();
+    }
+
+    /// The lowest address that the stack pointer had when an exception was taken.
+    #[must_use]
+    pub fn lowest_stack(&self) -> u32 {
+        self.lowest_stack
+    }
+
+    /// Begins to count instructions by place.
+    pub fn start_profile(&mut self) {
+        self.uc.get_data_mut().profile = Some(vec![0; BANK_BYTES as usize / 2]);
+    }
+
+    /// Instructions by function since [`Board::start_profile`], the most first.
+    #[must_use]
+    pub fn profile(&self) -> Vec<(String, u64)> {
+        let mut functions = HashMap::<&str, u64>::new();
+        for (n, &count) in self.machine().profile.iter().flatten().enumerate() {
+            if count > 0 {
+                let name = self.image.function(FLASH_BASE + 2 * n as u32).unwrap_or("?");
+                *functions.entry(name).or_default() += u64::from(count);
+            }
+        }
+        let mut functions: Vec<_> = functions.into_iter().map(|(name, count)| (name.to_string(), count)).collect();
+        functions.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        functions
+    }
+
+    fn register(&self, register: RegisterARM) -> u32 {
+        self.uc.reg_read(register).expect("the core has this register") as u32
+    }
+
+    fn set_register(&mut self, register: RegisterARM, value: u32) {
+        self.uc.reg_write(register, value.into()).expect("the core has this register");
+    }
+
+    /// The core begins at the reset vector.
+    fn start_core(&mut self) {
+        let vectors = self.chip().vectors();
+        let (stack, reset) = (self.code_word(vectors), self.code_word(vectors + 4));
+        for mask in [RegisterARM::PRIMASK, RegisterARM::BASEPRI, RegisterARM::FAULTMASK, RegisterARM::CONTROL] {
+            self.set_register(mask, 0);
+        }
+        self.set_register(RegisterARM::SP, stack);
+        self.set_register(RegisterARM::LR, u32::MAX);
+        self.set_register(RegisterARM::PC, reset | 1);
+        self.is_waiting = false;
+        self.handled.clear();
+        let machine = self.uc.get_data_mut();
+        machine.event = false;
+        machine.cycle = machine.chip.cycle();
+    }
+
+    fn code_word(&self, address: u32) -> u32 {
+        let place = (address - FLASH_BASE) as usize;
+        let bytes = self.machine().code.get(place..place + 4).expect("the vectors lie in the first bank");
+        u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+    }
+
+    /// Pulls a reset from outside: the button, or the supply. Memory keeps what it holds.
+    pub fn reset(&mut self, cause: ResetCause) {
+        self.chip_mut().reset(cause);
+        self.start_core();
+    }
+
+    /// Runs until `end`.
+    ///
+    /// # Errors
+    /// The program did something that is not modelled or not allowed.
+    pub fn run_until(&mut self, end: Time) -> Result<(), Failure> {
+        loop {
+            let machine = self.uc.get_data_mut();
+            machine.chip.settle();
+            Machine::after_access(&mut self.uc);
+            let machine = self.uc.get_data_mut();
+            if machine.failure.is_some() {
+                return Err(self.failure());
+            }
+            if let Some(cause) = machine.chip.wants_reset() {
+                self.reset(cause);
+                continue;
+            }
+            if machine.chip.now >= end {
+                return Ok(());
+            }
+            if machine.chip.nvic.has_pending()
+                && let Some(exception) = self.chip().nvic.to_take(&self.masks())
+            {
+                self.enter(exception)?;
+                continue;
+            }
+            let machine = self.uc.get_data_mut();
+            if self.is_waiting {
+                if std::mem::take(&mut machine.event) {
+                    self.is_waiting = false;
+                } else {
+                    machine.chip.now = machine.chip.next_event().min(end).max(machine.chip.now);
+                }
+                continue;
+            }
+            machine.deadline = machine.chip.next_event().min(end);
+            self.slice()?;
+        }
+    }
+
+    fn masks(&self) -> Masks {
+        Masks {
+            primask: self.register(RegisterARM::PRIMASK) & 1 != 0,
+            faultmask: self.register(RegisterARM::FAULTMASK) & 1 != 0,
+            basepri: self.register(RegisterARM::BASEPRI) as u8,
+        }
+    }
+
+    /// Runs up to the deadline.
+    fn slice(&mut self) -> Result<(), Failure> {
+        let pc = self.register(RegisterARM::PC);
+        self.uc.get_data_mut().stop = Stop::Due;
+        let outcome = self.uc.emu_start(u64::from(pc | 1), NOWHERE, 0, 0);
+        let machine = self.uc.get_data_mut();
+        if let Err(error) = outcome {
+            machine.fail(Refused(format!("the core stopped: {error:?}")));
+        }
+        let pc = machine.pc;
+        match machine.stop {
+            _ if machine.failure.is_some() => Err(self.failure()),
+            Stop::Due => Ok(()),
+            Stop::Wait => {
+                machine.chip.now += machine.cycle;
+                machine.instructions += 1;
+                if !std::mem::take(&mut machine.event) {
+                    self.is_waiting = true;
+                }
+                self.set_register(RegisterARM::PC, (pc + 2) | 1);
+                Ok(())
+            }
+            Stop::Hint => {
+                machine.chip.now += machine.cycle;
+                self.set_register(RegisterARM::PC, (pc + 2) | 1);
+                Ok(())
+            }
+            Stop::ReadIpsr(register) => {
+                machine.chip.now += machine.cycle;
+                let current = machine.chip.nvic.current();
+                let registers = [
+                    RegisterARM::R0,
+                    RegisterARM::R1,
+                    RegisterARM::R2,
+                    RegisterARM::R3,
+                    RegisterARM::R4,
+                    RegisterARM::R5,
+                    RegisterARM::R6,
+                    RegisterARM::R7,
+                    RegisterARM::R8,
+                    RegisterARM::R9,
+                    RegisterARM::R10,
+                    RegisterARM::R11,
+                    RegisterARM::R12,
+                ];
+                if let Some(register) = registers.get(usize::from(register)) {
+                    self.set_register(*register, current.into());
+                }
+                self.set_register(RegisterARM::PC, (pc + 4) | 1);
+                Ok(())
+            }
+            Stop::Return => self.leave(),
+            Stop::Failed => Err(self.failure()),
+        }
+    }
+
+    fn failure(&mut self) -> Failure {
+        let machine = self.uc.get_data_mut();
+        let message = machine.failure.as_ref().map_or_else(|| "the run has failed".into(), |refused| refused.0.clone());
+        let (address, time) = (machine.failed_at, machine.chip.now);
+        Failure { message, address, place: self.image.place(address), time }
+    }
+
+    fn refuse(&mut self, message: String) -> Failure {
+        self.uc.get_data_mut().fail(Refused(message));
+        self.failure()
+    }
+
+    /// Takes an exception.
+    fn enter(&mut self, exception: u16) -> Result<(), Failure> {
+        let sp = self.register(RegisterARM::SP);
+        let is_aligned = sp & 4 == 0;
+        let frame_at = (sp - 4 * FRAME_WORDS as u32) & !7;
+        if frame_at < RAM_BASE || sp > RAM_BASE + RAM_BYTES {
+            return Err(self.refuse(format!("the stack pointer {sp:#010x} is outside the memory")));
+        }
+        let current = self.chip().nvic.current();
+        let flags = self.register(RegisterARM::APSR) & 0xf80f_0000;
+        let xpsr = flags | XPSR_T | u32::from(current) | if is_aligned { 0 } else { XPSR_ALIGNED };
+        let mut frame = [0; FRAME_WORDS];
+        for (word, register) in frame.iter_mut().zip(INTEGER) {
+            *word = self.register(register);
+        }
+        frame[6] = self.register(RegisterARM::PC) & !1;
+        frame[7] = xpsr;
+        for (n, register) in FLOATING.into_iter().enumerate() {
+            let double = self.uc.reg_read(register).expect("the core has this register");
+            (frame[8 + 2 * n], frame[9 + 2 * n]) = (double as u32, (double >> 32) as u32);
+        }
+        frame[24] = self.register(RegisterARM::FPSCR);
+        let bytes: Vec<u8> = frame.iter().flat_map(|word| word.to_le_bytes()).collect();
+        self.uc.mem_write(frame_at.into(), &bytes).expect("the stack lies in memory");
+        let to_thread = self.chip().nvic.depth() == 0;
+        let vector = self.code_word(self.chip().vectors() + 4 * u32::from(exception));
+        self.set_register(RegisterARM::SP, frame_at);
+        self.set_register(RegisterARM::LR, if to_thread { TO_THREAD } else { TO_HANDLER });
+        self.set_register(RegisterARM::PC, vector | 1);
+        let machine = self.uc.get_data_mut();
+        machine.chip.nvic.enter(exception);
+        machine.chip.now += machine.cycle * ENTRY_CYCLES;
+        machine.event = true;
+        let begun = machine.instructions;
+        self.is_waiting = false;
+        self.lowest_stack = self.lowest_stack.min(frame_at);
+        self.handled.push(Handled { exception, begun, others: 0 });
+        Ok(())
+    }
+
+    /// Returns from an exception.
+    fn leave(&mut self) -> Result<(), Failure> {
+        let to_thread = self.chip().nvic.depth() == 1;
+        let expected = if to_thread { TO_THREAD } else { TO_HANDLER };
+        let pc = self.machine().pc;
+        if pc != expected & !1 || self.chip().nvic.depth() == 0 {
+            return Err(self.refuse(format!("a return to {pc:#010x} out of turn")));
+        }
+        let sp = self.register(RegisterARM::SP);
+        let mut bytes = [0; 4 * FRAME_WORDS];
+        if self.uc.mem_read(sp.into(), &mut bytes).is_err() {
+            return Err(self.refuse(format!("the stack pointer {sp:#010x} is outside the memory")));
+        }
+        let word = |n: usize| u32::from_le_bytes(std::array::from_fn(|byte| bytes[4 * n + byte]));
+        let frame: [u32; FRAME_WORDS] = std::array::from_fn(word);
+        for (value, register) in frame.into_iter().zip(INTEGER) {
+            self.set_register(register, value);
+        }
+        for (n, register) in FLOATING.into_iter().enumerate() {
+            let double = u64::from(frame[9 + 2 * n]) << 32 | u64::from(frame[8 + 2 * n]);
+            self.uc.reg_write(register, double).expect("the core has this register");
+        }
+        self.set_register(RegisterARM::FPSCR, frame[24]);
+        self.set_register(RegisterARM::APSR_NZCVQG, frame[7]);
+        let padding = if frame[7] & XPSR_ALIGNED != 0 { 4 } else { 0 };
+        self.set_register(RegisterARM::SP, sp + 4 * FRAME_WORDS as u32 + padding);
+        self.set_register(RegisterARM::PC, frame[6] | 1);
+        let machine = self.uc.get_data_mut();
+        machine.chip.nvic.leave();
+        let back_in = machine.chip.nvic.current();
+        machine.chip.now += machine.cycle * EXIT_CYCLES;
+        machine.event = true;
+        let now = machine.instructions;
+        if let Some(handled) = self.handled.pop() {
+            let whole = now - handled.begun;
+            let own = whole - handled.others;
+            if let Some(outer) = self.handled.last_mut() {
+                outer.others += whole;
+            }
+            let cost = self.costs.entry(handled.exception).or_default();
+            (cost.count, cost.instructions) = (cost.count + 1, cost.instructions + own);
+            cost.most = cost.most.max(own);
+        }
+        if u32::from(back_in) != frame[7] & 0x1ff {
+            return Err(self.refuse(format!("the frame at {sp:#010x} belongs to another exception")));
+        }
+        Ok(())
+    }
+}
+
+/// R0 to R3, R12 and LR: the first words of a frame.
+const INTEGER: [RegisterARM; 6] =
+    [RegisterARM::R0, RegisterARM::R1, RegisterARM::R2, RegisterARM::R3, RegisterARM::R12, RegisterARM::LR];
+
+/// S0 to S15, in pairs.
+const FLOATING: [RegisterARM; 8] = [
+    RegisterARM::D0,
+    RegisterARM::D1,
+    RegisterARM::D2,
+    RegisterARM::D3,
+    RegisterARM::D4,
+    RegisterARM::D5,
+    RegisterARM::D6,
+    RegisterARM::D7,
+];
+
+fn says(error: uc_error) -> String {
+    format!("the emulator refuses: {error:?}")
+}
+
+/// Maps memory and peripherals, and sets the hooks.
+fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
+    let code = uc.get_data().code.clone();
+    uc.mem_map(FLASH_BASE.into(), BANK_BYTES.into(), Prot::READ | Prot::EXEC).map_err(says)?;
+    uc.mem_write(FLASH_BASE.into(), &code).map_err(says)?;
+    uc.mem_map(RAM_BASE.into(), RAM_BYTES.into(), Prot::READ | Prot::WRITE).map_err(says)?;
+    uc.mem_write(RAM_BASE.into(), &memory_at_power_on()).map_err(says)?;
+    uc.mem_map(RETURN_PAGE.into(), 0x1000, Prot::READ | Prot::EXEC).map_err(says)?;
+    for (base, length) in DEVICES {
+        uc.mmio_map(
+            base.into(),
+            length.into(),
+            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize| {
+                let machine = uc.get_data_mut();
+                let address = base + offset as u32;
+                let value = match machine.begin_access(address).and_then(|()| machine.chip.read(address, bytes as u32))
+                {
+                    Ok(value) => value,
+                    Err(refused) => {
+                        machine.fail(refused);
+                        0
+                    }
+                };
+                Machine::after_access(uc);
+                value.into()
+            }),
+            Some(move |uc: &mut Unicorn<'_, Machine>, offset: u64, bytes: usize, value: u64| {
+                let machine = uc.get_data_mut();
+                let address = base + offset as u32;
+                let written = machine
+                    .begin_access(address)
+                    .and_then(|()| machine.chip.write(address, bytes as u32, value as u32));
+                if let Err(refused) = written {
+                    machine.fail(refused);
+                }
+                Machine::after_access(uc);
+            }),
+        )
+        .map_err(says)?;
+    }
+    uc.add_code_hook(1, 0, |uc, address, _| {
+        if !uc.get_data_mut().goes_on(address as u32) {
+            uc.emu_stop().expect("a running core can be stopped");
+        }
+    })
+    .map_err(says)?;
+    uc.add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, bytes, _| {
+        uc.get_data_mut().fail(Refused(format!("{kind:?} of {bytes} bytes at {address:#010x}: nothing is there")));
+        false
+    })
+    .map_err(says)?;
+    uc.add_intr_hook(|uc, number| {
+        if number == EXCEPTION_EXIT {
+            let pc = uc.reg_read(RegisterARM::PC).expect("the core has this register") as u32;
+            let machine = uc.get_data_mut();
+            (machine.stop, machine.pc) = (Stop::Return, pc);
+            uc.emu_stop().expect("a running core can be stopped");
+            return;
+        }
+        uc.get_data_mut().fail(Refused(format!("the core raises exception {number}, which is not modelled")));
+        uc.emu_stop().expect("a running core can be stopped");
+    })
+    .map_err(says)?;
+    Ok(())
+}
+
+/// What memory holds at power-on: anything.
+fn memory_at_power_on() -> Vec<u8> {
+    let mut state = 0x2545_f491u32;
+    (0..RAM_BYTES)
+        .map(|_| {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            (state >> 24) as u8
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use damprig_core::model::{SetUp, Structure};
+    use damprig_core::plant::PlantConfig;
+
+    use super::*;
+
+    /// Runs a program for a millisecond.
+    fn run(code: &[u16], handler: u32) -> (Board, Result<(), Failure>) {
+        let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+        let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+        let config = Config::new(PlantConfig::ideal(set_up));
+        let mut board = Board::new(Image::of_code(code, handler), &config).unwrap();
+        let outcome = board.run_until(Time::from_ms(100));
+        (board, outcome)
+    }
+
+    fn failure(code: &[u16]) -> Failure {
+        run(code, 0).1.expect_err("the program does what is not allowed")
+    }
+
+    #[test]
+    fn an_access_that_is_not_modelled_or_not_allowed_ends_the_run_at_its_instruction() {
+        // ldr r0, [pc, #4]; the access; b .; the address.
+        let access =
+            |instruction: u16, address: u32| [0x4801, instruction, 0xe7fe, 0, address as u16, (address >> 16) as u16];
+        const READ: u16 = 0x6801;
+        const WRITE: u16 = 0x6001;
+        for (instruction, address, words) in [
+            (READ, 0x4000_6400, "nothing is modelled at 0x40006400"),
+            (READ, 0x4002_1098 + 0x20, "RCC has no modelled register at offset 0x0b8"),
+            (READ, 0x4000_0400, "TIM3 is accessed while its clock is off"),
+            (READ, 0x4002_1002, "a misaligned access between 0x40021000 and 0x40021004"),
+            // strb r1, [r0]
+            (0x7001, 0x4002_1000, "RCC is written by 1 bytes"),
+            (WRITE, 0x4002_2008, "FLASH_KEYR: 0x00000000 is not key 1"),
+            (WRITE, 0x0804_0000, "the flash is written to while PG is not set"),
+            (READ, 0x2002_0000, "READ_UNMAPPED of 4 bytes at 0x20020000"),
+            (WRITE, 0x0800_0000, "WRITE_PROT of 4 bytes at 0x08000000"),
+        ] {
+            let failure = failure(&access(instruction, address));
+            assert!(failure.message.contains(words), "{address:#010x}: {}", failure.message);
+            assert_eq!(failure.address, FLASH_BASE + 0x202, "{address:#010x}");
+        }
+    }
+
+    #[test]
+    fn an_interrupt_that_was_masked_is_taken_before_the_instruction_after_the_unmasking() {
+        // movs r4, #0; cpsid i; enables and pends interrupt 1; mov r6, r4; cpsie i; mov r5, r4; wfe; b .
+        // handler: adds r4, #1; bx lr
+        let code = [
+            0x2400, 0xb672, 0x4a05, 0x2102, 0x6011, 0xf8c2, 0x1100, 0x4626, 0xb662, 0x4625, 0xbf20, 0xe7fe, 0x3401,
+            0x4770, 0xe100, 0xe000,
+        ];
+        let (board, outcome) = run(&code, 12);
+        outcome.unwrap();
+        let [r4, r5, r6] = [RegisterARM::R4, RegisterARM::R5, RegisterARM::R6].map(|r| board.register(r));
+        assert_eq!((r6, r5, r4), (0, 1, 1));
+    }
+
+    #[test]
+    fn a_higher_interrupt_nests_and_floating_point_registers_survive_both() {
+        // Enables interrupts 1 (priority 0x80) and 6 (0x40); s0 = 1, s15 = 2; pends 1; nop; r6 = s0; r7 = s15; b .
+        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (told by IPSR), adds r4, #1; s0 = 4.
+        let code = [
+            0x4a14, 0xf04f, 0x0142, 0x6011, 0x4b13, 0x2180, 0x7019, 0x4b13, 0x2140, 0x7019, 0x2400, 0x2500, 0xeeb7,
+            0x0a00, 0xeef0, 0x7a00, 0x2102, 0xf8c2, 0x1100, 0xbf00, 0xee10, 0x6a10, 0xee17, 0x7a90, 0xe7fe, 0xf3ef,
+            0x8005, 0x2816, 0xd008, 0x2140, 0x4a08, 0x6011, 0x4625, 0xeeb0, 0x0a08, 0xeef0, 0x7a08, 0x4770, 0x3401,
+            0xeeb1, 0x0a00, 0x4770, 0xe100, 0xe000, 0xe401, 0xe000, 0xe406, 0xe000, 0xe200, 0xe000,
+        ];
+        let (board, outcome) = run(&code, 25);
+        outcome.unwrap();
+        let registers = [RegisterARM::R4, RegisterARM::R5, RegisterARM::R6, RegisterARM::R7];
+        let expected = [1, 1, 1f32.to_bits(), 2f32.to_bits()];
+        assert_eq!(registers.map(|register| board.register(register)), expected);
+    }
+
+    #[test]
+    fn interrupts_at_every_place_leave_conditional_instructions_and_flags_alone() {
+        // TIM7 interrupts every 37 cycles. 2000 times: tst r7, #1; itete eq; addeq r4, #1; addne r5, #1; moveq; movne;
+        // subs r7, #1; bne. The handler clears the flag, counts in r9 and compares.
+        let code = [
+            0x4812, 0x2120, 0x6581, 0x4812, 0x2124, 0x62c1, 0x2101, 0x60c1, 0x4a10, 0xf44f, 0x0100, 0x6011, 0x2101,
+            0x6001, 0xf44f, 0x67fa, 0xf04f, 0x0900, 0x2400, 0x2500, 0x2601, 0x4237, 0xbf0b, 0x3401, 0x3501, 0x2603,
+            0x2604, 0x3f01, 0xd1f6, 0xe7fe, 0x4806, 0x2100, 0x6001, 0xf109, 0x0901, 0x4589, 0x4770, 0x0000, 0x1000,
+            0x4002, 0x1400, 0x4000, 0xe104, 0xe000, 0x1410, 0x4000,
+        ];
+        let (board, outcome) = run(&code, 30);
+        outcome.unwrap();
+        let [r9, r4, r5, r7] =
+            [RegisterARM::R9, RegisterARM::R4, RegisterARM::R5, RegisterARM::R7].map(|r| board.register(r));
+        assert_eq!((r4, r5, r7), (1_000, 1_000, 0), "after {r9} interrupts");
+        assert!(r9 > 1_000, "{r9} interrupts");
+    }
+}

@@ -1,0 +1,115 @@
+//! The controller's image: an ELF file, what of it lies in flash, and where in the source an address is.
+
+use std::fs;
+use std::path::Path;
+
+use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Endianness, Object, ObjectSymbol};
+
+use crate::chip::{FLASH_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
+
+/// Functions that say nothing about who accesses a register.
+const ACCESSORS: [&str; 3] = ["core::ptr::", "::read_volatile", "stm32_metapac::common"];
+
+/// Lines of an address's place, at most.
+const MOST_PLACES: usize = 8;
+
+/// A source file without the machine's own part of its path.
+fn short(file: &str) -> &str {
+    file.rsplit_once("/registry/src/").and_then(|(_, rest)| Some(rest.split_once('/')?.1)).unwrap_or(file)
+}
+
+/// An image that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {message}")]
+pub struct BadImage {
+    path: String,
+    message: String,
+}
+
+/// An image.
+pub struct Image {
+    /// The flash's contents, erased where the file has nothing.
+    pub flash: Vec<u8>,
+    symbols: Vec<(u32, String)>,
+    lines: Option<addr2line::Loader>,
+}
+
+impl Image {
+    /// Reads an ELF file. Segments are placed at their load addresses.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no 32-bit ELF file, or has a segment outside the flash.
+    pub fn read(path: &Path) -> Result<Self, BadImage> {
+        let bad = |message: String| BadImage { path: path.display().to_string(), message };
+        let bytes = fs::read(path).map_err(|error| bad(error.to_string()))?;
+        let file = ElfFile32::<Endianness>::parse(&*bytes).map_err(|error| bad(error.to_string()))?;
+        let endian = file.endian();
+        let mut flash = vec![0xff; FLASH_BYTES as usize];
+        for header in file.elf_program_headers() {
+            let data = header.data(endian, &*bytes).map_err(|()| bad("a segment lies outside the file".into()))?;
+            if header.p_type(endian) != object::elf::PT_LOAD || data.is_empty() {
+                continue;
+            }
+            let address = header.p_paddr(endian);
+            let place = address
+                .checked_sub(FLASH_BASE)
+                .map(|start| start as usize..start as usize + data.len())
+                .filter(|place| place.end <= flash.len())
+                .ok_or_else(|| bad(format!("the segment at {address:#010x} lies outside the flash")))?;
+            flash[place].copy_from_slice(data);
+        }
+        let mut symbols: Vec<(u32, String)> = file
+            .symbols()
+            .filter(|symbol| symbol.kind() == object::SymbolKind::Text)
+            .filter_map(|symbol| Some((symbol.address() as u32 & !1, symbol.name().ok()?.to_string())))
+            .collect();
+        symbols.sort();
+        let lines = addr2line::Loader::new(path).map_err(|error| bad(error.to_string()))?;
+        Ok(Self { flash, symbols, lines: Some(lines) })
+    }
+
+    /// An image of a few instructions, for tests: a stack pointer at the end of the memory, every other vector the same
+    /// address (`handler` halfwords from the code's beginning), the code from 0x0800_0200 on.
+    #[must_use]
+    pub fn of_code(code: &[u16], handler: u32) -> Self {
+        const CODE: u32 = 0x200;
+        let mut flash = vec![0xff; FLASH_BYTES as usize];
+        let mut put = |offset: u32, bytes: &[u8]| flash[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        put(0, &(RAM_BASE + RAM_BYTES).to_le_bytes());
+        put(4, &((FLASH_BASE + CODE) | 1).to_le_bytes());
+        for vector in 2..CODE / 4 {
+            put(4 * vector, &((FLASH_BASE + CODE + 2 * handler) | 1).to_le_bytes());
+        }
+        for (n, halfword) in code.iter().enumerate() {
+            put(CODE + 2 * n as u32, &halfword.to_le_bytes());
+        }
+        Self { flash, symbols: Vec::new(), lines: None }
+    }
+
+    /// The functions and source lines of an address, the innermost first, a line each, without the accessors of registers; the
+    /// address alone where the image says nothing.
+    #[must_use]
+    pub fn place(&self, address: u32) -> String {
+        let mut places = vec![format!("{address:#010x}")];
+        if let Some(Ok(mut frames)) = self.lines.as_ref().map(|lines| lines.find_frames(u64::from(address))) {
+            while let Ok(Some(frame)) = frames.next() {
+                let name = frame.function.as_ref().and_then(|f| f.demangle().ok().map(|name| name.to_string()));
+                if name.as_ref().is_some_and(|name| ACCESSORS.iter().any(|accessor| name.contains(accessor))) {
+                    continue;
+                }
+                let line = frame.location.and_then(|l| Some(format!("{}:{}", short(l.file?), l.line?)));
+                places.extend(line.map(|line| format!("{line} {}", name.unwrap_or_default())));
+            }
+        }
+        places.truncate(MOST_PLACES);
+        places.join("\n     ")
+    }
+
+    /// The name of the function that an address lies in, as the linker knows it.
+    #[must_use]
+    pub fn function(&self, address: u32) -> Option<&str> {
+        let after = self.symbols.partition_point(|(start, _)| *start <= address);
+        self.symbols.get(after.checked_sub(1)?).map(|(_, name)| name.as_str())
+    }
+}

@@ -1,0 +1,449 @@
+//! ADC1 and ADC2 and what they share (RM0440, section 21): regular sequences of single-ended channels, started by a timer,
+//! with hardware oversampling; calibration, the order of switching on, and the rules of when which register may be written.
+
+use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
+use crate::time::{At, Time};
+
+const ISR: u32 = 0x00;
+const IER: u32 = 0x04;
+const CR: u32 = 0x08;
+const CFGR: u32 = 0x0c;
+const CFGR2: u32 = 0x10;
+const SMPR1: u32 = 0x14;
+const SMPR2: u32 = 0x18;
+const SQR1: u32 = 0x30;
+const SQR4: u32 = 0x3c;
+/// The data register.
+pub const DR: u32 = 0x40;
+const DIFSEL: u32 = 0xb0;
+const CALFACT: u32 = 0xb4;
+
+const COMMON_CSR: u32 = 0x00;
+const COMMON_CCR: u32 = 0x08;
+
+const ISR_ADRDY: u32 = 1 << 0;
+const ISR_EOC: u32 = 1 << 2;
+const ISR_EOS: u32 = 1 << 3;
+const ISR_OVR: u32 = 1 << 4;
+
+const CR_ADEN: u32 = 1 << 0;
+const CR_ADDIS: u32 = 1 << 1;
+const CR_ADSTART: u32 = 1 << 2;
+const CR_ADSTP: u32 = 1 << 4;
+const CR_ADVREGEN: u32 = 1 << 28;
+const CR_DEEPPWD: u32 = 1 << 29;
+const CR_ADCALDIF: u32 = 1 << 30;
+const CR_ADCAL: u32 = 1 << 31;
+
+const CFGR_DMAEN: u32 = 1 << 0;
+const CFGR_RESET: u32 = 1 << 31;
+
+/// The voltage regulator's start-up (DS12288, table 66).
+const REGULATOR_STARTS: Time = Time::from_us(20);
+
+/// Calibration, cycles of the converter's clock.
+const CALIBRATION_CYCLES: u64 = 116;
+
+/// From ADEN to ADRDY, cycles: one conversion at the shortest sampling time.
+const READY_CYCLES: u64 = 15;
+
+/// From a trigger to the start of sampling, cycles.
+const LATENCY_CYCLES: u64 = 2;
+
+/// The fastest clock of one converter at work, units: 60 MHz.
+const FASTEST: Time = Time(68);
+
+/// A conversion that has been completed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Converted {
+    /// When.
+    pub at: Time,
+    /// What the data register then holds.
+    pub data: u32,
+}
+
+/// One converter.
+#[derive(Clone, Debug)]
+pub struct Adc {
+    name: &'static str,
+    isr: u32,
+    ier: u32,
+    cr: u32,
+    cfgr: u32,
+    cfgr2: u32,
+    smpr: [u32; 2],
+    sqr: [u32; 4],
+    dr: u32,
+    difsel: u32,
+    calibrated: [bool; 2],
+    regulator_ready: Time,
+    calibration_ends: Time,
+    ready: Time,
+    /// The last trigger that was dealt with.
+    last_trigger: Time,
+    /// The sequence under way: when its sampling began, and how many of its channels are done.
+    sequence: Option<(Time, u32)>,
+    /// Of the converter's clock, while it runs.
+    cycle: Time,
+}
+
+/// What the converters share.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Common {
+    ccr: u32,
+}
+
+impl Common {
+    /// The converters' clock.
+    #[must_use]
+    pub fn cycle(&self, at: &At) -> Option<Time> {
+        let presc = field(self.ccr, 18, 4) as usize;
+        Some(at.clocks.adc12? * *[1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256].get(presc)?)
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// It is not modelled.
+    pub fn read(&self, offset: u32) -> Access<u32> {
+        match offset {
+            COMMON_CCR => Ok(self.ccr),
+            COMMON_CSR => unknown("ADC12_COMMON", offset),
+            _ => unknown("ADC12_COMMON", offset),
+        }
+    }
+
+    /// Writes a register; `one_is_on` while either converter is enabled.
+    ///
+    /// # Errors
+    /// The register or a bit is not modelled, or it is written while a converter is on.
+    pub fn write(&mut self, offset: u32, value: u32, one_is_on: bool) -> Access<()> {
+        match offset {
+            COMMON_CCR => {
+                only("ADC12_CCR", value, 0xf << 18)?;
+                rule(value == self.ccr || !one_is_on, "ADC12_CCR is written while a converter is enabled")?;
+                self.ccr = value;
+                Ok(())
+            }
+            _ => unknown("ADC12_COMMON", offset),
+        }
+    }
+}
+
+impl Adc {
+    /// As after a reset.
+    #[must_use]
+    pub fn new(name: &'static str) -> Self {
+        Self {
+            name,
+            isr: 0,
+            ier: 0,
+            cr: CR_DEEPPWD,
+            cfgr: CFGR_RESET,
+            cfgr2: 0,
+            smpr: [0; 2],
+            sqr: [0; 4],
+            dr: 0,
+            difsel: 0,
+            calibrated: [false; 2],
+            regulator_ready: Time::NEVER,
+            calibration_ends: Time(0),
+            ready: Time::NEVER,
+            last_trigger: Time(0),
+            sequence: None,
+            cycle: Time(0),
+        }
+    }
+
+    /// As after a reset.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.name);
+    }
+
+    /// ADEN.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.cr & CR_ADEN != 0
+    }
+
+    /// ADSTART: triggers start sequences.
+    #[must_use]
+    pub fn is_started(&self) -> bool {
+        self.cr & CR_ADSTART != 0
+    }
+
+    /// EXTSEL: the event that starts a sequence.
+    #[must_use]
+    pub fn trigger(&self) -> u32 {
+        field(self.cfgr, 5, 5)
+    }
+
+    /// The channels of the sequence in their order.
+    #[must_use]
+    pub fn channels(&self) -> Vec<u8> {
+        (0..self.length()).map(|rank| self.channel(rank)).collect()
+    }
+
+    fn length(&self) -> u32 {
+        field(self.sqr[0], 0, 4) + 1
+    }
+
+    fn channel(&self, rank: u32) -> u8 {
+        // Four in SQR1, behind the length, then five in each.
+        let (register, place) = if rank < 4 { (0, rank + 1) } else { ((rank - 4) / 5 + 1, (rank - 4) % 5) };
+        field(self.sqr[register as usize], 6 * place, 5) as u8
+    }
+
+    /// Sampling time of a channel, half cycles.
+    fn sampling(&self, channel: u8) -> u64 {
+        let smp = field(self.smpr[usize::from(channel / 10)], 3 * u32::from(channel % 10), 3);
+        [5, 13, 25, 49, 95, 185, 495, 1281][smp as usize]
+    }
+
+    /// A conversion's sampling and its 12.5 cycles, half cycles.
+    fn conversion(&self, channel: u8) -> u64 {
+        self.sampling(channel) + 25
+    }
+
+    /// Conversions that are added up to a result.
+    fn oversampling(&self) -> u64 {
+        if bit(self.cfgr2, 0) { 2 << field(self.cfgr2, 2, 3) } else { 1 }
+    }
+
+    fn halves(&self, count: u64) -> Time {
+        Time(self.cycle.0 * count / 2)
+    }
+
+    /// From the start of a sequence to the result of `rank`.
+    fn until(&self, rank: u32) -> Time {
+        let halves = (0..=rank).map(|rank| self.conversion(self.channel(rank))).sum::<u64>();
+        self.halves(halves * self.oversampling())
+    }
+
+    /// From the start of a sequence to its end.
+    #[must_use]
+    pub fn sequence_length(&self) -> Time {
+        self.until(self.length() - 1)
+    }
+
+    /// When the `n`th result from now (from 1) is there; `trigger` gives the first trigger after a time, `period` their
+    /// distance.
+    #[must_use]
+    pub fn nth_result(&self, n: u32, trigger: impl Fn(Time) -> Option<Time>, period: Time) -> Time {
+        if !self.is_started() || n == 0 {
+            return Time::NEVER;
+        }
+        let length = self.length();
+        let mut n = n - 1;
+        if let Some((start, done)) = self.sequence {
+            if n < length - done {
+                return start + self.until(done + n);
+            }
+            n -= length - done;
+        }
+        let Some(first) = trigger(self.last_trigger) else { return Time::NEVER };
+        first + self.latency() + period * u64::from(n / length) + self.until(n % length)
+    }
+
+    fn latency(&self) -> Time {
+        self.cycle * LATENCY_CYCLES
+    }
+
+    /// The next result that is there by `now`, if there is one: `sample` gives the 12-bit code of a channel at a time.
+    pub fn convert(
+        &mut self,
+        now: Time,
+        trigger: impl Fn(Time) -> Option<Time>,
+        mut sample: impl FnMut(u8, Time) -> u16,
+    ) -> Option<Converted> {
+        if !self.is_started() {
+            return None;
+        }
+        let (start, rank) = match self.sequence {
+            Some(sequence) => sequence,
+            None => {
+                let at = trigger(self.last_trigger).filter(|&at| at <= now)?;
+                self.last_trigger = at;
+                self.sequence = Some((at + self.latency(), 0));
+                (at + self.latency(), 0)
+            }
+        };
+        let at = start + self.until(rank);
+        if at > now {
+            return None;
+        }
+        let channel = self.channel(rank);
+        let (sampling, conversion, count) = (self.sampling(channel), self.conversion(channel), self.oversampling());
+        let begun = at - self.halves(conversion * count);
+        // The input is held at the end of the sampling time.
+        let sum: u32 =
+            (0..count).map(|n| u32::from(sample(channel, begun + self.halves(conversion * n + sampling)))).sum();
+        let data = if count > 1 { sum >> field(self.cfgr2, 5, 4) & 0xffff } else { sum };
+        let is_last = rank + 1 == self.length();
+        self.sequence = (!is_last).then_some((start, rank + 1));
+        self.dr = data;
+        self.isr |= ISR_EOC | if is_last { ISR_EOS } else { 0 };
+        Some(Converted { at, data })
+    }
+
+    /// Whether results go to a DMA channel, and nothing has been lost.
+    #[must_use]
+    pub fn requests_dma(&self) -> bool {
+        self.cfgr & CFGR_DMAEN != 0 && self.isr & ISR_OVR == 0
+    }
+
+    /// The result was taken.
+    pub fn taken(&mut self) {
+        self.isr &= !ISR_EOC;
+    }
+
+    /// The result was not taken before the next: it is lost.
+    pub fn overrun(&mut self) {
+        self.isr |= ISR_OVR;
+    }
+
+    /// Whether an interrupt is requested.
+    #[must_use]
+    pub fn interrupt(&self) -> bool {
+        self.isr & self.ier != 0
+    }
+
+    fn current_cr(&self, now: Time) -> u32 {
+        if now < self.calibration_ends { self.cr | CR_ADCAL } else { self.cr }
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// It is not modelled.
+    pub fn read(&mut self, offset: u32, at: &At) -> Access<u32> {
+        Ok(match offset {
+            ISR => self.isr | if self.is_on() && at.now >= self.ready { ISR_ADRDY } else { 0 },
+            IER => self.ier,
+            CR => self.current_cr(at.now),
+            CFGR => self.cfgr,
+            CFGR2 => self.cfgr2,
+            SMPR1 | SMPR2 => self.smpr[(offset - SMPR1) as usize / 4],
+            SQR1..=SQR4 => self.sqr[(offset - SQR1) as usize / 4],
+            DR => {
+                self.taken();
+                self.dr
+            }
+            DIFSEL => self.difsel,
+            CALFACT => return unknown(self.name, offset),
+            _ => return unknown(self.name, offset),
+        })
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The register or a bit is not modelled, or a rule of the reference manual is broken.
+    pub fn write(&mut self, offset: u32, value: u32, at: &At, common: &Common) -> Access<()> {
+        let while_started = |register: &str, before: u32, protected: u32| {
+            if self.is_started() {
+                unchanged(register, before, value, protected, "which may only be written while ADSTART = 0")
+            } else {
+                Ok(())
+            }
+        };
+        match offset {
+            ISR => self.isr &= !(value & !ISR_ADRDY),
+            IER => {
+                only("ADC_IER", value, 0x1f)?;
+                self.ier = value;
+            }
+            CR => self.write_cr(value, at, common)?,
+            CFGR => {
+                // DMAEN, DMACFG, EXTSEL, EXTEN, OVRMOD, JQDIS.
+                only("ADC_CFGR", value, 0x8000_1fe3)?;
+                while_started("ADC_CFGR", self.cfgr, u32::MAX)?;
+                self.cfgr = value;
+            }
+            CFGR2 => {
+                // ROVSE, OVSR, OVSS, ROVSM; TROVS (a trigger for each conversion) is not modelled.
+                only("ADC_CFGR2", value, 0x05fd)?;
+                while_started("ADC_CFGR2", self.cfgr2, u32::MAX)?;
+                self.cfgr2 = value;
+            }
+            SMPR1 | SMPR2 => {
+                let n = (offset - SMPR1) as usize / 4;
+                only("ADC_SMPR", value, 0x3fff_ffff)?;
+                while_started("ADC_SMPR", self.smpr[n], u32::MAX)?;
+                self.smpr[n] = value;
+            }
+            SQR1..=SQR4 => {
+                let n = (offset - SQR1) as usize / 4;
+                while_started("ADC_SQR", self.sqr[n], u32::MAX)?;
+                self.sqr[n] = value;
+            }
+            DIFSEL => {
+                if self.is_on() {
+                    unchanged("ADC_DIFSEL", self.difsel, value, u32::MAX, "which may only be written while ADEN = 0")?;
+                }
+                only("ADC_DIFSEL", value, 0)?;
+                self.difsel = value;
+            }
+            _ => return unknown(self.name, offset),
+        }
+        Ok(())
+    }
+
+    fn write_cr(&mut self, value: u32, at: &At, common: &Common) -> Access<()> {
+        let commands = CR_ADEN | CR_ADDIS | CR_ADSTART | CR_ADSTP | CR_ADCAL;
+        only("ADC_CR", value, commands | CR_ADVREGEN | CR_DEEPPWD | CR_ADCALDIF)?;
+        let before = self.current_cr(at.now);
+        // A command is given by writing a 1; writing a 0 has no effect.
+        let given = value & commands & !before;
+        let settings = CR_ADVREGEN | CR_DEEPPWD | CR_ADCALDIF;
+        if before & commands != 0 {
+            unchanged("ADC_CR", before, value, settings, "which may only be written while the converter is off")?;
+        }
+        if value & !before & CR_ADVREGEN != 0 {
+            rule(value & CR_DEEPPWD == 0, "ADC_CR: ADVREGEN is set in deep power-down")?;
+            self.regulator_ready = at.now + REGULATOR_STARTS;
+        }
+        self.cr = self.cr & commands & !CR_ADCAL | value & settings;
+        let has_regulator = self.cr & CR_ADVREGEN != 0 && at.now >= self.regulator_ready;
+        if given & (CR_ADCAL | CR_ADEN) != 0 {
+            rule(given.count_ones() == 1, "ADC_CR: two commands at once")?;
+            rule(before & commands == 0, "ADC_CR: ADCAL or ADEN is set while another command is under way")?;
+            rule(has_regulator, "ADC_CR: ADCAL or ADEN is set before the voltage regulator is ready")?;
+            let Some(cycle) = common.cycle(at) else { return refuse!("{}: no clock is selected", self.name) };
+            rule(cycle >= FASTEST, "the converter's clock is faster than 60 MHz")?;
+            self.cycle = cycle;
+        }
+        if given & CR_ADCAL != 0 {
+            self.calibration_ends = at.now + self.cycle * CALIBRATION_CYCLES;
+            self.calibrated[usize::from(value & CR_ADCALDIF != 0)] = true;
+        }
+        if given & CR_ADEN != 0 {
+            rule(
+                at.now >= self.calibration_ends + self.cycle * 4,
+                "ADC_CR: ADEN is set less than four cycles after the calibration",
+            )?;
+            self.ready = at.now + self.cycle * READY_CYCLES;
+            self.cr |= CR_ADEN;
+        }
+        if given & CR_ADSTART != 0 {
+            rule(self.is_on() && at.now >= self.ready, "ADC_CR: ADSTART is set before the converter is ready")?;
+            rule(self.cr & CR_ADDIS == 0, "ADC_CR: ADSTART is set together with ADDIS")?;
+            rule(self.calibrated[0], "ADC_CR: ADSTART is set without a calibration")?;
+            rule(field(self.cfgr, 10, 2) == 1, "ADC_CR: only sequences started by a rising trigger are modelled")?;
+            self.cr |= CR_ADSTART;
+            self.last_trigger = at.now;
+            self.sequence = None;
+        }
+        if given & CR_ADSTP != 0 {
+            rule(self.is_started(), "ADC_CR: ADSTP is set while ADSTART = 0")?;
+            // Carried out at once; the chip takes a few cycles.
+            self.cr &= !CR_ADSTART;
+            self.sequence = None;
+        }
+        if given & CR_ADDIS != 0 {
+            rule(self.is_on() && !self.is_started(), "ADC_CR: ADDIS is set while ADEN = 0 or ADSTART = 1")?;
+            self.cr &= !CR_ADEN;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,49 @@
+//! The debug support registers (RM0440, section 47).
+
+use crate::register::{Access, only, unknown};
+
+const IDCODE: u32 = 0x00;
+const CR: u32 = 0x04;
+const APB1FZR1: u32 = 0x08;
+
+/// The registers; only a power-on resets them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Dbgmcu {
+    cr: u32,
+    apb1fzr1: u32,
+}
+
+impl Dbgmcu {
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// It is not modelled.
+    pub fn read(&self, offset: u32) -> Access<u32> {
+        Ok(match offset {
+            // A category 3 device, revision X.
+            IDCODE => 0x2003_6469,
+            CR => self.cr,
+            APB1FZR1 => self.apb1fzr1,
+            _ => return unknown("DBGMCU", offset),
+        })
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The register or a bit is not modelled.
+    pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
+        match offset {
+            CR => {
+                only("DBGMCU_CR", value, 7)?;
+                self.cr = value;
+            }
+            APB1FZR1 => {
+                only("DBGMCU_APB1FZR1", value, 0x1c3f)?;
+                self.apb1fzr1 = value;
+            }
+            _ => return unknown("DBGMCU", offset),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,200 @@
+//! The flash's interface and its second bank (RM0440, section 3, dual-bank mode): keys, page erase and double-word
+//! programming with the data sheet's times, status flags, wait states. The first bank holds the program and is only read.
+
+use crate::register::{Access, bit, field, only, refuse, rule, unknown};
+use crate::time::{At, Time, UNITS_PER_US};
+
+const ACR: u32 = 0x00;
+const KEYR: u32 = 0x08;
+const SR: u32 = 0x10;
+const CR: u32 = 0x14;
+const ECCR: u32 = 0x18;
+const OPTR: u32 = 0x20;
+
+const SR_EOP: u32 = 1 << 0;
+const SR_FLAGS: u32 = 0xc3fb;
+const SR_BSY: u32 = 1 << 16;
+
+const CR_PG: u32 = 1 << 0;
+const CR_PER: u32 = 1 << 1;
+const CR_BKER: u32 = 1 << 11;
+const CR_STRT: u32 = 1 << 16;
+const CR_LOCK: u32 = 1 << 31;
+
+const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
+
+/// As delivered: two banks, no protection (RM0440, section 3.4.1).
+const OPTR_DELIVERED: u32 = 0xffef_f8aa;
+
+/// Bytes of a page in dual-bank mode.
+pub const PAGE_BYTES: u32 = 2_048;
+
+/// Bytes of a bank.
+pub const BANK_BYTES: u32 = 256 * 1_024;
+
+/// Programming 64 bits, and erasing a page, at most (DS12288, table 53).
+const PROGRAMMING: Time = Time(83_350 * UNITS_PER_US / 1_000);
+const ERASING: Time = Time(24_500 * UNITS_PER_US);
+
+/// The registers and the second bank.
+#[derive(Clone, Debug)]
+pub struct Flash {
+    acr: u32,
+    sr: u32,
+    cr: u32,
+    optr: u32,
+    /// Keys given so far; none any more after a wrong one, until a reset.
+    keys: Option<usize>,
+    busy_until: Time,
+    /// The second bank.
+    pub bank2: Vec<u8>,
+    /// The first word of a double word that is being written.
+    first: Option<(u32, u32)>,
+    /// Operations carried out: programmed double words and erased pages.
+    pub operations: u64,
+}
+
+impl Flash {
+    /// As after a power-on, with this second bank.
+    #[must_use]
+    pub fn new(bank2: Vec<u8>) -> Self {
+        Self {
+            acr: 0x0004_0600,
+            sr: 0,
+            cr: CR_LOCK,
+            optr: OPTR_DELIVERED,
+            keys: Some(0),
+            busy_until: Time(0),
+            bank2,
+            first: None,
+            operations: 0,
+        }
+    }
+
+    /// A reset: the contents stay.
+    pub fn reset(&mut self) {
+        *self = Self { operations: self.operations, optr: self.optr, ..Self::new(std::mem::take(&mut self.bank2)) };
+    }
+
+    /// Wait states, LATENCY.
+    #[must_use]
+    pub fn latency(&self) -> u32 {
+        field(self.acr, 0, 4)
+    }
+
+    /// Until when a read of the second bank waits.
+    #[must_use]
+    pub fn busy_until(&self) -> Time {
+        self.busy_until
+    }
+
+    fn is_busy(&self, now: Time) -> bool {
+        now < self.busy_until
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// It is not modelled.
+    pub fn read(&self, offset: u32, at: &At) -> Access<u32> {
+        Ok(match offset {
+            ACR => self.acr,
+            SR => self.sr | if self.is_busy(at.now) { SR_BSY } else { 0 },
+            CR => self.cr,
+            ECCR => 0,
+            OPTR => self.optr,
+            _ => return unknown("FLASH", offset),
+        })
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The register or a bit is not modelled, or a rule of the reference manual is broken.
+    pub fn write(&mut self, offset: u32, value: u32, at: &At) -> Access<()> {
+        match offset {
+            ACR => {
+                // LATENCY, PRFTEN, ICEN, DCEN, ICRST, DCRST, DBG_SWEN.
+                only("FLASH_ACR", value, 0x0004_1f0f)?;
+                rule(
+                    value & 0x1000 == 0 || self.acr & 0x400 == 0,
+                    "FLASH_ACR: DCRST is set while the data cache is on",
+                )?;
+                rule(value & 0x0800 == 0 || self.acr & 0x200 == 0, "FLASH_ACR: ICRST is set while the cache is on")?;
+                self.acr = value;
+            }
+            KEYR => {
+                let Some(given) = self.keys else {
+                    return refuse!("FLASH_KEYR: the flash is locked until the next reset");
+                };
+                rule(self.cr & CR_LOCK != 0, "FLASH_KEYR is written while the flash is unlocked")?;
+                if value != KEYS[given] {
+                    self.keys = None;
+                    return refuse!("FLASH_KEYR: {value:#010x} is not key {}", given + 1);
+                }
+                self.keys = Some(given + 1);
+                if given == 1 {
+                    (self.keys, self.cr) = (Some(0), self.cr & !CR_LOCK);
+                }
+            }
+            SR => {
+                only("FLASH_SR", value & !SR_BSY, SR_FLAGS)?;
+                self.sr &= !value;
+            }
+            CR => self.write_cr(value, at)?,
+            _ => return unknown("FLASH", offset),
+        }
+        Ok(())
+    }
+
+    fn write_cr(&mut self, value: u32, at: &At) -> Access<()> {
+        rule(self.cr & CR_LOCK == 0 || value == self.cr, "FLASH_CR is written while it is locked")?;
+        rule(!self.is_busy(at.now), "FLASH_CR is written while BSY is set")?;
+        only("FLASH_CR", value, CR_PG | CR_PER | 0x3f8 | CR_BKER | CR_STRT | CR_LOCK)?;
+        rule(value & CR_PG == 0 || value & CR_PER == 0, "FLASH_CR: PG and PER are set together")?;
+        rule(self.first.is_none(), "FLASH_CR is written in the middle of a double word")?;
+        self.cr = value & !CR_STRT;
+        if value & CR_STRT != 0 {
+            rule(value & CR_PER != 0, "FLASH_CR: STRT is set without PER: only page erase is modelled")?;
+            rule(self.sr & SR_FLAGS & !SR_EOP == 0, "FLASH_CR: STRT is set while SR has error flags")?;
+            rule(value & CR_BKER != 0, "FLASH_CR: a page of the first bank is erased, where the program lies")?;
+            rule(!bit(self.acr, 10), "a page is erased while the data cache is on: it would keep what was there")?;
+            let start = (field(value, 3, 7) * PAGE_BYTES) as usize;
+            self.bank2[start..start + PAGE_BYTES as usize].fill(0xff);
+            self.busy_until = at.now + ERASING;
+            self.operations += 1;
+        }
+        Ok(())
+    }
+
+    /// Reads `bytes` bytes of the second bank, `offset` from its start.
+    #[must_use]
+    pub fn read_bank2(&self, offset: u32, bytes: u32) -> u32 {
+        (0..bytes).fold(0, |value, n| value | u32::from(self.bank2[(offset + n) as usize]) << (8 * n))
+    }
+
+    /// Programs a word of the second bank: the second of a double word carries both out.
+    ///
+    /// # Errors
+    /// The flash does not program now, or the words are no erased, aligned double word in order.
+    pub fn program(&mut self, offset: u32, bytes: u32, value: u32, at: &At) -> Access<()> {
+        rule(self.cr & (CR_PG | CR_LOCK) == CR_PG, "the flash is written to while PG is not set")?;
+        rule(!self.is_busy(at.now), "the flash is written to while BSY is set")?;
+        rule(self.sr & SR_FLAGS & !SR_EOP == 0, "the flash is written to while SR has error flags")?;
+        rule(bytes == 4, "SIZERR: the flash is written to by other than words")?;
+        let Some((start, low)) = self.first.take() else {
+            rule(offset.is_multiple_of(8), "PGAERR: a double word begins between two")?;
+            self.first = Some((offset, value));
+            return Ok(());
+        };
+        rule(offset == start + 4, "PGSERR: the second word does not follow the first")?;
+        let place = start as usize..start as usize + 8;
+        let double = u64::from(value) << 32 | u64::from(low);
+        let is_erased = self.bank2[place.clone()].iter().all(|&byte| byte == 0xff);
+        rule(is_erased || double == 0, "PROGERR: a double word is programmed that is not erased")?;
+        self.bank2[place].copy_from_slice(&double.to_le_bytes());
+        self.busy_until = at.now + PROGRAMMING;
+        self.operations += 1;
+        Ok(())
+    }
+}

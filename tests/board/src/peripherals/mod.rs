@@ -1,0 +1,20 @@
+//! The chip's peripherals, one file each, with the register names of the reference manual (RM0440).
+//!
+//! Each knows its own registers, reset values and write rules, and is told the time and the clocks with every access. What
+//! several of them do together (a timer that triggers a converter whose samples a DMA channel stores) is
+//! [`crate::chip`]'s.
+
+pub mod adc;
+pub mod dac;
+pub mod dbgmcu;
+pub mod dma;
+pub mod dwt;
+pub mod flash;
+pub mod gpio;
+pub mod iwdg;
+pub mod lpuart;
+pub mod nvic;
+pub mod pwr;
+pub mod rcc;
+pub mod scb;
+pub mod tim;

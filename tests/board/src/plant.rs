@@ -1,0 +1,467 @@
+//! The rig that the board's pins are wired to: shaker, structure, dampers and sensors, after firmware/README.md.
+//!
+//! The motion is the core's own integrator in `f64`, on a grid of [`GRID`] that has nothing to do with the program's ticks. A
+//! voltage at an analogue input is asked for at the instant of its conversion and interpolated between two points of the
+//! grid; what the pins do takes effect at the next point. At 3 Hz and 30 mm the straight line between two points is off
+//! by ω²A·GRID²/8 = 3 nm, a ten-thousandth of a converter's step.
+
+use std::collections::VecDeque;
+use std::f64::consts::PI;
+
+use damprig_core::integrator::base::{Segment, Track};
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
+use damprig_core::model::{Initial, Invalid};
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::table::Table;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::plant::{Base, PlantConfig};
+use damprig_core::rig::calibration::Calibration;
+use damprig_core::settings::Settings;
+use rand_core::{RngCore, SeedableRng};
+use rand_xoshiro::Xoshiro128PlusPlus;
+
+use crate::time::Time;
+
+/// The integrator's step.
+pub const GRID: Time = Time::from_us(50);
+
+/// The converters' and the analogue output's reference, V.
+pub const REFERENCE_V: f64 = 3.3;
+
+/// Full scale of a 12-bit code.
+const FULL_SCALE: f64 = 4_095.0;
+
+/// Conversions that the board adds up to a sample of x, z and spring force: the calibration's counts are of the sum.
+const ADDED_UP: f64 = 16.0;
+
+/// Distance of a buffered output from the rails, V.
+const BUFFER_HEADROOM_V: f64 = 0.2;
+
+/// Points of the grid that are kept: 10 ms.
+const KEPT: usize = 200;
+
+/// An analogue signal of the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// Structure displacement.
+    X,
+    /// Base displacement.
+    Z,
+    /// Force in the friction damper's spring.
+    Spring,
+    /// Force on the wall at −d.
+    WallLow,
+    /// Force on the wall at +d.
+    WallHigh,
+}
+
+/// The relay between the drive's output and the amplifier: an assumed signal relay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relay {
+    /// From the coil's current to the closed contact.
+    pub operate: Time,
+    /// From the end of the current to the open contact.
+    pub release: Time,
+}
+
+impl Default for Relay {
+    fn default() -> Self {
+        Self { operate: Time::from_ms(5), release: Time::from_ms(3) }
+    }
+}
+
+/// True values at a point of the grid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// Structure displacement, m.
+    pub x_m: f64,
+    /// Base displacement, m.
+    pub z_m: f64,
+    /// Force that the spring's sensor shows, N.
+    pub spring_n: f64,
+}
+
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)]
+enum Moving {
+    Prescribed(Track<f64>),
+    Shaken(Table<f64>),
+}
+
+/// A half-sine that a wall's sensor sees.
+#[derive(Clone, Copy, Debug)]
+struct Pulse {
+    is_high: bool,
+    start_s: f64,
+    peak_n: f64,
+}
+
+/// The friction damper's seat.
+#[derive(Clone, Copy, Debug)]
+struct Seat {
+    plant: SpringPlant,
+    /// Steps from the limit switch.
+    steps: i32,
+    lagged_n: f64,
+}
+
+impl Seat {
+    fn force_n(&self) -> f64 {
+        let deflection_m = f64::from(self.steps) * f64::from(self.plant.step_m) - f64::from(self.plant.touch_m);
+        f64::from(self.plant.stiffness_n_per_m) * deflection_m.max(0.0)
+    }
+}
+
+/// First-order lags of a displacement's channel: the sensor's response and the filter before the converter.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lags {
+    decay: [f64; 2],
+    state: [f64; 2],
+}
+
+impl Lags {
+    fn new(config: &PlantConfig) -> Self {
+        let Some(sheet) = &config.data_sheet else { return Self::default() };
+        let constants = [f64::from(sheet.response_s), 1.0 / (2.0 * PI * f64::from(sheet.anti_alias_hz))];
+        let decay = constants.map(|constant| if constant > 0.0 { (-GRID.s() / constant).exp() } else { 0.0 });
+        Self { decay, state: [0.0; 2] }
+    }
+
+    fn next(&mut self, mut value: f64) -> f64 {
+        for (state, decay) in self.state.iter_mut().zip(self.decay) {
+            *state = value + (*state - value) * decay;
+            value = *state;
+        }
+        value
+    }
+}
+
+/// The rig.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    config: PlantConfig,
+    calibration: Calibration,
+    relay: Relay,
+    motion: Sampled<f64>,
+    base: Moving,
+    seat: Option<Seat>,
+    walls: Option<WallSensors>,
+    pulses: VecDeque<Pulse>,
+    lags: [Lags; 2],
+    noise: Xoshiro128PlusPlus,
+    /// The points of the grid that are kept, the last at `reached`.
+    history: VecDeque<Truth>,
+    reached: Time,
+    /// Voltage at the drive's output.
+    output_v: f64,
+    coil: bool,
+    contact: bool,
+    contact_moves: Time,
+    /// N·s per change of the structure's velocity.
+    impulse_per_kick: f64,
+    impacts: u32,
+    limited: u32,
+}
+
+impl Plant {
+    /// A rig at rest.
+    ///
+    /// # Errors
+    /// Names a value that is not physical.
+    pub fn new(config: &PlantConfig, relay: Relay) -> Result<Self, Invalid> {
+        config.set_up.validate()?;
+        config.sensors.validate()?;
+        let units = Units::metres(GRID.s());
+        let initial = Initial {
+            x_m: config.structure_start_m,
+            y_m: config.structure_start_m + config.particle_start_m,
+            ..Initial::default()
+        };
+        let motion = Sampled::new(&config.set_up, units, &initial)?;
+        let base = match &config.base {
+            Base::Prescribed => Moving::Prescribed(Track::default()),
+            Base::Shaker(shaker) => {
+                shaker.validate()?;
+                Moving::Shaken(Table::new(shaker, &config.set_up, &units))
+            }
+        };
+        if let Some(spring) = &config.spring {
+            spring.validate()?;
+        }
+        if let Some(walls) = &config.walls {
+            walls.validate()?;
+        }
+        let seat =
+            config.spring.map(|plant| Seat { plant, steps: (plant.start_m / plant.step_m) as i32, lagged_n: 0.0 });
+        let mut rig = Self {
+            config: *config,
+            calibration: Settings::default().calibration,
+            relay,
+            motion,
+            base,
+            seat,
+            walls: config.walls,
+            pulses: VecDeque::new(),
+            lags: [Lags::new(config); 2],
+            noise: Xoshiro128PlusPlus::seed_from_u64(config.sensors.seed),
+            history: VecDeque::from([Truth::default()]),
+            reached: Time(0),
+            output_v: 0.0,
+            coil: false,
+            contact: false,
+            contact_moves: Time::NEVER,
+            impulse_per_kick: config.set_up.structure.mass_kg * units.velocity_m_per_s(),
+            impacts: 0,
+            limited: 0,
+        };
+        rig.press();
+        rig.history[0].x_m = config.structure_start_m;
+        Ok(rig)
+    }
+
+    /// The friction damper's force becomes what its spring gives.
+    fn press(&mut self) {
+        if let Some(seat) = &self.seat {
+            let friction_n = f64::from(seat.plant.friction_coefficient) * seat.force_n();
+            self.motion.set_damper_force_n(friction_n, &self.config.set_up);
+        }
+    }
+
+    /// The drive's output changes to this voltage; `is_buffered` by way of the output buffer, which stays off the rails.
+    pub fn set_output(&mut self, now: Time, output_v: f64, is_buffered: bool) {
+        self.advance(now);
+        let headroom = if is_buffered { BUFFER_HEADROOM_V } else { 0.0 };
+        self.output_v = output_v.clamp(headroom, REFERENCE_V - headroom);
+    }
+
+    /// The relay's coil is switched.
+    pub fn set_coil(&mut self, now: Time, on: bool) {
+        self.advance(now);
+        if on != self.coil {
+            self.coil = on;
+            self.contact_moves = now + if on { self.relay.operate } else { self.relay.release };
+        }
+    }
+
+    /// The motor makes a step, if it is switched on.
+    pub fn step_motor(&mut self, now: Time, towards_structure: bool, is_on: bool) {
+        self.advance(now);
+        if let Some(seat) = &mut self.seat
+            && is_on
+        {
+            seat.steps += if towards_structure { 1 } else { -1 };
+        }
+        self.press();
+    }
+
+    /// The seat presses the limit switch open. Without a friction damper a wire takes the switch's place.
+    #[must_use]
+    pub fn at_limit(&self) -> bool {
+        self.seat.is_some_and(|seat| seat.steps <= 0)
+    }
+
+    /// Where the friction damper's seat is, steps from the limit switch.
+    #[must_use]
+    pub fn seat_steps(&self) -> Option<i32> {
+        self.seat.map(|seat| seat.steps)
+    }
+
+    /// Impacts so far.
+    #[must_use]
+    pub fn impacts(&self) -> u32 {
+        self.impacts
+    }
+
+    /// Steps in which the shaker's amplifier or stroke was at its limit.
+    #[must_use]
+    pub fn limited(&self) -> u32 {
+        self.limited
+    }
+
+    /// The demanded base displacement, m: the output's voltage on the drive's scale, if the relay is closed.
+    fn demand_m(&self) -> f64 {
+        if !self.contact {
+            return 0.0;
+        }
+        let counts = self.output_v / REFERENCE_V * FULL_SCALE;
+        (counts - f64::from(self.calibration.drive.zero_counts)) * f64::from(self.calibration.drive.metres_per_count)
+    }
+
+    /// Follows the motion until the grid has passed `time`.
+    pub fn advance(&mut self, time: Time) {
+        while self.reached < time {
+            self.step();
+        }
+    }
+
+    fn step(&mut self) {
+        if self.contact_moves <= self.reached {
+            (self.contact, self.contact_moves) = (self.coil, Time::NEVER);
+        }
+        let drive = self.demand_m();
+        let mut hits = Hits::default();
+        let end = match &mut self.base {
+            Moving::Prescribed(track) => {
+                let segment: Segment<f64> = track.push(drive);
+                self.motion.step(&segment, &mut hits);
+                segment.end()
+            }
+            Moving::Shaken(table) => {
+                let end = table.step(&mut self.motion, drive, &mut hits).end();
+                self.limited = table.limited();
+                end
+            }
+        };
+        let start_s = self.reached.s();
+        for hit in hits.0 {
+            self.impacts += 1;
+            if let Some(walls) = &self.walls {
+                let contact_s = f64::from(walls.contact_s);
+                let impulse_n_s = (hit.kick * self.impulse_per_kick).abs();
+                self.pulses.push_back(Pulse {
+                    is_high: hit.side > 0,
+                    start_s: start_s + hit.at * GRID.s(),
+                    peak_n: 0.5 * PI * impulse_n_s / contact_s,
+                });
+            }
+        }
+        let spring_n = match &mut self.seat {
+            Some(seat) => {
+                let follow = GRID.s() / (f64::from(seat.plant.lag_s) + GRID.s());
+                seat.lagged_n += (seat.force_n() - seat.lagged_n) * follow;
+                seat.lagged_n + f64::from(seat.plant.offset_n)
+            }
+            None => 0.0,
+        };
+        let [x_lags, z_lags] = &mut self.lags;
+        let truth = Truth { x_m: x_lags.next(self.motion.state().x), z_m: z_lags.next(end), spring_n };
+        self.history.push_back(truth);
+        if self.history.len() > KEPT {
+            self.history.pop_front();
+        }
+        self.reached += GRID;
+        if let Some(walls) = &self.walls {
+            let past_s = self.reached.s() - f64::from(walls.contact_s) - (GRID * KEPT as u64).s();
+            while self.pulses.front().is_some_and(|pulse| pulse.start_s < past_s) {
+                self.pulses.pop_front();
+            }
+        }
+    }
+
+    /// True values at a time of the last 10 ms.
+    #[must_use]
+    pub fn truth(&self, time: Time) -> Truth {
+        let back = self.reached.since(time).0 as f64 / GRID.0 as f64;
+        let last = self.history.len() - 1;
+        let place = (last as f64 - back).clamp(0.0, last as f64);
+        let (n, part) = (place as usize, place.fract());
+        let (a, b) = (self.history[n], self.history[(n + 1).min(last)]);
+        let between = |a: f64, b: f64| a + (b - a) * part;
+        Truth { x_m: between(a.x_m, b.x_m), z_m: between(a.z_m, b.z_m), spring_n: between(a.spring_n, b.spring_n) }
+    }
+
+    /// Force on a wall, N.
+    fn wall_n(&self, time_s: f64, is_high: bool) -> f64 {
+        let Some(walls) = &self.walls else { return 0.0 };
+        let contact_s = f64::from(walls.contact_s);
+        let pulses: f64 = self
+            .pulses
+            .iter()
+            .filter(|pulse| pulse.is_high == is_high)
+            .map(|pulse| (time_s - pulse.start_s) / contact_s)
+            .zip(self.pulses.iter().filter(|pulse| pulse.is_high == is_high))
+            .filter(|(since, _)| (0.0..1.0).contains(since))
+            .map(|(since, pulse)| pulse.peak_n * (PI * since).sin())
+            .sum();
+        (pulses + f64::from(walls.offset_n)).clamp(-f64::from(walls.range_n), f64::from(walls.range_n))
+    }
+
+    /// A signal's 12-bit code at a time up to which the motion has been followed: the sensor's voltage on the assumed scales,
+    /// with its noise, to the nearest code.
+    pub fn code(&mut self, signal: Signal, time: Time) -> u16 {
+        self.advance(time);
+        let scale = &self.calibration;
+        let noise = self.config.sensors.noise_rms_m;
+        let [x_range_m, z_range_m] = self.config.sensors.range_m.map(f64::from);
+        // The noise of the mean of the conversions that are added up is the sensor's.
+        let displacement = |value_m: f64, range: f64, scale: &damprig_core::rig::calibration::DisplacementScale| {
+            let per_count = f64::from(scale.metres_per_count);
+            let counts = value_m.clamp(-range, range) / per_count + f64::from(scale.zero_counts);
+            (counts / ADDED_UP, f64::from(noise) * ADDED_UP.sqrt() / per_count.abs() / ADDED_UP)
+        };
+        let (code, rms) = match signal {
+            Signal::X => displacement(self.truth(time).x_m, x_range_m, &scale.x),
+            Signal::Z => displacement(self.truth(time).z_m, z_range_m, &scale.z),
+            Signal::Spring => {
+                let per_count = f64::from(scale.spring.newtons_per_count);
+                let counts = self.truth(time).spring_n / per_count + f64::from(scale.spring.zero_counts);
+                let rms_n = self.seat.map_or(0.0, |seat| f64::from(seat.plant.noise_rms_n));
+                (counts / ADDED_UP, rms_n * ADDED_UP.sqrt() / per_count / ADDED_UP)
+            }
+            Signal::WallLow | Signal::WallHigh => {
+                let per_count = f64::from(scale.walls.newtons_per_count);
+                let force_n = self.wall_n(time.s(), signal == Signal::WallHigh);
+                let rms_n = self.walls.map_or(0.0, |walls| f64::from(walls.noise_rms_n));
+                (force_n / per_count + f64::from(scale.walls.zero_counts), rms_n / per_count)
+            }
+        };
+        let code = if rms > 0.0 { code + rms * self.normal() } else { code };
+        code.round().clamp(0.0, FULL_SCALE) as u16
+    }
+
+    /// White noise of unit variance, nearly normal: the sum of four uniform 16-bit numbers.
+    fn normal(&mut self) -> f64 {
+        let (a, b) = (self.noise.next_u32(), self.noise.next_u32());
+        let sum = i64::from(a & 0xffff) + i64::from(a >> 16) + i64::from(b & 0xffff) + i64::from(b >> 16);
+        (sum - 2 * 65_535) as f64 / 37_837.227
+    }
+}
+
+/// The impacts of a step.
+#[derive(Default)]
+struct Hits(Vec<Impact<f64>>);
+
+impl Observer<f64> for Hits {
+    fn impact(&mut self, impact: &Impact<f64>) {
+        self.0.push(*impact);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use damprig_core::model::{SetUp, Structure};
+
+    use super::*;
+
+    fn plant() -> Plant {
+        let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+        let mut config = PlantConfig::ideal(SetUp {
+            structure,
+            particle: None,
+            friction_damper: None,
+            tmd: None,
+            gravity_m_per_s2: 9.81,
+        });
+        config.sensors.noise_rms_m = 0.0;
+        Plant::new(&config, Relay::default()).unwrap()
+    }
+
+    #[test]
+    fn an_open_relay_moves_nothing() {
+        let mut plant = plant();
+        plant.set_output(Time(0), 3.0, true);
+        plant.advance(Time::from_ms(100));
+        assert_eq!(plant.truth(Time::from_ms(100)).z_m, 0.0);
+        plant.set_coil(Time::from_ms(100), true);
+        plant.advance(Time::from_ms(200));
+        let expected_m = (3.0 / 3.3 - 0.5) * 0.01;
+        assert!((plant.truth(Time::from_ms(200)).z_m - expected_m).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_displacement_of_zero_is_the_middle_of_the_converter() {
+        let mut plant = plant();
+        assert_eq!(plant.code(Signal::X, Time::from_us(10)), 2_048);
+        assert_eq!(plant.code(Signal::WallLow, Time::from_us(10)), 410);
+    }
+}

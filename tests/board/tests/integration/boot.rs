@@ -1,0 +1,83 @@
+//! From power-on to the first answers.
+
+use damprig_board::{Board, Config, Output, Time};
+use damprig_protocol::{Answer, Ask, Clock, ClockSource, Description, PlantKind, Reset, SCHEMA, VERSION};
+
+use crate::common::{Host, bare, board, image, run};
+
+fn description(host: &mut Host) -> Description {
+    match host.ask(Ask::Describe) {
+        Answer::Description(description) => description,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_board_says_who_it_is_within_a_tenth_of_a_second_of_power_on() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    let mut host = Host::new(&mut board);
+    let Answer::Identity(identity) = host.ask(Ask::Identify) else { panic!("no identity") };
+    assert_eq!((identity.protocol, identity.schema, identity.board.as_str()), (VERSION, SCHEMA, "nucleo-g474re"));
+    assert!(host.board.now() < Time::from_ms(100), "{} s", host.board.now().s());
+    let description = description(&mut host);
+    assert_eq!((description.clock, description.plant), (Clock::RealTime, PlantKind::Real));
+    assert_eq!((description.clock_source, description.reset), (ClockSource::Crystal, Reset::Power));
+    assert_eq!(description.last_crash, None);
+}
+
+#[test]
+fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_says_so() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config { has_crystal: false, ..Config::new(bare()) }).unwrap();
+    let description = description(&mut Host::new(&mut board));
+    assert_eq!(description.clock_source, ClockSource::InternalOscillator);
+}
+
+#[test]
+fn idle_the_relay_stays_open_the_output_at_no_drive_and_the_motor_off() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    run(&mut board, Time::from_ms(200));
+    // The output comes on at its negative end and is set to the middle at once.
+    let drive: Vec<_> = board.chip().trace().iter().filter(|(_, output)| matches!(output, Output::Drive(_))).collect();
+    assert_eq!(
+        drive.iter().map(|(_, output)| *output).collect::<Vec<_>>(),
+        [Output::Drive(Some(0)), Output::Drive(Some(2_048))]
+    );
+    assert!((drive[1].0 - drive[0].0) < Time::from_us(10), "{drive:?}");
+    let others = board.chip().trace().iter().filter(|(_, output)| !matches!(output, Output::Drive(_)));
+    assert!(others.clone().all(|(_, output)| matches!(output, Output::Step(_))), "{:?}", others.collect::<Vec<_>>());
+}
+
+#[test]
+fn the_same_bytes_at_the_same_times_give_the_same_run() {
+    let runs = [0; 2].map(|_| {
+        let mut board = board(image()?);
+        let mut host = Host::new(&mut board);
+        host.ask(Ask::Identify);
+        host.ask(Ask::Status);
+        let received = std::mem::take(&mut host.received);
+        run(&mut board, Time::from_ms(300));
+        Some((received, board.instructions(), board.costs().clone(), board.chip().trace().to_vec()))
+    });
+    assert!(runs[0] == runs[1]);
+}
+
+/// What the image does that the reference manual does not allow and the chip lets pass. All of it is the driver library's
+/// (embassy-stm32 0.6 on stm32-metapac 21): a line goes when its cause does.
+#[test]
+fn the_image_breaks_no_rule_of_the_reference_manual_but_these() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    run(&mut board, Time::from_ms(100));
+    let deviations: Vec<_> = board.chip().deviations().iter().map(|(_, rule)| *rule).collect();
+    assert_eq!(
+        deviations,
+        [
+            "the core runs above 150 MHz while PWR_CR5.R1MODE (bit 8) is 1: not in range 1's boost mode",
+            "RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)",
+            "RCC_BDCR: RTCSEL is changed without a reset of the backup domain; the chip ignores it",
+        ]
+    );
+}

@@ -1,0 +1,162 @@
+//! Boards, the lines to them, and the command.
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+
+use damprig_board::{Board, Config, Image, Output, Time, link};
+use damprig_core::model::{SetUp, Structure};
+use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use escargot::CargoBuild;
+
+/// Device seconds a second, at most: far from the time-outs of either side.
+const PACE: f64 = 5.0;
+
+/// The top of the project.
+pub fn project() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The controller's image; says so if there is none.
+pub fn image() -> Option<Image> {
+    let path = project().join("firmware/target/images/nucleo-g474re.elf");
+    if path.is_file() {
+        return Some(Image::read(&path).unwrap());
+    }
+    let absent = format!("no image {}: `tests/board/run` builds it", path.display());
+    assert!(std::env::var_os("DAMPRIG_IMAGES").is_none_or(|value| value != "required"), "{absent}");
+    eprintln!("not tested: {absent}");
+    None
+}
+
+/// The source document's structure without a damper, on a shaker that feels it.
+pub fn bare() -> PlantConfig {
+    let structure = Structure::from_modal(1.6, 2.5, 0.0038);
+    let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+    PlantConfig { base: Base::Shaker(Shaker::default()), ..PlantConfig::ideal(set_up) }
+}
+
+/// A board without a rig that matters.
+pub fn board(image: Image) -> Board {
+    Board::new(image, &Config::new(bare())).unwrap()
+}
+
+/// Runs a board, as far as it goes.
+pub fn run(board: &mut Board, until: Time) {
+    if let Err(failure) = board.run_until(until) {
+        panic!("{failure}");
+    }
+}
+
+/// A host that speaks the protocol over the board's UART, in device time alone.
+pub struct Host<'a> {
+    pub board: &'a mut Board,
+    reader: Reader,
+    seq: u16,
+    /// Every byte that the board has sent.
+    pub received: Vec<u8>,
+}
+
+impl<'a> Host<'a> {
+    pub fn new(board: &'a mut Board) -> Self {
+        Self { board, reader: Reader::default(), seq: 0, received: Vec::new() }
+    }
+
+    /// Asks, and waits for at most a second of device time.
+    pub fn ask(&mut self, ask: Ask) -> Answer {
+        self.seq += 1;
+        let request = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
+        let mut out = [0; LONGEST];
+        let length = frame::encode(&request, &mut out).unwrap();
+        self.board.chip_mut().host_sends(&out[..length]);
+        let end = self.board.now() + Time::from_ms(1_000);
+        while self.board.now() < end {
+            run(self.board, self.board.now() + Time::from_ms(1));
+            let sent = self.board.chip_mut().take_sent();
+            self.received.extend_from_slice(&sent);
+            for byte in sent {
+                match self.reader.push::<FromDevice>(byte) {
+                    Some(Ok(FromDevice::Reply { seq, answer })) if seq == self.seq => {
+                        return answer.unwrap_or_else(|why| panic!("refused: {why:?}"));
+                    }
+                    Some(Err(bad)) => panic!("a bad frame from the board: {bad:?}"),
+                    _ => {}
+                }
+            }
+        }
+        panic!("no reply within a second");
+    }
+}
+
+/// What a board behind a port has come to.
+pub struct Outcome {
+    /// Every change of an output.
+    pub trace: Vec<(Time, Output)>,
+    /// Bytes that the UART lost.
+    pub bytes_lost: u64,
+    /// The second bank of the flash.
+    pub bank2: Vec<u8>,
+    /// Device time over time on the host's clock.
+    pub speed: f64,
+}
+
+/// A board behind a TCP port, in a thread of its own.
+pub struct Served {
+    /// Its address for `--rig`.
+    pub rig: String,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Result<Outcome, String>>,
+}
+
+impl Served {
+    /// Powers a board; `each_step` sees it every millisecond.
+    pub fn new(image: Image, config: Config, mut each_step: impl FnMut(&mut Board) + Send + 'static) -> Self {
+        // Nobody waits for the command to be built while a board runs.
+        damprig();
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let rig = format!("tcp:{}", listener.local_addr().unwrap());
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            let mut board = Board::new(image, &config)?;
+            let begun = std::time::Instant::now();
+            link::serve(&mut board, &listener, PACE, &flag, &mut each_step).map_err(|ended| ended.to_string())?;
+            Ok(Outcome {
+                trace: board.chip().trace().to_vec(),
+                bytes_lost: board.chip().bytes_lost(),
+                bank2: board.chip().bank2().to_vec(),
+                speed: board.now().s() / begun.elapsed().as_secs_f64(),
+            })
+        });
+        Self { rig, stop, thread }
+    }
+
+    /// Takes the board's power away.
+    pub fn off(self) -> Outcome {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap().unwrap_or_else(|failure| panic!("{failure}"))
+    }
+}
+
+/// The command, built if need be.
+pub fn damprig() -> Command {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    let path = BUILT.get_or_init(|| {
+        let manifest = project().join("Cargo.toml");
+        let build = CargoBuild::new().manifest_path(manifest).package("damprig").bin("damprig");
+        build.run().expect("the command builds").path().to_path_buf()
+    });
+    Command::new(path)
+}
+
+/// What a finished command printed.
+pub fn said(output: &std::process::Output) -> String {
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    format!("{}\n{out}\n{err}", output.status)
+}

@@ -1,0 +1,14 @@
+//! Tests of the whole system, one file for each capability. One binary, so that it links once; `cargo test -p damprig-tests
+//! golden` runs one file.
+
+mod budgets;
+mod emulated_campaign;
+mod emulator;
+mod fixed_point;
+mod golden;
+mod layout;
+mod link;
+mod log;
+mod panics;
+mod recorded;
+mod soak;
