@@ -13,7 +13,6 @@ mod crash;
 #[cfg(not(feature = "board-mps2-an385"))]
 mod identity;
 mod masked;
-mod memory;
 mod tasks;
 #[cfg(not(feature = "board-mps2-an385"))]
 mod tick;

@@ -28,8 +28,7 @@ unsafe impl critical_section::Impl for Masked {
     }
 }
 
-/// Whether this is the outermost section. A function of its own: there are many sections, and each would hold all of it.
-#[inline(never)]
+/// Whether this is the outermost section.
 fn begin() -> bool {
     let was_on = primask::read().is_active();
     cortex_m::interrupt::disable();
@@ -41,7 +40,6 @@ fn begin() -> bool {
 }
 
 /// The outermost section is over.
-#[inline(never)]
 fn end() {
     let took = DWT::cycle_count().wrapping_sub(BEGUN.load(Ordering::Relaxed));
     if took > LONGEST.load(Ordering::Relaxed) {

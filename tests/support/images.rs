@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol, SectionFlags, elf};
+use object::{Object, ObjectSection, ObjectSegment, SectionFlags, elf};
 
 /// The top of the project.
 #[must_use]
@@ -31,10 +31,8 @@ pub fn find(name: &str) -> Option<PathBuf> {
 pub struct Size {
     /// What is written to flash, bytes.
     pub flash_bytes: u64,
-    /// Static variables, bytes: all RAM but the stack and the record buffer.
+    /// Static variables, bytes: all RAM but the stack.
     pub static_ram_bytes: u64,
-    /// The buffer of uploaded records, bytes; 0 where it is no variable of its own.
-    pub record_buffer_bytes: u64,
 }
 
 /// Measures an image.
@@ -51,8 +49,6 @@ pub fn size(image: &Path) -> Size {
         SectionFlags::Elf { sh_flags } => sh_flags & writable == writable,
         _ => false,
     };
-    let all_bytes: u64 = file.sections().filter(in_ram).map(|section| section.size()).sum();
-    let is_buffer = |symbol: &object::Symbol<'_, '_>| symbol.name().is_ok_and(|name| name.contains("RECORD_STORE"));
-    let record_buffer_bytes = file.symbols().filter(is_buffer).map(|symbol| symbol.size()).max().unwrap_or(0);
-    Size { flash_bytes, static_ram_bytes: all_bytes - record_buffer_bytes, record_buffer_bytes }
+    let static_ram_bytes = file.sections().filter(in_ram).map(|section| section.size()).sum();
+    Size { flash_bytes, static_ram_bytes }
 }

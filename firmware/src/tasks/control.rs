@@ -14,7 +14,7 @@ use crate::tasks::alive;
 use crate::tasks::lanes::{BAD_FRAMES, OrdersOut, Outgoing, REQUESTS_DROPPED, ROWS, counted};
 use crate::tasks::settings::Structure;
 
-/// The record buffer: `budgets.toml` declares it apart from the other static memory.
+/// The record buffer.
 static RECORD_STORE: ConstStaticCell<Store> = ConstStaticCell::new(Store::new());
 
 /// Owns the rig.

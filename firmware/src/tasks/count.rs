@@ -20,7 +20,7 @@ use damprig_core::plant::{Base, PlantConfig, Shaker};
 use damprig_core::rig::calibration::{Calibration, SlowBlock};
 use damprig_core::rig::{SUBSAMPLES, State};
 use damprig_core::settings::Settings;
-use damprig_core::twin::TwinConfig;
+use damprig_core::twin::{Twin, TwinConfig};
 use damprig_device::simulated::Simulated;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Answer, Ask, FromDevice, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
@@ -75,7 +75,6 @@ struct Depths {
 /// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
 pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     counter.check();
-    crate::memory::check();
     let mut host = Host { counter, device, seq: 0, now: 0, depths: Depths::default(), replies: [0; 2] };
     let mut orders = Tally::default();
     // The plant is no part of a board: it is set while the clock stands.
@@ -122,6 +121,7 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     hprintln!("worst_in_an_experiment_at_tick = {}", tally.worst_at);
     hprintln!("worst_while_set_up = {}", orders.worst);
     hprintln!("worst_while_set_up_at = {}", orders.worst_at);
+    hprintln!("worst_of_the_twin_in_a_chatter = {}", worst_of_a_chatter(counter));
     hprintln!("instructions_per_simulated_tick_mean = {}", tally.plant / u64::from(tally.ticks));
     let Depths { tick, receive, send } = Depths { send: depth_of_sending(), ..host.depths };
     hprintln!("stack_of_a_tick = {}", tick);
@@ -130,6 +130,28 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     // The line's tasks take turns; the tick interrupts either.
     hprintln!("stack_bytes_worst = {}", tick + receive.max(send));
     exit(true)
+}
+
+/// The twin's worst tick alone: under steady acceleration its particle comes to rest at a wall of e = 0.9, with more events in
+/// a tick than the twin allows.
+fn worst_of_a_chatter(counter: &InstructionCounter) -> u32 {
+    let particle = Particle {
+        mass_kg: 0.16,
+        clearance_m: 1e-3,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.9 },
+    };
+    let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 15.0, 0.3)) };
+    let mut twin = Twin::new(&TwinConfig::new(set_up)).expect("the set-up is physical");
+    let mut worst = 0;
+    for tick in 0..1000u16 {
+        let time_s = f32::from(tick) * 1e-3;
+        let z_m = 2.5 * time_s * time_s;
+        let (_, instructions) = counter.count(|| black_box(twin.tick(tick.into(), black_box(z_m), z_m)));
+        worst = worst.max(instructions);
+    }
+    assert!(twin.motion().unresolved() > 0, "the chatter ended by itself");
+    worst
 }
 
 /// Of the message with the most numbers, and of the one with the most texts.

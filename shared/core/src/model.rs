@@ -35,27 +35,22 @@ impl core::fmt::Display for Invalid {
 
 impl core::error::Error for Invalid {}
 
-/// Refuses `value` unless `ok`, with the parameter's name. Never inlined, nor are its companions: some eighty checks, none
-/// of them in a hurry, would each bring their own comparison of soft `f64`.
-#[inline(never)]
+/// Refuses `value` unless `ok`, with the parameter's name.
 pub(crate) fn require(ok: bool, parameter: &'static str, value: f64, allowed: &'static str) -> Result<(), Invalid> {
     if ok { Ok(()) } else { Err(Invalid { parameter, value, allowed }) }
 }
 
 /// Refuses anything but a finite number above zero.
-#[inline(never)]
 pub(crate) fn positive(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite() && value > 0.0, parameter, value, "a finite number greater than 0")
 }
 
 /// Refuses anything but a finite number from zero up.
-#[inline(never)]
 pub(crate) fn not_negative(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite() && value >= 0.0, parameter, value, "a finite number, 0 or greater")
 }
 
 /// Refuses NaN and infinities.
-#[inline(never)]
 pub(crate) fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite(), parameter, value, "a finite number")
 }
@@ -195,7 +190,6 @@ impl SetUp {
     ///
     /// # Errors
     /// Names the first parameter outside its range.
-    #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("structure.mass_kg", self.structure.mass_kg)?;
         positive("structure.stiffness_n_per_m", self.structure.stiffness_n_per_m)?;

@@ -113,7 +113,6 @@ impl Scalar for f32 {
 
     /// By Heron's steps from half the exponent, which is within 3.5 %: three of them leave roundings only (1 unit in the
     /// last place). A controller divides in one instruction, while `libm` finds one bit after the other.
-    #[inline(never)]
     fn sqrt(self) -> Self {
         if self < Self::MIN_POSITIVE {
             // Scaled by 2⁴⁸ it is a normal number; what is below zero has no root.

@@ -28,8 +28,7 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// The rig's as delivered: everything assumed, nothing measured. Its many constants once, not wherever it is used.
-    #[inline(never)]
+    /// The rig's as delivered: everything assumed, nothing measured.
     fn default() -> Self {
         Self {
             calibration: Calibration::default(),
@@ -97,7 +96,6 @@ impl Prepared {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn new(settings: &Settings) -> Result<Self, Invalid> {
         settings.validate()?;
         Ok(Self {

@@ -175,7 +175,6 @@ impl Control {
     }
 
     /// Takes over settings that were kept, before the first tick. Out of range they become those as delivered.
-    #[inline(never)]
     pub fn start_with(&mut self, settings: &Settings, source: Source) {
         match Prepared::new(settings) {
             Ok(prepared) if self.rig.adopt(&prepared).is_ok() => self.settings_source = source,
@@ -293,7 +292,6 @@ impl Control {
     }
 
     /// Answers a request to save that has ended; to be called in every tick of a board that takes its time to save.
-    #[inline(never)]
     pub fn end_saving<P>(&mut self, bench: &mut impl Bench<P>, lanes: &mut impl Lanes) {
         if let Some(seq) = self.saving
             && let Some(outcome) = bench.saved()

@@ -40,7 +40,6 @@ pub struct Selection {
 
 /// Places in the signal table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(C, align(4))] // Whole words are copied faster, and every row has it.
 pub struct Chosen {
     places: [u8; MOST_SIGNALS],
     width: u8,
@@ -123,10 +122,8 @@ pub enum Work<P = PlantConfig> {
 }
 
 impl<P> Order<P> {
-    /// Checks and makes what the request asks for. Takes its time: not for the control tick. A function of its own, as are
-    /// those that make the parts: inlined into one, they would carry their large results about word by word.
+    /// Checks and makes what the request asks for. Takes its time: not for the control tick.
     #[must_use]
-    #[inline(never)]
     pub fn prepare(request: Request<P>) -> Self {
         let work = match Work::prepare(request.ask) {
             Ok(work) => work,
@@ -143,7 +140,6 @@ impl<P> Order<P> {
 }
 
 impl<P> Work<P> {
-    #[inline(never)]
     fn prepare(ask: Ask<P>) -> Result<Self, Invalid> {
         Ok(Self::Command(match ask {
             Ask::Identify => return Ok(Self::Identify),

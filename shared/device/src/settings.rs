@@ -44,7 +44,6 @@ enum Slot {
 }
 
 impl Slot {
-    #[inline(never)]
     fn read(record: &Bytes) -> Self {
         if record.iter().all(|byte| *byte == 0xff) {
             return Self::Blank;
@@ -80,7 +79,6 @@ fn word(bytes: &Bytes, at: usize) -> Option<u32> {
 }
 
 /// The record of `settings`, and erased bytes after it.
-#[inline(never)]
 fn record(number: u32, settings: &Settings) -> Option<Bytes> {
     let mut record = [0xff; RECORD];
     let length = postcard::to_slice(settings, record.get_mut(HEAD..RECORD - 4)?).ok()?.len();
@@ -109,7 +107,6 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// What was saved last, else the settings as delivered; and which of the two.
-    #[inline(never)]
     pub fn load(&mut self) -> (Settings, Source) {
         let mut newest: Option<(u32, Settings)> = None;
         let (mut is_other, mut is_damaged) = (false, false);
@@ -136,7 +133,6 @@ impl<F: NorFlash> Keeper<F> {
     ///
     /// # Errors
     /// The flash did not take them.
-    #[inline(never)]
     pub fn save(&mut self, settings: &Settings) -> Result<(), NotSaved> {
         let mut numbers = [None; 2];
         for (number, page) in numbers.iter_mut().zip(self.pages) {
@@ -154,7 +150,6 @@ impl<F: NorFlash> Keeper<F> {
         if written == record { Ok(()) } else { Err(NotSaved) }
     }
 
-    #[inline(never)]
     fn read(&mut self, page: u32) -> Slot {
         let mut record = [0; RECORD];
         match self.flash.read(page, &mut record) {

@@ -55,7 +55,6 @@ impl<S: PlantScalar> Bench for SimulatedBench<S> {
     const PLANT: PlantKind = S::KIND;
     const CLOCK: Clock = Clock::Granted;
 
-    #[inline(never)] // A plant is large, and no board serves this.
     fn set_plant(&mut self, config: &PlantConfig) -> Result<(), Refusal> {
         self.plant = Some(Plant::new(config)?);
         Ok(())

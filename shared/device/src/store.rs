@@ -114,7 +114,6 @@ impl Store {
         }
     }
 
-    #[inline(never)]
     fn check_some(&mut self) {
         let end = self.there.min(self.checked + CHECKED_PER_TICK);
         let samples = self.samples.get(self.checked as usize..end as usize).unwrap_or_default();

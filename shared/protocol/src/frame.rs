@@ -25,7 +25,6 @@ pub enum BadFrame {
 }
 
 /// Writes `message` as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST`].
-#[inline(never)]
 pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usize> {
     let mut checked = [0; LONGEST_BODY + CHECKSUM];
     let length = postcard::to_slice(message, &mut checked[..LONGEST_BODY]).ok()?.len();
@@ -81,7 +80,6 @@ impl Reader {
         (length > 0).then(|| Self::decode(&mut self.buffer[..length]))
     }
 
-    #[inline(never)]
     fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<T, BadFrame> {
         let length = cobs::decode_in_place(frame).map_err(|_| BadFrame::Malformed)?;
         let (body, checksum) =

@@ -69,14 +69,12 @@ pub fn clipped<const N: usize>(text: &str) -> String<N> {
 }
 
 /// The whole characters of `text` within its first `most` bytes.
-#[inline(never)]
 fn start_of(text: &str, most: usize) -> &str {
     let end = (0..=most.min(text.len())).rev().find(|&end| text.is_char_boundary(end));
     end.and_then(|end| text.get(..end)).unwrap_or_default()
 }
 
 impl From<Refusal> for Refused {
-    #[inline(never)]
     fn from(refusal: Refusal) -> Self {
         match refusal {
             Refusal::Invalid(Invalid { parameter, value, allowed }) => {

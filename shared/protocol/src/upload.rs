@@ -25,7 +25,6 @@ const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
 /// CRC-32 (ISO-HDLC) of `before` and then `bytes`, where `checksum` is that of `before`; 0 for none.
 #[must_use]
-#[inline(never)]
 pub fn checksum(checksum: u32, bytes: &[u8]) -> u32 {
     let mut digest = CRC.digest_with_initial((checksum ^ CRC_32_ISO_HDLC.xorout).reverse_bits());
     digest.update(bytes);

@@ -25,7 +25,6 @@ fn place() -> Range<u32> {
 
 /// Opens the flash and reads the settings. No place on a chip whose option byte DBANK makes one bank of it: erasing would
 /// stop the program, and the driver would not go on.
-#[inline(never)]
 pub fn open(flash: Peri<'static, peripherals::FLASH>) -> (Option<BoardKeeper>, &'static (Settings, Source)) {
     let has_banks = pac::FLASH.optr().read().dbank();
     let mut keeper = has_banks.then(|| Keeper::new(Flash::new_blocking(flash), place())).flatten();

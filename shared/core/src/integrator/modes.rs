@@ -94,7 +94,6 @@ impl<S: Scalar> Coefficients<S> {
     /// The same system in other units: time and length as given, force per structure mass. So M = 1, and every
     /// function of this module holds unchanged.
     #[must_use]
-    #[inline(never)]
     pub fn in_units(set_up: &SetUp, units: &Units) -> Self {
         let structure = &set_up.structure;
         let (mass, step_s, length_m) = (structure.mass_kg, units.step_s, units.length_m);

@@ -132,7 +132,6 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
 /// just let go by its wall), and the bound of the whole rest hides that it rises. So each step takes the bound of a stretch
 /// that suits it.
 #[cold]
-#[inline(never)]
 fn crawl<S: Scalar>(mut g: Polynomial<S>, mut t: S, end: S, mut has_fallen: bool) -> Option<S> {
     let smallest_step = end * S::EPSILON * S::from_u8(4);
     let half = S::from_f64(0.5);

@@ -236,7 +236,6 @@ impl<S: Scalar> Sampled<S> {
 }
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
-    #[inline(never)]
     fn with_joint(set_up: &SetUp, units: Units, initial: &Initial, joint: J) -> Self {
         let c = Coefficients::in_units(set_up, &units);
         let mut sampled = Self {
@@ -334,21 +333,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             self.mode = Some(self.resolve(&base, self.state.v - base.velocity()));
         }
         let (mut start, mut events) = (S::ZERO, 0);
-        loop {
+        while events < most_events {
             let rest = S::ONE - start;
-            if events == most_events {
-                self.end_chatter(rest, &base);
-            }
             let mode = self.current_mode();
             let flight = self.flight(mode, &base);
-            if events == most_events {
-                self.unresolved += 1;
-                self.fly(start, mode, &flight, rest, observer);
-                if self.joint.link().is_none() {
-                    self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
-                }
-                return;
-            }
             let longest = self.joint.link().map_or(rest, |link| link.longest(mode, rest));
             let (length, event) = self.next_event(mode, &flight, &base, longest);
             self.fly(start, mode, &flight, length, observer);
@@ -361,6 +349,13 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 events += 1;
                 self.handle(event, mode, &base, start, observer);
             }
+        }
+        self.unresolved += 1;
+        self.end_chatter(start, &base, observer);
+        let mode = self.current_mode();
+        self.fly(start, mode, &self.flight(mode, &base), S::ONE - start, observer);
+        if self.joint.link().is_none() {
+            self.state.offset = self.state.offset.min(self.c.clearance).max(-self.c.clearance);
         }
     }
 
@@ -522,6 +517,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             observer.accumulation(at, side);
         }
     }
+
     /// Half the acceleration, relative to the structure, with which the particle is driven to the wall on `side`.
     fn pressing(&self, side: Sign, base: &Segment<S>) -> S {
         signed(side, self.flight(self.current_mode(), base).offset[2])
@@ -534,11 +530,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
     }
 
-    /// A particle at a hard wall that would bounce on it again within `rest` stays there.
-    fn end_chatter(&mut self, rest: S, base: &Segment<S>) {
+    /// A particle at a hard wall that would bounce on it again within the step stays there.
+    fn end_chatter(&mut self, at: S, base: &Segment<S>, observer: &mut impl Observer<S>) {
         let side = self.side();
-        if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * rest {
+        if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {
             self.stay_at_wall(base);
+            observer.accumulation(at, side);
         }
     }
 }

@@ -21,8 +21,7 @@ impl LockIn {
         self.cycle.1 += sample * cosine;
     }
 
-    /// Closes a cycle. Seven of them close together, too seldom for seven copies of this.
-    #[inline(never)]
+    /// Closes a cycle.
     pub fn end_cycle(&mut self) {
         self.total.0.push(self.cycle.0);
         self.total.1.push(self.cycle.1);

@@ -50,7 +50,6 @@ impl Snippet {
 
     /// Copies readings in counts, the oldest first, from the one in place `from` on, as many as there are and `to` takes: how
     /// many, and the side (+1 or −1). `None` until it is full.
-    #[inline(never)]
     pub fn copy(&self, from: usize, to: &mut [u16]) -> Option<(usize, i8)> {
         if self.phase != Phase::Full {
             return None;

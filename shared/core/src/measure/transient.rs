@@ -83,15 +83,8 @@ pub struct TransientMeter {
     ticks: u32,
 }
 
-/// Not inlined: seven times the same.
-#[inline(never)]
-fn add(sum: &mut Sum, value: f32) {
-    sum.push(value);
-}
-
 impl TransientMeter {
     /// Takes one tick's readings, and the displacement demanded in it, m.
-    #[inline(never)]
     pub fn push(&mut self, readings: &Readings, demand_m: f32) {
         let (x, z) = (readings.x.mean_m, readings.z.mean_m);
         self.demands = [demand_m, self.demands[0], self.demands[1], self.demands[2]];
@@ -107,7 +100,7 @@ impl TransientMeter {
             (rate, rate),
             (then, then),
         ]) {
-            add(sum, a * b);
+            sum.push(a * b);
         }
         self.x_peak = readings.x.peak_m.max(self.x_peak);
         self.z_peak = readings.z.peak_m.max(self.z_peak);
@@ -123,7 +116,6 @@ impl TransientMeter {
 
     /// The figures; place, time, impacts and decay are the caller's.
     #[must_use]
-    #[inline(never)]
     pub fn result(&self) -> TransientResult {
         let per_tick = 1.0 / self.ticks.max(1) as f32;
         let rms = |sum: f32| Scalar::sqrt(sum * per_tick);

@@ -220,8 +220,7 @@ impl Calibration {
         self.drive.validate()
     }
 
-    /// What a tick's block comes to. Not inlined: what calls it is built for size.
-    #[inline(never)]
+    /// What a tick's block comes to.
     #[must_use]
     pub fn readings(&self, slow: &SlowBlock) -> Readings {
         let [x, z, spring] = [0, 1, 2].map(|channel| CountedBlock::of(slow, channel));

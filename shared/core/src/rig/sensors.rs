@@ -146,9 +146,7 @@ impl Default for CountedBlock {
 
 impl CountedBlock {
     /// Of one of the channels that a converter takes one after the other.
-    // By itself, so that the compiler keeps it short.
     #[must_use]
-    #[inline(never)]
     pub fn of<const CHANNELS: usize>(block: &[[u16; CHANNELS]; SUBSAMPLES], channel: usize) -> Self {
         let mut counted = Self::default();
         block.iter().filter_map(|samples| samples.get(channel)).for_each(|counts| counted.push(*counts));

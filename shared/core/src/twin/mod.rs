@@ -29,12 +29,10 @@ use matching::{Matcher, MatcherConfig};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Predicted impacts of one tick that are kept; a chatter may have more, too weak to be measured.
-const MOST_IMPACTS: usize = 8;
-
-/// Most events (impacts, sticking, slipping) of the twin's motion in one tick. A particle that chatters to rest has more: those
-/// left out are bounces within a millisecond, whose impulses are below a hundredth of what a force sensor resolves. The particle
-/// waits at the wall for the next tick, which goes on from there.
+/// Most events (impacts, sticking, slipping) of the twin's motion in one tick. A particle that chatters to rest may have more: it
+/// rests from the last one on ([`Sampled::step_bounded`]). The bounces left out begin and end within the tick, so their approach
+/// is below a T/2: 5 mm/s and 1 mN s at 10 m/s² and 0.16 kg, a twentieth of the smallest impulse that must be measured
+/// ([`MatcherConfig`]).
 pub const MOST_EVENTS_PER_TICK: u8 = 8;
 
 /// Measured impacts that wait for the twin to pass their time; more are not learned from.
@@ -77,7 +75,6 @@ impl TwinConfig {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn validate(&self) -> Result<(), Invalid> {
         self.set_up.validate()?;
         let follow = f64::from(self.follow_hz);
@@ -134,7 +131,6 @@ impl TwinPlan {
     ///
     /// # Errors
     /// Names a value that is not physical, or a part that the sampled driver has no equations for.
-    #[inline(never)]
     pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
         config.validate()?;
         let tick_s = 1.0 / f64::from(TICK_HZ);
@@ -354,12 +350,12 @@ impl Twin {
 struct Impacts {
     /// The present step.
     step: f32,
-    list: Vec<Impact<f32>, MOST_IMPACTS>,
+    list: Vec<Impact<f32>, { MOST_EVENTS_PER_TICK as usize }>,
 }
 
 impl Observer<f32> for Impacts {
     fn impact(&mut self, impact: &Impact<f32>) {
-        // Full: the later bounces of a chatter are the weaker ones.
+        // Cannot fail: a tick has no more events.
         let _ = self.list.push(Impact { at: self.step + impact.at, ..*impact });
     }
 }

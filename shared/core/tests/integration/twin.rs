@@ -1,6 +1,7 @@
 //! The twin against a rig in `f64` whose sensors it sees: blocks of x and z with noise, and wall forces.
 
 use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::modes::Contact;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
 use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
@@ -194,4 +195,23 @@ fn a_sensor_value_that_is_no_number_does_not_stay_in_the_twin() {
     bench.twin.tick(5001, 0.0, f32::INFINITY);
     let signals = bench.run(30);
     assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
+}
+
+/// Under steady acceleration the particle comes to rest at the wall behind it, with more bounces in a tick than the twin
+/// allows.
+#[test]
+fn a_chatter_beyond_the_events_of_a_tick_is_cut_short_at_the_wall() {
+    let structure = Structure::from_modal(MASS_KG, 15.0, 0.3);
+    let mut twin = Twin::new(&TwinConfig::new(SetUp { structure, ..set_up(1e-3, 0.9, 0.3) })).unwrap();
+    let mut last = TwinSignals::NOTHING;
+    for tick in 0..1000u16 {
+        let time_s = f32::from(tick) * 1e-3;
+        let z_m = 2.5 * time_s * time_s;
+        last = twin.tick(tick.into(), z_m, z_m);
+    }
+    assert!(twin.motion().unresolved() > 0, "the chatter ended by itself");
+    assert_eq!(twin.motion().mode().map(|mode| mode.contact), Some(Contact::Held(-1)));
+    assert_eq!(twin.motion().state().offset, -1e-3);
+    // The structure lags by z″/ω² = 0.6 mm, less what the 1 Hz of the observer takes from it.
+    assert!((last.x_m - 2.5 * 0.998 * 0.998).abs() < 1e-3, "{last:?}");
 }

@@ -120,7 +120,6 @@ impl FrictionSpring {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn new(config: &SpringConfig) -> Result<Self, Invalid> {
         config.validate()?;
         Ok(Self::of(config))
@@ -281,7 +280,6 @@ impl FrictionSpring {
 
     /// The friction damper as a brake: presses with `force_n` (within the working force) at once, also while the
     /// structure moves. False, and nothing happens, without a zero reading or with a fault.
-    #[inline(never)]
     pub fn brake(&mut self, force_n: f32) -> bool {
         let Some(touch) = self.touch.filter(|_| self.fault.is_none() && force_n >= 0.0) else { return false };
         if !matches!(self.stage(), Stage::Ready | Stage::Setting | Stage::Holding | Stage::Releasing) {
@@ -416,7 +414,6 @@ impl FrictionSpring {
         None
     }
 
-    #[inline(never)]
     fn trip(&mut self, fault: SpringFault) -> Happening {
         self.stand();
         self.fault = Some(fault);
@@ -466,7 +463,6 @@ impl FrictionSpring {
     }
 
     /// Looks at a settled force: is it believable, and is it the one that was asked for?
-    #[inline(never)]
     fn keep(&mut self, force_n: f32, base_amplitude_m: Option<f32>) -> Option<Happening> {
         self.force_n = force_n;
         self.task = Task::Average(Mean::default());

@@ -337,7 +337,6 @@ impl Safety {
     ///
     /// # Errors
     /// Names the first parameter out of range.
-    #[inline(never)]
     pub fn new(config: &SafetyConfig) -> Result<Self, Invalid> {
         config.validate()?;
         Ok(Self::of(*config))

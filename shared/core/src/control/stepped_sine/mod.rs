@@ -85,7 +85,6 @@ impl SteppedSine {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn validate(&self, tick_hz: f32) -> Result<(), Invalid> {
         positive("amplitude_m", f64::from(self.amplitude_m))?;
         not_negative("settle_s", f64::from(self.settle_s))?;
@@ -165,7 +164,6 @@ impl Plan {
     ///
     /// # Errors
     /// Names the first value out of range.
-    #[inline(never)]
     pub fn new(sine: SteppedSine) -> Result<Self, Invalid> {
         sine.validate(TICK_HZ)?;
         let ticks = |seconds: f32| (f64::from(seconds) * f64::from(TICK_HZ) + 0.5) as u32;
