@@ -38,7 +38,7 @@ use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, Peri, bind_interrupts, dma, pac, peripherals};
+use embassy_stm32::{Config, Peri, bind_interrupts, pac, peripherals};
 use sampling::{Parts, Sampling};
 use static_cell::ConstStaticCell;
 use stepper::Stepper;
@@ -63,8 +63,6 @@ const RECEIVE_BUFFER: usize = 512;
 const TRANSMIT_BUFFER: usize = 1024;
 
 bind_interrupts!(struct Interrupts {
-    DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
-    DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
     LPUART1 => usart::BufferedInterruptHandler<peripherals::LPUART1>;
 });
 
@@ -119,6 +117,7 @@ pub fn init() -> Board {
         .expect("the LPUART's clock carries 921 600 baud");
     let (transmitter, receiver) = line.split();
 
+    clock::speed_up();
     let (keeper, kept) = settings::open(p.FLASH);
     Board {
         bench: Bench {

@@ -188,6 +188,12 @@ impl Rcc {
         self.lsi_hz = kept.lsi_hz;
     }
 
+    /// HPRE: the AHB runs at half of SYSCLK.
+    #[must_use]
+    pub fn divides_ahb_by_two(&self) -> bool {
+        field(self.cfgr, 4, 4) == 0b1000
+    }
+
     /// Whether a peripheral's clock runs.
     #[must_use]
     pub fn is_enabled(&self, gate: Gate) -> bool {
@@ -231,7 +237,7 @@ impl Rcc {
             timers1: timers(ppre1),
             timers2: timers(ppre2),
             adc12: (field(self.ccipr, 28, 2) == 2).then_some(sysclk),
-            lpuart1: pclk(ppre1),
+            lpuart1: if field(self.ccipr, 10, 2) == 1 { sysclk } else { pclk(ppre1) },
             lsi: Time(crate::time::UNITS_PER_US * 1_000_000 / self.lsi_hz),
         }
     }
@@ -326,8 +332,8 @@ impl Rcc {
             }
             AHB1ENR..=APB2ENR => self.enabled[(offset - AHB1ENR) as usize / 4] = value,
             CCIPR => {
-                // LPUART1SEL = PCLK1, ADC12SEL = SYSCLK: the only selections that are modelled.
-                only("RCC_CCIPR", value, 2 << 28)?;
+                // LPUART1SEL = PCLK1 or SYSCLK, ADC12SEL = SYSCLK: the only selections that are modelled.
+                only("RCC_CCIPR", value, 2 << 28 | 1 << 10)?;
                 self.ccipr = value;
             }
             CCIPR2 => only("RCC_CCIPR2", value, 0)?,
