@@ -242,6 +242,12 @@ pub enum CrashCause {
     Watchdog,
     /// The crystal stopped.
     ClockFailed,
+    /// The supply fell below the level at which the board still works.
+    SupplyLow,
+    /// The program's flash has an error beyond its correction.
+    ProgramDamaged,
+    /// A non-maskable interrupt of no known cause.
+    UnknownNmi,
 }
 
 impl CrashCause {
@@ -255,6 +261,9 @@ impl CrashCause {
             Self::CommunicationStalled => "the line's tasks did not run",
             Self::Watchdog => "the watchdog bit",
             Self::ClockFailed => "the crystal stopped",
+            Self::SupplyLow => "the supply fell below 2.9 V",
+            Self::ProgramDamaged => "the program's flash is damaged: flash the board again",
+            Self::UnknownNmi => "a non-maskable interrupt of no known cause came",
         }
     }
 }

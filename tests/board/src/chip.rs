@@ -14,11 +14,12 @@ use crate::peripherals::dac::Dac;
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{CHANNELS, Dma, Dmamux};
 use crate::peripherals::dwt::Dwt;
+use crate::peripherals::exti::Exti;
 use crate::peripherals::flash::{BANK_BYTES, Flash};
 use crate::peripherals::gpio::{Gpio, Mode};
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::lpuart::Lpuart;
-use crate::peripherals::nvic::Nvic;
+use crate::peripherals::nvic::{NMI, Nvic};
 use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::{Gate, Rcc, ResetCause};
 use crate::peripherals::scb::Scb;
@@ -42,6 +43,7 @@ pub const RAM_BYTES: u32 = 128 * 1_024;
 const REQUEST_OF_ADC: [u32; 2] = [5, 36];
 
 /// Interrupts (RM0440, table 97).
+const PVD_PVM: usize = 1;
 const DMA1_CHANNEL1: usize = 11;
 const DMA1_CHANNEL8: usize = 96;
 const ADC1_2: usize = 18;
@@ -50,6 +52,9 @@ const TIM3: usize = 29;
 const TIM4: usize = 30;
 const TIM7_DAC: usize = 55;
 const LPUART1: usize = 91;
+
+/// The line of the external interrupts that is the voltage detector's.
+const EXTI_PVD: u32 = 16;
 
 /// The rig's pins (firmware/README.md): port and number.
 const PIN_RELAY: (usize, u8) = (2, 7);
@@ -94,10 +99,12 @@ enum Block {
     Nvic,
     Scs,
     Dbgmcu,
+    Exti,
 }
 
 /// Name, first address, length, clock.
-const MAP: [(&str, u32, u32, Block, Option<Gate>); 27] = [
+const MAP: [(&str, u32, u32, Block, Option<Gate>); 28] = [
+    ("EXTI", 0x4001_0400, 0x400, Block::Exti, None),
     ("DMA1", 0x4002_0000, 0x400, Block::Dma1, Some(Gate::Ahb1(0))),
     ("LPUART1", 0x4000_8000, 0x400, Block::Lpuart1, Some(Gate::Apb1High(0))),
     ("ADC1", 0x5000_0000, 0x100, Block::Adc(0), Some(Gate::Ahb2(13))),
@@ -194,6 +201,7 @@ pub struct Chip {
     iwdg: Iwdg,
     dbgmcu: Dbgmcu,
     dwt: Dwt,
+    exti: Exti,
     /// The interrupt controller.
     pub nvic: Nvic,
     scb: Scb,
@@ -256,6 +264,7 @@ impl Chip {
             iwdg: Iwdg::default(),
             dbgmcu: Dbgmcu::default(),
             dwt: Dwt::default(),
+            exti: Exti::default(),
             nvic: Nvic::default(),
             scb: Scb::default(),
             at: At { now: Time(0), clocks },
@@ -278,7 +287,8 @@ impl Chip {
         self.at.now = self.now;
         self.sync_converters();
         self.rcc.system_reset(cause);
-        self.pwr = Pwr::default();
+        self.pwr.reset();
+        self.exti = Exti::default();
         self.flash.reset();
         self.ports.iter_mut().for_each(Gpio::reset);
         self.adcs.iter_mut().for_each(Adc::reset);
@@ -382,6 +392,40 @@ impl Chip {
     /// What the board has sent since this was last asked.
     pub fn take_sent(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.lpuart1.sent)
+    }
+
+    /// Whether a halt by a debugger stops the watchdog.
+    #[must_use]
+    pub fn freezes_watchdog(&self) -> bool {
+        self.dbgmcu.freezes_watchdog()
+    }
+
+    /// The watchdog stood for so long.
+    pub fn postpone_watchdog(&mut self, time: Time) {
+        self.iwdg.postpone(time);
+    }
+
+    /// The crystal stops. The clock security system, which must be on, goes back to the internal oscillator and raises the
+    /// non-maskable interrupt.
+    pub fn stop_crystal(&mut self) {
+        self.sync_converters();
+        self.rcc.stop_crystal();
+        self.follow_clocks();
+        self.nvic.pend_system(NMI);
+    }
+
+    /// An access to the flash meets a double word that its error correction cannot mend.
+    pub fn damage_flash(&mut self, in_bank2: bool) {
+        self.flash.find_damage(in_bank2);
+        self.nvic.pend_system(NMI);
+    }
+
+    /// The supply's voltage changes.
+    pub fn set_supply(&mut self, volts: f64) {
+        if self.pwr.set_supply(volts) {
+            self.exti.rises(EXTI_PVD);
+        }
+        self.set_lines();
     }
 
     /// Somebody presses or releases the emergency stop.
@@ -559,6 +603,7 @@ impl Chip {
             (TIM4, self.tim4.interrupt()),
             (TIM7_DAC, self.tim7.interrupt()),
             (LPUART1, self.lpuart1.interrupt()),
+            (PVD_PVM, self.exti.interrupt(EXTI_PVD)),
         ] {
             self.nvic.set_line(interrupt, level);
         }
@@ -665,6 +710,7 @@ impl Chip {
             Block::Lpuart1 => self.lpuart1.read(word, &at),
             Block::Iwdg => self.iwdg.read(word, &at),
             Block::Dbgmcu => self.dbgmcu.read(word),
+            Block::Exti => self.exti.read(word),
             Block::Dwt => self.dwt.read(word, &at),
             Block::Nvic => self.nvic.read(word),
             Block::Scs if word == DEMCR => Ok(self.dwt.demcr()),
@@ -712,7 +758,12 @@ impl Chip {
                 self.check_speed(before)?;
                 self.release_resets();
             }
-            Block::Pwr => self.pwr.write(offset, value)?,
+            Block::Pwr => {
+                if self.pwr.write(offset, value)? {
+                    self.exti.rises(EXTI_PVD);
+                }
+            }
+            Block::Exti => self.exti.write(offset, value)?,
             Block::Flash => {
                 self.flash.write(offset, value, &at)?;
                 self.check_speed(at.clocks.hclk)?;

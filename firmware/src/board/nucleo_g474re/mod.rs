@@ -18,13 +18,17 @@
 //! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
 //!
 //! Switches open to tell, so a broken wire tells too. [`clock`] chooses what counts, [`sampling`] holds the converters,
-//! [`stepper`] the motor, [`stall`] notices a tick that does not come.
+//! [`stepper`] the motor, [`stall`] notices a tick that does not come, [`supply`] a supply that
+//! falls.
+//!
+//! The watchdog goes on while a debugger halts the core: a halted core drives nothing for longer than 50 ms.
 
 mod clock;
 mod sampling;
 pub mod settings;
 mod stall;
 mod stepper;
+mod supply;
 
 use damprig_core::rig::calibration::{Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS};
 use damprig_core::rig::{Actuators, Sensors};
@@ -95,8 +99,7 @@ pub fn init() -> Board {
     let relay = Output::new(p.PC7, Level::Low, Speed::Low);
     clock::watch(clock_source);
 
-    // A debugger that halts the core does not count as a stall.
-    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_iwdg(true));
+    supply::watch();
 
     // The line never delays the tick; the executor of the tick sits between them.
     interrupt::LPUART1.set_priority(Priority::P8);

@@ -26,8 +26,6 @@ static WITHOUT: AtomicU32 = AtomicU32::new(0);
 /// Begins to look. To be called when the ticks have begun.
 pub fn watch(_timer: Peri<'static, peripherals::TIM7>) {
     rcc::enable_and_reset::<peripherals::TIM7>();
-    // A debugger that halts the core does not count as a stall.
-    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_tim7(true));
     let timer = pac::TIM7;
     timer.psc().write_value((CORE_HZ / COUNT_HZ - 1) as u16);
     timer.arr().modify(|end| end.set_arr((COUNT_HZ / LOOKS_HZ - 1) as u16));

@@ -15,6 +15,9 @@ const SR_EOP: u32 = 1 << 0;
 const SR_FLAGS: u32 = 0xc3fb;
 const SR_BSY: u32 = 1 << 16;
 
+const ECCR_BK: u32 = 1 << 21;
+const ECCR_ECCD: u32 = 1 << 31;
+
 const CR_PG: u32 = 1 << 0;
 const CR_PER: u32 = 1 << 1;
 const CR_BKER: u32 = 1 << 11;
@@ -42,6 +45,7 @@ pub struct Flash {
     acr: u32,
     sr: u32,
     cr: u32,
+    eccr: u32,
     optr: u32,
     /// Keys given so far; none any more after a wrong one, until a reset.
     keys: Option<usize>,
@@ -62,6 +66,7 @@ impl Flash {
             acr: 0x0004_0600,
             sr: 0,
             cr: CR_LOCK,
+            eccr: 0,
             optr: OPTR_DELIVERED,
             keys: Some(0),
             busy_until: Time(0),
@@ -101,7 +106,7 @@ impl Flash {
             ACR => self.acr,
             SR => self.sr | if self.is_busy(at.now) { SR_BSY } else { 0 },
             CR => self.cr,
-            ECCR => 0,
+            ECCR => self.eccr,
             OPTR => self.optr,
             _ => return unknown("FLASH", offset),
         })
@@ -142,6 +147,8 @@ impl Flash {
                 self.sr &= !value;
             }
             CR => self.write_cr(value, at)?,
+            // ECCD is cleared by a 1.
+            ECCR => self.eccr &= !(value & ECCR_ECCD),
             _ => return unknown("FLASH", offset),
         }
         Ok(())
@@ -165,6 +172,11 @@ impl Flash {
             self.operations += 1;
         }
         Ok(())
+    }
+
+    /// An access has met two wrong bits in a double word.
+    pub fn find_damage(&mut self, in_bank2: bool) {
+        self.eccr = ECCR_ECCD | if in_bank2 { ECCR_BK } else { 0 };
     }
 
     /// Reads `bytes` bytes of the second bank, `offset` from its start.

@@ -23,6 +23,8 @@ const CSR: u32 = 0x94;
 const CRRCR: u32 = 0x98;
 const CCIPR2: u32 = 0x9c;
 
+const CIFR_CSSF: u32 = 1 << 8;
+
 const CR_HSION: u32 = 1 << 8;
 const CR_HSIRDY: u32 = 1 << 10;
 const CR_HSEON: u32 = 1 << 16;
@@ -219,6 +221,22 @@ impl Rcc {
         if self.lsi_ready == Time::NEVER {
             self.lsi_ready = now + LSI_STARTS;
         }
+    }
+
+    /// The crystal stops: CSS switches the HSE and the PLL that runs on it off, and the system to the HSI.
+    ///
+    /// # Panics
+    /// CSS is off: a core without a clock is not modelled.
+    pub fn stop_crystal(&mut self) {
+        assert!(self.cr & CR_CSSON != 0, "the crystal stops while the clock security system is off");
+        self.has_crystal = false;
+        self.hse_ready = Time::NEVER;
+        if self.is_pll_source(3) {
+            self.cr &= !CR_PLLON;
+            self.cfgr = self.cfgr & !0xf | SW_HSI << 2 | SW_HSI;
+        }
+        self.cr = self.cr & !(CR_HSEON | CR_CSSON) | CR_HSION;
+        self.cifr |= CIFR_CSSF;
     }
 
     /// The periods of the clocks.

@@ -6,4 +6,5 @@
 mod boot;
 mod campaign;
 mod common;
+mod faults;
 mod settings;
