@@ -451,7 +451,7 @@ impl Board {
         let code = &self.machine().code;
         let place = code.chunks_exact(2).position(|halfword| halfword == [0xfe, 0xe7]);
         let place = place.expect("every image has an endless loop for exceptions that nobody handles");
-        self.set_register(RegisterARM::PC, FLASH_BASE + 2 * place as u32 | 1);
+        self.set_register(RegisterARM::PC, (FLASH_BASE + 2 * place as u32) | 1);
         self.hangs_in = None;
     }
 

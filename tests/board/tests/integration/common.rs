@@ -68,6 +68,19 @@ impl<'a> Host<'a> {
         Self { board, reader: Reader::default(), seq: 0, received: Vec::new() }
     }
 
+    /// Lets device time pass; what the board sends meanwhile goes to `received`.
+    pub fn pass(&mut self, time: Time) {
+        let end = self.board.now() + time;
+        run(self.board, end);
+        self.received.extend(self.board.chip_mut().take_sent());
+    }
+
+    /// Everything that was received so far.
+    pub fn messages(&self) -> Vec<FromDevice> {
+        let mut reader = Reader::default();
+        self.received.iter().filter_map(|&byte| reader.push::<FromDevice>(byte)?.ok()).collect()
+    }
+
     /// Asks, and waits for at most a second of device time.
     pub fn ask(&mut self, ask: Ask) -> Answer {
         self.seq += 1;

@@ -8,3 +8,4 @@ mod campaign;
 mod common;
 mod faults;
 mod settings;
+mod timing;

@@ -1,0 +1,109 @@
+//! When things happen on the board: how old samples are, and what the motor's pulses look like.
+
+use damprig_board::{Board, Config, Time};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::model::Structure;
+use damprig_core::plant::{Base, PlantConfig};
+use damprig_protocol::{Answer, Ask, FromDevice};
+
+use crate::common::{Host, bare, image};
+
+/// A base that follows the drive at once, whatever the structure does, and a structure that soon comes to rest.
+fn prescribed() -> PlantConfig {
+    let mut plant = PlantConfig { base: Base::Prescribed, ..bare() };
+    plant.set_up.structure = Structure::from_modal(1.6, 2.5, 0.3);
+    plant
+}
+
+const AMPLITUDE_M: f32 = 4e-3;
+const FREQUENCY_HZ: f32 = 5.0;
+
+fn start(host: &mut Host) {
+    host.ask(Ask::Configure(SteppedSine {
+        start: Start::CarryOver,
+        amplitude_m: AMPLITUDE_M,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
+        settle_s: 20.0,
+        dwell_s: 20.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [FREQUENCY_HZ].into_iter().collect(),
+        first_index: 0,
+    }));
+    // The base alone.
+    host.ask(Ask::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
+    host.received.clear();
+    host.ask(Ask::Start);
+}
+
+/// z of each tick since the start, while no tick is missing.
+fn base_motion(host: &Host) -> Vec<f32> {
+    let mut z_m = Vec::new();
+    for message in host.messages() {
+        if let FromDevice::Telemetry(batch) = message
+            && batch.first_tick as usize == z_m.len()
+        {
+            z_m.extend(batch.values.iter().copied());
+        }
+    }
+    z_m
+}
+
+/// The same drive gives the same base, so a sample that came late shows as another value: 1.9 ms, two ticks less a little,
+/// are 0.24 mm here.
+#[test]
+fn after_a_stall_samples_are_as_fresh_as_before_it() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    start(&mut host);
+    host.pass(Time::from_ms(300));
+    let before = base_motion(&host);
+    assert!(before.len() > 250, "{}", before.len());
+    // Half a block, a block and a half, and more than both halves: the last two lose blocks.
+    for stall_us in [400, 1_600, 4_700, 17_300] {
+        host.board.halt(Time::from_us(stall_us));
+        host.pass(Time::from_ms(3_000));
+        if stall_us > 1_000 {
+            let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+            assert!(counters.timing.overruns > 0);
+            host.ask(Ask::ClearFault);
+        } else {
+            host.ask(Ask::Stop);
+            host.pass(Time::from_ms(3_000));
+        }
+        start(&mut host);
+        host.pass(Time::from_ms(300));
+        let after = base_motion(&host);
+        assert!(after.len() > 250, "{}", after.len());
+        let largest = before.iter().zip(&after).map(|(b, a)| (b - a).abs()).fold(0.0, f32::max);
+        // 100 µs at the fastest, and the converter's step.
+        let allowed = AMPLITUDE_M * 2.0 * std::f32::consts::PI * FREQUENCY_HZ * 100e-6 + 3e-6;
+        assert!(largest < allowed, "{largest} m after {stall_us} us");
+    }
+}
+
+/// A block of samples is the mean over 1 ms, and the output holds its value for 1 ms: at best, z lags its drive by 1 ms. What it
+/// lags more is the age of the newest sample when the tick begins and the time from there to the output.
+#[test]
+fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    start(&mut host);
+    host.pass(Time::from_ms(500));
+    let z_m = base_motion(&host);
+    let turning = 2.0 * std::f64::consts::PI * f64::from(FREQUENCY_HZ);
+    let (mut sine, mut cosine) = (0.0, 0.0);
+    // A whole cycle.
+    for (tick, z) in z_m.iter().enumerate().skip(200).take(200) {
+        let phase = turning * tick as f64 * 1e-3;
+        sine += f64::from(*z) * phase.sin();
+        cosine += f64::from(*z) * phase.cos();
+    }
+    let late_s = -f64::atan2(cosine, sine) / turning - 1e-3;
+    assert!(late_s > 0.0 && late_s < 150e-6, "{late_s} s");
+}
