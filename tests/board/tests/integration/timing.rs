@@ -1,13 +1,15 @@
 //! When things happen on the board: how old samples are, and what the motor's pulses look like.
 
-use damprig_board::{Board, Config, Time};
+use damprig_board::{Board, Config, Output, Time};
+use damprig_core::control::friction_spring::{SpringCommand, Stage};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::Structure;
+use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::{Base, PlantConfig};
 use damprig_protocol::{Answer, Ask, FromDevice};
 
-use crate::common::{Host, bare, image};
+use crate::common::{Host, bare, image, run};
 
 /// A base that follows the drive at once, whatever the structure does, and a structure that soon comes to rest.
 fn prescribed() -> PlantConfig {
@@ -106,4 +108,93 @@ fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
     }
     let late_s = -f64::atan2(cosine, sine) / turning - 1e-3;
     assert!(late_s > 0.0 && late_s < 150e-6, "{late_s} s");
+}
+
+/// A rig with a friction damper, its seat 3 mm from the limit switch.
+fn with_spring() -> PlantConfig {
+    PlantConfig { spring: Some(SpringPlant { start_m: 3e-3, ..SpringPlant::default() }), ..bare() }
+}
+
+/// Edges of the step output since `since`: when it rose and how long it stayed high.
+fn pulses(board: &Board, since: Time) -> Vec<(Time, Time)> {
+    let edges = board.chip().trace().iter().filter_map(|(at, output)| match output {
+        Output::Step(level) if *at >= since => Some((*at, *level)),
+        _ => None,
+    });
+    let edges: Vec<_> = edges.collect();
+    assert!(edges.chunks(2).all(|pair| pair[0].1 && pair.get(1).is_none_or(|fall| !fall.1)), "{:?}", &edges[..4]);
+    edges.chunks_exact(2).map(|pair| (pair[0].0, pair[1].0 - pair[0].0)).collect()
+}
+
+fn homing(board: &mut Board) -> Time {
+    let mut host = Host::new(board);
+    host.ask(Ask::Identify);
+    let begun = host.board.now();
+    host.ask(Ask::Spring(SpringCommand::Home));
+    begun
+}
+
+#[test]
+fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_its_tick() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+    let steps_before = board.chip().plant().seat_steps().unwrap();
+    let begun = homing(&mut board);
+    run(&mut board, begun + Time::from_ms(8_000));
+    let trace = board.chip().trace();
+    let on = trace.iter().find(|(_, output)| *output == Output::MotorOff(false)).expect("the motor comes on").0;
+    // After the reset the pin is NJTRST with its pull-up: one falling edge, while the motor is off.
+    let early: Vec<_> = trace.iter().filter(|(at, output)| *at < on && matches!(output, Output::Step(_))).collect();
+    assert!(matches!(early[..], [(_, Output::Step(false))]), "{early:?}");
+
+    let pulses = pulses(&board, on);
+    assert!(pulses.len() > 100, "{}", pulses.len());
+    // Drivers ask for 1 µs to 2.5 µs.
+    assert!(pulses.iter().all(|(_, width)| *width >= Time::from_us(4) && *width <= Time::from_us(6)));
+    let mut direction_since = None;
+    for (at, output) in trace {
+        match output {
+            Output::Direction(_) => direction_since = Some(*at),
+            Output::Step(true) if *at >= on => {
+                let settled = direction_since.is_none_or(|since| *at - since >= Time::from_us(20));
+                assert!(settled, "a pulse {} s after power-on follows its direction too soon", at.s());
+            }
+            _ => {}
+        }
+    }
+
+    // Every pulse moved the seat, and the controller counts what the seat has made.
+    let mut towards = false;
+    let mut moved = 0;
+    for (at, output) in trace {
+        match output {
+            Output::Direction(level) => towards = *level,
+            Output::Step(true) if *at >= on => moved += if towards { 1 } else { -1 },
+            _ => {}
+        }
+    }
+    let steps = board.chip().plant().seat_steps().unwrap();
+    assert_eq!(steps - steps_before, moved);
+    let Answer::Status { status, .. } = Host::new(&mut board).ask(Ask::Status) else { panic!("no status") };
+    assert_eq!(status.spring.stage, Stage::Homed);
+    let step_m = SpringPlant::default().step_m;
+    // The switch's edge is where the controller counts from.
+    assert!((status.spring.position_m - steps as f32 * step_m).abs() <= 1.5 * step_m, "{status:?} {steps}");
+}
+
+#[test]
+fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+    let begun = homing(&mut board);
+    run(&mut board, begun + Time::from_ms(500));
+    assert!(pulses(&board, begun + Time::from_ms(450)).len() > 10, "the motor runs");
+    let pressed = board.now();
+    board.chip_mut().set_emergency_stop(true);
+    run(&mut board, pressed + Time::from_ms(2_000));
+    let off = board.chip().trace().iter().find(|(at, output)| *at >= pressed && *output == Output::MotorOff(true));
+    let off = off.expect("the motor goes off").0;
+    assert!(off - pressed < Time::from_ms(2), "{} us", (off - pressed).us());
+    let after = board.chip().trace().iter().filter(|(at, output)| *at > off && *output == Output::Step(true));
+    assert_eq!(after.count(), 0);
 }
