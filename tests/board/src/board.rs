@@ -240,6 +240,11 @@ impl Machine {
         if machine.chip.nvic.has_pending() || machine.chip.wants_reset().is_some() {
             machine.deadline = Time(0);
         }
+        if let Some((address, bytes)) = machine.chip.source_wanted() {
+            let bytes = uc.mem_read_as_vec(address.into(), bytes as usize).expect("DMA reads memory that is there");
+            uc.get_data_mut().chip.give_source(bytes);
+        }
+        let machine = uc.get_data_mut();
         for (address, bytes) in std::mem::take(&mut machine.chip.memory) {
             uc.mem_write(address.into(), &bytes).expect("DMA writes to memory that is there");
         }

@@ -41,6 +41,8 @@ pub const RAM_BYTES: u32 = 128 * 1_024;
 
 /// Requests of the multiplexer (RM0440, table 91).
 const REQUEST_OF_ADC: [u32; 2] = [5, 36];
+const REQUEST_OF_LPUART1_RX: u32 = 34;
+const REQUEST_OF_LPUART1_TX: u32 = 35;
 
 /// Interrupts (RM0440, table 97).
 const PVD_PVM: usize = 1;
@@ -219,6 +221,10 @@ pub struct Chip {
     /// Until when the core waits for the memory.
     pub stalled_until: Time,
     /// Rules of the reference manual that the program breaks and the chip lets pass, with their first time.
+    /// The channel that begins to read memory.
+    source_wanted: Option<usize>,
+    /// What the channel to the line reads.
+    source: Vec<u8>,
     deviations: Vec<(Time, &'static str)>,
     /// When HCLK rose above 80 MHz with the AHB's prescaler at 2.
     half_speed_since: Option<Time>,
@@ -275,6 +281,8 @@ impl Chip {
             memory: Vec::new(),
             failure: None,
             stalled_until: Time(0),
+            source_wanted: None,
+            source: Vec::new(),
             deviations: Vec::new(),
             half_speed_since: None,
         };
@@ -535,9 +543,51 @@ impl Chip {
         for tim in [&mut self.tim3, &mut self.tim4, &mut self.tim7, &mut self.tim16] {
             tim.sync(self.now);
         }
-        self.lpuart1.sync(&self.at);
+        self.sync_line();
         self.apply_outputs();
         self.set_lines();
+    }
+
+    /// The channel of a request, if it can make a transfer now.
+    fn ready_channel(&self, request: u32) -> Option<usize> {
+        self.dmamux.channel_of(request).filter(|&channel| channel < CHANNELS && self.dma1.is_ready(channel))
+    }
+
+    /// What has happened on the line up to now, and what DMA has moved of it.
+    fn sync_line(&mut self) {
+        self.lpuart1.sync(&self.at);
+        while let Some(byte) = self.lpuart1.give_dma() {
+            match self.ready_channel(REQUEST_OF_LPUART1_RX) {
+                Some(channel) => {
+                    let (address, _) = self.dma1.transfer(channel);
+                    self.memory.push((address, vec![byte]));
+                }
+                None => self.lpuart1.keep(byte),
+            }
+        }
+        while self.lpuart1.wants_dma()
+            && self.source_wanted.is_none()
+            && let Some(channel) = self.ready_channel(REQUEST_OF_LPUART1_TX)
+        {
+            let (address, _) = self.dma1.transfer(channel);
+            let byte = self.source[(address - self.dma1.memory(channel).0) as usize];
+            if let Err(refused) = self.lpuart1.send(byte, &self.at) {
+                self.failure = Some(refused);
+            }
+        }
+    }
+
+    /// The memory that a channel begins to read: first address and bytes.
+    #[must_use]
+    pub fn source_wanted(&self) -> Option<(u32, u32)> {
+        self.source_wanted.map(|channel| self.dma1.memory(channel))
+    }
+
+    /// What that memory holds. The program leaves it alone while it is read.
+    pub fn give_source(&mut self, bytes: Vec<u8>) {
+        self.source = bytes;
+        self.source_wanted = None;
+        self.sync_line();
     }
 
     /// Works out the converters' results up to now, and brings them to memory.
@@ -699,6 +749,7 @@ impl Chip {
             Block::Adc12Common => self.adc_common.read(word),
             Block::Dma1 => {
                 self.sync_converters();
+                self.sync_line();
                 self.dma1.read(word)
             }
             Block::Dmamux => self.dmamux.read(word),
@@ -783,7 +834,11 @@ impl Chip {
             }
             Block::Dma1 => {
                 self.sync_converters();
+                self.sync_line();
+                let was_on: [bool; CHANNELS] = std::array::from_fn(|n| self.dma1.is_enabled(n));
                 self.dma1.write(offset, value)?;
+                let begins = |n: &usize| self.dma1.is_enabled(*n) && !was_on[*n] && self.dma1.reads_memory(*n);
+                self.source_wanted = (0..CHANNELS).find(begins);
             }
             Block::Dmamux => {
                 self.sync_converters();

@@ -83,11 +83,22 @@ impl<'a> Host<'a> {
 
     /// Asks, and waits for at most a second of device time.
     pub fn ask(&mut self, ask: Ask) -> Answer {
+        let seq = self.send(ask);
+        self.reply_to(seq)
+    }
+
+    /// Sends a request; its number.
+    pub fn send(&mut self, ask: Ask) -> u16 {
         self.seq += 1;
         let request = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
         let mut out = [0; LONGEST];
         let length = frame::encode(&request, &mut out).unwrap();
         self.board.chip_mut().host_sends(&out[..length]);
+        self.seq
+    }
+
+    /// Waits for at most a second of device time.
+    pub fn reply_to(&mut self, wanted: u16) -> Answer {
         let end = self.board.now() + Time::from_ms(1_000);
         while self.board.now() < end {
             run(self.board, self.board.now() + Time::from_ms(1));
@@ -95,7 +106,7 @@ impl<'a> Host<'a> {
             self.received.extend_from_slice(&sent);
             for byte in sent {
                 match self.reader.push::<FromDevice>(byte) {
-                    Some(Ok(FromDevice::Reply { seq, answer })) if seq == self.seq => {
+                    Some(Ok(FromDevice::Reply { seq, answer })) if seq == wanted => {
                         return answer.unwrap_or_else(|why| panic!("refused: {why:?}"));
                     }
                     Some(Err(bad)) => panic!("a bad frame from the board: {bad:?}"),

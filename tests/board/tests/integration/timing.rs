@@ -198,3 +198,27 @@ fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
     let after = board.chip().trace().iter().filter(|(at, output)| *at > off && *output == Output::Step(true));
     assert_eq!(after.count(), 0);
 }
+
+/// The UART's FIFO holds 87 µs of bytes; DMA takes them from it, however long a tick keeps the line's task waiting.
+#[test]
+fn no_byte_is_lost_while_the_core_is_busy_for_1_ms() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(bare())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    let settings = match host.ask(Ask::Settings) {
+        Answer::Settings { settings, .. } => settings,
+        other => panic!("{other:?}"),
+    };
+    for _ in 0..20 {
+        // The longest request: some 300 bytes, 3 ms on the line.
+        let sent = host.send(Ask::SetSettings(settings));
+        for _ in 0..3 {
+            host.pass(Time::from_us(100));
+            host.board.halt(Time::from_us(900));
+        }
+        assert_eq!(host.reply_to(sent), Answer::Done);
+    }
+    let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+    assert_eq!((counters.bad_frames, host.board.chip().bytes_lost()), (0, 0));
+}
