@@ -486,6 +486,10 @@ impl Board {
             if machine.chip.now >= end {
                 return Ok(());
             }
+            if machine.chip.has_no_supply() {
+                machine.chip.now = end;
+                return Ok(());
+            }
             if machine.chip.now < self.halted_until {
                 let next = machine.chip.next_event().min(end).min(self.halted_until);
                 // An event that waits for the core stays due.

@@ -15,7 +15,7 @@ use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{CHANNELS, Dma, Dmamux};
 use crate::peripherals::dwt::Dwt;
 use crate::peripherals::exti::Exti;
-use crate::peripherals::flash::{BANK_BYTES, Flash};
+use crate::peripherals::flash::{BANK_BYTES, Bank2, Cut, Flash};
 use crate::peripherals::gpio::{Gpio, Mode};
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::lpuart::Lpuart;
@@ -169,15 +169,17 @@ pub struct Config {
     pub has_crystal: bool,
     /// The internal low-speed oscillator's frequency, Hz.
     pub lsi_hz: u64,
-    /// The second bank of the flash at power-on: what an earlier run left; none for erased.
-    pub bank2: Option<Vec<u8>>,
+    /// The second bank of the flash at power-on: what an earlier run left.
+    pub bank2: Bank2,
+    /// The operation of the flash at which the supply goes, counted from 0.
+    pub cut: Option<(u64, Cut)>,
 }
 
 impl Config {
     /// A board as delivered, wired to this rig.
     #[must_use]
     pub fn new(plant: PlantConfig) -> Self {
-        Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: None }
+        Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: Bank2::default(), cut: None }
     }
 }
 
@@ -249,13 +251,14 @@ impl Chip {
         rcc.has_crystal = config.has_crystal;
         rcc.lsi_hz = config.lsi_hz;
         let clocks = rcc.clocks();
-        let bank2 = config.bank2.clone().unwrap_or_else(|| vec![0xff; BANK_BYTES as usize]);
+        let mut flash = Flash::new(config.bank2.clone());
+        flash.cut = config.cut;
         let tim = |name, kind| Tim::new(name, kind, clocks.timers1);
         let mut chip = Self {
             now: Time(0),
             rcc,
             pwr: Pwr::default(),
-            flash: Flash::new(bank2),
+            flash,
             ports: ['A', 'B', 'C', 'D', 'E', 'F', 'G'].map(Gpio::new),
             adcs: [Adc::new("ADC1"), Adc::new("ADC2")],
             adc_common: adc::Common::default(),
@@ -369,8 +372,14 @@ impl Chip {
 
     /// The second bank of the flash.
     #[must_use]
-    pub fn bank2(&self) -> &[u8] {
+    pub fn bank2(&self) -> &Bank2 {
         &self.flash.bank2
+    }
+
+    /// Whether the supply has gone in an operation of the flash.
+    #[must_use]
+    pub fn has_no_supply(&self) -> bool {
+        self.flash.is_cut
     }
 
     /// Programmed double words and erased pages.
@@ -726,6 +735,9 @@ impl Chip {
         if (BANK2_BASE..FLASH_BASE + FLASH_BYTES).contains(&address) {
             // The bus waits for an erase or a programming in the same bank.
             self.stalled_until = self.flash.busy_until();
+            if self.flash.is_damaged(address - BANK2_BASE) {
+                self.nvic.pend_system(NMI);
+            }
             return Ok(self.flash.read_bank2(address - BANK2_BASE, bytes));
         }
         let (name, block, offset) = self.find(address)?;

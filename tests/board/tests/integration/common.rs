@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
+use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::plant::{Base, PlantConfig, Shaker};
@@ -125,7 +126,7 @@ pub struct Outcome {
     /// Bytes that the UART lost.
     pub bytes_lost: u64,
     /// The second bank of the flash.
-    pub bank2: Vec<u8>,
+    pub bank2: Bank2,
     /// Device time over time on the host's clock.
     pub speed: f64,
 }
@@ -154,7 +155,7 @@ impl Served {
             Ok(Outcome {
                 trace: board.chip().trace().to_vec(),
                 bytes_lost: board.chip().bytes_lost(),
-                bank2: board.chip().bank2().to_vec(),
+                bank2: board.chip().bank2().clone(),
                 speed: board.now().s() / begun.elapsed().as_secs_f64(),
             })
         });
