@@ -4,9 +4,7 @@
 //! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
 //! block is there when the tick asks for it.
 
-use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, SlowBlock, WALL_BLOCK, lost_block};
-use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::io::{Calibration, SLOW_BLOCK, SUBSAMPLES, Sensors, SlowBlock, TICK_HZ, WALL_BLOCK, WALL_SUBSAMPLES, WallCounts};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::timer::CoreInstance;
 use embassy_stm32::timer::low_level::{MasterMode, Timer};
@@ -93,7 +91,7 @@ impl Sampling {
             self.sensors.readings = calibration.readings(&slow);
         } else {
             self.overruns = self.overruns.saturating_add(1);
-            self.sensors = lost_block();
+            self.sensors = Sensors::lost();
         }
         &mut self.sensors
     }
@@ -113,10 +111,10 @@ fn set_rate<T: CoreInstance>(timer: &Timer<'static, T>, rate_hz: u32) {
 }
 
 /// Pairs as the converter's readings, one wall after the other.
-fn counts(pairs: &mut [Pair; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
+fn counts(pairs: &mut [WallCounts; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
     const {
         assert!(
-            cfg!(target_endian = "little") && size_of::<[Pair; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
+            cfg!(target_endian = "little") && size_of::<[WallCounts; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
         )
     };
     // SAFETY: a pair is one word, so it lies as two readings must and has room for them; any bits are a pair.
