@@ -1,7 +1,7 @@
 //! `[[set_up]]`: a set-up with its name, and the base amplitude it is driven with. What it may say is [`crate::setup`]'s.
 
+use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
-use damprig_core::rig::TICK_HZ;
 
 use crate::input::{Problem, Section, Span};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, SpringSpec};

@@ -19,8 +19,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use damprig_core::control::friction_spring;
+use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
-use damprig_core::rig::TICK_HZ;
 use damprig_protocol::{Ask, ClockSource, PlantKind};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};

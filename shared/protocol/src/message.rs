@@ -2,7 +2,8 @@
 
 use damprig_core::control::friction_spring as spring;
 use damprig_core::control::limits::Fault;
-use damprig_core::measure::impacts::{ForceScale, ImpactRecord};
+use damprig_core::io::ForceScale;
+use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::Status;

@@ -6,7 +6,7 @@
 //! - What leaves the chip (drive, relay, motor) reaches the [`Plant`] at once and is kept in a trace.
 //! - Everything that is not modelled fails with [`Refused`].
 
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 use damprig_core::plant::PlantConfig;
 
 use crate::peripherals::adc::{self, Adc};

@@ -30,8 +30,7 @@ mod stall;
 mod stepper;
 mod supply;
 
-use damprig_core::rig::calibration::{Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS};
-use damprig_core::rig::{Actuators, Sensors};
+use damprig_core::io::{Actuators, Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS, Sensors};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Birth;
 use damprig_protocol::{Reset, Timing};

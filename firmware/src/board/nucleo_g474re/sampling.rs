@@ -11,9 +11,9 @@ use core::future::poll_fn;
 use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 use core::task::Poll;
 
-use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, SlowBlock, WALL_BLOCK, lost_block};
-use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::io::{
+    Calibration, SLOW_BLOCK, SUBSAMPLES, Sensors, SlowBlock, TICK_HZ, WALL_BLOCK, WALL_SUBSAMPLES, WallCounts,
+};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::pac::adc::regs::{Smpr, Sqr1};
@@ -241,14 +241,14 @@ impl Sampling {
             }
             for (to, from) in self.sensors.walls.iter_mut().zip(&WALL_RING[half]) {
                 let word = from.load(Ordering::Relaxed);
-                *to = Pair::new(word as u16, (word >> 16) as u16);
+                *to = WallCounts::new(word as u16, (word >> 16) as u16);
             }
             self.sensors.readings = calibration.readings(&slow);
         }
         // DMA goes on in the other half: once that is full, it writes into this one.
         if !in_time || HALVES_FILLED.load(Ordering::Acquire) != self.taken {
             self.overruns = self.overruns.saturating_add(1);
-            self.sensors = lost_block();
+            self.sensors = Sensors::lost();
             self.restart();
         }
         &mut self.sensors

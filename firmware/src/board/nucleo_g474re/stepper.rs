@@ -1,7 +1,7 @@
 //! Step, direction and enable of the friction damper's motor. TIM16 makes a tick's steps by itself: so many pulses, evenly
 //! over the tick, then it stops.
 
-use damprig_core::control::friction_spring::Drive as Motor;
+use damprig_core::io::Motor;
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Speed};
 use embassy_stm32::pac::timer::vals::Ocm;
 use embassy_stm32::{Peri, pac, peripherals, rcc};
