@@ -1,5 +1,5 @@
-//! How much the recorder takes: 50 signals at 10 kHz, as noise that nothing compresses, through the queue to the joined
-//! file. Prints the rate against what was asked for and the file's size against the values alone.
+//! Measures the recorder's throughput: 50 signals at 10 kHz of incompressible noise, through the queue to the joined file.
+//! Prints the achieved rate over the wanted one, and the file's size over that of the values alone.
 //!
 //! `taskset -c 0 cargo run --release -p damprig --example recorder_throughput [SECONDS]`: one core for both threads.
 
@@ -7,17 +7,16 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use damprig::recording::Signal;
-use damprig::recording::journal::Journal;
-use damprig::recording::recorder::{Recorder, Recording, Rows};
-use damprig::recording::samples::{JOINED, Label};
-use damprig::recording::taken::Taken;
-use damprig::recording::writer::{Plan, Writer};
+use damprig::run_folder::journal::Journal;
+use damprig::run_folder::schema::journal_state::JournalState;
+use damprig::run_folder::schema::samples::{JOINED, PointLabel, SampleColumn};
+use damprig::run_folder::write::recorder::{Recorder, Recording, Rows};
+use damprig::run_folder::write::writer::{Layout, Writer};
 
 const SIGNALS: usize = 50;
 const RATE_HZ: u32 = 10_000;
 
-/// Rows in a message: what a board that sends this much would batch.
+/// Rows in a message, as a board at this rate would send.
 const ROWS: u32 = 20;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -30,9 +29,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::error::Error>> {
-    let signals = (0..SIGNALS).map(|n| Signal { name: format!("s{n}_m"), unit: "m".into() }).collect();
-    let plan = Plan { signals, every_ticks: 1, tick_hz: f64::from(RATE_HZ), order: Vec::new() };
-    let writer = Writer::new(folder, Journal::open(folder)?, plan, Taken::default())?;
+    let signals = (0..SIGNALS).map(|n| SampleColumn { name: format!("s{n}_m"), unit: "m".into() }).collect();
+    let layout = Layout { signals, every_ticks: 1, tick_hz: f64::from(RATE_HZ), order: Vec::new() };
+    let writer = Writer::new(folder, Journal::open(folder)?, layout, JournalState::default())?;
     let mut random = fastrand::Rng::with_seed(1);
     let stop = AtomicBool::new(false);
 
@@ -40,14 +39,9 @@ fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::er
     let mut recorder = Recorder::start(writer, true);
     for n in 0..seconds * RATE_HZ / ROWS {
         // A point of 32 s.
-        let label = Label {
-            set_up: "set-up".into(),
-            experiment: "experiment".into(),
-            segment: 0,
-            point_index: n * ROWS / RATE_HZ / 32,
-            frequency_hz: 2.5,
-        };
-        // Never the same twice: a repetition would be compressed.
+        let point_index = n * ROWS / RATE_HZ / 32;
+        let label = PointLabel { point_index, frequency_hz: 2.5, ..PointLabel::default() };
+        // Random values: a repetition would be compressed.
         let values = (0..ROWS as usize * SIGNALS).map(|_| random.f32() - 0.5).collect();
         recorder.rows(Rows { label: Arc::new(label), ticks: (n * ROWS..(n + 1) * ROWS).collect(), values }, &stop);
     }

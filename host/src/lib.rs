@@ -1,27 +1,24 @@
-//! The host side of the rig: campaigns, links, recording, figures, and the `damprig` command's parts.
+//! The host side of the rig: campaigns, links, run folders, simulation, figures, and the `damprig` command.
 //!
-//! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
+//! Every decision about how the rig moves is in `damprig-core`, the byte formats are in `damprig-protocol`.
 
 pub mod analysis;
 #[cfg(feature = "probe")]
 pub mod board;
 pub mod campaign;
+pub mod client;
 pub mod commands;
-pub mod devices;
 pub mod export;
 pub mod figure;
 pub mod input;
-pub mod link;
+pub mod motion_record;
 pub mod page;
 pub mod prediction;
-pub mod recording;
-pub mod run;
-pub mod runs;
-pub mod session;
+pub mod run_folder;
+pub mod runner;
 pub mod settings;
 pub mod setup;
 pub mod simulation;
-mod upload;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

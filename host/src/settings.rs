@@ -7,26 +7,10 @@ use std::path::Path;
 
 use damprig_core::io::Invalid;
 use damprig_core::settings::{Prepared, Settings, Source as Origin};
-use damprig_protocol::{Answer, Ask};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::input::{Problem, Refusal, Source, Span, replacement};
-use crate::session::{Session, SessionError};
-
-impl Session {
-    /// The settings in use, and where they come from.
-    ///
-    /// # Errors
-    /// As [`Session::ask`].
-    pub fn read_settings(&mut self) -> Result<(Settings, Origin), SessionError> {
-        const WHAT: &str = "tell its settings";
-        match self.ask(WHAT, Ask::Settings)? {
-            Answer::Settings { settings, source } => Ok((settings, source)),
-            _ => Err(SessionError::Confused { what: WHAT }),
-        }
-    }
-}
 
 /// A setting: its place in the file and its value.
 pub type Entry = (Vec<String>, f32);
@@ -112,7 +96,7 @@ pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String
     let pairs = entries(before).into_iter().zip(entries(now));
     let differ = |((place, before), (_, now)): (Entry, Entry)| {
         let differs = is_meant(&place) && before.to_bits() != now.to_bits();
-        differs.then(|| format!("{}: {} when it was begun, {} now", place.join("."), decimal(before), decimal(now)))
+        differs.then(|| format!("{}: {} when it was started, {} now", place.join("."), decimal(before), decimal(now)))
     };
     pairs.filter_map(differ).collect()
 }

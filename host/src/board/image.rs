@@ -10,8 +10,8 @@ use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Architecture, Endianness, Object, ObjectSection};
 
 use super::{BOARD, CHIP};
+use crate::client::session::hex;
 use crate::input::regular;
-use crate::session::hex;
 
 /// Bank 1 of the flash: the image's. Bank 2 holds the settings.
 const BANK_1: Range<u64> = 0x0800_0000..0x0804_0000;

@@ -1,6 +1,6 @@
 //! The controller board at a debug probe: its image's file, the probe, and writing the one through the other.
 //!
-//! Nothing here talks to a running rig; that is [`crate::session`]'s. Only with the feature `probe`.
+//! Nothing here talks to a running rig; that is [`crate::client::session`]'s. Only with the feature `probe`.
 
 pub mod image;
 pub mod probe;

@@ -1,9 +1,10 @@
 //! The campaign: set-ups on the rig and the experiments to run with them, as a person writes them in TOML.
 //!
-//! The parts are plain data, checked when read; [`Campaign::read`] is the only way in, so what exists is
-//! sound. Whether the set-ups stay within the sensor range is [`crate::prediction`]'s question, carrying
-//! them out is [`crate::run`]'s.
+//! The parts are plain data, checked when read; [`Campaign::read`] and [`Campaign::parse`] are the only constructors, so an
+//! existing campaign is valid. The prediction checks whether set-ups stay within the sensors' range; the runner carries
+//! experiments out.
 
+mod difference;
 mod experiment;
 mod limits;
 mod rig;
@@ -20,6 +21,7 @@ use damprig_core::settings::Settings;
 use crate::input::{Problem, Refusal, Section, Source};
 
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
+pub use difference::differences;
 pub use experiment::{Experiment, Kind};
 pub use limits::CampaignLimits;
 pub use rig::{RigSettings, Telemetry};

@@ -1,6 +1,6 @@
 //! Experiments of one event: a record or a pulse that the base follows, a structure that is held and released.
 //!
-//! A file is read by the reader that `damprig simulate` uses ([`crate::simulation::record`]), and becomes displacements
+//! A file is read as in `damprig simulate` ([`crate::motion_record`]), and becomes displacements
 //! at the sample rate that the device plays. An acceleration is integrated exactly (it is linear between its samples).
 //! **Baseline**: as recorded, an acceleration leads to a velocity and a displacement that do not end at zero; a base has to.
 //! So by default the straight line c0 + c1·t is subtracted from the acceleration that brings both to zero at the end; its
@@ -17,8 +17,7 @@ use super::RigSettings;
 use super::shape::Shape;
 use super::stepped_sine::REST_LEVEL_M;
 use crate::input::{Number, Section, Span};
-use crate::simulation::record::{Quantity, Record};
-use crate::simulation::record_keys;
+use crate::motion_record::{Quantity, Record, read_record};
 
 /// Folder of a run folder that keeps the records that its campaign names.
 pub const RECORDS: &str = "records";
@@ -148,7 +147,7 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
         section.refuse("target_peak_m", &target.span, "`scale` is given too, and says the same", help);
     }
     let file = section.text("file").map_or(section.span(), |text| text.span);
-    let record = record_keys(section, &find)?;
+    let record = read_record(section, &find)?;
     let (key, span) = match (&target, &scale) {
         (Some(target), _) => ("target_peak_m", target.span.clone()),
         (None, Some(scale)) => ("scale", scale.span.clone()),

@@ -8,8 +8,8 @@ use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 use super::{Failure, Outcome};
-use crate::devices::{Answer, Found, ask, only, ports};
-use crate::link::Address;
+use crate::client::devices::{Answer, Found, ask, only, ports};
+use crate::client::link::Address;
 use crate::settings::read_board;
 
 /// Lists the serial ports and the boards that answer at them.

@@ -14,10 +14,10 @@ use super::devices::Rig;
 use super::{Failure, Outcome};
 use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
-use crate::devices::{ask, only, ports};
-use crate::link::Address;
-use crate::recording::controller::Controller;
-use crate::session::{Session, hex};
+use crate::client::controller::Controller;
+use crate::client::devices::{ask, only, ports};
+use crate::client::link::Address;
+use crate::client::session::{Session, hex};
 use crate::settings::origin_text;
 
 /// Puts an image on the controller board: checked, written, read back, reset, and heard of.

@@ -7,9 +7,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::figure::campaign::describe;
-use crate::recording::ResultRow;
-use crate::recording::transients::TransientRow;
-use crate::run::{RunError, Watcher};
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::transients::TransientRow;
+use crate::runner::{RunError, Watcher};
 
 /// Shows how far a run has come.
 pub struct Progress {

@@ -6,8 +6,8 @@ use comfy_table::{CellAlignment, Table};
 use crate::campaign::Campaign;
 use crate::figure::campaign::trimmed;
 use crate::prediction::Prediction;
-use crate::recording::ResultRow;
-use crate::recording::manifest::Manifest;
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::manifest::Manifest;
 
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();

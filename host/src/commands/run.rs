@@ -14,23 +14,23 @@ use super::devices::Rig;
 use super::progress::Progress;
 use super::{Failure, Outcome, report, transient_report};
 use crate::campaign::Campaign;
+use crate::client::link::Address;
+use crate::client::session::Session;
 use crate::figure::campaign::{Shown, response};
-use crate::link::Address;
 use crate::page::page;
 use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
-use crate::recording::acting::acting_settings;
-use crate::recording::folder::PAGE;
-use crate::recording::journal::{self, Begin, Ended, Entry, Journal};
-use crate::recording::manifest::{Clock, Ending, Manifest, SetUpRecord};
-use crate::recording::taken::Taken;
-use crate::recording::writer::{Plan, Writer};
-use crate::recording::{Recorder, RunFolder, StorageError, checksum};
-use crate::run::resume::Earlier;
-use crate::run::{Reconnect, Run, RunError, Selection, Tally, device_record};
-use crate::runs::RunFolder as ReadFolder;
-use crate::runs::folder::find;
-use crate::session::Session;
+use crate::run_folder::RunFolder;
+use crate::run_folder::checksum;
+use crate::run_folder::journal::{self, Begin, Ended, Entry, Journal};
+use crate::run_folder::read::folder::find;
+use crate::run_folder::schema::acting_settings::acting_settings;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::write::writer::{Layout, Writer};
+use crate::run_folder::write::{OutputFolder, Recorder};
+use crate::runner::resume::EarlierRun;
+use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
 
 /// Runs every set-up of the campaign through its experiments and records what the rig reports.
 ///
@@ -163,8 +163,8 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
     let now = jiff::Zoned::now();
     let folder = match &args.out {
-        Some(path) => RunFolder::create_at(path),
-        None => RunFolder::create_dated(Path::new("."), &campaign.name, &now),
+        Some(path) => OutputFolder::create_at(path),
+        None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
     }
     .map_err(failed)?;
     let journal = folder.claim().map_err(failed)?;
@@ -177,7 +177,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         campaign: &campaign,
         farthest_m: farthest(&predictions, &expected),
         folder,
-        taken: Taken::default(),
+        taken: JournalState::default(),
     };
     job.carry_out(&mut session, selection, begin, journal, &stop)
 }
@@ -189,18 +189,18 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         Err(error) if journal::is_being_written(&path) == Some(true) => return Err(failed(error)),
         held => held,
     };
-    let mut earlier = Earlier::read(&path).map_err(input)?;
+    let mut earlier = EarlierRun::read(&path).map_err(input)?;
     say!("Resuming {} (campaign {})", path.display(), earlier.campaign.name);
     for warning in &earlier.warnings {
         say!("WRONG  {warning}");
     }
-    let is_over = ReadFolder::open(&path).is_ok_and(|run| run.manifest().status == "complete");
+    let is_over = RunFolder::open(&path).is_ok_and(|run| run.manifest().is_complete());
     if is_over && earlier.is_complete() {
         say!("The run is complete: all {} points are taken. Nothing was done.", earlier.campaign.points());
         return Ok(());
     }
     earlier.intentions().iter().for_each(|line| say!("- {line}"));
-    let rig = match (&args.rig, earlier.taken.begun.first()) {
+    let rig = match (&args.rig, earlier.journal.begun.first()) {
         (Some(rig), _) => rig.find()?,
         (None, Some(begin)) => {
             Rig::At(begin.device.link.parse().map_err(|e| Failure::Input(format!("--rig: {e}")))?).find()?
@@ -227,7 +227,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     for changed in earlier.changed_limits(&begin) {
         warn!("note: a limit of the board has changed: {changed}");
     }
-    let folder = RunFolder::existing(&path);
+    let folder = OutputFolder::existing(&path);
     let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(failed)?;
     let job = Job {
         args,
@@ -235,7 +235,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         campaign,
         farthest_m: farthest(&predictions, &expected),
         folder,
-        taken: earlier.taken.clone(),
+        taken: earlier.journal.clone(),
     };
     job.carry_out(&mut session, selection, begin, journal, &stop)
 }
@@ -309,9 +309,9 @@ struct Job<'a> {
     campaign: &'a Campaign,
     /// Set-ups that are used, with the largest |x| that is predicted of each, m.
     farthest_m: BTreeMap<usize, f64>,
-    folder: RunFolder,
+    folder: OutputFolder,
     /// What an earlier run of the program has taken.
-    taken: Taken,
+    taken: JournalState,
 }
 
 impl Job<'_> {
@@ -326,22 +326,22 @@ impl Job<'_> {
         let device = &begin.device;
         say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
         let mut manifest = self.manifest(&begin);
-        let plan = Plan {
+        let layout = Layout {
             signals: begin.signals.clone(),
             every_ticks: begin.every_ticks,
             tick_hz: device.tick_hz,
             order: self.campaign.in_order(),
         };
-        let is_patient = session.is_granted();
-        let mut writer = Writer::new(self.folder.path(), journal, plan, self.taken.clone()).map_err(failed)?;
+        let waits_for_room = session.is_granted();
+        let mut writer = Writer::new(self.folder.path(), journal, layout, self.taken.clone()).map_err(failed)?;
         writer.note(&Entry::Begin(Box::new(begin))).map_err(failed)?;
-        manifest.note(writer.taken(), writer.rows());
+        manifest.note(writer.state(), writer.rows());
         self.folder.write_manifest(&manifest).map_err(failed)?;
-        let taken = writer.taken().clone();
+        let taken = writer.state().clone();
 
         let wall = Instant::now();
         let mut progress = Progress::new(self.campaign, self.args.yes);
-        let mut recorder = Recorder::start(writer, is_patient);
+        let mut recorder = Recorder::start(writer, waits_for_room);
         let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
         let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
         progress.end();
@@ -398,14 +398,14 @@ impl Job<'_> {
         };
         let ended = Entry::Ended(ended);
         let noted = writer.note(&ended);
-        let mut taken = writer.taken().clone();
+        let mut taken = writer.state().clone();
         if noted.is_err() {
             // What the journal has no room for is told all the same.
             taken.add(&ended);
         }
         let rows = writer.results();
-        manifest.clock = Clock { rig_s: tally.rig_s, wall_s: taken.wall_s() };
-        manifest.counters = taken.counters();
+        manifest.clock = Durations { rig_s: tally.rig_s, wall_s: taken.wall_s() };
+        manifest.counters = taken.losses();
         manifest.note(&taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
@@ -420,9 +420,7 @@ impl Job<'_> {
             Some(picture) => picture.write(path, "transients"),
             None => Ok(()),
         });
-        let told = ReadFolder::with_manifest(path, &manifest)
-            .map_err(|e| StorageError::new("write", &path.join(PAGE), e))
-            .and_then(|run| self.folder.write_page(&page(&run).html));
+        let told = self.folder.write_page(&page(&RunFolder::with_manifest(path, manifest.clone())).html);
         let sums = checksum::of_folder(path);
         manifest.files = sums.clone().unwrap_or_default();
         let written = noted.and(told).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));

@@ -15,10 +15,10 @@ use crate::export::whole::{to_failure, write_new};
 use crate::export::{Exporter, Part, Table};
 use crate::input::near;
 use crate::page::page;
-use crate::runs::columns::{Value, column, numbers, texts};
-use crate::runs::folder::{below, find, is_run};
-use crate::runs::verify::{Finding, verify};
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{Value, column, numbers, texts};
+use crate::run_folder::read::folder::{below, find, is_run};
+use crate::run_folder::read::verify::{Finding, verify};
+use crate::run_folder::{ReadError, RunFolder};
 
 /// Lists, shows, reports, verifies and exports run folders. Nothing in them is ever changed.
 #[derive(Debug, ClapArgs)]
@@ -180,7 +180,7 @@ fn list(dir: &Path) -> Outcome {
                     m.device.as_ref().map_or("–".into(), |d| d.link.clone()),
                     m.set_ups.len().to_string(),
                     format!("{}/{}", m.points_taken, m.points_planned),
-                    m.ending(),
+                    m.ending_text(),
                     format!("{:.2}", run.bytes() as f64 / 1e6),
                 ]);
             }
@@ -204,7 +204,7 @@ fn list(dir: &Path) -> Outcome {
 fn show(run: &RunFolder) -> Outcome {
     let m = run.manifest();
     println!("Run {} (campaign {}), started {}", run.id(), m.campaign, m.started);
-    println!("State: {}; {} of {} points; {}", m.ending(), m.points_taken, m.points_planned, m.damprig);
+    println!("State: {}; {} of {} points; {}", m.ending_text(), m.points_taken, m.points_planned, m.damprig);
     if let Some(d) = &m.device {
         println!(
             "Rig {}: {} (firmware {}), tick {} Hz, schema {}",
@@ -342,8 +342,8 @@ fn export(args: &Export) -> Outcome {
     let exported = exporter.export(&run, &part, &out).map_err(failed)?;
     println!("{} rows of {} in {}", exported.rows, words.join(" and "), out.display());
     exported.notes.iter().for_each(|note| println!("{note}"));
-    if run.manifest().status != "complete" {
-        println!("the run is not complete ({}); what there is of it was taken", run.manifest().ending());
+    if !run.manifest().is_complete() {
+        println!("the run is not complete ({}); what there is of it was taken", run.manifest().ending_text());
     }
     if exported.missing.is_empty() {
         return Ok(());

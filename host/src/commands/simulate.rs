@@ -12,9 +12,9 @@ use super::simulate_report as report;
 use super::{Failure, Outcome};
 use crate::analysis::Analysis;
 use crate::figure::motion::COLUMNS;
+use crate::motion_record::Quantity;
 use crate::simulation::history::{History, TablePath};
 use crate::simulation::outline::Outline;
-use crate::simulation::record::Quantity;
 use crate::simulation::{Answer, Case, Request, cost, simulate};
 
 /// Simulates a case exactly: every impact, stick and slip at its instant.

@@ -7,10 +7,10 @@ use damprig_core::model::Wall;
 
 use crate::figure::motion::{Notes, draw};
 use crate::figure::{FigureError, Picture};
+use crate::motion_record::Quantity;
 use crate::simulation::cost::Cost;
 use crate::simulation::history::TablePath;
 use crate::simulation::outline::Outline;
-use crate::simulation::record::Quantity;
 use crate::simulation::run::FEW_ACCUMULATIONS;
 use crate::simulation::{Answer, Case};
 

@@ -10,9 +10,9 @@ use crate::campaign::{Campaign, Kind};
 use crate::figure::transient::{Curve, Panel, draw};
 use crate::figure::{FigureError, Picture};
 use crate::prediction::transient::Expected;
-use crate::recording::transients::TransientRow;
-use crate::runs::RunFolder;
-use crate::runs::columns::{numbers, texts};
+use crate::run_folder::RunFolder;
+use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::transients::TransientRow;
 
 fn mm(metres: f64) -> String {
     if metres.is_finite() { format!("{:.3}", metres * 1e3) } else { "–".into() }

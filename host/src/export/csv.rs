@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::whole::{to_failure, write_whole};
 use super::{Exported, Exporter, Part, Table};
-use crate::runs::columns::{unit, values};
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{unit, values};
+use crate::run_folder::{ReadError, RunFolder};
 
 /// The exporter. Of any length: rows are written as they are read.
 #[derive(Clone, Copy, Debug)]

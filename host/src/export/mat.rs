@@ -20,8 +20,8 @@ use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure
 
 use super::whole::{to_failure, write_whole};
 use super::{Exported, Exporter, Part, Table};
-use crate::runs::columns::{Value, unit, values};
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{Value, unit, values};
+use crate::run_folder::{ReadError, RunFolder};
 
 /// Numbers in one file: 320 MB as doubles in memory (at most 400 MB were measured). MATLAB's
 /// own limit is 2 GiB a variable.
@@ -216,14 +216,14 @@ fn to_variable(columns: Columns) -> MatVariable {
 /// What the manifest tells.
 fn facts(run: &RunFolder) -> MatVariable {
     let m = run.manifest();
-    let set_ups = |get: fn(&crate::runs::manifest::SetUp) -> &String| {
+    let set_ups = |get: fn(&crate::run_folder::schema::manifest::SetUpRecord) -> &String| {
         cells(&m.set_ups.iter().map(|s| get(s).clone()).collect::<Vec<_>>())
     };
     let mut facts = vec![
         ("id", text(&run.id())),
         ("campaign", text(&m.campaign)),
         ("started", text(&m.started)),
-        ("status", text(&m.ending())),
+        ("status", text(&m.ending_text())),
         ("program", text(&m.damprig)),
         ("points_planned", number(m.points_planned as f64)),
         ("points_taken", number(m.points_taken as f64)),

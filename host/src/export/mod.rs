@@ -1,4 +1,4 @@
-//! Runs in other formats. One exporter a file, behind [`Exporter`]; reading the run is [`crate::runs`]'s.
+//! Runs in other formats. One exporter a file, behind [`Exporter`]; reading the run is [`crate::run_folder`]'s.
 //!
 //! A file appears under its name only when it is whole (`whole.rs`). What cannot be read of a damaged run does not hold
 //! up the rest: it is told in [`Exported::missing`].
@@ -14,9 +14,9 @@ use std::path::Path;
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
 
-use crate::runs::columns::{numbers, texts};
-use crate::runs::folder::{read_samples, sample_files};
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::read::sample_files::{read_samples, sample_files};
+use crate::run_folder::{ReadError, RunFolder};
 
 /// A table of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

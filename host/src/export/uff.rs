@@ -19,9 +19,9 @@ use arrow_array::RecordBatch;
 use super::uff_record::{Axis, Dof, Function, Ordinate, header, real, si_units};
 use super::whole::{to_failure, write_whole};
 use super::{Exported, Exporter, Part, Table};
-use crate::runs::columns::{numbers, texts};
-use crate::runs::manifest::Signal;
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::samples::SampleColumn;
+use crate::run_folder::{ReadError, RunFolder};
 
 /// The exporter. Memory holds one point's samples.
 #[derive(Clone, Copy, Debug)]
@@ -282,7 +282,7 @@ impl<W: Write> Writer<'_, W> {
     fn history(
         &mut self,
         stretch: &Stretch,
-        (place, signal): (usize, &Signal),
+        (place, signal): (usize, &SampleColumn),
         begin: usize,
         values: &[f32],
     ) -> std::io::Result<()> {
@@ -334,7 +334,7 @@ fn quantity(unit: &str) -> u8 {
     }
 }
 
-fn degree_of_freedom(place: usize, signal: &Signal) -> Dof {
+fn degree_of_freedom(place: usize, signal: &SampleColumn) -> Dof {
     let node = match signal.name.as_str() {
         "x_m" => 1,
         "z_m" => 2,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile};
 
 use super::Exported;
-use crate::runs::ReadError;
+use crate::run_folder::ReadError;
 
 fn failed(out: &Path, why: &dyn std::fmt::Display) -> ReadError {
     ReadError(format!("cannot write {}: {why}", out.display()))

@@ -4,7 +4,7 @@ use super::axis::Scale;
 use super::response::{Curve, CurvePoint, Notes, Quantity, draw};
 use super::{FigureError, Picture};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start};
-use crate::recording::ResultRow;
+use crate::run_folder::ResultRow;
 
 /// What the figures show of a point.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,13 +8,13 @@ use super::gaps::{self, Gaps};
 use crate::campaign::Campaign;
 use crate::figure::campaign::Shown;
 use crate::input::Source;
-use crate::recording::journal::{self, Entry};
-use crate::recording::manifest::BoardSettings;
-use crate::recording::parquet::results;
-use crate::recording::taken::Taken;
-use crate::runs::columns::{Value, column, numbers, texts};
-use crate::runs::manifest::Manifest;
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::read::columns::{Value, column, numbers, texts};
+use crate::run_folder::schema::device::BoardSettings;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::manifest::Manifest;
+use crate::run_folder::schema::results;
+use crate::run_folder::{ReadError, RunFolder};
 
 /// A measured point, as far as the page shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ pub(super) struct Facts {
     /// In the order of the campaign.
     pub(super) points: Vec<Point>,
     /// What the journal adds up to; nothing of a run without one.
-    pub(super) taken: Taken,
+    pub(super) taken: JournalState,
     /// Links that went and came, and when.
     pub(super) link: Vec<(String, String)>,
     pub(super) gaps: Gaps,
@@ -68,7 +68,7 @@ impl Facts {
             let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
             unreadable.push(format!("{}: line {}", journal::JOURNAL, list.join(", ")));
         }
-        let taken = Taken::of(&lines.entries);
+        let taken = JournalState::of(&lines.entries);
         let link = lines.entries.iter().filter_map(|entry| match entry {
             Entry::Link { what, at } => Some((at.clone(), what.clone())),
             _ => None,
@@ -77,7 +77,7 @@ impl Facts {
         let campaign = read_campaign(path, board);
         let batches = match &campaign {
             Ok(campaign) if !taken.rows().is_empty() => {
-                results(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
+                results::table(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
             }
             _ => run.results(),
         };

@@ -7,10 +7,10 @@ use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::input::regular;
-use crate::recording::taken::Taken;
-use crate::runs::columns::{numbers, texts};
-use crate::runs::folder::{is_open_part, read_samples, sample_files};
-use crate::runs::{ReadError, RunFolder};
+use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::read::sample_files::{is_open_part, read_samples, sample_files};
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::{ReadError, RunFolder};
 
 /// Gaps that are listed; the rest is counted.
 const MOST_LISTED: usize = 40;
@@ -47,7 +47,7 @@ impl Gaps {
 }
 
 /// Looks the samples through, if the journal says that any are missing, or there is none to say so.
-pub(super) fn find(run: &RunFolder, taken: &Taken) -> Gaps {
+pub(super) fn find(run: &RunFolder, taken: &JournalState) -> Gaps {
     let mut gaps = Gaps::default();
     let every_ticks = run.manifest().every_ticks().unwrap_or(1).max(1);
     let is_whole = !taken.begun.is_empty() && taken.sealed.iter().all(|s| s.lost_rows == 0);
@@ -61,8 +61,8 @@ pub(super) fn find(run: &RunFolder, taken: &Taken) -> Gaps {
         }
     }
     for end in taken.finished.iter().filter(|f| f.lost_rows > 0) {
-        let (set_up, experiment) = (end.set_up.clone(), end.experiment.clone());
-        let segment = u64::from(end.segment);
+        let (set_up, experiment) = (end.id.set_up.clone(), end.id.experiment.clone());
+        let segment = u64::from(end.id.segment);
         gaps.add(Gap { set_up, experiment, segment, until_s: None, rows: end.lost_rows });
     }
     gaps

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 
 use super::facts::Facts;
 use super::tables::{moment, number, short};
-use crate::recording::controller::Controller;
+use crate::client::controller::Controller;
 
 /// A measured base amplitude that is off by more than this share of the one that was set is pointed out.
 const NOTABLE_BASE_ERROR: f64 = 0.05;
@@ -18,15 +18,15 @@ const LEADS: f64 = 0.5;
 /// How it ended, and how far it came.
 pub(super) fn state(facts: &Facts) -> Markup {
     let m = &facts.manifest;
-    let is_complete = m.status == "complete";
+    let is_complete = m.is_complete();
     html! {
         p {
-            @if is_complete { span.state.good { "complete" } } @else { span.state.bad { (m.status) } }
+            @if is_complete { span.state.good { "complete" } } @else { span.state.bad { (m.status()) } }
             " " (m.points_taken) " of " (m.points_planned) " points; "
             (number(m.clock.rig_s, 1)) " s of rig time in " (number(m.clock.wall_s, 1)) " s"
         }
         @if !is_complete {
-            p.note.bad { (m.ending()) }
+            p.note.bad { (m.ending_text()) }
         }
     }
 }
@@ -101,7 +101,7 @@ fn base_errors(facts: &Facts) -> Vec<String> {
         let error = |point: &super::facts::Point| (point.z_m / z_m - 1.0, point.shown.frequency_hz);
         facts.points_of(name).map(error).max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
     };
-    let text = |s: &crate::runs::manifest::SetUp| {
+    let text = |s: &crate::run_folder::schema::manifest::SetUpRecord| {
         let (error, frequency_hz) = worst(&s.name, s.base_amplitude_m)?;
         (error.abs() > NOTABLE_BASE_ERROR).then(|| {
             let at = short(frequency_hz, 4);
@@ -230,12 +230,10 @@ fn starts(facts: &Facts) -> Markup {
                 } }
                 tbody {
                     @for start in &facts.taken.segments {
-                        @let end = facts.taken.finished.iter().find(|f| {
-                            f.set_up == start.set_up && f.experiment == start.experiment && f.segment == start.segment
-                        });
+                        @let end = facts.taken.end_of(&start.id);
                         tr {
-                            td.word { (moment(&start.at)) } td.word { (start.set_up) } td.word { (start.experiment) }
-                            td { (start.segment) } td { (start.points) }
+                            td.word { (moment(&start.at)) } td.word { (start.id.set_up) } td.word { (start.id.experiment) }
+                            td { (start.id.segment) } td { (start.points) }
                             td.word.odd[end.is_none()] { (if end.is_some() { "at its end" } else { "interrupted" }) }
                             td { (end.map_or("–".into(), |e| number(f64::from(e.end_tick) / tick_hz(facts), 1))) }
                             td { (end.and_then(|e| e.clock).map_or("–".into(), |clock| number(clock.drift_ppm, 1))) }

@@ -16,7 +16,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::campaign::Campaign;
 use crate::figure::campaign::{Shown, phase, response};
 use crate::figure::{FigureError, Picture};
-use crate::runs::RunFolder;
+use crate::run_folder::RunFolder;
 use facts::Facts;
 
 const STYLE: &str = include_str!("style.css");

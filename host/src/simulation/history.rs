@@ -16,9 +16,10 @@ use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
 
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
-use crate::recording::StorageError;
-use crate::recording::parquet::{field, properties};
-use crate::runs::columns::values;
+use crate::run_folder::StorageError;
+use crate::run_folder::read::columns::values;
+use crate::run_folder::schema::table::field;
+use crate::run_folder::write::parquet_file::properties;
 
 /// Rows in a chunk.
 const CHUNK: usize = 16_384;

@@ -1,11 +1,10 @@
 //! The keys of a case beside its set-up's: what moves it, from where, and for how long. The one place where they are
 //! declared.
 
-use super::record::read::UNITS;
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Optional, Required};
-use crate::input::key::Range::{Any, NotNegative, NotZero, Positive, Whole};
-use crate::input::key::{Key, Kind, Quantity, Table, key, names, number, tables, word};
+use crate::input::key::Range::{Any, NotNegative, Positive, Whole};
+use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables};
 
 const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency");
 const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency");
@@ -42,17 +41,6 @@ tables! {
     base_versine("base", "versine") {
         AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case")];
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse")];
-    }
-
-    "A recorded motion."
-    base_record("base", "record") {
-        FILE: Required, [key("file", Kind::Text, "the record: a CSV or AT2 file, relative to this one")];
-        QUANTITY: Optional, [word("quantity", &["acceleration", "displacement"], "what the values are; an AT2 file says so")];
-        UNIT: Optional, [word("unit", names!(UNITS, unit => unit.0), "the values' unit; an AT2 file says so")];
-        SCALE: Optional, [number("scale", NotZero, "a factor on every value")];
-        TIME_STEP: Optional, [number("time_step_s", Positive, "from sample to sample; else there is a column of times")];
-        COLUMN: Optional, [key("column", Kind::TextOrPlace, "the values' column; else the only one that is not the times'")];
-        TIME_COLUMN: Optional, [key("time_column", Kind::TextOrPlace, "the times' column; else the first")];
     }
 
     "A harmonic force: P sin(Ωt + φ)."

@@ -7,14 +7,11 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Initial;
 
 use super::case::RunSpec;
-use super::keys::{
-    base_fixed, base_half_sine, base_record, base_sine, base_versine, force_half_sine, force_sine, initial, run,
-};
-use super::record::read::{RecordError, UNITS, Which, read, unit_list};
-use super::record::{Quantity, Record, Spec};
+use super::keys::{base_fixed, base_half_sine, base_sine, base_versine, force_half_sine, force_sine, initial, run};
+use crate::input::Section;
 use crate::input::key::Quantity as Declared;
 use crate::input::section::Given;
-use crate::input::{Problem, Section};
+use crate::motion_record::{BASE_RECORD, Record, read_record};
 use crate::setup::BASE_AMPLITUDE;
 
 /// What moves the case.
@@ -42,7 +39,7 @@ impl Loading {
 
 /// `base`; `stated_m` is the Z that the set-up states, the record's file is found by `find`.
 pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> PathBuf) -> Option<Loading> {
-    let tables = [base_fixed::TABLE, base_sine::TABLE, base_half_sine::TABLE, base_versine::TABLE, base_record::TABLE];
+    let tables = [base_fixed::TABLE, base_sine::TABLE, base_half_sine::TABLE, base_versine::TABLE, BASE_RECORD];
     let base = match s.variant(&tables)? {
         0 => Some(Loading::Closed(Excitation::Fixed)),
         1 => {
@@ -63,7 +60,7 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
                 })
             })
         }
-        _ => record(s, find).map(Loading::Recorded),
+        _ => read_record(s, find).map(Loading::Recorded),
     };
     s.finish();
     base
@@ -80,54 +77,6 @@ fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<
         s.reject(own, format!("`{other}` is given too, and says the same quantity"), help);
     }
     stated_m
-}
-
-/// The keys of a record, of a case as of a campaign; its file is found by `find`. Does not finish the table.
-pub(crate) fn record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
-    let file = s.text_of(&base_record::FILE);
-    let quantity = s.word(&base_record::QUANTITY).map(|word| [Quantity::Acceleration, Quantity::Displacement][word]);
-    let unit = s.word(&base_record::UNIT).map(|word| UNITS[word]);
-    if let (Some(quantity), Some((_, of, _))) = (quantity, unit)
-        && quantity != of
-    {
-        s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
-    }
-    let spec = Spec {
-        quantity,
-        unit_si: unit.map(|(.., si)| si),
-        scale: s.scalar(&base_record::SCALE),
-        time_step_s: s.scalar(&base_record::TIME_STEP),
-        column: which(s, &base_record::COLUMN),
-        time_column: which(s, &base_record::TIME_COLUMN),
-    };
-    let file = file?;
-    // Other problems of this table are answered first: the file is read by what it says.
-    if !s.source().is_clean() {
-        return None;
-    }
-    match read(&find(&file.value), &spec) {
-        Ok(record) => Some(record),
-        Err(RecordError(message)) => {
-            let mut lines = message.lines();
-            let first = lines.next().unwrap_or_default();
-            s.source().report(Problem {
-                title: format!("`{}` = {:?} cannot be used", s.full("file"), file.value),
-                span: file.span,
-                allowed: first.into(),
-                help: lines.next().map(|line| line.trim().into()),
-            });
-            None
-        }
-    }
-}
-
-/// A column by place or name.
-fn which(s: &Section, quantity: &Declared) -> Option<Which> {
-    match s.given(quantity)? {
-        (_, Given::Text(name)) => Some(Which::Name(name.value)),
-        (_, Given::Number(place)) => Some(Which::Place(place as usize)),
-        _ => None,
-    }
 }
 
 /// `force`: on the structure, over a fixed base.

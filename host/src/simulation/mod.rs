@@ -29,11 +29,9 @@ mod loading;
 pub mod motion;
 pub mod outline;
 mod playback;
-pub mod record;
 pub mod run;
 
 pub use case::Case;
 pub use keys::TABLES;
-pub(crate) use loading::record as record_keys;
 pub use motion::{AccumulationRecord, ImpactRecord, Samples, Viewer};
 pub use run::{Answer, Request, simulate};

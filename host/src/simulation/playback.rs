@@ -12,8 +12,8 @@ use damprig_core::model::Wall;
 use super::Case;
 use super::figures::Figures;
 use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
-use super::record::Record;
 use super::run::{Gathered, Request, Summary, parts};
+use crate::motion_record::Record;
 
 /// Runs the case on its record.
 ///

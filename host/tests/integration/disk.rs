@@ -6,7 +6,7 @@ mod linux {
     use std::path::{Path, PathBuf};
     use std::process::Command;
 
-    use damprig::recording::journal::{self, Entry, Journal};
+    use damprig::run_folder::journal::{self, Entry, Journal};
     use damprig_protocol::{Ask, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;

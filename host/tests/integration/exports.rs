@@ -167,7 +167,7 @@ fn a_damaged_run_gives_what_can_be_read_and_names_the_rest() {
 fn only_the_chosen_rows_are_exported() {
     let (folder, run) = with_run();
     let is_bare = |batch: &RecordBatch| {
-        let names = damprig::runs::columns::texts(batch, "set_up").unwrap();
+        let names = damprig::run_folder::read::columns::texts(batch, "set_up").unwrap();
         names.iter().filter(|n| *n == "bare").count()
     };
     let expected: usize = read_parquet(run.join("samples.parquet")).iter().map(is_bare).sum();

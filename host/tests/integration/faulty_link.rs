@@ -10,15 +10,15 @@ use std::time::Duration;
 
 use crate::common::short;
 use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::client::link::{Link, VirtualRig};
+use damprig::client::session::Session;
 use damprig::input::Source;
-use damprig::link::{Link, VirtualRig};
-use damprig::recording::ResultRow;
-use damprig::recording::journal::Journal;
-use damprig::recording::recorder::Recorder;
-use damprig::recording::taken::Taken;
-use damprig::recording::writer::{Plan, Writer};
-use damprig::run::{Run, RunError, Selection, Tally, Watcher};
-use damprig::session::Session;
+use damprig::run_folder::ResultRow;
+use damprig::run_folder::journal::Journal;
+use damprig::run_folder::schema::journal_state::JournalState;
+use damprig::run_folder::write::recorder::Recorder;
+use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::runner::{Run, RunError, Selection, Tally, Watcher};
 use tempfile::TempDir;
 
 /// The short campaign with ten times the samples: many messages to be hit.
@@ -138,16 +138,16 @@ fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
     let campaign = campaign();
     let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
     let selection = Selection::of(&campaign, &session).unwrap();
-    let plan = Plan {
+    let plan = Layout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
     };
-    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, Taken::default()).unwrap();
+    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let (mut recorder, mut nobody) = (Recorder::start(writer, true), Nobody);
     let stop = AtomicBool::new(false);
-    let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, Taken::default());
+    let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, JournalState::default());
     let (tally, result) = run.carry_out();
     result.unwrap();
     let (writer, stored) = recorder.finish();
@@ -168,12 +168,13 @@ fn figures(writer: &Writer) -> Vec<String> {
 
 /// Each row of the samples: its place in the run, and its point with the signals' values.
 fn samples(folder: &Path) -> impl Iterator<Item = (String, String)> {
-    let files = damprig::runs::folder::sample_files(folder);
-    let batches = files.into_iter().flat_map(|file| damprig::runs::folder::read_samples(&file).unwrap());
+    let files = damprig::run_folder::read::sample_files::sample_files(folder);
+    let batches =
+        files.into_iter().flat_map(|file| damprig::run_folder::read::sample_files::read_samples(&file).unwrap());
     batches.flat_map(|batch| {
         let batch = batch.unwrap();
         let columns = ["set_up", "experiment", "tick", "point_index", "x_m", "z_m", "gap_before_ticks"];
-        let columns = columns.map(|name| damprig::runs::columns::column(&batch, name).unwrap());
+        let columns = columns.map(|name| damprig::run_folder::read::columns::column(&batch, name).unwrap());
         let cell = move |c: usize, row: usize| format!("{:?} ", columns[c][row]);
         let join = move |cells: std::ops::Range<usize>, row| cells.map(|c| cell(c, row)).collect::<String>();
         let row = move |row| (join(0..3, row), format!("{}gap {}", join(3..6, row), join(6..7, row)));
@@ -192,27 +193,27 @@ fn over_faults(unit: Unit, seed: u64) {
     let link = Faulty { rig: VirtualRig::new(false, None), out, back };
     let (disturbed, tally) = run(Box::new(link), &faulty);
     assert_eq!(figures(&disturbed), figures(&undisturbed), "{unit:?}, seed {seed}");
-    let lost = disturbed.taken().counters().lost_rows;
+    let lost = disturbed.state().losses().lost_rows;
     let hit = hit.load(Ordering::Relaxed);
     assert!(hit > 10, "{hit}");
     println!("{unit:?}, seed {seed}: {hit} hit, {} rows, {lost} lost, {:?}", disturbed.rows(), tally.counters);
     // Every row of the segments that came to their end is there or counted.
-    let starts = disturbed.taken().segments.len();
-    if starts == undisturbed.taken().segments.len() {
-        let end = |w: &Writer| w.taken().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
+    let starts = disturbed.state().segments.len();
+    if starts == undisturbed.state().segments.len() {
+        let end = |w: &Writer| w.state().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
         assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
     }
     // Each gap stands before the row after it.
     let gap = |row: &String| row.split("gap U64(").nth(1).and_then(|t| t.split(')').next()?.parse::<u64>().ok());
     let gaps: u64 = samples(&faulty).map(|(_, row)| gap(&row).unwrap()).sum();
-    assert_eq!(gaps, disturbed.taken().sealed.iter().map(|s| s.lost_rows).sum::<u64>(), "one tick a row");
+    assert_eq!(gaps, disturbed.state().sealed.iter().map(|s| s.lost_rows).sum::<u64>(), "one tick a row");
     // A row that has arrived is the row of the undisturbed run, and belongs to the same point.
     let without_gap = |row: String| row.split("gap ").next().unwrap().to_string();
     let rows = |folder: &Path| -> BTreeMap<String, String> {
         samples(folder).map(|(key, row)| (key, without_gap(row))).collect()
     };
     let (here, there) = (rows(&faulty), rows(&whole));
-    if starts == undisturbed.taken().segments.len() {
+    if starts == undisturbed.state().segments.len() {
         // If the event that ends an experiment is lost, the idle rig's rows follow until the host asks: they have no counterpart.
         let parts = |key: &str| {
             let (experiment, tick) = key.rsplit_once("U64(").unwrap();

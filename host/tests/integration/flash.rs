@@ -78,7 +78,7 @@ fn an_image_of_another_protocol_is_refused_with_both_sides() {
 fn an_image_of_another_schema_is_refused_with_both_hashes() {
     let Some(mut image) = image("nucleo-g474re") else { return };
     identity(&mut image)[10..18].copy_from_slice(&[0xab; 8]);
-    let ours = damprig::session::hex(&damprig_protocol::SCHEMA);
+    let ours = damprig::client::session::hex(&damprig_protocol::SCHEMA);
     refused(&image, &["schema abababababababab", &ours]);
 }
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use damprig::link::Link;
-use damprig::session::{Session, SessionError};
+use damprig::client::link::Link;
+use damprig::client::session::{Session, SessionError};
 use damprig_core::io::{Reading, Sensors};
 use damprig_core::rig::{Signals, State};
 use damprig_device::control::{Birth, Control, Name, RealPlant};

@@ -284,8 +284,10 @@ fn a_wrong_board_file_is_refused_by_name_key_value_and_what_is_allowed() {
 /// Mean spring force of the last tenth of the samples, N.
 fn last_force_n(lab: &Lab, out: &str) -> f64 {
     let samples = read_parquet(lab.folder.path().join(out).join("samples.parquet"));
-    let force: Vec<f64> =
-        samples.iter().flat_map(|batch| damprig::runs::columns::numbers(batch, "spring_force_n").unwrap()).collect();
+    let force: Vec<f64> = samples
+        .iter()
+        .flat_map(|batch| damprig::run_folder::read::columns::numbers(batch, "spring_force_n").unwrap())
+        .collect();
     let last = &force[force.len() * 9 / 10..];
     last.iter().sum::<f64>() / last.len() as f64
 }
@@ -347,7 +349,7 @@ fn a_board_that_forgets_its_settings_in_mid_run_ends_the_run_with_the_difference
     lab.settings(&["set", "safety.wall_force_n=300"]);
     let (code, words) = lab.run(&campaign("", SOFT), "out");
     assert_eq!(code, 1, "{words}");
-    assert!(words.contains("safety.wall_force_n: 300.0 when it was begun, 450.0 now"), "{words}");
+    assert!(words.contains("safety.wall_force_n: 300.0 when it was started, 450.0 now"), "{words}");
 }
 
 #[test]
@@ -366,10 +368,10 @@ fn a_resumed_run_notes_other_limits_and_refuses_other_constants() {
     let output = resume();
     let answer = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{answer}");
-    assert!(answer.contains("impacts.threshold_n: 2.5 when it was begun, 3.0 now"), "{answer}");
+    assert!(answer.contains("impacts.threshold_n: 2.5 when it was started, 3.0 now"), "{answer}");
     again.settings(&["set", "impacts.threshold_n=2.5", "safety.wall_force_n=300"]);
     let output = resume();
     let answer = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{answer}");
-    assert!(answer.contains("safety.wall_force_n: 450.0 when it was begun, 300.0 now"), "{answer}");
+    assert!(answer.contains("safety.wall_force_n: 450.0 when it was started, 300.0 now"), "{answer}");
 }

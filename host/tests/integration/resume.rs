@@ -9,8 +9,8 @@ use crate::common::{
     Fate, Served, cut_off, damprig, folder_with, is_point, manifest, read_parquet, result_rows, sample_rows, short,
 };
 use arrow_array::RecordBatch;
-use damprig::recording::journal;
-use damprig::recording::taken::Taken;
+use damprig::run_folder::journal;
+use damprig::run_folder::schema::journal_state::JournalState;
 use predicates::prelude::*;
 use predicates::str::contains;
 
@@ -24,14 +24,14 @@ fn measured(run: &Path) -> String {
         let kept: Vec<usize> =
             (0..schema.fields().len()).filter(|i| !OF_THE_CLOCK.contains(&schema.field(*i).name().as_str())).collect();
         let batch = batch.project(&kept).unwrap();
-        let columns = batch.columns().iter().map(|c| damprig::runs::columns::values(c.as_ref()).unwrap());
+        let columns = batch.columns().iter().map(|c| damprig::run_folder::read::columns::values(c.as_ref()).unwrap());
         columns.map(|column| format!("{column:?}")).collect::<Vec<_>>().join("\n")
     };
     read_parquet(run.join("results.parquet")).into_iter().map(without).collect()
 }
 
-fn taken(run: &Path) -> Taken {
-    Taken::of(&journal::read(run).unwrap().entries)
+fn taken(run: &Path) -> JournalState {
+    JournalState::of(&journal::read(run).unwrap().entries)
 }
 
 /// The short campaign with more points, more samples and a sweep that is carried over.
@@ -73,9 +73,9 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
             let arguments: &[&str] =
                 if is_new { &["run", "test.toml", "--out", &name] } else { &["run", "--resume", &name] };
             let before = if is_new {
-                Taken::default()
+                JournalState::default()
             } else {
-                journal::read(&run).map_or(Taken::default(), |l| Taken::of(&l.entries))
+                journal::read(&run).map_or(JournalState::default(), |l| JournalState::of(&l.entries))
             };
             let mut child = Command::new(assert_cmd::cargo::cargo_bin("damprig"))
                 .args(arguments)
@@ -104,7 +104,7 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
                 }
                 if now.joined.is_none() {
                     for sealed in &now.sealed {
-                        let file = damprig::recording::checksum::of_file(&run, &sealed.file.name).unwrap();
+                        let file = damprig::run_folder::checksum::of_file(&run, &sealed.file.name).unwrap();
                         assert_eq!(file, sealed.file, "a sealed part was changed");
                     }
                 }
@@ -120,7 +120,7 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
         assert_eq!(taken.rows().len(), planned);
         let sealed: u64 = taken.sealed.iter().map(|s| s.rows).sum();
         assert_eq!(sealed, sample_rows(&run) as u64, "{name}: every sealed sample is in the joined file");
-        assert_eq!(taken.counters().lost_rows, 0, "{name}");
+        assert_eq!(taken.losses().lost_rows, 0, "{name}");
         damprig(&folder).args(["runs", "verify", &name]).assert().success();
         std::fs::remove_dir_all(&run).unwrap();
     }
@@ -177,8 +177,8 @@ fn a_changed_campaign_is_refused_with_every_difference() {
     let changed = short().replace("noise_seed = 7", "noise_seed = 8").replace("dwell_s = 4.0", "dwell_s = 5.0");
     std::fs::write(&path, changed).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
-    let seed = contains("rig.noise_seed: 7 when it was begun, 8 now");
-    answer.stderr(seed.and(contains("experiment[1].dwell_s: 4.0 when it was begun, 5.0 now")));
+    let seed = contains("rig.noise_seed: 7 when it was started, 8 now");
+    answer.stderr(seed.and(contains("experiment[1].dwell_s: 4.0 when it was started, 5.0 now")));
     std::fs::write(&path, format!("# a remark\n{}", short())).unwrap();
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
 }
@@ -187,8 +187,8 @@ fn a_changed_campaign_is_refused_with_every_difference() {
 fn another_device_is_refused_with_every_difference() {
     let (folder, _) = cut_off(&short());
     let answer = damprig(&folder).args(["run", "--resume", "out", "--rig", "virtual"]).assert().code(2);
-    let board = contains("board: test when it was begun, virtual now");
-    answer.stderr(board.and(contains("plant: simulated in f32 when it was begun, simulated in f64 now")));
+    let board = contains("board: test when it was started, virtual now");
+    answer.stderr(board.and(contains("plant: simulated in f32 when it was started, simulated in f64 now")));
     assert_eq!(result_rows(&folder.path().join("out")), 3, "nothing was changed");
 }
 
@@ -231,7 +231,7 @@ fn a_link_that_comes_back_loses_no_point() {
         if is_point(message) && matches!(points, 2 | 5) { Fate::Close } else { Fate::Pass }
     });
     let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().success();
-    answer.stderr(contains("the link is there again"));
+    answer.stderr(contains("the link is back"));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
     assert_eq!(manifest(&folder.path().join("out"))["counters"]["interruptions"], 2);

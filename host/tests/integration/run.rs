@@ -308,7 +308,7 @@ fn every_impact_that_was_felt_is_a_row_and_the_walls_take_turns() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let path = folder.path().join("out/impacts.parquet");
     let table = &read_parquet(path)[0];
-    let numbers = |name| damprig::runs::columns::numbers(table, name).unwrap();
+    let numbers = |name| damprig::run_folder::read::columns::numbers(table, name).unwrap();
     let (side, t_s, peak_n, impulse_n_s) = (numbers("side"), numbers("t_s"), numbers("peak_n"), numbers("impulse_n_s"));
     // Three points of 5 s near 2.5 Hz with about two impacts a cycle.
     assert!(side.len() > 40, "{} impacts", side.len());

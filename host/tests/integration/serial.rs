@@ -82,11 +82,11 @@ mod unix {
         let rig = format!("serial:{}", at_a_serial_line(3, false));
         let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
         let answer = damprig(&folder).args(arguments).assert().success();
-        answer.stderr(contains("stopped answering: nothing for 1 s").and(contains("the link is there again")));
+        answer.stderr(contains("stopped answering: nothing for 1 s").and(contains("the link is back")));
         damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "direct"]).assert().success();
         let read = |run: &str| {
             let batches = read_parquet(folder.path().join(run).join("results.parquet"));
-            let numbers = |name| damprig::runs::columns::numbers(&batches[0], name).unwrap();
+            let numbers = |name| damprig::run_folder::read::columns::numbers(&batches[0], name).unwrap();
             ["frequency_hz", "x_over_z", "phase_rad", "x_rms_m", "scatter"].map(numbers)
         };
         assert_eq!(read("line"), read("direct"));
@@ -98,14 +98,14 @@ mod unix {
         let rig = format!("serial:{}", at_a_serial_line(3, true));
         let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
         let answer = damprig(&folder).args(arguments).assert().success();
-        answer.stderr(contains("the link is there again").and(contains("exclusive lock").not()));
+        answer.stderr(contains("the link is back").and(contains("exclusive lock").not()));
     }
 
     #[test]
     fn auto_without_a_board_names_what_to_write_instead() {
         let folder = folder_with(&short());
         // Where a board is plugged in, this is no test.
-        if damprig::devices::ports().is_ok_and(|ports| ports.iter().any(|p| p.usb.is_some())) {
+        if damprig::client::devices::ports().is_ok_and(|ports| ports.iter().any(|p| p.usb.is_some())) {
             eprintln!("not tested: a USB serial device is plugged in");
             return;
         }
@@ -188,7 +188,9 @@ mod unix {
         damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out", "--yes"]).assert().success();
         let run = folder.path().join("out");
         assert_eq!(rows(run.join("results.parquet")), 3);
-        let ratio = damprig::runs::columns::numbers(&read_parquet(run.join("results.parquet"))[0], "x_over_z").unwrap();
+        let ratio =
+            damprig::run_folder::read::columns::numbers(&read_parquet(run.join("results.parquet"))[0], "x_over_z")
+                .unwrap();
         assert!(ratio.iter().all(|r| (r - 2.0).abs() < 1e-3), "{ratio:?}");
         let manifest = manifest(&run);
         assert_eq!(manifest["device"]["clock"], "real time");

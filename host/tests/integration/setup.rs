@@ -8,7 +8,7 @@ use damprig::campaign::Campaign;
 use damprig::input::Source;
 use damprig::input::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
 use damprig::simulation::Case;
-use damprig::{setup, simulation};
+use damprig::{motion_record, setup, simulation};
 use fastrand::Rng;
 
 use crate::common::{damprig, folder_with};
@@ -132,7 +132,7 @@ fn campaign(shared: &str, set_up: &str) -> Result<Campaign, String> {
 
 /// Every table of a case: its set-up's, and those beside.
 fn tables() -> Vec<Table> {
-    setup::TABLES.iter().chain(simulation::TABLES).copied().collect()
+    [setup::TABLES, simulation::TABLES, motion_record::TABLES].concat()
 }
 
 /// The case of a seed, changed.

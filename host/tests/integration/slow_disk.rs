@@ -8,16 +8,16 @@ use std::time::Duration;
 
 use crate::common::{PATIENCE, short};
 use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::client::link::VirtualRig;
+use damprig::client::session::Session;
 use damprig::input::Source;
-use damprig::link::VirtualRig;
-use damprig::recording::journal::{Entry, Journal};
-use damprig::recording::recorder::{Message, Recorder, Recording, Sink};
-use damprig::recording::taken::Taken;
-use damprig::recording::writer::{Plan, Writer};
-use damprig::recording::{ResultRow, StorageError};
-use damprig::run::{Run, RunError, Selection, Watcher};
-use damprig::runs::columns::{numbers, texts};
-use damprig::session::Session;
+use damprig::run_folder::journal::{Entry, Journal};
+use damprig::run_folder::read::columns::{numbers, texts};
+use damprig::run_folder::schema::journal_state::JournalState;
+use damprig::run_folder::write::recorder::{Message, Recorder, Recording, Sink};
+use damprig::run_folder::write::writer::{Layout, Writer};
+use damprig::run_folder::{ResultRow, StorageError};
+use damprig::runner::{Run, RunError, Selection, Watcher};
 use tempfile::TempDir;
 
 /// So many rows may wait for the disk: those of one point, and not those of two.
@@ -121,20 +121,20 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
     let link = Box::new(VirtualRig::new(false, None));
     let mut session = Session::over(link, "the link".into(), Duration::from_secs(60)).unwrap();
     let selection = Selection::of(&campaign, &session).unwrap();
-    let plan = Plan {
+    let plan = Layout {
         signals: selection.signals.clone(),
         every_ticks: campaign.telemetry.every_ticks(),
         tick_hz: 1000.0,
         order: campaign.in_order(),
     };
-    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, Taken::default()).unwrap();
+    let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let gate = Arc::new(Gate::default());
     // A recorder that does not wait: as for a rig whose clock goes on.
     let slow = Slow { writer, gate: Arc::clone(&gate) };
     let mut recorder = Recorder::with_room(slow, false, 2 * ROWS_WAITING);
     let mut clerk = Clerk { gate, points: 0, disturbs };
     let stop = AtomicBool::new(false);
-    let run = Run::new(&campaign, &mut session, &mut recorder, &mut clerk, &stop, selection, Taken::default());
+    let run = Run::new(&campaign, &mut session, &mut recorder, &mut clerk, &stop, selection, JournalState::default());
     run.carry_out().1.unwrap();
     let dropped = recorder.dropped_rows();
     let (slow, stored) = recorder.finish();
@@ -146,8 +146,9 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
 
 /// Set-up, tick and gap of each row.
 fn rows(folder: &Path) -> Vec<(String, f64, f64)> {
-    let files = damprig::runs::folder::sample_files(folder);
-    let batches = files.into_iter().flat_map(|file| damprig::runs::folder::read_samples(&file).unwrap());
+    let files = damprig::run_folder::read::sample_files::sample_files(folder);
+    let batches =
+        files.into_iter().flat_map(|file| damprig::run_folder::read::sample_files::read_samples(&file).unwrap());
     batches
         .flat_map(|batch| {
             let batch = batch.unwrap();
@@ -170,7 +171,7 @@ fn a_disk_that_stands_costs_the_samples_of_that_time_and_nothing_else() {
     assert_eq!(none, 0);
     assert!(dropped > 300, "{dropped} rows dropped");
     assert_eq!(disturbed.rows() + dropped, undisturbed.rows());
-    assert_eq!((disturbed.taken().counters().lost_rows, undisturbed.taken().counters().lost_rows), (dropped, 0));
+    assert_eq!((disturbed.state().losses().lost_rows, undisturbed.state().losses().lost_rows), (dropped, 0));
     // Where: after the first result, before the next set-up. What is there is what the undisturbed run has.
     let (here, there) = (rows(&slow), rows(&whole));
     let stopped_at = disturbed.results()[0].end_tick as f64;
@@ -186,6 +187,6 @@ fn a_disk_that_stands_costs_the_samples_of_that_time_and_nothing_else() {
         }
         last = *tick;
     }
-    let after_the_last = disturbed.taken().finished.iter().map(|f| f.lost_rows).sum::<u64>();
+    let after_the_last = disturbed.state().finished.iter().map(|f| f.lost_rows).sum::<u64>();
     assert_eq!(found as u64 + after_the_last, dropped);
 }

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use crate::common::{Fate, Served, damprig, folder_with, manifest, read_parquet};
 use damprig::input::Source;
-use damprig::recording::journal;
-use damprig::recording::taken::Taken;
-use damprig::recording::transients::TransientRow;
-use damprig::runs::RunFolder;
-use damprig::runs::columns::{numbers, texts};
+use damprig::run_folder::RunFolder;
+use damprig::run_folder::journal;
+use damprig::run_folder::read::columns::{numbers, texts};
+use damprig::run_folder::schema::journal_state::JournalState;
+use damprig::run_folder::schema::transients::TransientRow;
 use damprig::simulation::{Case, Request, simulate};
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
 use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
@@ -83,7 +83,7 @@ fn folder(campaign: &str) -> TempDir {
 }
 
 fn rows(run: &Path) -> Vec<TransientRow> {
-    Taken::of(&journal::read(run).unwrap().entries).transients().to_vec()
+    JournalState::of(&journal::read(run).unwrap().entries).transients().to_vec()
 }
 
 fn row<'r>(rows: &'r [TransientRow], set_up: &str, experiment: &str) -> &'r TransientRow {

@@ -52,13 +52,13 @@ pub fn rows(path: PathBuf) -> usize {
 
 /// Rows of samples in a run folder, complete or not.
 pub fn sample_rows(run: &Path) -> usize {
-    let run = damprig::runs::RunFolder::open(run).expect("a run");
+    let run = damprig::run_folder::RunFolder::open(run).expect("a run");
     run.samples().map(|batch| batch.expect("readable samples").num_rows()).sum()
 }
 
 /// Rows of results in a run folder, complete or not.
 pub fn result_rows(run: &Path) -> usize {
-    let run = damprig::runs::RunFolder::open(run).expect("a run");
+    let run = damprig::run_folder::RunFolder::open(run).expect("a run");
     run.results().expect("readable results").iter().map(RecordBatch::num_rows).sum()
 }
 

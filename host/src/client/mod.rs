@@ -1,0 +1,8 @@
+//! The host's end of the link to a rig: bytes ([`link`]), requests and reports ([`session`]), uploads, and finding boards
+//! ([`devices`]).
+
+pub mod controller;
+pub mod devices;
+pub mod link;
+pub mod session;
+mod upload;

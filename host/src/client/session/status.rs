@@ -1,0 +1,57 @@
+//! Status, settings and counters of the device. Counters are taken from every status reply, also of keep-alive requests.
+
+use damprig_core::rig::Status;
+use damprig_core::settings::{Settings, Source};
+use damprig_protocol::{Answer, Ask, Counters, Refused};
+
+use super::{Session, SessionError};
+
+impl Session {
+    /// Status and counters.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
+        match self.ask("report its status", Ask::Status)? {
+            Answer::Status { status, counters } => {
+                // A late grant may have advanced the device further than the present one.
+                self.clock_tick = self.clock_tick.max(status.tick);
+                self.granted_until = self.granted_until.map(|until| until.max(status.tick));
+                Ok((status, counters))
+            }
+            _ => Err(SessionError::Confused { what: "report its status" }),
+        }
+    }
+
+    /// The settings in use, and where they come from.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub fn read_settings(&mut self) -> Result<(Settings, Source), SessionError> {
+        const WHAT: &str = "tell its settings";
+        match self.ask(WHAT, Ask::Settings)? {
+            Answer::Settings { settings, source } => Ok((settings, source)),
+            _ => Err(SessionError::Confused { what: WHAT }),
+        }
+    }
+
+    /// The device's latest counters since its start; none before its first status reply.
+    #[must_use]
+    pub fn counters(&self) -> Option<Counters> {
+        self.counters.map(|(_, counters)| counters)
+    }
+
+    /// The device was reset: its earlier counters are invalid.
+    pub fn forget_counters(&mut self) {
+        self.counters = None;
+    }
+
+    /// Takes the counters of a status reply. A reply that was delayed does not replace a later one.
+    pub(super) fn take_counters(&mut self, seq: u16, answer: &Result<Answer, Refused>) {
+        if let Ok(Answer::Status { counters, .. }) = answer
+            && self.counters.is_none_or(|(latest, _)| seq.wrapping_sub(latest).cast_signed() > 0)
+        {
+            self.counters = Some((seq, *counters));
+        }
+    }
+}

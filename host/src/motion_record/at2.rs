@@ -1,0 +1,108 @@
+//! The AT2 files of the PEER ground-motion data base: four lines of words, then accelerations.
+//!
+//! The third line says what the values are and in which unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth how
+//! many and how far apart.
+
+use super::units::{STANDARD_GRAVITY, finite};
+
+/// Header lines that are searched at most.
+const HEADER_LINES: usize = 6;
+
+/// What an AT2 file holds.
+pub(super) struct At2 {
+    /// Between two values, s.
+    pub step_s: f64,
+    /// Accelerations in the file's unit.
+    pub values: Vec<f64>,
+    /// m/s² in that unit: as the header or the case says; g when neither does, which the format means then.
+    pub unit_si: f64,
+}
+
+/// Reads the text of one. `unit_si` is what the case says, and counts before what the header says.
+///
+/// # Errors
+/// Names line and value.
+pub(super) fn at2(text: &str, unit_si: Option<f64>) -> Result<At2, String> {
+    let mut lines = text.lines().enumerate();
+    let mut stated = None;
+    let mut head = None;
+    for (n, line) in lines.by_ref().take(HEADER_LINES) {
+        let upper = line.to_ascii_uppercase();
+        if upper.contains("NPTS") {
+            head = Some((n, line));
+            break;
+        }
+        if let Some(unit) = unit(n + 1, &upper, unit_si.is_some())? {
+            stated = Some(unit);
+        }
+    }
+    let (at, header) = head.ok_or("line 4 of an AT2 file gives `NPTS= …, DT= …`, and none of the first six does")?;
+    let upper = header.to_ascii_uppercase();
+    let (count, step_s) = counts(&upper).ok_or_else(|| {
+        format!(
+            "line {}: {:?} must give the number of samples and the step, `NPTS= 5372, DT= .0100 SEC`",
+            at + 1,
+            header.trim()
+        )
+    })?;
+    let mut values = Vec::new();
+    for (n, line) in lines {
+        for word in line.split_whitespace() {
+            let value = finite(word)
+                .ok_or_else(|| format!("line {}: {word:?} is not allowed: must be a finite number", n + 1))?;
+            values.push(value);
+        }
+    }
+    if values.len() != count {
+        let cut = if values.len() < count { "the file is cut short, or " } else { "" };
+        return Err(format!(
+            "{} values, but line {} says NPTS = {count}: {cut}one of the two is wrong",
+            values.len(),
+            at + 1
+        ));
+    }
+    Ok(At2 { step_s, values, unit_si: unit_si.or(stated).unwrap_or(STANDARD_GRAVITY) })
+}
+
+/// NPTS and DT of an AT2 header in either of its forms: `NPTS= 5372, DT= .0100 SEC`, `5372 0.0100 NPTS, DT`.
+fn counts(header: &str) -> Option<(usize, f64)> {
+    let numbers: Vec<&str> = header
+        .split(|c: char| c.is_whitespace() || c == ',' || c == '=')
+        .filter(|word| word.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
+        .collect();
+    let [count, step, ..] = numbers[..] else { return None };
+    let step_s = finite(step).filter(|s| *s > 0.0)?;
+    Some((count.parse().ok()?, step_s))
+}
+
+/// m/s² in the unit that a header line states, if it states one; an unknown one is let pass when the case gives its own.
+fn unit(at: usize, upper: &str, is_given: bool) -> Result<Option<f64>, String> {
+    let (series, stated) = match upper.split_once("UNITS OF") {
+        Some((series, stated)) => (series, Some(stated)),
+        None if upper.contains("TIME HISTORY") || upper.contains("TIME SERIES") => (upper, None),
+        None => return Ok(None),
+    };
+    if let Some(other) = ["VELOCITY", "DISPLACEMENT"].into_iter().find(|other| series.contains(other)) {
+        return Err(format!(
+            "line {at}: {other} is not allowed: must be an ACCELERATION series; take the record's .AT2 file, or put the \
+             values of a displacement into a CSV file"
+        ));
+    }
+    let Some(stated) = stated else { return Ok(None) };
+    let word = stated.split_whitespace().next().unwrap_or_default().trim_end_matches(['.', ',', ';', ':']);
+    let plain = word.replace(['*', '^', '\''], "").replace("SEC", "S").replace("/S/S", "/S2");
+    let unit_si = match plain.as_str() {
+        "G" | "GS" => STANDARD_GRAVITY,
+        "M/S2" | "M/SS" => 1.0,
+        "CM/S2" | "CM/SS" | "GAL" | "GALS" => 0.01,
+        "MM/S2" | "MM/SS" => 0.001,
+        _ if is_given => return Ok(None),
+        _ => {
+            return Err(format!(
+                "line {at}: the unit {word:?} is not allowed: must be one of an acceleration, G, M/S2, CM/S2 (also CM/S/S, \
+                 CM/SEC**2, GAL) or MM/S2; if the header is wrong, say `unit` in the case"
+            ));
+        }
+    };
+    Ok(Some(unit_si))
+}

@@ -1,0 +1,78 @@
+//! The keys of a recorded base motion in a case or a campaign: their declaration, and reading the file that they name.
+
+use std::path::PathBuf;
+
+use super::read::{RecordError, Spec, Which, read};
+use super::record::{Quantity as Recorded, Record};
+use super::units::{UNITS, unit_list};
+use crate::input::key::Need::{Optional, Required};
+use crate::input::key::Range::{NotZero, Positive};
+use crate::input::key::{Kind, Quantity, Table, key, names, number, tables, word};
+use crate::input::section::Given;
+use crate::input::{Problem, Section};
+
+tables! {
+    "The table of a recorded base motion, with all its keys."
+
+    "A recorded motion."
+    base_record("base", "record") {
+        FILE: Required, [key("file", Kind::Text, "the record: a CSV or AT2 file, relative to this one")];
+        QUANTITY: Optional, [word("quantity", &["acceleration", "displacement"], "what the values are; an AT2 file says so")];
+        UNIT: Optional, [word("unit", names!(UNITS, unit => unit.0), "the values' unit; an AT2 file says so")];
+        SCALE: Optional, [number("scale", NotZero, "a factor on every value")];
+        TIME_STEP: Optional, [number("time_step_s", Positive, "from sample to sample; else there is a column of times")];
+        COLUMN: Optional, [key("column", Kind::TextOrPlace, "the values' column; else the only one that is not the times'")];
+        TIME_COLUMN: Optional, [key("time_column", Kind::TextOrPlace, "the times' column; else the first")];
+    }
+}
+
+/// The table of a recorded base motion.
+pub(crate) const BASE_RECORD: Table = base_record::TABLE;
+
+/// The keys of a record, of a case as of a campaign; its file is found by `find`. Does not finish the table.
+pub(crate) fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
+    let file = s.text_of(&base_record::FILE);
+    let quantity = s.word(&base_record::QUANTITY).map(|word| [Recorded::Acceleration, Recorded::Displacement][word]);
+    let unit = s.word(&base_record::UNIT).map(|word| UNITS[word]);
+    if let (Some(quantity), Some((_, of, _))) = (quantity, unit)
+        && quantity != of
+    {
+        s.reject(base_record::UNIT.name(), format!("must be {}", unit_list(quantity)), None);
+    }
+    let spec = Spec {
+        quantity,
+        unit_si: unit.map(|(.., si)| si),
+        scale: s.scalar(&base_record::SCALE),
+        time_step_s: s.scalar(&base_record::TIME_STEP),
+        column: which(s, &base_record::COLUMN),
+        time_column: which(s, &base_record::TIME_COLUMN),
+    };
+    let file = file?;
+    // Other problems of this table are answered first: the file is read by what it says.
+    if !s.source().is_clean() {
+        return None;
+    }
+    match read(&find(&file.value), &spec) {
+        Ok(record) => Some(record),
+        Err(RecordError(message)) => {
+            let mut lines = message.lines();
+            let first = lines.next().unwrap_or_default();
+            s.source().report(Problem {
+                title: format!("`{}` = {:?} cannot be used", s.full("file"), file.value),
+                span: file.span,
+                allowed: first.into(),
+                help: lines.next().map(|line| line.trim().into()),
+            });
+            None
+        }
+    }
+}
+
+/// A column by place or name.
+fn which(s: &Section, quantity: &Quantity) -> Option<Which> {
+    match s.given(quantity)? {
+        (_, Given::Text(name)) => Some(Which::Name(name.value)),
+        (_, Given::Number(place)) => Some(Which::Place(place as usize)),
+        _ => None,
+    }
+}

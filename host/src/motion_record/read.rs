@@ -1,0 +1,242 @@
+//! Reading recorded motions: tables of text (CSV), and the AT2 files of the PEER ground-motion data base.
+//!
+//! What a file cannot say about itself (quantity, unit, which column) is in [`Spec`]; what is wrong with it is answered
+//! with file, line, value and what is allowed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::at2::at2;
+use super::record::{Quantity, Record};
+use super::units::{finite, unit_list};
+use crate::input::{near, regular};
+
+/// A time step may differ by this share from the mean one: printing times with few decimals does that.
+const UNEVEN: f64 = 0.1;
+
+/// A time may be off the even spacing by this share of a step.
+const OFF_GRID: f64 = 0.25;
+
+/// Which column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Which {
+    /// By its place, from 1.
+    Place(usize),
+    /// By its name in the header.
+    Name(String),
+}
+
+/// What is known about a record besides its file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spec {
+    /// What it holds; an AT2 file says so itself.
+    pub quantity: Option<Quantity>,
+    /// SI units in a unit of the file; an AT2 file says so itself.
+    pub unit_si: Option<f64>,
+    /// Every value times this.
+    pub scale: Option<f64>,
+    /// Between two samples, s; else there is a column of times.
+    pub time_step_s: Option<f64>,
+    /// The values' column; else the first that is not the times'.
+    pub column: Option<Which>,
+    /// The times' column; else the first.
+    pub time_column: Option<Which>,
+}
+
+/// Why a record cannot be used: the file, the line, the value, what is allowed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct RecordError(pub String);
+
+/// Reads a record.
+///
+/// # Errors
+/// Names file, line and value; for a missing file, those that look like it.
+pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
+    let text = regular::read_input(path)
+        .map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+    if text.contains(&0) {
+        return Err(RecordError(format!("{}: this is no text: it must be CSV or an AT2 file", path.display())));
+    }
+    let text = String::from_utf8_lossy(&text);
+    let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
+    let answer = |message: String| RecordError(format!("{}: {message}", path.display()));
+    let (quantity, unit_si, step_s, mut samples) = if is_at2 {
+        if spec.quantity.is_some_and(|q| q != Quantity::Acceleration) {
+            return Err(answer("an AT2 file holds accelerations; leave out `quantity`".into()));
+        }
+        let at2 = at2(&text, spec.unit_si).map_err(answer)?;
+        (Quantity::Acceleration, at2.unit_si, spec.time_step_s.unwrap_or(at2.step_s), at2.values)
+    } else {
+        let quantity = spec.quantity.ok_or_else(|| {
+            answer("what the values are is not known: give quantity = \"acceleration\" or \"displacement\"".into())
+        })?;
+        let unit_si = spec.unit_si.ok_or_else(|| {
+            answer(format!("the unit of the values is not known: give unit = {}", unit_list(quantity)))
+        })?;
+        let (step_s, samples) = table(&text, spec).map_err(answer)?;
+        (quantity, unit_si, step_s, samples)
+    };
+    if samples.len() < 2 {
+        return Err(answer(format!("{} samples; a motion has at least 2", samples.len())));
+    }
+    let factor = unit_si * spec.scale.unwrap_or(1.0);
+    for sample in &mut samples {
+        *sample *= factor;
+    }
+    Ok(Record { file: path.to_path_buf(), quantity, step_s, samples })
+}
+
+/// "did you mean": files beside a missing one.
+fn beside(path: &Path) -> String {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(entries) = fs::read_dir(folder) else { return format!("\n  there is no folder {}", folder.display()) };
+    let names: Vec<String> = entries.flatten().map(|e| e.file_name().to_string_lossy().to_string()).collect();
+    let wanted = path.file_name().unwrap_or_default().to_string_lossy().to_string();
+    let found: Vec<String> = near(&wanted, names.iter().map(String::as_str))
+        .into_iter()
+        .map(|name| folder.join(name).display().to_string())
+        .collect();
+    if found.is_empty() { String::new() } else { format!("\n  did you mean {}?", found.join(" or ")) }
+}
+
+/// The rows of a table: the line and its fields.
+struct Rows {
+    header: Option<Vec<String>>,
+    rows: Vec<(u64, Vec<String>)>,
+}
+
+fn rows(text: &str) -> Result<Rows, String> {
+    let sample = text.lines().find(|l| !l.trim().is_empty() && !l.starts_with('#')).unwrap_or_default();
+    let delimiter = [',', ';', '\t'].into_iter().find(|d| sample.contains(*d)).unwrap_or(' ');
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .delimiter(delimiter as u8)
+        .comment(Some(b'#'))
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| e.to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let fields: Vec<String> =
+            record.iter().filter(|f| delimiter != ' ' || !f.is_empty()).map(str::to_string).collect();
+        if fields.iter().any(|f| !f.is_empty()) {
+            rows.push((line, fields));
+        }
+    }
+    // NaN is a number that is refused where it stands, not a name.
+    let is_name = |field: &String| field.parse::<f64>().is_err();
+    let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(is_name));
+    let header = if has_header { Some(rows.remove(0).1) } else { None };
+    Ok(Rows { header, rows })
+}
+
+impl Rows {
+    /// The place of a column, from 0.
+    fn place(&self, which: &Which, key: &str, width: usize) -> Result<usize, String> {
+        match (which, &self.header) {
+            (Which::Place(place), _) if (1..=width).contains(place) => Ok(place - 1),
+            (Which::Place(place), _) => Err(format!("`{key}` = {place} is not allowed: the columns are 1 to {width}")),
+            (Which::Name(name), Some(header)) => header.iter().position(|h| h == name).ok_or_else(|| {
+                let hint = near(name, header.iter().map(String::as_str));
+                let hint = hint.first().map_or(String::new(), |n| format!("; did you mean {n:?}?"));
+                format!("`{key}` = {name:?} is not allowed: the columns are {}{hint}", header.join(", "))
+            }),
+            (Which::Name(name), None) => {
+                Err(format!("`{key}` = {name:?} is not allowed: the file has no header; give the place, 1 to {width}"))
+            }
+        }
+    }
+}
+
+/// Characters of the columns' names in an answer.
+const MOST_OF_NAMES: usize = 200;
+
+/// The time step, s, and the values of a table.
+fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
+    let rows = rows(text)?;
+    if rows.rows.is_empty() {
+        return Err("it holds no row of numbers".into());
+    }
+    let width = rows.rows.first().map_or(0, |(_, fields)| fields.len());
+    let time = match (&spec.time_column, spec.time_step_s) {
+        (Some(_), Some(_)) => return Err("`time_step_s` and `time_column` are both given: leave out one".into()),
+        (Some(which), None) => Some(rows.place(which, "time_column", width)?),
+        (None, Some(_)) => None,
+        (None, None) if width < 2 => {
+            return Err("there is one column and no time in it: give `time_step_s`".into());
+        }
+        (None, None) => Some(0),
+    };
+    let value = match &spec.column {
+        Some(which) => rows.place(which, "column", width)?,
+        None => {
+            let others: Vec<usize> = (0..width).filter(|c| Some(*c) != time).collect();
+            let [only] = others[..] else {
+                let names = rows.header.as_ref().map_or(format!("1 to {width}"), |h| h.join(", "));
+                let names: String = names.escape_debug().take(MOST_OF_NAMES).collect();
+                return Err(format!("there are {width} columns ({names}): say which holds the values with `column`"));
+            };
+            only
+        }
+    };
+    let (mut times, mut values) = (Vec::new(), Vec::new());
+    for (line, fields) in &rows.rows {
+        let number = |column: usize| {
+            let text = fields
+                .get(column)
+                .ok_or_else(|| format!("line {line}: {} columns where the first row has {width}", fields.len()))?;
+            finite(text).ok_or_else(|| {
+                let with_point = text.replace(',', ".");
+                let fix = if text.contains(',') && finite(&with_point).is_some() {
+                    format!("; write the decimals after a point: {with_point}")
+                } else {
+                    String::new()
+                };
+                format!("line {line}, column {}: {text:?} is not allowed: must be a finite number{fix}", column + 1)
+            })
+        };
+        // A decimal comma makes two columns of one.
+        if let Some(more) = fields.get(width..).filter(|more| more.iter().any(|field| !field.is_empty())) {
+            let count = width + more.len();
+            return Err(format!("line {line}: {count} columns where the first row has {width}"));
+        }
+        if let Some(column) = time {
+            let t = number(column)?;
+            if let Some(last) = times.last().filter(|last| t <= **last) {
+                return Err(format!("line {line}: time {t} is not allowed: must be later than the one before, {last}"));
+            }
+            times.push(t);
+        }
+        values.push(number(value)?);
+    }
+    let step_s = match (spec.time_step_s, times.as_slice()) {
+        (Some(step_s), _) => step_s,
+        (None, [first, .., last]) => {
+            let step_s = (last - first) / (times.len() - 1) as f64;
+            let is_uneven = |n: &usize| {
+                ((times[*n] - times[n - 1]) / step_s - 1.0).abs() > UNEVEN
+                    || ((times[*n] - first) / step_s - *n as f64).abs() > OFF_GRID
+            };
+            if let Some(n) = (1..times.len()).find(is_uneven) {
+                return Err(format!(
+                    "line {}: a step of {:.6e} s where the mean is {step_s:.6e} s: the samples must be evenly spaced; \
+                     resample the record, or give `time_step_s`",
+                    rows.rows[n].0,
+                    times[n] - times[n - 1]
+                ));
+            }
+            step_s
+        }
+        (None, _) => return Err("fewer than 2 samples".into()),
+    };
+    Ok((step_s, values))
+}
+
+/// The file of a record as a case gives it: relative to the case.
+#[must_use]
+pub fn resolve(case: &Path, file: &str) -> PathBuf {
+    case.parent().map_or_else(|| PathBuf::from(file), |folder| folder.join(file))
+}

@@ -1,0 +1,67 @@
+//! Reads a part of the samples that was open when the program ended, up to its last whole batch.
+
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+use arrow_array::cast::AsArray;
+use arrow_array::types::UInt32Type;
+use arrow_ipc::reader::StreamReader;
+
+use super::arrow_salvage::sound_length;
+use crate::input::regular;
+use crate::run_folder::StorageError;
+use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
+
+/// What can be read of a part that was open when the program ended.
+#[derive(Clone, Debug, Default)]
+pub struct Salvaged {
+    /// Its rows with all columns.
+    pub batches: Vec<RecordBatch>,
+    /// How many.
+    pub rows: u64,
+    /// Ticks missing before or between them.
+    pub gap_ticks: u64,
+}
+
+/// Reads an open part up to its last whole batch. A stream that was cut off before its first is empty.
+///
+/// # Errors
+/// When the file cannot be opened.
+pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
+    let bytes = regular::read(path).map_err(|e| StorageError::new("read", path, e))?;
+    let mut salvaged = Salvaged::default();
+    let Ok(reader) = StreamReader::try_new(&bytes[..sound_length(&bytes)], None) else { return Ok(salvaged) };
+    let Some((label, tick_hz, signals)) = read_stream_schema(&reader.schema()) else { return Ok(salvaged) };
+    let schema = samples::schema(&signals);
+    for batch in reader.map_while(Result::ok) {
+        let gaps = batch.column(1).as_primitive::<UInt32Type>().values();
+        salvaged.gap_ticks += gaps.iter().map(|gap| u64::from(*gap)).sum::<u64>();
+        let Ok(batch) = samples::complete(&schema, &label, tick_hz, &batch) else { break };
+        salvaged.rows += batch.num_rows() as u64;
+        salvaged.batches.push(batch);
+    }
+    Ok(salvaged)
+}
+
+/// The head of an open part.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StreamHead {
+    /// The point whose rows it holds.
+    Of(PointLabel),
+    /// The file is empty: the program ended before it wrote anything.
+    Empty,
+    /// The file is not a stream of samples.
+    Unreadable,
+}
+
+/// Reads the head of an open part.
+#[must_use]
+pub fn read_head(path: &Path) -> StreamHead {
+    let Ok(bytes) = regular::read(path) else { return StreamHead::Unreadable };
+    if bytes.is_empty() {
+        return StreamHead::Empty;
+    }
+    let reader = StreamReader::try_new(&bytes[..sound_length(&bytes)], None).ok();
+    let head = reader.and_then(|reader| read_stream_schema(&reader.schema()));
+    head.map_or(StreamHead::Unreadable, |(label, ..)| StreamHead::Of(label))
+}

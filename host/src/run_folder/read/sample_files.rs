@@ -1,0 +1,68 @@
+//! Finds and reads the files that hold samples: joined, closed parts, and the part that was open when the program ended.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use arrow_array::RecordBatch;
+
+use super::open_part::salvage;
+use super::parquet_file::read;
+use crate::run_folder::ReadError;
+use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number};
+
+/// Numbers and files of the closed parts, in order.
+#[must_use]
+pub fn closed_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
+    numbered(&folder.join(PARTS), |path| {
+        path.file_stem().filter(|_| path.extension().is_some_and(|e| e == "parquet"))?.to_str()?.parse().ok()
+    })
+}
+
+/// Numbers and files of the parts that are open, or were when the program was killed.
+#[must_use]
+pub fn open_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
+    numbered(folder, |path| open_part_number(path.file_name()?.to_str()?))
+}
+
+fn numbered(folder: &Path, number: impl Fn(&Path) -> Option<u32>) -> Vec<(u32, PathBuf)> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
+    let mut parts: Vec<(u32, PathBuf)> = entries.filter_map(|path| Some((number(&path)?, path))).collect();
+    parts.sort();
+    parts
+}
+
+/// The files that hold samples, in order.
+#[must_use]
+pub fn sample_files(folder: &Path) -> Vec<PathBuf> {
+    let whole = folder.join(JOINED);
+    if whole.exists() {
+        return vec![whole];
+    }
+    let closed = closed_parts(folder);
+    // An open part that is still there beside its closed one has no other rows.
+    let mut open = open_parts(folder);
+    open.retain(|(number, _)| !closed.iter().any(|(other, _)| other == number));
+    let mut all: Vec<(u32, PathBuf)> = closed.into_iter().chain(open).collect();
+    all.sort();
+    all.into_iter().map(|(_, path)| path).collect()
+}
+
+/// Whether a file of samples was still open when the program ended.
+#[must_use]
+pub fn is_open_part(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "arrows")
+}
+
+type Batches = Box<dyn Iterator<Item = Result<RecordBatch, ReadError>>>;
+
+/// Batches of one of [`sample_files`]; of an open part, up to the last whole one.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
+    if is_open_part(path) {
+        let salvaged = salvage(path).map_err(|e| ReadError(e.to_string()))?;
+        return Ok(Box::new(salvaged.batches.into_iter().map(Ok)));
+    }
+    Ok(Box::new(read(path)?))
+}

@@ -1,0 +1,298 @@
+//! Verifies a run folder: what is damaged, and what can still be read. Every check runs, whatever the others found.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::columns::{numbers, texts};
+use super::folder::{RunFolder, find};
+use super::parquet_file::read;
+use super::sample_files::{is_open_part, read_samples, sample_files};
+use super::untracked_files::untracked;
+use crate::campaign::{Campaign, differences};
+use crate::input::Source;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::results::RESULTS;
+use crate::run_folder::schema::samples::JOINED;
+use crate::run_folder::schema::transients::TRANSIENTS;
+use crate::run_folder::{ReadError, checksum, journal};
+
+/// One thing found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Finding {
+    /// In order.
+    Good(String),
+    /// Wrong.
+    Wrong(String),
+}
+
+/// Checks a folder. Nothing is written.
+///
+/// # Errors
+/// When the folder is no run at all.
+pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
+    let path = &find(path)?;
+    let mut found = Vec::new();
+    let run = match RunFolder::open(path) {
+        Ok(run) => Some(run),
+        Err(error) => {
+            found.push(Finding::Wrong(error.to_string()));
+            None
+        }
+    };
+    if let Some(run) = &run {
+        ending(run, &mut found);
+        checksums(run, &mut found);
+    }
+    journal(path, run.as_ref(), &mut found);
+    let campaign = campaign(path, &mut found);
+    untracked_files(path, campaign.as_ref(), &mut found);
+    results(path, run.as_ref(), campaign.as_ref(), &mut found);
+    samples(path, run.as_ref(), &mut found);
+    Ok(found)
+}
+
+fn ending(run: &RunFolder, found: &mut Vec<Finding>) {
+    let manifest = run.manifest();
+    let text = format!(
+        "manifest.json: {}, {} of {} points",
+        manifest.ending_text(),
+        manifest.points_taken,
+        manifest.points_planned
+    );
+    found.push(if manifest.is_complete() { Finding::Good(text) } else { Finding::Wrong(text) });
+    let lost = manifest.counters;
+    if lost.dropped_records + lost.missing_records + lost.dropped_rows_host + lost.lost_rows > 0 {
+        let text = format!(
+            "telemetry: {} rows dropped by the device, {} messages missing on the way, {} rows dropped by the host; {} rows missing in all",
+            lost.dropped_records, lost.missing_records, lost.dropped_rows_host, lost.lost_rows
+        );
+        found.push(Finding::Wrong(text));
+    }
+}
+
+fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
+    let files = &run.manifest().files;
+    if files.is_empty() {
+        found.push(Finding::Good("checksums: the manifest has none (a run that was killed, or an old one)".into()));
+        return;
+    }
+    let mut good = 0;
+    for file in files {
+        match checksum::of_file(run.path(), &file.name) {
+            Err(error) => found.push(Finding::Wrong(format!("{}: cannot read it: {error}", file.name))),
+            Ok(now) if now.bytes != file.bytes => found.push(Finding::Wrong(format!(
+                "{}: {} bytes, and {} when the run ended",
+                file.name, now.bytes, file.bytes
+            ))),
+            Ok(now) if now.sha256 != file.sha256 => {
+                found.push(Finding::Wrong(format!("{}: changed since the run ended (SHA-256 differs)", file.name)));
+            }
+            Ok(_) => good += 1,
+        }
+    }
+    found.push(Finding::Good(format!("checksums: {good} of {} files are as when the run ended", files.len())));
+}
+
+/// The journal itself, and the closed parts that it lists.
+fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
+    let lines = match journal::read(path) {
+        Ok(lines) => lines,
+        // Older runs have no journal.
+        Err(_) if !journal::is_in(path) => return,
+        Err(error) => return found.push(Finding::Wrong(error.to_string())),
+    };
+    let (name, taken) = (journal::JOURNAL, JournalState::of(&lines.entries));
+    found.push(Finding::Good(format!("{name}: {} lines, {} points", lines.entries.len(), taken.points())));
+    if !lines.damaged.is_empty() {
+        let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
+        found.push(Finding::Wrong(format!("{name}: line {} is damaged", list.join(", "))));
+    }
+    if !lines.torn.is_empty() {
+        let list: Vec<String> = lines.torn.iter().map(usize::to_string).collect();
+        let text = format!("{name}: line {} was cut off by a kill and is ignored", list.join(", "));
+        found.push(Finding::Good(text));
+    }
+    if let (Some(begin), Ok(now)) = (taken.begun.first(), Source::read(&path.join("campaign.toml"))) {
+        let different = differences(&begin.campaign, now.text());
+        if !different.is_empty() {
+            let list = different.join("\n  ");
+            let text = format!("campaign.toml is not the campaign that the run was started with ({name}):\n  {list}");
+            found.push(Finding::Wrong(text));
+        }
+    }
+    for part in taken.left_parts() {
+        found.push(Finding::Wrong(format!(
+            "{}: was damaged when the samples were joined; its {} rows are missing from {}, the file was left in place",
+            part.file.name, part.rows, JOINED
+        )));
+    }
+    if taken.joined.is_some() || run.is_some_and(|r| !r.manifest().files.is_empty()) {
+        return;
+    }
+    let mut good = 0;
+    for sealed in &taken.sealed {
+        match checksum::of_file(path, &sealed.file.name) {
+            Ok(now) if now == sealed.file => good += 1,
+            Ok(_) => found.push(Finding::Wrong(format!("{}: changed since it was closed", sealed.file.name))),
+            Err(error) => found.push(Finding::Wrong(format!("{}: cannot read it: {error}", sealed.file.name))),
+        }
+    }
+    found.push(Finding::Good(format!(
+        "samples.parts: {good} of {} closed parts are as the journal says",
+        taken.sealed.len()
+    )));
+}
+
+/// Files of a run that its journal does not list.
+fn untracked_files(path: &Path, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
+    let Ok(lines) = journal::read(path) else { return };
+    let taken = JournalState::of(&lines.entries);
+    // Without the campaign the number of points is unknown.
+    let is_complete = campaign.is_none_or(|campaign| taken.points() >= campaign.points());
+    let untracked = untracked(path, &taken, is_complete);
+    let name = journal::JOURNAL;
+    found.extend(untracked.data.iter().map(|what| Finding::Wrong(format!("{what}; {name} does not list it"))));
+    let unreadable = untracked.unreadable.iter();
+    found.extend(unreadable.map(|what| Finding::Wrong(format!("{what}: nothing in it can be read"))));
+}
+
+fn campaign(path: &Path, found: &mut Vec<Finding>) -> Option<Campaign> {
+    let file = path.join("campaign.toml");
+    match Source::read(&file).and_then(Campaign::parse) {
+        Ok(campaign) => Some(campaign),
+        Err(error) => {
+            found.push(Finding::Wrong(format!("campaign.toml: {error}")));
+            None
+        }
+    }
+}
+
+type PerPair = BTreeMap<(String, String), Vec<f64>>;
+
+/// The numbers of a column for each set-up and experiment.
+fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> Result<(), ReadError> {
+    let (set_ups, experiments, values) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, name)?);
+    for ((set_up, experiment), value) in set_ups.into_iter().zip(experiments).zip(values) {
+        into.entry((set_up, experiment)).or_default().push(value);
+    }
+    Ok(())
+}
+
+fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
+    let mut taken = PerPair::new();
+    let batches = match run {
+        Some(run) => run.results(),
+        None => read(&path.join(RESULTS)).and_then(Iterator::collect),
+    };
+    let read = batches.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "frequency_hz", &mut taken)));
+    if let Err(error) = read {
+        found.push(Finding::Wrong(error.to_string()));
+        return;
+    }
+    let mut rows: usize = taken.values().map(Vec::len).sum();
+    found.push(Finding::Good(format!("results.parquet: {rows} rows")));
+    let mut events = PerPair::new();
+    let read = run.map_or(Ok(Vec::new()), RunFolder::transients);
+    match read.and_then(|all| all.iter().try_for_each(|batch| gather(batch, "x_peak_m", &mut events))) {
+        Err(error) => found.push(Finding::Wrong(error.to_string())),
+        Ok(()) if !events.is_empty() => {
+            let own: usize = events.values().map(Vec::len).sum();
+            found.push(Finding::Good(format!("{TRANSIENTS}: {own} rows")));
+            rows += own;
+        }
+        Ok(()) => {}
+    }
+    if let Some(said) = run.map(|r| r.manifest()).filter(|m| !m.is_running() && m.points_taken != rows) {
+        found.push(Finding::Wrong(format!("results: {rows} rows, the manifest says {}", said.points_taken)));
+    }
+    for experiment in campaign.iter().flat_map(|c| &c.experiments) {
+        for set_up in experiment.set_ups.iter().filter_map(|i| campaign?.set_ups.get(*i)) {
+            let key = (set_up.name.clone(), experiment.name.clone());
+            let have = taken.get(&key).map_or(&[][..], Vec::as_slice);
+            if experiment.stepped_sine().is_none() && !events.contains_key(&key) {
+                found.push(Finding::Wrong(format!("results: {:?}, {:?} is missing", key.0, key.1)));
+            }
+            let times = |list: &[f64], f: f64| list.iter().filter(|g| **g == f).count();
+            let is_missing = |f: &&f64| times(have, **f) < times(experiment.frequencies_hz(), **f);
+            let missing: Vec<String> =
+                experiment.frequencies_hz().iter().filter(is_missing).map(f64::to_string).collect();
+            if !missing.is_empty() {
+                let (set_up, experiment) = key;
+                let list = missing.join(", ");
+                found.push(Finding::Wrong(format!("results: {set_up:?}, {experiment:?} lacks {list} Hz")));
+            }
+        }
+    }
+}
+
+fn samples(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
+    let files = sample_files(path);
+    let (mut rows, mut ticks) = (0_u64, PerSegment::new());
+    for file in &files {
+        let mut own = 0;
+        let read = read_samples(file).and_then(|mut batches| {
+            batches.try_for_each(|batch| {
+                let batch = batch?;
+                own += batch.num_rows() as u64;
+                gather_ticks(&batch, &mut ticks)
+            })
+        });
+        rows += own;
+        if let Err(error) = read {
+            found.push(Finding::Wrong(format!("{error}\n  {own} rows of it can be read")));
+        }
+        if is_open_part(file) {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            found
+                .push(Finding::Wrong(format!("{name}: was open when the program ended; {own} rows of it can be read")));
+        }
+    }
+    found.push(Finding::Good(format!("samples: {rows} rows can be read from {} files", files.len())));
+    let Some(manifest) = run.map(RunFolder::manifest) else { return };
+    if !manifest.is_running() && manifest.sample_rows != rows {
+        found.push(Finding::Wrong(format!("samples: {rows} rows, the manifest says {}", manifest.sample_rows)));
+    }
+    let Some(every) = manifest.every_ticks() else { return };
+    for ((set_up, experiment, segment), ticks) in &ticks {
+        if let Some(text) = gaps(ticks, every as f64) {
+            let place = format!("{set_up:?}, {experiment:?}, segment {segment}");
+            found.push(Finding::Wrong(format!("samples: {place}: {text}")));
+        }
+    }
+}
+
+/// Ticks count from 0 in each segment of an experiment on a set-up.
+type PerSegment = BTreeMap<(String, String, String), Vec<f64>>;
+
+fn gather_ticks(batch: &arrow_array::RecordBatch, into: &mut PerSegment) -> Result<(), ReadError> {
+    let (set_ups, experiments, ticks) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, "tick")?);
+    // Older runs have no segments: they were never taken up again.
+    let has_segments = batch.schema().field_with_name("segment").is_ok();
+    let segments = if has_segments { texts(batch, "segment")? } else { vec!["0".into(); ticks.len()] };
+    for (((set_up, experiment), segment), tick) in set_ups.into_iter().zip(experiments).zip(segments).zip(ticks) {
+        into.entry((set_up, experiment, segment)).or_default().push(tick);
+    }
+    Ok(())
+}
+
+/// Steps between rows that are not `every` ticks, in words; `None` when there are none.
+fn gaps(ticks: &[f64], every: f64) -> Option<String> {
+    let odd: Vec<&[f64]> = ticks.windows(2).filter(|w| w[1] - w[0] != every).collect();
+    let first = odd.first()?;
+    let lost: f64 = odd.iter().map(|w| ((w[1] - w[0]) / every - 1.0).max(0.0)).sum();
+    let text = format!("{} gaps, {lost:.0} rows lost, the first after tick {}", odd.len(), first[0]);
+    let backwards = odd.iter().filter(|w| w[1] <= w[0]).count();
+    Some(if backwards > 0 { format!("{text}; {backwards} times the tick does not rise") } else { text })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gaps;
+
+    #[test]
+    fn a_gap_is_told_with_its_place_and_its_length_in_rows() {
+        assert_eq!(gaps(&[0.0, 10.0, 20.0], 10.0), None);
+        assert_eq!(gaps(&[0.0, 10.0, 50.0], 10.0).unwrap(), "1 gaps, 3 rows lost, the first after tick 10");
+        assert!(gaps(&[0.0, 10.0, 10.0], 10.0).unwrap().ends_with("1 times the tick does not rise"));
+    }
+}

@@ -1,0 +1,62 @@
+//! The device as the manifest and the journal describe it.
+
+use damprig_core::settings::Settings;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// What the device said about itself. Keys that older runs lack have defaults.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Device {
+    /// The link it was reached by, as given to `--rig`.
+    pub link: String,
+    /// Board name.
+    pub board: String,
+    /// Firmware version.
+    pub firmware: String,
+    /// Protocol version.
+    #[serde(default)]
+    pub protocol_version: u16,
+    /// Hash of the protocol's message schema, in hexadecimal.
+    #[serde(default)]
+    pub protocol_schema: String,
+    /// Whether the plant is simulated.
+    #[serde(default)]
+    pub simulated: bool,
+    /// What moves: `real`, `simulated in f32` or `simulated in f64`.
+    #[serde(default)]
+    pub plant: String,
+    /// What advances the ticks: the board's own clock (`real time`), or the host (`granted`).
+    #[serde(default)]
+    pub clock: String,
+    /// Ticks per second.
+    pub tick_hz: f64,
+    /// Revision of the firmware's source and build profile; empty where they are unknown.
+    #[serde(default)]
+    pub build: String,
+    /// Source of the board's clock: `crystal`, or `internal oscillator` when the crystal did not start; `host` under a
+    /// granted clock.
+    #[serde(default)]
+    pub clock_source: String,
+    /// Cause of the last crash of the firmware since power-on.
+    #[serde(default)]
+    pub last_crash: Option<String>,
+    /// The board's settings when the run began: the base of the acting settings.
+    #[serde(default, deserialize_with = "or_default")]
+    pub settings: Option<BoardSettings>,
+}
+
+/// Settings of a board and their source.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BoardSettings {
+    /// Where they come from, in words.
+    pub source: String,
+    /// The settings.
+    #[serde(flatten)]
+    pub settings: Settings,
+}
+
+/// A value that an older run may have in another layout: then its default.
+pub(super) fn or_default<'de, D: Deserializer<'de>, T: Default + DeserializeOwned>(from: D) -> Result<T, D::Error> {
+    let value = serde_json::Value::deserialize(from)?;
+    Ok(serde_json::from_value(value).unwrap_or_default())
+}

@@ -1,0 +1,169 @@
+//! The lines of the journal: what happened in a run, as records.
+
+use std::ops::AddAssign;
+
+use serde::{Deserialize, Serialize};
+
+use super::clock_fit::{ClockFit, Pair};
+use super::device::Device;
+use super::impacts::Impacts;
+use super::results::ResultRow;
+use super::samples::SampleColumn;
+use super::segment_id::SegmentId;
+use super::transients::TransientRow;
+use crate::client::controller::Controller;
+use crate::run_folder::checksum::FileRecord;
+
+/// A line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "entry", rename_all = "snake_case")]
+pub enum Entry {
+    /// The program begins, or resumes the run.
+    Begin(Box<Begin>),
+    /// The device has started (a part of) an experiment.
+    Segment(SegmentStart),
+    /// A point is measured.
+    Result(Box<ResultRow>),
+    /// A record, a pulse or a free vibration is measured.
+    Transient(Box<TransientRow>),
+    /// Impacts of the particle on its walls.
+    Impacts(Box<Impacts>),
+    /// A part of the samples is closed.
+    Sealed(Sealed),
+    /// The device has finished a segment.
+    Finished(Finished),
+    /// Device time and host time of one tick in the present segment; about one a second.
+    Clock(Pair),
+    /// The link was lost or came back, or the device was reset.
+    Link {
+        /// What happened.
+        what: String,
+        /// Host time with its zone.
+        at: String,
+    },
+    /// The parts are joined into `samples.parquet`.
+    Joined(Joined),
+    /// The program has ended in an orderly way.
+    Ended(Ended),
+}
+
+/// The program begins. Everything here but `at` and `damprig` must be the same when the run is resumed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Begin {
+    /// Host time with its zone.
+    pub at: String,
+    /// Name and version of the program.
+    pub damprig: String,
+    /// The device.
+    pub device: Device,
+    /// Columns of the samples.
+    pub signals: Vec<SampleColumn>,
+    /// Ticks from row to row of the samples; 0 for none.
+    pub every_ticks: u16,
+    /// The campaign's text.
+    pub campaign: String,
+}
+
+/// A segment has started.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SegmentStart {
+    /// The segment.
+    #[serde(flatten)]
+    pub id: SegmentId,
+    /// Place of the first point in the experiment's frequency list.
+    pub first_index: usize,
+    /// Points.
+    pub points: usize,
+    /// Results of earlier segments are superseded: their motion could not be carried over.
+    pub anew: bool,
+    /// Host time with its zone.
+    pub at: String,
+}
+
+/// A closed part of the samples: it is on the disk and does not change any more.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sealed {
+    /// Its number.
+    pub part: u32,
+    /// Its file.
+    pub file: FileRecord,
+    /// Rows in it.
+    pub rows: u64,
+    /// Rows missing before or between them, by their ticks.
+    pub lost_rows: u64,
+}
+
+/// The device has finished a segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finished {
+    /// The segment.
+    #[serde(flatten)]
+    pub id: SegmentId,
+    /// Its last tick.
+    pub end_tick: u32,
+    /// Rows missing after the last that arrived, by their ticks.
+    pub lost_rows: u64,
+    /// Device time against host time; none under a granted clock.
+    pub clock: Option<ClockFit>,
+    /// The controller's counters since the program began.
+    #[serde(default)]
+    pub controller: Option<Controller>,
+}
+
+/// The parts of the samples are one file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Joined {
+    /// Rows of `samples.parquet`.
+    pub rows: u64,
+    /// Numbers of the damaged parts, which are left out; their files stay where they are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<u32>,
+}
+
+/// The program has ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ended {
+    /// Host time with its zone.
+    pub at: String,
+    /// Why it ended early; none when every point is taken.
+    pub reason: Option<String>,
+    /// What was lost since the program began.
+    pub counters: Losses,
+    /// The controller's counters since the program began; none when it was never asked.
+    #[serde(default)]
+    pub controller: Option<Controller>,
+    /// Wall time since the program began, s.
+    pub wall_s: f64,
+}
+
+/// What was lost between device and disk; zeros unless something is wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Losses {
+    /// Rows of samples dropped by the device: its queue was full.
+    pub dropped_records: u64,
+    /// Telemetry messages missing by their sequence numbers.
+    pub missing_records: u64,
+    /// Rows of samples dropped by this program: the disk was too slow.
+    pub dropped_rows_host: u64,
+    /// Rows of samples missing by their ticks, whatever lost them; each gap is in the column `gap_before_ticks`.
+    pub lost_rows: u64,
+    /// Frames that the host rejected: checksum, length, or content.
+    pub bad_frames_host: u64,
+    /// Frames that the device rejected.
+    pub bad_frames_device: u64,
+    /// Times that the link was lost or the device was reset during the run.
+    pub interruptions: u64,
+}
+
+impl AddAssign for Losses {
+    fn add_assign(&mut self, more: Self) {
+        self.dropped_records += more.dropped_records;
+        self.missing_records += more.missing_records;
+        self.dropped_rows_host += more.dropped_rows_host;
+        self.lost_rows += more.lost_rows;
+        self.bad_frames_host += more.bad_frames_host;
+        self.bad_frames_device += more.bad_frames_device;
+        self.interruptions += more.interruptions;
+    }
+}

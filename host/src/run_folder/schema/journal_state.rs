@@ -1,0 +1,291 @@
+//! What the lines of a journal add up to: the points taken, and what is still to do.
+//!
+//! The run keeps this sum while it writes the lines, so going on after a lost link and resuming a killed run are the same
+//! operation.
+
+use std::ops::Range;
+
+use super::impacts::Impacts;
+use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart};
+use super::results::ResultRow;
+use super::segment_id::SegmentId;
+use super::transients::TransientRow;
+use crate::client::controller::Controller;
+
+/// The sum of a journal's lines.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JournalState {
+    /// Each beginning of the program.
+    pub begun: Vec<Begin>,
+    /// Each start of the device.
+    pub segments: Vec<SegmentStart>,
+    /// Segments that the device finished.
+    pub finished: Vec<Finished>,
+    /// Closed parts of the samples.
+    pub sealed: Vec<Sealed>,
+    /// The parts are joined into `samples.parquet`.
+    pub joined: Option<Joined>,
+    /// Each orderly end of the program.
+    pub ended: Vec<Ended>,
+    /// Impacts as they were reported.
+    pub impacts: Vec<Impacts>,
+    /// The latest counters of the controller since each beginning of the program.
+    controllers: Vec<Option<Controller>>,
+    transients: Vec<TransientRow>,
+    rows: Vec<ResultRow>,
+    superseded: Vec<ResultRow>,
+}
+
+impl JournalState {
+    /// Of a journal.
+    #[must_use]
+    pub fn of(entries: &[Entry]) -> Self {
+        let mut state = Self::default();
+        entries.iter().for_each(|entry| state.add(entry));
+        state
+    }
+
+    /// Adds a line.
+    pub fn add(&mut self, entry: &Entry) {
+        match entry {
+            Entry::Begin(begin) => {
+                self.begun.push((**begin).clone());
+                self.controllers.push(None);
+            }
+            Entry::Segment(start) => {
+                if start.anew {
+                    let id = &start.id;
+                    let is_earlier = |r: &mut ResultRow| r.set_up == id.set_up && r.experiment == id.experiment;
+                    self.superseded.extend(self.rows.extract_if(.., is_earlier));
+                }
+                self.segments.push(start.clone());
+            }
+            Entry::Result(row) => {
+                let is_same = |r: &ResultRow| {
+                    r.point_index == row.point_index && r.set_up == row.set_up && r.experiment == row.experiment
+                };
+                // A point is taken once; a second line of it is a repetition.
+                if !self.rows.iter().any(is_same) {
+                    self.rows.push((**row).clone());
+                }
+            }
+            Entry::Transient(row) => {
+                let is_same = |r: &TransientRow| r.set_up == row.set_up && r.experiment == row.experiment;
+                if !self.transients.iter().any(is_same) {
+                    self.transients.push((**row).clone());
+                }
+            }
+            Entry::Impacts(some) => self.impacts.push((**some).clone()),
+            Entry::Sealed(sealed) => {
+                self.sealed.retain(|s| s.part != sealed.part);
+                self.sealed.push(sealed.clone());
+            }
+            Entry::Finished(finished) => {
+                self.update_controller(finished.controller);
+                self.finished.push(finished.clone());
+            }
+            Entry::Clock(_) | Entry::Link { .. } => {}
+            Entry::Joined(joined) => self.joined = Some(joined.clone()),
+            Entry::Ended(ended) => {
+                self.update_controller(ended.controller);
+                self.ended.push(ended.clone());
+            }
+        }
+    }
+
+    /// The results that are not superseded, in the order in which they were taken.
+    #[must_use]
+    pub fn rows(&self) -> &[ResultRow] {
+        &self.rows
+    }
+
+    /// The results of records, pulses and free vibrations, in the order in which they were taken.
+    #[must_use]
+    pub fn transients(&self) -> &[TransientRow] {
+        &self.transients
+    }
+
+    /// Points that are taken: results of either kind.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.rows.len() + self.transients.len()
+    }
+
+    /// Results of sweeps that were repeated from their beginning.
+    #[must_use]
+    pub fn superseded(&self) -> &[ResultRow] {
+        &self.superseded
+    }
+
+    /// The results in the order of the campaign, however often it was interrupted; `order` gives its set-ups and
+    /// experiments as names.
+    #[must_use]
+    pub fn rows_in_order(&self, order: &[(String, String)]) -> Vec<ResultRow> {
+        let place = |r: &ResultRow| {
+            let pair = order.iter().position(|(s, e)| *s == r.set_up && *e == r.experiment).unwrap_or(order.len());
+            (pair, r.point_index)
+        };
+        let mut rows = self.rows.clone();
+        rows.sort_by_key(place);
+        rows
+    }
+
+    /// The next segment of an experiment on a set-up.
+    #[must_use]
+    pub fn next_segment(&self, set_up: &str, experiment: &str) -> SegmentId {
+        let own = self.segments.iter().filter(|s| s.id.set_up == set_up && s.id.experiment == experiment);
+        SegmentId { segment: own.count() as u32, set_up: set_up.into(), experiment: experiment.into() }
+    }
+
+    /// The ranges of neighbouring points of an experiment that are still to be taken; `points` is how many it has.
+    #[must_use]
+    pub fn missing(&self, set_up: &str, experiment: &str, points: usize) -> Vec<Range<usize>> {
+        let own = self.rows.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
+        let mut have = vec![false; points];
+        let events = self.transients.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
+        let indices = own.map(|r| r.point_index).chain(events.map(|r| r.point_index));
+        indices.for_each(|index| have.get_mut(index as usize).into_iter().for_each(|h| *h = true));
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        for index in (0..points).filter(|i| !have[*i]) {
+            match ranges.last_mut() {
+                Some(range) if range.end == index => range.end += 1,
+                _ => ranges.push(index..index + 1),
+            }
+        }
+        ranges
+    }
+
+    /// The losses counted by the runs of the program that ended, and the rows that the parts lack.
+    #[must_use]
+    pub fn losses(&self) -> Losses {
+        let mut sum = Losses::default();
+        self.ended.iter().for_each(|e| sum += e.counters);
+        let missing = self.sealed.iter().map(|s| s.lost_rows).chain(self.finished.iter().map(|f| f.lost_rows));
+        sum.lost_rows += missing.chain(self.left_parts().map(|s| s.rows)).sum::<u64>();
+        sum
+    }
+
+    /// A line's counters cover the time since the program began, so the latest replace earlier ones.
+    fn update_controller(&mut self, now: Option<Controller>) {
+        if let (Some(latest), Some(_)) = (self.controllers.last_mut(), now) {
+            *latest = now;
+        }
+    }
+
+    /// The controller's counters over all runs of the program; none without any. Of a run of the program that was killed,
+    /// up to the last segment that was finished.
+    #[must_use]
+    pub fn controller(&self) -> Option<Controller> {
+        self.controllers.iter().flatten().copied().reduce(Controller::and)
+    }
+
+    /// Parts that were damaged when the others were joined: their rows are not in `samples.parquet`.
+    pub fn left_parts(&self) -> impl Iterator<Item = &Sealed> {
+        let left = self.joined.as_ref().map_or(&[][..], |joined| &joined.left);
+        self.sealed.iter().filter(move |s| left.contains(&s.part))
+    }
+
+    /// Whether a part of this number is closed.
+    #[must_use]
+    pub fn is_sealed(&self, part: u32) -> bool {
+        self.sealed.iter().any(|s| s.part == part)
+    }
+
+    /// The end of a segment, if the device finished it.
+    #[must_use]
+    pub fn end_of(&self, id: &SegmentId) -> Option<&Finished> {
+        self.finished.iter().find(|f| f.id == *id)
+    }
+
+    /// Wall time of the runs of the program that ended in an orderly way, s.
+    #[must_use]
+    pub fn wall_s(&self) -> f64 {
+        self.ended.iter().map(|e| e.wall_s).sum()
+    }
+
+    /// Device time up to the last point of each segment, ticks.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        let end = |start: &SegmentStart| {
+            let id = &start.id;
+            let is_own = |set_up: &str, experiment: &str, segment: u32| {
+                set_up == id.set_up && experiment == id.experiment && segment == id.segment
+            };
+            let results = self.rows.iter().chain(&self.superseded);
+            let results = results.filter(|r| is_own(&r.set_up, &r.experiment, r.segment)).map(|r| r.end_tick);
+            let transients = self.transients.iter().filter(|r| is_own(&r.set_up, &r.experiment, r.segment));
+            let finished = self.end_of(id).map(|f| u64::from(f.end_tick));
+            results.chain(transients.map(|r| r.end_tick)).chain(finished).max().unwrap_or(0)
+        };
+        self.segments.iter().map(end).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn result(point_index: u32, segment: u32) -> Entry {
+        let row =
+            ResultRow { set_up: "a".into(), experiment: "e".into(), point_index, segment, ..ResultRow::default() };
+        Entry::Result(Box::new(row))
+    }
+
+    fn start(segment: u32, anew: bool) -> Entry {
+        let id = SegmentId { set_up: "a".into(), experiment: "e".into(), segment };
+        Entry::Segment(SegmentStart { id, points: 5, anew, ..SegmentStart::default() })
+    }
+
+    #[test]
+    fn missing_points_come_in_ranges_of_neighbours() {
+        let taken = JournalState::of(&[start(0, false), result(0, 0), result(3, 0)]);
+        assert_eq!(taken.missing("a", "e", 6), [1..3, 4..6]);
+        assert_eq!(taken.missing("b", "e", 2).first(), Some(&(0..2)));
+        assert!(taken.missing("a", "e", 1).is_empty());
+    }
+
+    #[test]
+    fn the_latest_counters_of_each_run_of_the_program_add_up() {
+        let device = r#"{"link":"","board":"","firmware":"","protocol_version":1,"protocol_schema":"","simulated":true,"plant":"","clock":"","tick_hz":1.0}"#;
+        let begin = format!(
+            r#"{{"entry":"begin","at":"","damprig":"","device":{device},"signals":[],"every_ticks":1,"campaign":""}}"#
+        );
+        let finished = |controller: &str| {
+            format!(
+                r#"{{"entry":"finished","set_up":"a","experiment":"e","segment":0,"end_tick":1,"lost_rows":0,"clock":null{controller}}}"#
+            )
+        };
+        let ended = |controller: &str| {
+            format!(r#"{{"entry":"ended","at":"","reason":null,"counters":{{}},"wall_s":1.0{controller}}}"#)
+        };
+        let told = |overruns: u32, tick_us: u32| {
+            format!(r#","controller":{{"overruns":{overruns},"longest_tick_us":{tick_us}}}"#)
+        };
+        let sum = |lines: &[String]| {
+            let entries: Vec<Entry> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+            JournalState::of(&entries).controller().map(|c| (c.overruns, c.longest_tick_us))
+        };
+        // A run that ended, one that was killed, one that never asked.
+        let parts = [
+            begin.clone(),
+            finished(&told(1, 90)),
+            ended(&told(3, 90)),
+            begin.clone(),
+            finished(&told(2, 40)),
+            begin.clone(),
+            ended(""),
+        ];
+        assert_eq!(sum(&parts), Some((5, 90)));
+        assert_eq!(sum(&[begin, finished(""), ended("")]), None, "an older journal");
+    }
+
+    #[test]
+    fn a_point_counts_once_and_a_repeated_sweep_counts_from_its_new_start() {
+        let mut taken = JournalState::of(&[start(0, false), result(0, 0), result(1, 0), result(1, 0)]);
+        assert_eq!((taken.rows().len(), taken.next_segment("a", "e").segment), (2, 1));
+        taken.add(&start(1, true));
+        taken.add(&result(0, 1));
+        assert_eq!((taken.rows().len(), taken.superseded().len()), (1, 2));
+        assert_eq!(taken.rows()[0].segment, 1);
+    }
+}

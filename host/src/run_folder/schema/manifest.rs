@@ -1,0 +1,296 @@
+//! `manifest.json`: everything about a run that is not a table. Older runs of format 1 lack keys; these have defaults.
+
+use std::sync::Arc;
+
+use arrow_schema::Field;
+use serde::{Deserialize, Serialize};
+
+use super::acting_settings::ActingSetting;
+use super::clock_fit::ClockFit;
+use super::device::{Device, or_default};
+use super::journal_entry::{Losses, SegmentStart};
+use super::journal_state::JournalState;
+use super::results;
+use super::samples::SampleColumn;
+use super::segment_id::SegmentId;
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::client::controller::Controller;
+use crate::run_folder::checksum::FileRecord;
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Ending {
+    /// It has not ended; when no program is recording any more, it was killed.
+    Running,
+    /// Every point was taken.
+    Complete,
+    /// It ended early.
+    Incomplete {
+        /// Why.
+        #[serde(default)]
+        reason: String,
+    },
+}
+
+/// A segment as the manifest summarises it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SegmentRecord {
+    #[serde(flatten)]
+    id: SegmentId,
+    first_point_index: usize,
+    started: String,
+    /// Whether the device reached its end; otherwise the run was interrupted in it.
+    finished: bool,
+    /// Device time against host time; none under a granted clock, where the host advances the device's time.
+    clock: Option<ClockFit>,
+}
+
+/// A set-up in SI units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SetUpRecord {
+    /// Its name in the tables.
+    pub name: String,
+    /// Its name for people.
+    #[serde(default)]
+    pub label: String,
+    /// Base amplitude as set, m.
+    #[serde(default)]
+    pub base_amplitude_m: f64,
+    #[serde(default, deserialize_with = "or_default")]
+    clearance_ratio: Option<f64>,
+    #[serde(default, deserialize_with = "or_default")]
+    friction_ratio: Option<f64>,
+    #[serde(default, deserialize_with = "or_default")]
+    natural_frequency_hz: f64,
+    #[serde(default, deserialize_with = "or_default")]
+    particle_start_m: f64,
+    /// Largest |x| predicted, m; NaN in older runs.
+    #[serde(default = "nan")]
+    pub predicted_max_x_m: f64,
+    #[serde(default, deserialize_with = "or_default")]
+    model: Option<damprig_core::model::SetUp>,
+}
+
+fn nan() -> f64 {
+    f64::NAN
+}
+
+impl SetUpRecord {
+    /// Of a campaign's set-up and its prediction.
+    #[must_use]
+    pub fn new(set_up: &CampaignSetUp, predicted_max_x_m: f64) -> Self {
+        Self {
+            name: set_up.name.clone(),
+            label: set_up.label.clone(),
+            base_amplitude_m: set_up.base_amplitude_m,
+            clearance_ratio: set_up.clearance_ratio(),
+            friction_ratio: set_up.friction_ratio(),
+            natural_frequency_hz: set_up.natural_frequency_hz(),
+            particle_start_m: set_up.particle_start_m(),
+            predicted_max_x_m,
+            model: Some(set_up.model()),
+        }
+    }
+}
+
+/// Unit and meaning of a results column.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct ColumnRecord {
+    name: String,
+    unit: String,
+    about: String,
+}
+
+/// Durations of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Durations {
+    /// Time on the rig, s.
+    pub rig_s: f64,
+    /// Wall time, s.
+    pub wall_s: f64,
+}
+
+/// The file's name in a run folder.
+pub const MANIFEST: &str = "manifest.json";
+
+/// Version of the run folder's format: raised when a reader of the earlier one would misread the new one.
+pub const FORMAT: u32 = 1;
+
+/// The first runs carry no version.
+fn first_format() -> u32 {
+    1
+}
+
+/// The manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the folder's format, [`FORMAT`].
+    #[serde(default = "first_format")]
+    pub format: u32,
+    /// Name of the campaign.
+    pub campaign: String,
+    /// How the run ended.
+    #[serde(flatten)]
+    pub ending: Ending,
+    /// Whether a program is recording into the folder now; none when unknown. Found when a folder is opened.
+    #[serde(skip)]
+    pub is_recording: Option<bool>,
+    /// Start, local time with its zone.
+    pub started: String,
+    /// Name and version of the program that recorded it.
+    pub damprig: String,
+    /// Operating system and architecture of the host.
+    #[serde(default)]
+    pub host: String,
+    /// The device; absent when it never answered.
+    pub device: Option<Device>,
+    /// Points planned.
+    pub points_planned: usize,
+    /// Points taken.
+    pub points_taken: usize,
+    /// Rows of samples.
+    pub sample_rows: u64,
+    /// Samples of each signal per second, as asked for.
+    pub telemetry_rate_hz: f64,
+    /// Signals recorded.
+    pub signals: Vec<SampleColumn>,
+    /// What was lost.
+    #[serde(default)]
+    pub counters: Losses,
+    /// The controller's counters, as far as the journal has them; absent when it was never asked.
+    #[serde(default)]
+    pub controller: Option<Controller>,
+    /// Durations.
+    #[serde(default)]
+    pub clock: Durations,
+    /// Times that the run was resumed.
+    #[serde(default)]
+    pub resumed: usize,
+    /// Each start of the device.
+    #[serde(default, deserialize_with = "or_default")]
+    pub segments: Vec<SegmentRecord>,
+    /// The limits and spring properties that acted, each with its origin.
+    #[serde(default)]
+    pub acting_settings: Vec<ActingSetting>,
+    /// The set-ups in SI units.
+    pub set_ups: Vec<SetUpRecord>,
+    /// The other files when the run ended; empty before, and in a run that was killed.
+    #[serde(default)]
+    pub files: Vec<FileRecord>,
+    #[serde(default, deserialize_with = "or_default")]
+    results_columns: Vec<ColumnRecord>,
+}
+
+impl Manifest {
+    /// At the start of a run.
+    #[must_use]
+    pub fn begin(campaign: &Campaign, set_ups: Vec<SetUpRecord>, started: &str) -> Self {
+        Self {
+            format: FORMAT,
+            campaign: campaign.name.clone(),
+            ending: Ending::Running,
+            is_recording: None,
+            started: started.to_string(),
+            damprig: crate::VERSION_LINE.to_string(),
+            host: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            device: None,
+            points_planned: campaign.points(),
+            points_taken: 0,
+            sample_rows: 0,
+            telemetry_rate_hz: campaign.telemetry.rate_hz,
+            signals: Vec::new(),
+            counters: Losses::default(),
+            controller: None,
+            clock: Durations::default(),
+            resumed: 0,
+            segments: Vec::new(),
+            acting_settings: Vec::new(),
+            set_ups,
+            files: Vec::new(),
+            results_columns: results_columns(),
+        }
+    }
+
+    /// Takes over the totals of the journal.
+    pub fn note(&mut self, journal: &JournalState, rows: u64) {
+        self.points_taken = journal.points();
+        self.sample_rows = rows;
+        self.controller = journal.controller();
+        self.resumed = journal.begun.len().saturating_sub(1);
+        let record = |start: &SegmentStart| {
+            let finished = journal.end_of(&start.id);
+            SegmentRecord {
+                id: start.id.clone(),
+                first_point_index: start.first_index,
+                started: start.at.clone(),
+                finished: finished.is_some(),
+                clock: finished.and_then(|f| f.clock),
+            }
+        };
+        self.segments = journal.segments.iter().map(record).collect();
+    }
+
+    /// Whether every point was taken and the program ended in an orderly way.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.ending == Ending::Complete
+    }
+
+    /// Whether the run has not ended in an orderly way: it goes on, or was killed.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.ending == Ending::Running
+    }
+
+    /// How it ended, in words.
+    #[must_use]
+    pub fn ending_text(&self) -> String {
+        match (&self.ending, self.is_recording) {
+            (Ending::Running, Some(true)) => "still running".into(),
+            (Ending::Running, Some(false)) => "killed while it was running".into(),
+            (Ending::Running, None) => "still running, or killed".into(),
+            (Ending::Complete, _) => "complete".into(),
+            (Ending::Incomplete { reason }, _) if reason.is_empty() => "incomplete".into(),
+            (Ending::Incomplete { reason }, _) => format!("incomplete: {reason}"),
+        }
+    }
+
+    /// The status as the file has it: `running`, `complete` or `incomplete`.
+    #[must_use]
+    pub fn status(&self) -> &'static str {
+        match self.ending {
+            Ending::Running => "running",
+            Ending::Complete => "complete",
+            Ending::Incomplete { .. } => "incomplete",
+        }
+    }
+
+    /// Ticks between two rows, when the device and the rate are known.
+    #[must_use]
+    pub fn every_ticks(&self) -> Option<u64> {
+        let every = (self.device.as_ref()?.tick_hz / self.telemetry_rate_hz).round();
+        (every.is_finite() && every >= 1.0).then_some(every as u64)
+    }
+
+    /// The start as an instant; none when the text is not a time.
+    #[must_use]
+    pub fn started_at(&self) -> Option<jiff::Timestamp> {
+        // The offset is enough where this machine does not know the zone.
+        let zoned = self.started.parse::<jiff::Zoned>().map(|time| time.timestamp());
+        zoned.ok().or_else(|| self.started.split('[').next()?.parse().ok())
+    }
+}
+
+/// The columns of the results, by the table itself.
+fn results_columns() -> Vec<ColumnRecord> {
+    let Ok(table) = results::table(&[]) else { return Vec::new() };
+    let text = |field: &Field, key| field.metadata().get(key).cloned().unwrap_or_default();
+    let record = |field: &Arc<Field>| ColumnRecord {
+        name: field.name().clone(),
+        unit: text(field, "unit"),
+        about: text(field, "description"),
+    };
+    table.schema().fields().iter().map(record).collect()
+}

@@ -1,0 +1,15 @@
+//! Records and columns of a run folder's files. Plain data: no file is opened here.
+
+pub mod acting_settings;
+pub mod clock_fit;
+pub mod device;
+pub mod impacts;
+pub mod journal_entry;
+pub mod journal_state;
+mod json_float;
+pub mod manifest;
+pub mod results;
+pub mod samples;
+pub mod segment_id;
+pub mod table;
+pub mod transients;

@@ -1,0 +1,133 @@
+//! `results.parquet`: a row per measured point (set-up, experiment, frequency).
+//!
+//! [`table`] is the one list of its columns: the Parquet schema and the manifest's `results_columns` follow from it.
+
+use arrow_array::RecordBatch;
+use serde::{Deserialize, Serialize};
+
+use super::json_float;
+use super::table::TableBuilder;
+
+/// The file's name in a run folder.
+pub const RESULTS: &str = "results.parquet";
+
+/// What the rig measured at one point.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ResultRow {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Drive frequency, Hz.
+    #[serde(with = "json_float")]
+    pub frequency_hz: f64,
+    /// Lock-in amplitude of the base, m.
+    #[serde(with = "json_float")]
+    pub z_amplitude_m: f32,
+    /// Distortion of the base: 2nd to 5th harmonic over the first.
+    #[serde(with = "json_float")]
+    pub z_distortion: f32,
+    /// Lock-in amplitude of the drive, m.
+    #[serde(with = "json_float")]
+    pub drive_amplitude_m: f32,
+    /// Whether the drive was at its limit.
+    pub drive_saturated: bool,
+    /// Names of the sensors that were clipped (a sample was at an end of the span), or `none`; empty in older runs.
+    #[serde(default)]
+    pub sensors_clipped: String,
+    /// Clearance, m; NaN without a particle.
+    #[serde(with = "json_float")]
+    pub clearance_m: f64,
+    /// Lock-in amplitude of the structure, m.
+    #[serde(with = "json_float")]
+    pub x_amplitude_m: f32,
+    /// Phase of x relative to z, rad.
+    #[serde(with = "json_float")]
+    pub phase_rad: f32,
+    /// RMS of x over the dwell, m.
+    #[serde(with = "json_float")]
+    pub x_rms_m: f32,
+    /// Mean over the cycles of the dwell of max|x|, m.
+    #[serde(with = "json_float")]
+    pub x_mean_cycle_max_m: f32,
+    /// Largest |x| of the dwell, m.
+    #[serde(with = "json_float")]
+    pub x_max_m: f32,
+    /// max|x| of the last whole cycle, m.
+    #[serde(with = "json_float")]
+    pub x_last_cycle_max_m: f32,
+    /// Trend of the cycle maximum, relative change in a cycle.
+    #[serde(with = "json_float")]
+    pub change_per_cycle: f32,
+    /// Scatter of the cycle maxima around that trend, relative.
+    #[serde(with = "json_float")]
+    pub scatter: f32,
+    /// Whole cycles in the dwell.
+    pub cycles: u32,
+    /// Whether the point counts as steady.
+    pub steady: bool,
+    /// First tick of the dwell.
+    pub start_tick: u64,
+    /// First tick after the dwell.
+    pub end_tick: u64,
+    /// d/Z with Z as set; NaN without a particle.
+    #[serde(with = "json_float")]
+    pub d_over_z: f64,
+    /// Place in the experiment's frequency list, from 0.
+    pub point_index: u32,
+    /// How many times the experiment had been taken up again on this set-up when the point was measured; ticks count
+    /// from 0 in each segment.
+    pub segment: u32,
+}
+
+impl ResultRow {
+    /// X/Z as the literature's tables have it: mean cycle maximum over the measured base amplitude.
+    #[must_use]
+    pub fn x_over_z(&self) -> f64 {
+        f64::from(self.x_mean_cycle_max_m) / f64::from(self.z_amplitude_m)
+    }
+
+    /// d/Z with Z as measured; NaN without a particle.
+    #[must_use]
+    pub fn actual_d_over_z(&self) -> f64 {
+        self.clearance_m / f64::from(self.z_amplitude_m)
+    }
+}
+
+/// The rows as a table, columns in the order of the file.
+///
+/// # Errors
+/// When the columns differ in length: a defect of this function.
+pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
+    TableBuilder::new(rows)
+        .text(("set_up", "", "name of the set-up"), |r| &r.set_up)
+        .text(("experiment", "", "name of the experiment"), |r| &r.experiment)
+        .f64(("frequency_hz", "Hz", "drive frequency"), |r| r.frequency_hz)
+        .f64(("x_over_z", "1", "x_mean_cycle_max_m / z_amplitude_m"), |r| r.x_over_z())
+        .f64(("d_over_z", "1", "clearance over base amplitude as set; NaN without a particle"), |r| r.d_over_z)
+        .f64(("actual_d_over_z", "1", "clearance over base amplitude as measured; NaN without a particle"), |r| {
+            r.actual_d_over_z()
+        })
+        .f32(("z_amplitude_m", "m", "base: lock-in amplitude"), |r| r.z_amplitude_m)
+        .f32(("z_distortion", "1", "base: 2nd to 5th harmonic over the first"), |r| r.z_distortion)
+        .f32(("drive_amplitude_m", "m", "drive: lock-in amplitude"), |r| r.drive_amplitude_m)
+        .bool(("drive_saturated", "", "whether the drive was at its limit"), |r| r.drive_saturated)
+        .text(("sensors_clipped", "", "sensors with a sample at an end of their span, or none"), |r| &r.sensors_clipped)
+        .f32(("x_amplitude_m", "m", "structure: lock-in amplitude"), |r| r.x_amplitude_m)
+        .f32(("phase_rad", "rad", "phase of x relative to z"), |r| r.phase_rad)
+        .f32(("x_rms_m", "m", "structure: RMS over the dwell"), |r| r.x_rms_m)
+        .f32(("x_mean_cycle_max_m", "m", "structure: mean over cycles of max|x|"), |r| r.x_mean_cycle_max_m)
+        .f32(("x_max_m", "m", "structure: largest |x| of the dwell"), |r| r.x_max_m)
+        .f32(("x_last_cycle_max_m", "m", "structure: max|x| of the last whole cycle"), |r| r.x_last_cycle_max_m)
+        .f32(("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle"), |r| r.change_per_cycle)
+        .f32(("scatter", "1", "scatter of the cycle maxima around the trend, relative"), |r| r.scatter)
+        .u32(("cycles", "1", "whole cycles in the dwell"), |r| r.cycles)
+        .bool(("steady", "", "whether the point counts as steady"), |r| r.steady)
+        .u64(("start_tick", "tick", "first tick of the dwell"), |r| r.start_tick)
+        .u64(("end_tick", "tick", "first tick after the dwell"), |r| r.end_tick)
+        .u32(("point_index", "1", "place in the experiment's frequency list, from 0"), |r| r.point_index)
+        .u32(("segment", "1", "times that the experiment had been taken up again; ticks count from 0 in each"), |r| {
+            r.segment
+        })
+        .finish()
+}

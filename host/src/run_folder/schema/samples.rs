@@ -1,0 +1,152 @@
+//! Names and columns of the samples' files.
+//!
+//! A Parquet file without its end cannot be read. So samples are recorded into an Arrow stream that may be cut off
+//! anywhere (the open part), which becomes a Parquet file of `samples.parts/` when its point is over; a complete run's
+//! parts are joined into one file. Values that all rows of an open part share are in the stream's metadata.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Int32Type, UInt64Type};
+use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, StringArray, UInt32Array};
+use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use serde::{Deserialize, Serialize};
+
+use super::segment_id::SegmentId;
+use super::table::field;
+
+/// The joined samples of a complete run.
+pub const JOINED: &str = "samples.parquet";
+
+/// Folder of the closed parts of a run that is not complete. Parquet readers take it as one data set.
+pub const PARTS: &str = "samples.parts";
+
+/// The file of a closed part, relative to the run folder.
+#[must_use]
+pub fn part_name(part: u32) -> String {
+    format!("{PARTS}/{part:06}.parquet")
+}
+
+const OPEN: (&str, &str) = ("samples-", ".open.arrows");
+
+/// The file of an open part, relative to the run folder.
+#[must_use]
+pub fn open_part_name(part: u32) -> String {
+    format!("{}{part:06}{}", OPEN.0, OPEN.1)
+}
+
+/// The number of the open part of this file name.
+#[must_use]
+pub fn open_part_number(name: &str) -> Option<u32> {
+    name.strip_prefix(OPEN.0)?.strip_suffix(OPEN.1)?.parse().ok()
+}
+
+/// A recorded signal.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SampleColumn {
+    /// Name of its column, with the unit: `x_m`.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// The point that samples belong to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointLabel {
+    /// Its segment.
+    pub id: SegmentId,
+    /// Place of the point in the experiment's frequency list.
+    pub point_index: u32,
+    /// Its drive frequency, Hz.
+    pub frequency_hz: f64,
+}
+
+/// The columns of samples with these signals.
+#[must_use]
+pub fn schema(signals: &[SampleColumn]) -> SchemaRef {
+    let name = || DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
+    let mut fields = vec![
+        field("set_up", name(), ""),
+        field("experiment", name(), ""),
+        field("segment", DataType::UInt32, "1"),
+        field("point_index", DataType::UInt32, "1"),
+        field("point_frequency_hz", DataType::Float64, "Hz"),
+        field("tick", DataType::UInt64, "tick"),
+        field("gap_before_ticks", DataType::UInt32, "tick"),
+        field("t_s", DataType::Float64, "s"),
+    ];
+    fields.extend(signals.iter().map(signal_field));
+    Arc::new(Schema::new(fields))
+}
+
+/// The columns and metadata of an open part: tick, gap and signals of each row; the rest once.
+pub(crate) fn stream_schema(label: &PointLabel, signals: &[SampleColumn], tick_hz: f64) -> SchemaRef {
+    let mut fields = vec![field("tick", DataType::UInt64, "tick"), field("gap_before_ticks", DataType::UInt32, "tick")];
+    fields.extend(signals.iter().map(signal_field));
+    let shared = [
+        ("set_up", label.id.set_up.clone()),
+        ("experiment", label.id.experiment.clone()),
+        ("segment", label.id.segment.to_string()),
+        ("point_index", label.point_index.to_string()),
+        ("point_frequency_hz", label.frequency_hz.to_string()),
+        ("tick_hz", tick_hz.to_string()),
+    ];
+    let metadata: HashMap<String, String> = shared.map(|(key, value)| (key.to_string(), value)).into();
+    Arc::new(Schema::new_with_metadata(fields, metadata))
+}
+
+/// Label, tick rate in Hz and signals of an open part; the inverse of [`stream_schema`].
+pub(crate) fn read_stream_schema(stream: &Schema) -> Option<(PointLabel, f64, Vec<SampleColumn>)> {
+    let get = |key: &str| stream.metadata().get(key);
+    let label = PointLabel {
+        id: SegmentId {
+            set_up: get("set_up")?.clone(),
+            experiment: get("experiment")?.clone(),
+            segment: get("segment")?.parse().ok()?,
+        },
+        point_index: get("point_index")?.parse().ok()?,
+        frequency_hz: get("point_frequency_hz")?.parse().ok()?,
+    };
+    let signal = |f: &Arc<Field>| SampleColumn {
+        name: f.name().clone(),
+        unit: f.metadata().get("unit").cloned().unwrap_or_default(),
+    };
+    Some((label, get("tick_hz")?.parse().ok()?, stream.fields().iter().skip(2).map(signal).collect()))
+}
+
+fn signal_field(signal: &SampleColumn) -> Field {
+    field(&signal.name, DataType::Float32, &signal.unit)
+}
+
+/// A batch of an open part with all columns of [`schema`].
+///
+/// # Errors
+/// When the batch does not have the columns of [`stream_schema`].
+pub(crate) fn complete(
+    schema: &SchemaRef,
+    label: &PointLabel,
+    tick_hz: f64,
+    batch: &RecordBatch,
+) -> Result<RecordBatch, String> {
+    let count = batch.num_rows();
+    let name = |name: &str| -> Result<ArrayRef, String> {
+        let names = Arc::new(StringArray::from(vec![name]));
+        let keys = Int32Array::from(vec![0; count]);
+        Ok(Arc::new(DictionaryArray::<Int32Type>::try_new(keys, names).map_err(|e| e.to_string())?))
+    };
+    let ticks = batch.column(0).as_primitive::<UInt64Type>().values();
+    let t_s: Float64Array = ticks.iter().map(|tick| Some(*tick as f64 / tick_hz)).collect();
+    let mut columns: Vec<ArrayRef> = vec![
+        name(&label.id.set_up)?,
+        name(&label.id.experiment)?,
+        Arc::new(UInt32Array::from(vec![label.id.segment; count])),
+        Arc::new(UInt32Array::from(vec![label.point_index; count])),
+        Arc::new(Float64Array::from(vec![label.frequency_hz; count])),
+        batch.column(0).clone(),
+        batch.column(1).clone(),
+        Arc::new(t_s),
+    ];
+    columns.extend_from_slice(&batch.columns()[2..]);
+    RecordBatch::try_new(schema.clone(), columns).map_err(|e| e.to_string())
+}

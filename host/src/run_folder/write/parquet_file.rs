@@ -1,0 +1,87 @@
+//! Writes whole Parquet files with Snappy compression, which every reader has.
+//!
+//! A file is written beside its final name and renamed, so it appears under its name only when it is whole.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use arrow_array::RecordBatch;
+use arrow_schema::{DataType, Schema, SchemaRef};
+use parquet::arrow::ArrowWriter;
+use parquet::basic::{Compression, Encoding};
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterProperties;
+
+use crate::run_folder::StorageError;
+
+/// What a written file survives when the call returns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Durability {
+    /// The end of the program.
+    Program,
+    /// A power cut too.
+    Disk,
+}
+
+/// Encodings of every table. Measured values hardly ever repeat, so a dictionary of them only adds length. Ticks rise
+/// evenly, so their differences are short.
+pub(crate) fn properties(schema: &Schema) -> WriterProperties {
+    let mut properties = WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_created_by(crate::VERSION_LINE.to_string());
+    for field in schema.fields() {
+        let encoding = match field.data_type() {
+            DataType::Float32 => Encoding::PLAIN,
+            DataType::UInt64 => Encoding::DELTA_BINARY_PACKED,
+            _ => continue,
+        };
+        let column = field.name().as_str();
+        properties = properties.set_column_dictionary_enabled(column.into(), false);
+        properties = properties.set_column_encoding(column.into(), encoding);
+    }
+    properties.build()
+}
+
+/// A Parquet error as a storage error, with the system's message when there is one.
+fn failure(path: &Path, error: ParquetError) -> StorageError {
+    let message = match &error {
+        ParquetError::External(inner) => inner.to_string(),
+        other => other.to_string(),
+    };
+    StorageError::new("write", path, message)
+}
+
+/// Writes a file of one table; an earlier file of the name is replaced as a whole.
+pub(super) fn write_table(path: &Path, table: Result<RecordBatch, String>) -> Result<(), StorageError> {
+    let table = table.map_err(|e| StorageError::new("write", path, e))?;
+    write_whole(path, &table.schema(), std::iter::once(Ok(table)), Durability::Program)
+}
+
+/// Writes a file beside `path`, then renames it.
+pub(super) fn write_whole(
+    path: &Path,
+    schema: &SchemaRef,
+    batches: impl Iterator<Item = Result<RecordBatch, String>>,
+    durability: Durability,
+) -> Result<(), StorageError> {
+    let beside = PathBuf::from(format!("{}.tmp", path.display()));
+    let written = (|| {
+        let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
+        let mut writer =
+            ArrowWriter::try_new(file, schema.clone(), Some(properties(schema))).map_err(|e| failure(path, e))?;
+        for batch in batches {
+            let batch = batch.map_err(|e| StorageError::new("write", path, e))?;
+            writer.write(&batch).map_err(|e| failure(path, e))?;
+        }
+        let file = writer.into_inner().map_err(|e| failure(path, e))?;
+        if durability == Durability::Disk {
+            file.sync_data().map_err(|e| StorageError::new("write", path, e))?;
+        }
+        fs::rename(&beside, path).map_err(|e| StorageError::new("name", path, e))
+    })();
+    if written.is_err() {
+        // The data that it was made from are kept elsewhere.
+        let _ = fs::remove_file(&beside);
+    }
+    written
+}

@@ -1,0 +1,337 @@
+//! The recorder: a bounded queue and a thread between the link and the disk, so that neither waits for the other.
+//!
+//! When the disk is too slow for a board with its own clock, rows beyond the queue's capacity are dropped and counted; the
+//! files show them as gaps. Under a granted clock nothing is dropped: the host waits for room before it grants more
+//! ticks. Results and other journal lines are few and are never dropped. A disk failure is returned by the next
+//! [`Recording::check`].
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::run_folder::StorageError;
+use crate::run_folder::journal::Entry;
+use crate::run_folder::schema::samples::PointLabel;
+
+/// Capacity of the queue in values (rows × signals): nine minutes of 8 signals at 1 kHz, 8 s of 50 at 10 kHz; 16 MiB.
+const MOST_WAITING: usize = 4 << 20;
+
+/// Longest time for which samples are held in memory before they are synced.
+const SYNC_EVERY: Duration = Duration::from_millis(250);
+
+/// Longest wait for room before Ctrl-C is checked again.
+const TURN: Duration = Duration::from_millis(50);
+
+/// Something to record.
+#[derive(Debug)]
+pub enum Message {
+    /// A line of the journal.
+    Entry(Box<Entry>),
+    /// Samples.
+    Rows(Rows),
+}
+
+/// Rows of one point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rows {
+    /// The point.
+    pub label: Arc<PointLabel>,
+    /// Their ticks.
+    pub ticks: Vec<u32>,
+    /// The recorded signals, row after row.
+    pub values: Vec<f32>,
+}
+
+/// Stores the messages of the recorder's thread.
+pub trait Sink: Send + 'static {
+    /// Stores a message.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    fn take(&mut self, message: Message) -> Result<(), StorageError>;
+
+    /// Syncs everything to the disk.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    fn sync(&mut self) -> Result<(), StorageError>;
+}
+
+/// The recorder as a run uses it, whatever its sink.
+pub trait Recording {
+    /// The disk's failure, if there was one.
+    ///
+    /// # Errors
+    /// That failure.
+    fn check(&self) -> Result<(), StorageError>;
+
+    /// Adds a line to the journal. Never waits.
+    fn note(&self, entry: Entry);
+
+    /// Adds samples, or counts them as dropped when there is no room. Under a granted clock it waits for room instead, until
+    /// `stop` is set or the disk has failed.
+    fn rows(&mut self, rows: Rows, stop: &AtomicBool);
+
+    /// Rows dropped because the disk was too slow.
+    fn dropped_rows(&self) -> u64;
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    waiting: Mutex<usize>,
+    room: Condvar,
+    failed: Mutex<Option<StorageError>>,
+}
+
+/// The data behind these locks are valid even if a thread panicked while it held one.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The sending end of the queue.
+#[derive(Debug)]
+pub struct Recorder<S> {
+    queue: Option<Sender<Message>>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<S>>,
+    waits_for_room: bool,
+    dropped_rows: u64,
+    accepted_rows: u64,
+    most_waiting: usize,
+}
+
+impl<S: Sink> Recorder<S> {
+    /// Starts the thread. `waits_for_room`: the clock is granted, so the device stands still while the host waits.
+    #[must_use]
+    pub fn start(sink: S, waits_for_room: bool) -> Self {
+        Self::with_room(sink, waits_for_room, MOST_WAITING)
+    }
+
+    /// As [`Recorder::start`], with this capacity in values (rows × signals).
+    #[must_use]
+    pub fn with_room(sink: S, waits_for_room: bool, most_waiting: usize) -> Self {
+        let (queue, messages) = mpsc::channel();
+        let shared = Arc::new(Shared::default());
+        let theirs = Arc::clone(&shared);
+        let thread = std::thread::spawn(move || work(sink, &messages, &theirs));
+        Self {
+            queue: Some(queue),
+            shared,
+            thread: Some(thread),
+            waits_for_room,
+            dropped_rows: 0,
+            accepted_rows: 0,
+            most_waiting,
+        }
+    }
+
+    fn send(&self, message: Message) {
+        // A thread that has failed has left its error in `failed`.
+        let _ = self.queue.as_ref().map(|queue| queue.send(message));
+    }
+
+    /// Rows that were put into the queue, whether or not they were written later.
+    #[must_use]
+    pub fn accepted_rows(&self) -> u64 {
+        self.accepted_rows
+    }
+
+    /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
+    /// has died.
+    pub fn finish(mut self) -> (Option<S>, Result<(), StorageError>) {
+        self.queue = None;
+        let sink = self.thread.take().and_then(|thread| thread.join().ok());
+        let outcome = self.check();
+        (sink, outcome)
+    }
+}
+
+impl<S: Sink> Recording for Recorder<S> {
+    fn check(&self) -> Result<(), StorageError> {
+        if let Some(error) = lock(&self.shared.failed).clone() {
+            return Err(error);
+        }
+        match &self.thread {
+            // It ends by itself only when it has failed; a panic leaves no error.
+            Some(thread) if thread.is_finished() => {
+                let message = "the recorder's thread has died: this is a defect of the program";
+                lock(&self.shared.failed).clone().map_or(Err(StorageError::new("record", Path::new(""), message)), Err)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn note(&self, entry: Entry) {
+        self.send(Message::Entry(Box::new(entry)));
+    }
+
+    fn rows(&mut self, rows: Rows, stop: &AtomicBool) {
+        let size = rows.values.len();
+        let mut waiting = lock(&self.shared.waiting);
+        // An empty queue has room for a message of any length.
+        while *waiting > 0 && *waiting + size > self.most_waiting {
+            if !self.waits_for_room || stop.load(Ordering::Relaxed) || self.check().is_err() {
+                self.dropped_rows += rows.ticks.len() as u64;
+                return;
+            }
+            waiting = self.shared.room.wait_timeout(waiting, TURN).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        *waiting += size;
+        drop(waiting);
+        self.accepted_rows += rows.ticks.len() as u64;
+        self.send(Message::Rows(rows));
+    }
+
+    fn dropped_rows(&self) -> u64 {
+        self.dropped_rows
+    }
+}
+
+fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> S {
+    let outcome = (|| {
+        let mut synced = Instant::now();
+        loop {
+            match messages.recv_timeout(SYNC_EVERY.saturating_sub(synced.elapsed())) {
+                Ok(message) => {
+                    let size = if let Message::Rows(rows) = &message { rows.values.len() } else { 0 };
+                    let taken = sink.take(message);
+                    *lock(&shared.waiting) -= size;
+                    shared.room.notify_all();
+                    taken?;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return sink.sync(),
+            }
+            if synced.elapsed() >= SYNC_EVERY {
+                sink.sync()?;
+                synced = Instant::now();
+            }
+        }
+    })();
+    if let Err(error) = outcome {
+        *lock(&shared.failed) = Some(error);
+        shared.room.notify_all();
+    }
+    sink
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run_folder::journal::Joined;
+
+    fn rows(tick: u32) -> Rows {
+        Rows { label: Arc::default(), ticks: vec![tick], values: vec![0.0] }
+    }
+
+    /// Reports that it holds a message, and waits for leave to go on.
+    struct Stalled {
+        holds: Sender<()>,
+        leave: Receiver<()>,
+        rows: u64,
+        entries: u64,
+    }
+
+    impl Sink for Stalled {
+        fn take(&mut self, message: Message) -> Result<(), StorageError> {
+            let _ = self.holds.send(());
+            let _ = self.leave.recv();
+            match message {
+                Message::Rows(_) => self.rows += 1,
+                Message::Entry(_) => self.entries += 1,
+            }
+            Ok(())
+        }
+
+        fn sync(&mut self) -> Result<(), StorageError> {
+            Ok(())
+        }
+    }
+
+    fn stalled(waits_for_room: bool) -> (Recorder<Stalled>, Receiver<()>, Sender<()>) {
+        let ((holds, held), (give, leave)) = (mpsc::channel(), mpsc::channel());
+        let recorder = Recorder::with_room(Stalled { holds, leave, rows: 0, entries: 0 }, waits_for_room, 10);
+        (recorder, held, give)
+    }
+
+    #[test]
+    fn a_stalled_disk_blocks_nobody_and_dropped_rows_are_counted() {
+        let (mut recorder, held, give) = stalled(false);
+        let stop = AtomicBool::new(false);
+        recorder.rows(rows(0), &stop);
+        held.recv().unwrap();
+        // The sink holds the first row and is stalled.
+        (1..100).for_each(|tick| recorder.rows(rows(tick), &stop));
+        (0..100).for_each(|rows| recorder.note(Entry::Joined(Joined { rows, ..Joined::default() })));
+        assert_eq!(recorder.dropped_rows(), 90);
+        drop(give);
+        let (sink, outcome) = recorder.finish();
+        let sink = sink.unwrap();
+        assert_eq!((sink.rows, sink.entries), (10, 100), "a journal line is never dropped");
+        outcome.unwrap();
+    }
+
+    #[test]
+    fn under_a_granted_clock_the_host_waits_and_nothing_is_lost() {
+        let (mut recorder, held, give) = stalled(true);
+        let disk = std::thread::spawn(move || {
+            while held.recv().is_ok() {
+                let _ = give.send(());
+            }
+        });
+        let stop = AtomicBool::new(false);
+        (0..1000).for_each(|tick| recorder.rows(rows(tick), &stop));
+        assert_eq!(recorder.dropped_rows(), 0);
+        let (sink, _) = recorder.finish();
+        assert_eq!(sink.map(|s| s.rows), Some(1000));
+        disk.join().unwrap();
+    }
+
+    struct Full;
+
+    impl Sink for Full {
+        fn take(&mut self, _: Message) -> Result<(), StorageError> {
+            Err(StorageError::new("write", Path::new("samples"), "no space left on device"))
+        }
+
+        fn sync(&mut self) -> Result<(), StorageError> {
+            Ok(())
+        }
+    }
+
+    struct Defective;
+
+    impl Sink for Defective {
+        fn take(&mut self, _: Message) -> Result<(), StorageError> {
+            panic!("a defect, on purpose");
+        }
+
+        fn sync(&mut self) -> Result<(), StorageError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_dead_thread_is_reported_and_ends_every_wait() {
+        let mut recorder = Recorder::with_room(Defective, true, 10);
+        let stop = AtomicBool::new(false);
+        (0..100).for_each(|tick| recorder.rows(rows(tick), &stop));
+        assert!(recorder.check().unwrap_err().to_string().contains("the recorder's thread has died"));
+        assert!(recorder.finish().0.is_none());
+    }
+
+    #[test]
+    fn a_failed_disk_is_reported_and_ends_every_wait() {
+        let mut recorder = Recorder::with_room(Full, true, 10);
+        let stop = AtomicBool::new(false);
+        (0..100).for_each(|tick| recorder.rows(rows(tick), &stop));
+        while recorder.check().is_ok() {
+            std::thread::yield_now();
+        }
+        let (_, outcome) = recorder.finish();
+        assert!(outcome.unwrap_err().to_string().contains("no space left on device"));
+    }
+}

@@ -1,0 +1,288 @@
+//! The work of the recorder's thread: writes journal lines, samples and results.
+//!
+//! A journal line and a batch of samples survive the end of the program as soon as they are written; [`super::recorder`]
+//! syncs everything to the disk a few times a second.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::parquet_file::write_table;
+use super::recorder::{Message, Rows, Sink};
+use super::sample_join::{join, remove_parts};
+use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
+use crate::run_folder::journal::{Entry, Journal, Sealed};
+use crate::run_folder::read::folder::readable_rows;
+use crate::run_folder::read::open_part::{StreamHead, read_head, salvage};
+use crate::run_folder::read::sample_files::{closed_parts, open_parts};
+use crate::run_folder::schema::impacts::{self, IMPACTS};
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
+use crate::run_folder::schema::samples::{PointLabel, SampleColumn, part_name};
+use crate::run_folder::schema::transients::{self, TRANSIENTS};
+use crate::run_folder::{StorageError, checksum};
+
+/// What is recorded, and in which order results are written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Columns of the samples.
+    pub signals: Vec<SampleColumn>,
+    /// Ticks from row to row; 0 for none.
+    pub every_ticks: u16,
+    /// Ticks per second.
+    pub tick_hz: f64,
+    /// Set-ups and experiments in the order of the campaign, by name.
+    pub order: Vec<(String, String)>,
+}
+
+/// A part that is closed and not yet in the journal.
+#[derive(Debug)]
+struct Pending {
+    part: u32,
+    rows: u64,
+    lost_rows: u64,
+    open: PathBuf,
+}
+
+/// Writes the journal, samples and results of a run folder.
+pub struct Writer {
+    folder: PathBuf,
+    layout: Layout,
+    journal: Journal,
+    state: JournalState,
+    open: Option<OpenPart>,
+    next_part: u32,
+    pending: Vec<Pending>,
+    /// Tick of the last row of the present segment.
+    last_tick: Option<u64>,
+    rows: u64,
+    /// Rows of earlier runs of the program.
+    earlier_rows: u64,
+    /// Rows that arrived more than once.
+    repeated_rows: u64,
+    is_synced: bool,
+    has_new_results: bool,
+}
+
+impl Writer {
+    /// Continues after `state`, the sum of the journal. A part that an earlier run of the program left open is closed first.
+    ///
+    /// # Errors
+    /// When that cannot be written.
+    pub fn new(folder: &Path, journal: Journal, layout: Layout, state: JournalState) -> Result<Self, StorageError> {
+        let last = closed_parts(folder).into_iter().chain(open_parts(folder)).map(|(n, _)| n).max();
+        let mut writer = Self {
+            folder: folder.to_path_buf(),
+            layout,
+            journal,
+            rows: 0,
+            earlier_rows: 0,
+            repeated_rows: 0,
+            state,
+            open: None,
+            next_part: last.map_or(1, |n| n + 1),
+            pending: Vec::new(),
+            last_tick: None,
+            is_synced: false,
+            has_new_results: false,
+        };
+        writer.close_left_open()?;
+        writer.rows = writer.state.sealed.iter().map(|s| s.rows).sum();
+        writer.earlier_rows = writer.rows;
+        Ok(writer)
+    }
+
+    /// The journal's sum.
+    #[must_use]
+    pub fn state(&self) -> &JournalState {
+        &self.state
+    }
+
+    /// Rows of samples in the folder.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// The results, in the order of the campaign.
+    #[must_use]
+    pub fn results(&self) -> Vec<ResultRow> {
+        self.state.rows_in_order(&self.layout.order)
+    }
+
+    fn close_left_open(&mut self) -> Result<(), StorageError> {
+        for (part, open) in open_parts(&self.folder) {
+            if read_head(&open) == StreamHead::Unreadable {
+                // It may not be a file of this program, so it is left alone.
+                continue;
+            }
+            let mut pending = Pending { part, rows: 0, lost_rows: 0, open };
+            if !self.state.is_sealed(part) {
+                let salvaged = salvage(&pending.open)?;
+                pending.rows = salvaged.rows;
+                pending.lost_rows = salvaged.gap_ticks / u64::from(self.layout.every_ticks).max(1);
+                seal_salvaged(&self.folder, part, &salvaged)?;
+            }
+            self.pending.push(pending);
+        }
+        self.journal_pending()
+    }
+
+    /// Appends an entry and adds it to the sum.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn note(&mut self, entry: &Entry) -> Result<(), StorageError> {
+        self.journal.append(entry)?;
+        self.state.add(entry);
+        self.is_synced = false;
+        self.has_new_results |= matches!(entry, Entry::Result(_) | Entry::Transient(_) | Entry::Segment(_));
+        Ok(())
+    }
+
+    fn entry(&mut self, mut entry: Entry) -> Result<(), StorageError> {
+        match &mut entry {
+            Entry::Segment(_) => {
+                self.seal()?;
+                self.last_tick = None;
+            }
+            Entry::Finished(finished) => {
+                let every = u64::from(self.layout.every_ticks);
+                if let Some(steps) = u64::from(finished.end_tick).checked_div(every) {
+                    let have = self.last_tick.map_or(0, |tick| tick / every + 1);
+                    finished.lost_rows = (steps + 1).saturating_sub(have);
+                }
+                self.seal()?;
+            }
+            _ => {}
+        }
+        self.note(&entry)
+    }
+
+    fn push(&mut self, rows: &Rows) -> Result<(), StorageError> {
+        let every = u64::from(self.layout.every_ticks).max(1);
+        let width = self.layout.signals.len();
+        for (n, tick) in rows.ticks.iter().enumerate() {
+            let tick = u64::from(*tick);
+            let expected = self.last_tick.map_or(0, |last| last + every);
+            if tick < expected {
+                // It arrived twice.
+                self.repeated_rows += 1;
+                continue;
+            }
+            let gap_ticks = tick - expected;
+            if self.open.as_ref().is_some_and(|p| p.label != rows.label || p.rows >= MOST_ROWS) {
+                self.seal()?;
+            }
+            let part = match &mut self.open {
+                Some(part) => part,
+                None => self.open.insert(new_part(&self.folder, &mut self.next_part, &rows.label, &self.layout)?),
+            };
+            part.lost_rows += gap_ticks / every;
+            part.push(tick, u32::try_from(gap_ticks).unwrap_or(u32::MAX), &rows.values[n * width..(n + 1) * width])?;
+            self.last_tick = Some(tick);
+            self.rows += 1;
+        }
+        Ok(())
+    }
+
+    /// Closes the open part.
+    fn seal(&mut self) -> Result<(), StorageError> {
+        let Some(mut part) = self.open.take() else { return Ok(()) };
+        let sealed = part.seal(&self.folder, &self.layout.signals, self.layout.tick_hz);
+        if sealed.is_ok() {
+            let (rows, lost_rows) = (part.rows, part.lost_rows);
+            self.pending.push(Pending { part: part.number, rows, lost_rows, open: part.path.clone() });
+        }
+        sealed
+    }
+
+    /// Syncs closed parts to the disk, then adds them to the journal; only then their streams are removed.
+    fn journal_pending(&mut self) -> Result<(), StorageError> {
+        let pending = std::mem::take(&mut self.pending);
+        for p in &pending {
+            if p.rows == 0 || self.state.is_sealed(p.part) {
+                continue;
+            }
+            let name = part_name(p.part);
+            let path = self.folder.join(&name);
+            File::open(&path).and_then(|f| f.sync_data()).map_err(|e| StorageError::new("write", &path, e))?;
+            let file = checksum::of_file(&self.folder, &name).map_err(|e| StorageError::new("read", &path, e))?;
+            self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
+        }
+        if !self.is_synced {
+            self.journal.sync()?;
+            self.is_synced = true;
+        }
+        for p in &pending {
+            std::fs::remove_file(&p.open).map_err(|e| StorageError::new("remove", &p.open, e))?;
+        }
+        Ok(())
+    }
+
+    /// Ends the recording: closes the open part and syncs everything to the disk.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn close(&mut self) -> Result<(), StorageError> {
+        self.seal()?;
+        self.has_new_results = true;
+        if !self.state.impacts.is_empty() {
+            let table = impacts::table(&self.state.impacts, self.layout.tick_hz);
+            write_table(&self.folder.join(IMPACTS), table)?;
+        }
+        self.sync()
+    }
+
+    /// Of the `accepted` rows of the recorder, those that are in no file because the disk has failed. From here on
+    /// [`Writer::rows`] is the rows that can be read.
+    pub fn unwritten_rows(&mut self, accepted: u64) -> u64 {
+        self.rows = readable_rows(&self.folder, &self.state);
+        (self.earlier_rows + accepted).saturating_sub(self.repeated_rows + self.rows)
+    }
+
+    /// Joins the parts of a complete run and removes them. Does nothing when that has been done before.
+    ///
+    /// # Errors
+    /// When the joined file cannot be written; the parts stay then.
+    pub fn join(&mut self) -> Result<(), StorageError> {
+        if self.state.joined.is_none() {
+            let joined = join(&self.folder, &self.layout.signals, &self.state.sealed)?;
+            self.note(&Entry::Joined(joined))?;
+            self.sync()?;
+        }
+        let Some(joined) = &self.state.joined else { return Ok(()) };
+        self.rows = joined.rows;
+        remove_parts(&self.folder, self.state.sealed.iter().filter(|s| !joined.left.contains(&s.part)))
+    }
+}
+
+fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, StorageError> {
+    let number = *next;
+    *next += 1;
+    OpenPart::create(folder, number, Arc::clone(label), &layout.signals, layout.tick_hz)
+}
+
+impl Sink for Writer {
+    fn take(&mut self, message: Message) -> Result<(), StorageError> {
+        match message {
+            Message::Entry(entry) => self.entry(*entry),
+            Message::Rows(rows) => self.push(&rows),
+        }
+    }
+
+    fn sync(&mut self) -> Result<(), StorageError> {
+        self.journal.is_in_place()?;
+        if let Some(part) = &mut self.open {
+            part.sync()?;
+        }
+        self.journal_pending()?;
+        if std::mem::take(&mut self.has_new_results) {
+            write_table(&self.folder.join(RESULTS), results::table(&self.results()))?;
+            if !self.state.transients().is_empty() {
+                write_table(&self.folder.join(TRANSIENTS), transients::table(self.state.transients()))?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,104 @@
+//! Runs all set-ups and experiments of a campaign, segment by segment.
+
+use damprig_protocol::PlantKind;
+
+use super::context::{Run, Tally};
+use super::error::RunError;
+use super::reconnect;
+use super::segment::{End, Segment, Task};
+use crate::campaign::{CampaignSetUp, Experiment};
+use crate::client::session::SessionError;
+
+/// Starts in a row without a new point after which a run ends.
+const FRUITLESS_STARTS: u32 = 5;
+
+impl Run<'_> {
+    /// Runs all experiments. On an error, too, the tally is valid, and the rig has been told to stop.
+    pub fn carry_out(mut self) -> (Tally, Result<(), RunError>) {
+        let result = self.all().and_then(|()| Ok(self.recorder.check()?));
+        if result.is_err() {
+            self.end_drive(&result);
+        }
+        // A lost device would only cost another timeout.
+        if !matches!(result, Err(RunError::Session(_))) {
+            let _ = self.session.status();
+        }
+        self.tally.controller = self.controller();
+        self.tally.counters.bad_frames_device = self.tally.controller.map_or(0, |c| c.bad_frames);
+        self.tally.counters.bad_frames_host += self.session.bad_frames();
+        self.tally.counters.dropped_rows_host = self.recorder.dropped_rows();
+        (self.tally, result)
+    }
+
+    fn all(&mut self) -> Result<(), RunError> {
+        self.make_ready()?;
+        let campaign = self.campaign;
+        let simulated = self.session.description.plant != PlantKind::Real;
+        for (index, set_up) in campaign.set_ups.iter().enumerate() {
+            let own = || campaign.experiments.iter().filter(move |e| e.set_ups.contains(&index));
+            // Each set-up is mounted once, or never when all its points are taken.
+            if own().any(|e| self.next(set_up, e).is_some()) {
+                self.watcher.mount(set_up, simulated)?;
+                for experiment in own() {
+                    self.experiment(set_up, experiment)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The next start that an experiment on a set-up needs, if any.
+    fn next<'c>(&self, set_up: &'c CampaignSetUp, experiment: &'c Experiment) -> Option<Task<'c>> {
+        let points = experiment.points();
+        let missing = self.journal.missing(&set_up.name, &experiment.name, points).into_iter().next()?;
+        let id = self.journal.next_segment(&set_up.name, &experiment.name);
+        // An interrupted sweep has lost its motion, so it starts from its beginning.
+        let anew = experiment.carries_over() && id.segment > 0;
+        let points = if anew { 0..points } else { missing };
+        Some(Task { set_up, experiment, id, points, anew })
+    }
+
+    fn experiment(&mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<(), RunError> {
+        let mut fruitless = 0;
+        while let Some(task) = self.next(set_up, experiment) {
+            let before = self.journal.points();
+            let last = match Segment::carry_out(self, &task) {
+                Ok(End::Finished) => "results were lost on the link and the device no longer has them".to_string(),
+                Ok(End::Reset) => {
+                    self.readings.board_was_reset();
+                    self.session.forget_counters();
+                    self.interrupted("the device was reset during the run");
+                    self.make_ready()?;
+                    "the device was reset".to_string()
+                }
+                Err(RunError::Session(error)) if reconnect::is_recoverable(&error) => {
+                    let text = error.to_string();
+                    self.reconnect(error)?;
+                    text
+                }
+                Err(error) => return Err(error),
+            };
+            fruitless = if self.journal.points() > before { 0 } else { fruitless + 1 };
+            if fruitless >= FRUITLESS_STARTS {
+                let left = self.journal.missing(&set_up.name, &experiment.name, experiment.points());
+                let missing = left.iter().map(ExactSizeIterator::len).sum();
+                return Err(RunError::NoProgress { set_up: set_up.name.clone(), tries: fruitless, last, missing });
+            }
+        }
+        Ok(())
+    }
+
+    /// Stops the drive when the run has failed.
+    fn end_drive(&mut self, result: &Result<(), RunError>) {
+        match result {
+            Err(RunError::Session(SessionError::Broken { .. } | SessionError::Silent { .. })) => {
+                self.session.stop_blindly()
+            }
+            _ => {
+                if self.session.silence_the_drive().is_err() {
+                    self.session.stop_blindly();
+                }
+            }
+        }
+    }
+}

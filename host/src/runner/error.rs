@@ -1,0 +1,75 @@
+//! Why a run ended early.
+
+use damprig_core::control::friction_spring;
+
+use crate::client::session::SessionError;
+use crate::input::Refusal;
+use crate::run_folder::StorageError;
+
+/// Why a run ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The campaign needs something that this device lacks; nothing has moved.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// The device or the link.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The disk.
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+    /// An interlock.
+    #[error("set-up {set_up:?}: {} at t = {t_s:.3} s (value {value}, limit {limit}); the drive was stopped", cause.text())]
+    Fault {
+        /// The set-up.
+        set_up: String,
+        /// What happened.
+        cause: damprig_core::control::safety::Danger,
+        /// When, since the start of the experiment, s.
+        t_s: f64,
+        /// The value that broke the limit.
+        value: f32,
+        /// The limit.
+        limit: f32,
+    },
+    /// The friction damper's spring could not be set.
+    #[error("set-up {set_up:?}: {} (value {value}, limit {limit})", cause.text())]
+    Spring {
+        /// The set-up.
+        set_up: String,
+        /// What happened.
+        cause: friction_spring::Cause,
+        /// The value that broke the limit.
+        value: f32,
+        /// The limit.
+        limit: f32,
+    },
+    /// The friction damper's spring did not finish a step.
+    #[error("set-up {set_up:?}: the friction damper's spring did not finish its step; it is {}", stage.text())]
+    SpringLost {
+        /// The set-up.
+        set_up: String,
+        /// What the spring is doing.
+        stage: friction_spring::Stage,
+    },
+    /// The same point was started repeatedly and never finished.
+    #[error(
+        "set-up {set_up:?}: {tries} starts in a row gave no new point (the last one: {last}); {missing} are missing"
+    )]
+    NoProgress {
+        /// The set-up.
+        set_up: String,
+        /// How many starts.
+        tries: u32,
+        /// How the last one ended.
+        last: String,
+        /// How many points the experiment lacks.
+        missing: usize,
+    },
+    /// Ctrl-C.
+    #[error("interrupted")]
+    Interrupted,
+    /// A person has to mount the set-up, and the program is not run by one.
+    #[error("{0}")]
+    NobodyThere(String),
+}

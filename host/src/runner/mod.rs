@@ -1,0 +1,24 @@
+//! Runs a campaign on a device and passes what it reports to the recorder.
+//!
+//! Set-up by set-up and experiment by experiment, all points that are not taken yet: so a run goes on after a lost link,
+//! and is resumed after a kill, in the same way as it starts. Whatever ends a run early, the rig is stopped and the points
+//! taken are kept. One start of the device is a segment; a [`Watcher`] shows
+//! the progress to people.
+
+mod campaign_run;
+mod context;
+mod error;
+mod progress;
+mod reconnect;
+mod reorder_buffer;
+pub mod resume;
+mod segment;
+mod spring_setup;
+mod transients;
+mod watcher;
+mod wire_mapping;
+
+pub use context::{Reconnect, Run, Tally, device_record};
+pub use error::RunError;
+pub use watcher::Watcher;
+pub use wire_mapping::Selection;

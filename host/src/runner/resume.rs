@@ -1,0 +1,231 @@
+//! Reads a run folder to resume its run: what is taken, and whether campaign and device are unchanged.
+
+use std::path::Path;
+
+use crate::campaign::{Campaign, differences};
+use crate::input::Source;
+use crate::run_folder::checksum;
+use crate::run_folder::journal::{self, Begin, Lines};
+use crate::run_folder::read::folder::manifest_of;
+use crate::run_folder::read::untracked_files::untracked;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::settings;
+
+/// Why a run cannot be resumed. The text names what is wrong, what can still be read, and what can be done.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct CannotResume(pub String);
+
+/// A run to resume.
+#[derive(Debug)]
+pub struct EarlierRun {
+    /// The campaign as run.
+    pub campaign: Campaign,
+    /// The sum of the journal.
+    pub journal: JournalState,
+    /// Damage that does not prevent the run from being resumed.
+    pub warnings: Vec<String>,
+}
+
+impl EarlierRun {
+    /// Reads a run folder. Nothing is written.
+    ///
+    /// # Errors
+    /// A folder without journal; a campaign that is missing, damaged, or differs from the one that the run was started with.
+    pub fn read(folder: &Path) -> Result<Self, CannotResume> {
+        let shown = folder.display();
+        let has = |name: &str| folder.join(name).exists();
+        let lines = match journal::read(folder) {
+            Ok(lines) => lines,
+            Err(_) if !has(journal::JOURNAL) && !has("manifest.json") && has("campaign.toml") => Lines::default(),
+            Err(_) if !has(journal::JOURNAL) => {
+                let message = format!(
+                    "{shown} has no {}: it was recorded by an earlier version, or is not a run\n  `damprig runs verify {shown}` shows what can be read; to measure again, run its campaign.toml as a new run",
+                    journal::JOURNAL
+                );
+                return Err(CannotResume(message));
+            }
+            Err(error) => return Err(CannotResume(error.to_string())),
+        };
+        let taken = JournalState::of(&lines.entries);
+        let source = Source::read(&folder.join("campaign.toml")).map_err(|e| {
+            CannotResume(format!("{e}\n  the first line of {shown}/{} holds the campaign as run", journal::JOURNAL))
+        })?;
+        if let Some(begin) = taken.begun.first() {
+            let different = differences(&begin.campaign, source.text());
+            if !different.is_empty() {
+                let list = different.join("\n  ");
+                let message = format!(
+                    "{shown}/campaign.toml is not the campaign that the run was started with:\n  {list}\n  put it back (the first line of {} holds it), or start a new run with the changed one",
+                    journal::JOURNAL
+                );
+                return Err(CannotResume(message));
+            }
+        } else if !lines.entries.is_empty() || !lines.damaged.is_empty() {
+            let message = format!(
+                "{shown}/{}: its first line is damaged, so campaign and device cannot be compared",
+                journal::JOURNAL
+            );
+            return Err(CannotResume(message));
+        }
+        let campaign = Campaign::parse(source.recorded()).map_err(|e| CannotResume(e.to_string()))?;
+        check_manifest(folder, &campaign, &taken)?;
+        let mut warnings: Vec<String> = Vec::new();
+        if !lines.damaged.is_empty() {
+            let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
+            let name = journal::JOURNAL;
+            warnings
+                .push(format!("{name}: line {} cannot be read; the points in it are measured again", list.join(", ")));
+        }
+        warnings.extend(damaged_parts(folder, &taken));
+        let untracked = untracked(folder, &taken, taken.points() >= campaign.points());
+        if !untracked.data.is_empty() {
+            return Err(CannotResume(untracked_message(folder, &untracked.data, &taken)));
+        }
+        warnings.extend(
+            untracked.unreadable.iter().map(|name| format!("{name}: nothing in it can be read; it is left in place")),
+        );
+        Ok(Self { campaign, journal: taken, warnings })
+    }
+
+    /// Differences between the device at the start of the run and now, one a line.
+    #[must_use]
+    pub fn differences(&self, now: &Begin) -> Vec<String> {
+        let Some(then) = self.journal.begun.first() else { return Vec::new() };
+        let (a, b) = (&then.device, &now.device);
+        let mut list = Vec::new();
+        let mut compare = |what: &str, then: String, now: String| {
+            if then != now {
+                list.push(format!("{what}: {then} when it was started, {now} now"));
+            }
+        };
+        compare("board", a.board.clone(), b.board.clone());
+        compare("firmware", a.firmware.clone(), b.firmware.clone());
+        compare("plant", a.plant.clone(), b.plant.clone());
+        compare("clock", a.clock.clone(), b.clock.clone());
+        compare("tick rate (Hz)", a.tick_hz.to_string(), b.tick_hz.to_string());
+        compare("protocol version", a.protocol_version.to_string(), b.protocol_version.to_string());
+        compare("protocol schema", a.protocol_schema.clone(), b.protocol_schema.clone());
+        let names = |begin: &Begin| {
+            begin.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect::<Vec<_>>().join(", ")
+        };
+        compare("signals", names(then), names(now));
+        compare("ticks between rows", then.every_ticks.to_string(), now.every_ticks.to_string());
+        // Limits do not change a result that was taken within them: see `changed_limits`.
+        if let (Some(then), Some(now)) = (&a.settings, &b.settings) {
+            list.extend(settings::differences(&then.settings, &now.settings, |place| !is_limit(place)));
+        }
+        list
+    }
+
+    /// The board's limits that have changed since the run was last started, one a line.
+    #[must_use]
+    pub fn changed_limits(&self, now: &Begin) -> Vec<String> {
+        let then = self.journal.begun.last().and_then(|then| then.device.settings.as_ref());
+        let (Some(then), Some(now)) = (then, &now.device.settings) else { return Vec::new() };
+        settings::differences(&then.settings, &now.settings, is_limit)
+    }
+
+    /// Whether every point is taken.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.journal.points() >= self.campaign.points()
+    }
+
+    /// What resuming will do, one line a step.
+    #[must_use]
+    pub fn intentions(&self) -> Vec<String> {
+        let mut list =
+            vec![format!("{} of {} points are kept as they are", self.journal.points(), self.campaign.points())];
+        for (index, set_up) in self.campaign.set_ups.iter().enumerate() {
+            for experiment in self.campaign.experiments.iter().filter(|e| e.set_ups.contains(&index)) {
+                let points = experiment.points();
+                let missing = self.journal.missing(&set_up.name, &experiment.name, points);
+                let begun = self.journal.next_segment(&set_up.name, &experiment.name).segment > 0;
+                let Some(first) = missing.first().map(|range| range.start).filter(|_| begun) else { continue };
+                let place = format!("set-up {:?}, {:?}", set_up.name, experiment.name);
+                let frequency_hz = experiment.frequency_hz(first);
+                list.push(if experiment.stepped_sine().is_none() {
+                    format!("{place} is repeated; the samples of its interrupted start are kept")
+                } else if experiment.carries_over() {
+                    format!(
+                        "{place} starts from its beginning: the motion at {frequency_hz} Hz cannot be carried over; its points so far stay in the journal and are superseded"
+                    )
+                } else {
+                    format!("{place} continues at {frequency_hz} Hz, from rest; the samples of that point's interrupted start are kept")
+                });
+            }
+        }
+        list
+    }
+}
+
+/// Whether a setting is one of the board's limits.
+fn is_limit(place: &[String]) -> bool {
+    place.first().is_some_and(|table| table == "safety")
+}
+
+/// Checks that manifest and journal are of one run, in a format that this program writes. A missing manifest is written
+/// again from the journal.
+fn check_manifest(folder: &Path, campaign: &Campaign, taken: &JournalState) -> Result<(), CannotResume> {
+    if !folder.join("manifest.json").exists() {
+        return Ok(());
+    }
+    let manifest = manifest_of(folder).map_err(|e| CannotResume(format!("{e}\n  nothing was changed")))?;
+    let shown = folder.display();
+    let file = format!("{shown}/manifest.json");
+    if manifest.campaign != campaign.name {
+        let message = format!(
+            "{file} is of another run: its campaign is {:?}, that of campaign.toml {:?}\n  put the run's own manifest back, or remove this one: a new one is made from {}",
+            manifest.campaign,
+            campaign.name,
+            journal::JOURNAL
+        );
+        return Err(CannotResume(message));
+    }
+    if let Some(begin) = taken.begun.first().filter(|begin| begin.at != manifest.started) {
+        let message = format!(
+            "{file} is of another run: it was started {}, the run of {} {}\n  put the run's own manifest back, or remove this one: a new one is made from {}",
+            manifest.started,
+            journal::JOURNAL,
+            begin.at,
+            journal::JOURNAL
+        );
+        return Err(CannotResume(message));
+    }
+    let known = taken.points() + taken.superseded().len();
+    if manifest.points_taken > known {
+        let points = format!("manifest.json: {} points taken", manifest.points_taken);
+        return Err(CannotResume(untracked_message(folder, &[points], taken)));
+    }
+    Ok(())
+}
+
+/// The message for a folder that holds more than its journal lists.
+fn untracked_message(folder: &Path, data: &[String], taken: &JournalState) -> String {
+    let (shown, name) = (folder.display(), journal::JOURNAL);
+    let more = if data.len() > 8 { format!("\n  and {} more", data.len() - 8) } else { String::new() };
+    let list = data.iter().take(8).map(String::as_str).collect::<Vec<_>>().join("\n  ");
+    format!(
+        "{shown} holds files that its {name} ({} points) does not list:\n  {list}{more}\n  {name} was cut or replaced, or these are files of another run; resuming would overwrite them, so nothing was changed\n  the files can still be read (`damprig runs verify {shown}` shows which): keep this folder and start a new run with `damprig run {shown}/campaign.toml`,\n  or, if the files are not of this run, move them elsewhere and resume again",
+        taken.points()
+    )
+}
+
+/// Closed parts of the samples that are not as the journal says.
+fn damaged_parts(folder: &Path, taken: &JournalState) -> Vec<String> {
+    if taken.joined.is_some() {
+        return Vec::new();
+    }
+    let damaged = taken.sealed.iter().filter_map(|sealed| {
+        let name = &sealed.file.name;
+        match checksum::of_file(folder, name) {
+            Ok(now) if now == sealed.file => None,
+            Ok(_) => {
+                Some(format!("{name}: changed since it was closed (SHA-256 differs); the results are not affected"))
+            }
+            Err(error) => Some(format!("{name}: {error}; {} rows of samples are lost", sealed.rows)),
+        }
+    });
+    damaged.collect()
+}

@@ -1,0 +1,409 @@
+//! One start of the device: neighbouring points of an experiment on a set-up, from the configuration to the last row of
+//! telemetry.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use damprig_core::io::TICK_HZ;
+use damprig_core::measure::impacts::ImpactRecord;
+use damprig_core::measure::point::PointResult;
+use damprig_core::measure::transient::TransientResult;
+use damprig_core::rig::State;
+use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
+
+use super::context::Run;
+use super::error::RunError;
+use super::progress::SegmentProgress;
+use super::transients;
+use super::wire_mapping::{self, fault_error};
+use crate::campaign::{CampaignSetUp, Experiment, Kind};
+use crate::client::session::{Report, SessionError};
+use crate::run_folder::journal::{Entry, Finished, SegmentStart};
+use crate::run_folder::schema::clock_fit::{ClockPairs, Pair};
+use crate::run_folder::schema::impacts::Impacts;
+use crate::run_folder::schema::samples::PointLabel;
+use crate::run_folder::schema::segment_id::SegmentId;
+use crate::run_folder::write::recorder::Rows;
+
+/// Wall time without an event after which the device's status is requested.
+const ASK_AFTER: Duration = Duration::from_secs(2);
+
+/// Impacts are held for this time, or up to this number, and go into the journal together.
+const HOLD_IMPACTS: Duration = Duration::from_millis(250);
+const MOST_IMPACTS_HELD: usize = 256;
+
+/// A copy of an impact is searched for among this many latest ones.
+const COPIES_AMONG: usize = 16;
+
+/// What a segment is to measure.
+pub(super) struct Task<'c> {
+    pub(super) set_up: &'c CampaignSetUp,
+    pub(super) experiment: &'c Experiment,
+    pub(super) id: SegmentId,
+    /// Places in the frequency list.
+    pub(super) points: Range<usize>,
+    /// Earlier results of the experiment are superseded.
+    pub(super) anew: bool,
+}
+
+impl Task<'_> {
+    fn label(&self, index: usize) -> PointLabel {
+        PointLabel { id: self.id.clone(), point_index: index as u32, frequency_hz: self.experiment.frequency_hz(index) }
+    }
+}
+
+/// How a segment ended when nothing failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// The device finished.
+    Finished,
+    /// The device was reset and has lost its experiment.
+    Reset,
+}
+
+/// One start of the device.
+pub(super) struct Segment<'r, 'a, 'c> {
+    run: &'r mut Run<'a>,
+    task: &'r Task<'c>,
+    progress: SegmentProgress,
+    label: Arc<PointLabel>,
+    clock: ClockPairs,
+    /// Places in the device's signal table of the signals sent: those recorded, and the drive frequency.
+    places: Vec<usize>,
+    /// Place of the drive frequency among `places`, and its value in the last row.
+    frequency_at: Option<usize>,
+    frequency_hz: f32,
+    /// The latest impacts; the first `impacts_noted` of them are in the journal.
+    impacts: Vec<ImpactRecord>,
+    impacts_noted: usize,
+    impacts_noted_at: Instant,
+}
+
+impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
+    /// Configures the device, starts it and follows it to its end.
+    ///
+    /// # Errors
+    /// The device, the link, the disk, an interlock, or Ctrl-C. The recorder has what was taken.
+    pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
+        let is_granted = run.session.is_granted();
+        let progress = SegmentProgress::new(task.points.clone(), run.every_ticks, is_granted)
+            .with_ramp(task.experiment.stepped_sine().map_or(0.0, |sine| sine.ramp_s));
+        let label = Arc::new(task.label(task.points.start));
+        let before_s = run.tally.rig_s;
+        let mut places = run.selection.positions.clone();
+        let frequency = run.session.signals.iter().position(|s| s.name == "frequency");
+        if let Some(place) = frequency.filter(|place| !places.contains(place) && places.len() < MOST_SIGNALS) {
+            places.push(place);
+        }
+        let frequency_at = places.iter().position(|&place| Some(place) == frequency);
+        let clock = ClockPairs::default();
+        let mut segment = Self {
+            run,
+            task,
+            progress,
+            label,
+            clock,
+            places,
+            frequency_at,
+            frequency_hz: 0.0,
+            impacts: Vec::new(),
+            impacts_noted: 0,
+            impacts_noted_at: Instant::now(),
+        };
+        let end = segment.start().and_then(|()| segment.follow(before_s));
+        segment.note_impacts();
+        segment.run.tally.counters.missing_records += segment.progress.missing_messages();
+        end
+    }
+
+    fn start(&mut self) -> Result<(), RunError> {
+        self.configure()?;
+        // A granted clock stands at tick 0 after the start; a real one would have passed it.
+        if self.run.session.is_granted() {
+            self.run.session.start()?;
+            self.telemetry()?;
+        } else {
+            self.telemetry()?;
+            self.run.session.start()?;
+        }
+        let task = self.task;
+        self.run.note(Entry::Segment(SegmentStart {
+            id: task.id.clone(),
+            first_index: task.points.start,
+            points: task.points.len(),
+            anew: task.anew,
+            at: jiff::Zoned::now().to_string(),
+        }));
+        Ok(())
+    }
+
+    fn configure(&mut self) -> Result<(), RunError> {
+        let Task { set_up, experiment, .. } = self.task;
+        let rig = &self.run.campaign.rig;
+        let session = &mut *self.run.session;
+        if session.description.plant != PlantKind::Real {
+            let plant = wire_mapping::plant(rig, set_up, experiment);
+            session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
+        }
+        session.tell(
+            "take the twin's set-up",
+            Ask::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
+        )?;
+        let ask = match &experiment.kind {
+            Kind::SteppedSine(sine) => {
+                let drive_m = session.settings.calibration.drive.range().amplitude_m();
+                Ask::Configure(wire_mapping::plan(set_up, sine, self.task.points.clone(), drive_m))
+            }
+            Kind::Playback(playback) => {
+                let stop = self.run.stop;
+                let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
+                if let Err(SessionError::Interrupted) = uploaded {
+                    return Err(RunError::Interrupted);
+                }
+                uploaded?;
+                Ask::ConfigurePlayback(playback.order())
+            }
+            Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
+        };
+        session.tell("take the experiment", ask)?;
+        session.tell("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
+        let keeps_ratio = experiment.stepped_sine().is_some();
+        match set_up.spring() {
+            Some(spring) => self.run.set_spring(set_up, &spring, keeps_ratio),
+            None => self.run.release_spring(set_up),
+        }
+    }
+
+    fn telemetry(&mut self) -> Result<(), RunError> {
+        let ask = Ask::SetTelemetry {
+            every_ticks: self.run.every_ticks,
+            signals: self.places.iter().map(|&place| place as u8).collect(),
+            impacts: self.task.set_up.model().particle.is_some(),
+        };
+        Ok(self.run.session.tell("send telemetry", ask)?)
+    }
+
+    fn follow(&mut self, before_s: f64) -> Result<End, RunError> {
+        let mut heard = Instant::now();
+        while !self.progress.is_complete() {
+            if self.run.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            self.run.recorder.check()?;
+            match self.run.session.next_report()? {
+                Some(report) => {
+                    if let Report::Event { .. } = report {
+                        heard = Instant::now();
+                    }
+                    self.handle(report)?;
+                }
+                // Under a granted clock all reports arrive before the message that the credit is used up.
+                None if !self.run.session.has_heard_all() => {}
+                None => {
+                    self.progress.quiet();
+                    self.record_held()?;
+                }
+            }
+            if heard.elapsed() > ASK_AFTER || self.progress.is_overdue() {
+                heard = Instant::now();
+                if self.check_status()? == Some(End::Reset) {
+                    // It no longer has results to request.
+                    self.frequency_at = None;
+                    self.record_all()?;
+                    return Ok(End::Reset);
+                }
+            }
+            if self.impacts_noted_at.elapsed() > HOLD_IMPACTS {
+                self.note_impacts();
+            }
+            self.run.tally.rig_s = before_s + f64::from(self.progress.latest_tick()) / f64::from(TICK_HZ);
+            self.run.watcher.progress(self.run.tally.rig_s);
+        }
+        self.record_all()?;
+        self.fetch_missing(self.progress.end_index() as u16)?;
+        if self.run.every_ticks > 0 {
+            self.run.end_telemetry()?;
+        }
+        // The counters at the end of the segment: the program may be killed in the next one.
+        let _ = self.run.session.status();
+        let controller = self.run.controller();
+        self.run.note(Entry::Finished(Finished {
+            id: self.task.id.clone(),
+            end_tick: self.progress.latest_tick(),
+            lost_rows: 0,
+            clock: self.clock.fit(),
+            controller,
+        }));
+        Ok(End::Finished)
+    }
+
+    fn handle(&mut self, report: Report) -> Result<(), RunError> {
+        match report {
+            Report::Telemetry(message) => {
+                let rows = message.values.len() / usize::from(message.width).max(1);
+                let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
+                self.add_clock_pair(message.first_tick.saturating_add(span));
+                self.progress.arrived(*message).iter().try_for_each(|message| self.record(message))
+            }
+            Report::Event { tick, event: Happening::Point(result) } => {
+                self.add_clock_pair(tick);
+                // The device keeps only the last few results, so a lost one is requested at once.
+                self.fetch_missing(result.index)?;
+                if self.progress.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                    self.take(&result);
+                }
+                Ok(())
+            }
+            Report::Event { tick, event: Happening::Transient(result) } => {
+                self.add_clock_pair(tick);
+                if self.progress.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                    self.take_transient(&result);
+                }
+                Ok(())
+            }
+            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
+                if self.progress.finished(tick) {
+                    self.run.tally.counters.dropped_records += u64::from(rows_dropped);
+                }
+                Ok(())
+            }
+            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            Report::Event { event: Happening::Impact(impact), .. } => {
+                self.run.watcher.impact(&impact);
+                // A message may arrive twice.
+                if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
+                    self.impacts.push(impact);
+                }
+                if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
+                    self.note_impacts();
+                }
+                Ok(())
+            }
+            Report::Event { event: Happening::Spring(happening), .. } => {
+                self.run.watcher.spring(&happening);
+                Ok(())
+            }
+        }
+    }
+
+    /// Adds the new impacts to the journal.
+    fn note_impacts(&mut self) {
+        let new = &self.impacts[self.impacts_noted..];
+        if !new.is_empty() {
+            let some = Impacts { id: self.task.id.clone(), impacts: new.to_vec() };
+            self.run.note(Entry::Impacts(Box::new(some)));
+        }
+        self.impacts.drain(..self.impacts.len().saturating_sub(COPIES_AMONG));
+        self.impacts_noted = self.impacts.len();
+        self.impacts_noted_at = Instant::now();
+    }
+
+    /// Pairs a tick with the host time of its arrival, for a board with its own clock.
+    fn add_clock_pair(&mut self, tick: u32) {
+        if !self.run.session.is_granted() {
+            let device_s = f64::from(tick) / f64::from(TICK_HZ);
+            let pair = self.clock.add(Pair { device_s, host_s: self.run.began.elapsed().as_secs_f64() });
+            pair.into_iter().for_each(|pair| self.run.note(Entry::Clock(pair)));
+        }
+    }
+
+    /// Requests the status: the report of the end may have been lost. A device that is idle has finished, or was reset.
+    fn check_status(&mut self) -> Result<Option<End>, RunError> {
+        let (status, _) = self.run.session.status()?;
+        while let Some(report) = self.run.session.report_at_hand() {
+            self.handle(report)?;
+        }
+        if let Some(fault) = status.fault {
+            return Err(fault_error(self.task.set_up, fault));
+        }
+        if status.state != State::Idle || self.progress.has_finished() {
+            return Ok(None);
+        }
+        if usize::from(status.points) < self.task.points.len() {
+            return Ok(Some(End::Reset));
+        }
+        self.progress.finished(self.progress.latest_tick());
+        Ok(Some(End::Finished))
+    }
+
+    /// Records the messages held for missing ones.
+    fn record_all(&mut self) -> Result<(), RunError> {
+        while !self.progress.is_quiet() {
+            self.progress.quiet();
+        }
+        self.record_held()
+    }
+
+    fn record_held(&mut self) -> Result<(), RunError> {
+        self.progress.held().iter().try_for_each(|message| self.record(message))
+    }
+
+    fn record(&mut self, message: &Telemetry) -> Result<(), RunError> {
+        let mut block: Option<Rows> = None;
+        for (tick, values) in self.progress.rows(message) {
+            self.fetch_at_end_of_point(values)?;
+            let index = self.progress.point_of(tick);
+            if self.label.point_index as usize != index {
+                block.take().into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+                self.label = Arc::new(self.task.label(index));
+            }
+            let empty = || Rows { label: Arc::clone(&self.label), ticks: Vec::new(), values: Vec::new() };
+            let rows = block.get_or_insert_with(empty);
+            rows.ticks.push(tick);
+            rows.values.extend(values.iter().take(self.run.selection.positions.len()));
+        }
+        block.into_iter().for_each(|rows| self.run.recorder.rows(rows, self.run.stop));
+        Ok(())
+    }
+
+    /// The device sends a point's result before the rows after it. When the drive has left the frequency and the result has
+    /// not arrived, it was lost: it is requested at once, so that the rows get the right point.
+    fn fetch_at_end_of_point(&mut self, values: &[f32]) -> Result<(), RunError> {
+        let Some(now) = self.frequency_at.and_then(|at| values.get(at)) else { return Ok(()) };
+        let before = std::mem::replace(&mut self.frequency_hz, *now);
+        if before != 0.0 && before != *now && self.label.point_index < u32::from(u16::MAX) {
+            self.fetch_missing(self.label.point_index as u16 + 1)?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, result: &PointResult) {
+        let index = usize::from(result.index);
+        if !self.task.points.contains(&index) {
+            return;
+        }
+        let row = wire_mapping::row(self.task.set_up, self.task.label(index), result);
+        self.run.watcher.point(&row);
+        self.run.note(Entry::Result(Box::new(row)));
+    }
+
+    fn take_transient(&mut self, result: &TransientResult) {
+        let Task { set_up, experiment, id, .. } = self.task;
+        let row = transients::row(set_up, experiment, id.segment, result);
+        self.run.watcher.transient(&row);
+        self.run.note(Entry::Transient(Box::new(row)));
+    }
+
+    /// Requests the results before `until` that have not arrived.
+    fn fetch_missing(&mut self, until: u16) -> Result<(), RunError> {
+        let is_transient = self.task.experiment.stepped_sine().is_none();
+        for index in self.progress.missing_points(until) {
+            let ask = if is_transient { Ask::Transient } else { Ask::Result { index } };
+            match self.run.session.ask("repeat a result", ask) {
+                Ok(Answer::Transient(result)) => {
+                    self.progress.point_done(index, result.end_tick.saturating_sub(1));
+                    self.take_transient(&result);
+                }
+                Ok(Answer::Result(result)) => {
+                    self.progress.point_done(index, result.end_tick.saturating_sub(1));
+                    self.take(&result);
+                }
+                Ok(_) | Err(SessionError::Refused { .. }) => self.progress.point_lost(index),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,187 @@
+//! Maps the campaign to the device's requests, and its signals, results and faults to the run's records.
+
+use std::ops::Range;
+
+use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::friction_spring::SpringSetUp;
+use damprig_core::control::limits::Fault;
+use damprig_core::control::stepped_sine::{self as core_sine, Drive};
+use damprig_core::io::{SensorSet, TICK_HZ};
+use damprig_core::measure::point::PointResult;
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::walls::WallSensors;
+use damprig_core::plant::{Base, PlantConfig, SensorModel};
+use damprig_core::twin::TwinConfig;
+
+use super::error::RunError;
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::client::session::Session;
+use crate::input::{Problem, Refusal};
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::samples::{PointLabel, SampleColumn};
+
+/// The signals that a campaign records on a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// Their positions in the device's table.
+    pub(super) positions: Vec<usize>,
+    /// Names of their columns, and units.
+    pub signals: Vec<SampleColumn>,
+}
+
+impl Selection {
+    /// Selects the campaign's signals from the device's table.
+    ///
+    /// # Errors
+    /// A signal or a tick rate that the device does not have.
+    pub fn of(campaign: &Campaign, session: &Session) -> Result<Self, RunError> {
+        let tick_hz = session.description.tick_hz;
+        if tick_hz != TICK_HZ {
+            let message = format!("the device ticks at {tick_hz} Hz; this program needs {TICK_HZ} Hz");
+            return Err(Refusal(message).into());
+        }
+        let table = &session.signals;
+        let names: Vec<String> = table.iter().map(|s| s.name.to_string()).collect();
+        let positions = campaign.telemetry.select(&names).map_err(|(span, allowed)| {
+            let title = "`telemetry.signals` names a signal that the device does not have".into();
+            campaign.source.report(Problem { title, span, allowed, help: None });
+            campaign.source.verdict().err().unwrap_or(Refusal("unknown signal".into()))
+        })?;
+        let signal = |&i: &usize| SampleColumn {
+            name: column_name(&table[i].name, &table[i].unit),
+            unit: table[i].unit.to_string(),
+        };
+        let signals = positions.iter().map(signal).collect();
+        Ok(Self { positions, signals })
+    }
+}
+
+/// `x` in metres becomes `x_m`.
+fn column_name(name: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        return name.to_string();
+    }
+    format!("{name}_{}", unit.to_lowercase().replace('/', "_per_"))
+}
+
+pub(super) fn fault_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
+    RunError::Fault {
+        set_up: set_up.name.clone(),
+        cause: fault.cause,
+        t_s: f64::from(fault.tick) / f64::from(TICK_HZ),
+        value: fault.value,
+        limit: fault.limit,
+    }
+}
+
+/// Stiffness of the simulated spring over the stated one: a little stiffer than its data sheet says.
+const SPRING_DEVIATION: f64 = 1.074;
+
+/// The plant of a simulated rig: the set-up, on a board whose settings match its sensors and its screw.
+pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> PlantConfig {
+    PlantConfig {
+        set_up: set_up.model(),
+        structure_start_m: experiment.free_vibration().map_or(0.0, |free| free.start_m),
+        particle_start_m: set_up.particle_start_m(),
+        base: rig.shaker.map_or(Base::Prescribed, Base::Shaker),
+        sensors: SensorModel {
+            range_m: rig.sensor_range_m(),
+            resolution_m: rig.sensor_resolution_m as f32,
+            noise_rms_m: rig.sensor_noise_rms_m as f32,
+            seed: u64::from(rig.noise_seed),
+        },
+        data_sheet: rig.data_sheet,
+        walls: set_up
+            .model()
+            .particle
+            .map(|_| WallSensors { scale: rig.board.calibration.walls, ..WallSensors::default() }),
+        spring: set_up.spring().map(|spring| SpringPlant {
+            step_m: rig.board.spring.step_m,
+            stiffness_n_per_m: (SPRING_DEVIATION * spring.stiffness_n_per_m) as f32,
+            friction_coefficient: spring.friction_coefficient as f32,
+            seed: u64::from(rig.noise_seed),
+            ..SpringPlant::default()
+        }),
+    }
+}
+
+/// The spring properties that a set-up states.
+pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringSetUp {
+    let [friction_coefficient, stiffness_n_per_m] = spring.stated().map(|value| value.map(|value| value as f32));
+    SpringSetUp {
+        stiffness_n_per_m,
+        friction_coefficient,
+        structure_stiffness_n_per_m: set_up.model().structure.stiffness_n_per_m as f32,
+    }
+}
+
+/// The twin of a set-up, if one of its signals is recorded. No twin during a free vibration: the base is at rest.
+pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &Experiment) -> Option<TwinConfig> {
+    let is_driven = experiment.free_vibration().is_none();
+    let is_wanted = is_driven && selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
+    is_wanted.then(|| TwinConfig::new(set_up.model()))
+}
+
+/// The request for these points of an experiment on a rig whose drive delivers ± `drive_m`.
+pub(super) fn plan(
+    set_up: &CampaignSetUp,
+    experiment: &SteppedSine,
+    points: Range<usize>,
+    drive_m: f32,
+) -> core_sine::SteppedSine {
+    let drive = match experiment.drive {
+        Drive::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
+            Drive::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
+        }
+        drive => drive,
+    };
+    core_sine::SteppedSine {
+        start: match experiment.start {
+            Start::FromRest => core_sine::Start::FromRest { level_m: experiment.rest_level_m as f32 },
+            Start::CarryOver => core_sine::Start::CarryOver,
+        },
+        amplitude_m: set_up.base_amplitude_m as f32,
+        drive,
+        ramp_s: experiment.ramp_s as f32,
+        settle_s: experiment.settle_s as f32,
+        dwell_s: experiment.dwell_s as f32,
+        steady: experiment.steady,
+        first_index: points.start as u16,
+        // Cannot overflow: the campaign's parser limits their number.
+        frequencies_hz: experiment.frequencies_hz[points].iter().map(|f| *f as f32).collect(),
+    }
+}
+
+/// Names of sensors, or `none`.
+pub(super) fn clipped(sensors: SensorSet) -> String {
+    if sensors.is_empty() { "none".to_string() } else { sensors.to_string() }
+}
+
+pub(super) fn row(set_up: &CampaignSetUp, label: PointLabel, result: &PointResult) -> ResultRow {
+    ResultRow {
+        set_up: label.id.set_up,
+        experiment: label.id.experiment,
+        frequency_hz: label.frequency_hz,
+        z_amplitude_m: result.z_amplitude_m,
+        z_distortion: result.z_distortion,
+        drive_amplitude_m: result.drive_amplitude_m,
+        drive_saturated: result.drive_saturated,
+        sensors_clipped: clipped(result.clipped),
+        clearance_m: set_up.model().particle.map_or(f64::NAN, |p| p.clearance_m),
+        x_amplitude_m: result.x_amplitude_m,
+        phase_rad: result.phase_rad,
+        x_rms_m: result.x_rms_m,
+        x_mean_cycle_max_m: result.x_mean_cycle_max_m,
+        x_max_m: result.x_max_m,
+        x_last_cycle_max_m: result.x_last_cycle_max_m,
+        change_per_cycle: result.change_per_cycle,
+        scatter: result.scatter,
+        cycles: result.cycles,
+        steady: result.steady,
+        start_tick: u64::from(result.start_tick),
+        end_tick: u64::from(result.end_tick),
+        d_over_z: set_up.clearance_ratio().unwrap_or(f64::NAN),
+        point_index: label.point_index,
+        segment: label.id.segment,
+    }
+}
