@@ -2,19 +2,16 @@
 //!
 //! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
 
-pub mod analysis;
 #[cfg(feature = "probe")]
 pub mod board;
 pub mod campaign;
-pub mod commands;
+pub mod cli;
 pub mod devices;
-pub mod export;
-pub mod figure;
 pub mod input;
 pub mod link;
-pub mod page;
 pub mod prediction;
 pub mod recording;
+pub mod report;
 pub mod run;
 pub mod runs;
 pub mod session;

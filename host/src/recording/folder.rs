@@ -9,7 +9,7 @@ use super::manifest::Manifest;
 use crate::campaign::Campaign;
 use crate::campaign::transient::{RECORDS, kept_record};
 
-/// The page for people in a run folder; [`crate::page`] makes it.
+/// The page for people in a run folder; [`crate::report::page`] makes it.
 pub const PAGE: &str = "report.html";
 
 /// A run folder that is written.

@@ -10,7 +10,7 @@
 //!   samples.parquet   telemetry; until the run is complete: a file per point in samples.parts/, the last
 //!                     one as samples-NNNNNN.open.arrows
 //!   figure.svg|png
-//!   report.html       all of it on a page for people; made by [`crate::page`]
+//!   report.html       all of it on a page for people; made by [`crate::report::page`]
 //! ```
 //! A run that ends badly, or is killed, leaves all of it up to the last quarter of a second, readable. The
 //! [`recorder`] keeps the disk away from the link, the [`writer`] is its thread's work: the [`journal`], the open

@@ -1,6 +1,6 @@
 //! Run folders as they are read back: found, listed, verified. Nothing here writes, moves or deletes a file.
 //!
-//! Who writes them is [`crate::recording`]; other formats are [`crate::export`]'s. The files and their
+//! Who writes them is [`crate::recording`]; other formats are [`crate::report::exports`]'s. The files and their
 //! columns are described in `host/RUN_FOLDER.md`.
 
 pub mod columns;

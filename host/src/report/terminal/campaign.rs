@@ -4,10 +4,10 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{CellAlignment, Table};
 
 use crate::campaign::Campaign;
-use crate::figure::campaign::trimmed;
 use crate::prediction::Prediction;
 use crate::recording::ResultRow;
 use crate::recording::manifest::Manifest;
+use crate::report::figures::campaign::trimmed;
 
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();

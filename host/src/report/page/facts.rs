@@ -6,12 +6,12 @@ use arrow_array::RecordBatch;
 
 use super::gaps::{self, Gaps};
 use crate::campaign::Campaign;
-use crate::figure::campaign::Shown;
 use crate::input::Source;
 use crate::recording::journal::{self, Entry};
 use crate::recording::manifest::BoardSettings;
 use crate::recording::parquet::results;
 use crate::recording::taken::Taken;
+use crate::report::figures::campaign::Shown;
 use crate::runs::columns::{Value, column, numbers, texts};
 use crate::runs::manifest::Manifest;
 use crate::runs::{ReadError, RunFolder};

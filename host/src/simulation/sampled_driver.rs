@@ -8,10 +8,10 @@ use damprig_core::integrator::sampled::{self, Flight, Joined, Joint, Sampled, Un
 use damprig_core::model::{Invalid, Wall};
 
 use super::Case;
-use super::figures::Figures;
 use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
 use super::record::Record;
-use super::run::{Gathered, Request, Summary, parts};
+use super::result::{Gathered, Request, Summary, parts};
+use super::statistics::Figures;
 
 /// Runs the case on its record.
 ///

@@ -10,8 +10,8 @@ use damprig_protocol::Ask;
 
 use super::devices::Rig;
 use super::{Failure, Outcome};
-use crate::export::whole::{to_failure, write_new};
 use crate::input::{Source, near};
+use crate::report::exports::atomic_file::{to_failure, write_new};
 use crate::session::Session;
 use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
 

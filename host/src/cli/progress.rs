@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
-use crate::figure::campaign::describe;
 use crate::recording::ResultRow;
 use crate::recording::transients::TransientRow;
+use crate::report::figures::campaign::describe;
 use crate::run::{RunError, Watcher};
 
 /// Shows how far a run has come.

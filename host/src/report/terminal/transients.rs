@@ -5,12 +5,12 @@ use std::path::Path;
 
 use comfy_table::Table;
 
-use super::report::table;
+use super::campaign::table;
 use crate::campaign::{Campaign, Kind};
-use crate::figure::transient::{Curve, Panel, draw};
-use crate::figure::{FigureError, Picture};
 use crate::prediction::transient::Expected;
 use crate::recording::transients::TransientRow;
+use crate::report::figures::time_histories::{Curve, Panel, draw};
+use crate::report::figures::{FigureError, Picture};
 use crate::runs::RunFolder;
 use crate::runs::columns::{numbers, texts};
 
