@@ -1,8 +1,0 @@
-//! Periodic orbits of the exact engine and their stability. Closed forms, sections and energy are in
-//! [`damprig_core::analysis`]; this part needs linear algebra.
-
-mod periodic_orbit;
-mod steady;
-
-pub use periodic_orbit::{Multiplier, NotFound, PeriodicOrbit, Stability};
-pub use steady::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};

@@ -1,0 +1,221 @@
+//! `damprig flash`: checks an image, puts it on the controller board, and waits until the board says who it is.
+
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Args as ClapArgs;
+use damprig_protocol::{ClockSource, Counters, Reset};
+use indicatif::ProgressBar;
+use probe_rs::flashing::{ProgressEvent, ProgressOperation};
+use probe_rs::probe::DebugProbeSelector;
+
+use super::devices::Rig;
+use super::{Failure, Outcome};
+use crate::board::image::{Image, find};
+use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
+use crate::client::controller::Controller;
+use crate::client::devices::{only, ports, query};
+use crate::client::link::Address;
+use crate::client::session::{Session, hex};
+use crate::settings::origin_text;
+
+/// Puts an image on the controller board: checked, written, read back, reset, and heard of.
+///
+/// The reset opens the drive's relay: let the rig come to rest first. The settings on the board stay.
+#[derive(Debug, ClapArgs)]
+pub struct Args {
+    #[command(flatten)]
+    at: At,
+
+    /// Where the board answers afterwards: auto for the serial port of the probe, else the only board; or serial:PATH
+    #[arg(long, value_name = "RIG", default_value = "auto")]
+    rig: Rig,
+
+    /// Seconds to wait for the board's answer
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::run::seconds)]
+    timeout: f64,
+}
+
+/// Which image and which probe.
+#[derive(Debug, ClapArgs)]
+pub struct At {
+    /// The image; without it firmware/target/images/nucleo-g474re.elf, here or in a folder above
+    #[arg(value_name = "IMAGE")]
+    image: Option<PathBuf>,
+
+    /// The debug probe, if there are several: VID:PID or VID:PID:SERIAL, as the list of them says
+    #[arg(long, value_name = "VID:PID[:SERIAL]", value_parser = selector)]
+    probe: Option<DebugProbeSelector>,
+}
+
+impl At {
+    /// The image, checked before any probe is touched.
+    ///
+    /// # Errors
+    /// There is none, or it is not for this board and this program.
+    pub fn image(&self) -> Result<Image, Failure> {
+        let path = match &self.image {
+            Some(path) => path.clone(),
+            None => {
+                let here = std::env::current_dir().map_err(|e| Failure::Failed(format!("no working folder: {e}")))?;
+                find(&here).map_err(Failure::Input)?
+            }
+        };
+        Image::read(&path).map_err(Failure::Input)
+    }
+
+    /// The chosen probe, with the board's chip attached.
+    ///
+    /// # Errors
+    /// No probe, several, or no chip.
+    pub fn attach(&self) -> Result<(Candidate, Attached), Failure> {
+        let probe = choose(&candidates(), self.probe.as_ref()).map_err(|none| match none {
+            NoProbe::Missing(why) => Failure::Failed(why),
+            NoProbe::Ambiguous(why) => Failure::Input(why),
+        })?;
+        let attached = Attached::to(&probe).map_err(Failure::Failed)?;
+        Ok((probe, attached))
+    }
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A wrong image; no probe, several, or no chip at it; flash that does not hold; a board that does not answer.
+pub fn run(args: &Args) -> Outcome {
+    let image = args.at.image()?;
+    let (probe, mut attached) = args.at.attach()?;
+    let kilobytes = image.length() as f64 / 1e3;
+    eprintln!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
+    let bars = RefCell::new(Bars::default());
+    attached.write(&image, |event| bars.borrow_mut().show(event)).map_err(Failure::Failed)?;
+    attached.reset().map_err(Failure::Failed)?;
+    drop(attached);
+    eprintln!("written and verified; the board begins anew");
+    let mut session = hear(args, &probe)?;
+    tell(&image, &mut session)
+}
+
+/// A bar for each thing that is done.
+#[derive(Default)]
+struct Bars(Option<ProgressBar>, Vec<(&'static str, u64)>);
+
+impl Bars {
+    fn show(&mut self, event: ProgressEvent) {
+        match event {
+            ProgressEvent::AddProgressBar { operation, total } => self.1.push((name(operation), total.unwrap_or(0))),
+            ProgressEvent::Started(operation) => {
+                let total = self.1.iter().filter(|(of, _)| *of == name(operation)).map(|(_, total)| total).sum();
+                let bar = super::progress::bar(total);
+                bar.set_message(name(operation));
+                self.0 = Some(bar);
+            }
+            ProgressEvent::Progress { size, .. } => {
+                if let Some(bar) = &self.0 {
+                    bar.inc(size);
+                }
+            }
+            ProgressEvent::Finished(_) | ProgressEvent::Failed(_) => {
+                if let Some(bar) = self.0.take() {
+                    bar.finish_and_clear();
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn name(operation: ProgressOperation) -> &'static str {
+    match operation {
+        ProgressOperation::Fill => "reading",
+        ProgressOperation::Erase => "erasing",
+        ProgressOperation::Program => "writing",
+        ProgressOperation::Verify => "reading back",
+    }
+}
+
+/// Waits until the board answers: it has to start, and the system may be slow with its port.
+fn hear(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
+    let end = Instant::now() + Duration::from_secs_f64(args.timeout);
+    loop {
+        let answer = place(&args.rig, probe)
+            .and_then(|address| Session::open(&address, Duration::from_secs(1)).map_err(|e| e.to_string()));
+        match answer {
+            Ok(session) => return Ok(session),
+            Err(why) if Instant::now() >= end => {
+                return Err(Failure::Failed(format!(
+                    "the image is written and verified, but the board was not heard of within {} s: {why}\n  `damprig log` shows what its firmware says",
+                    args.timeout
+                )));
+            }
+            Err(_) => std::thread::sleep(Duration::from_millis(200)),
+        }
+    }
+}
+
+/// Where the board answers: the debugger's serial port has the probe's serial number.
+fn place(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
+    let Rig::At(address) = rig else {
+        let ports = ports()?;
+        let number = probe.selector.serial_number.as_deref().unwrap_or_default();
+        let own = ports.iter().find(|port| {
+            port.usb.as_ref().is_some_and(|usb| !number.is_empty() && usb.serial_number.eq_ignore_ascii_case(number))
+        });
+        return match own {
+            Some(port) => Ok(Address::Serial((&port.path).into())),
+            None => only(&query(ports, false, Duration::from_secs(1))),
+        };
+    };
+    Ok(address.clone())
+}
+
+/// Who the board is and how it came up.
+///
+/// # Errors
+/// It runs something else than what was written.
+fn tell(image: &Image, session: &mut Session) -> Outcome {
+    let counted = session.status().map(|(_, counters)| Controller::between(&Counters::default(), &counters));
+    let health = counted.map_or_else(|e| e.to_string(), |c| [vec![c.line()], c.complaints()].concat().join("; "));
+    let session = &*session;
+    let (it, about) = (&session.identity, &session.description);
+    let revision = if about.revision.is_empty() { "revision unknown" } else { about.revision.as_str() };
+    println!("{} at {}", it.board, session.name());
+    println!("  firmware  {} ({revision}, {} build)", it.firmware, about.profile);
+    println!("  protocol  {} (schema {})", it.protocol, hex(&it.schema));
+    println!("  clock     {}", clock(about.clock_source));
+    println!("  reset by  {}", reset(about.reset));
+    println!("  settings  {}", origin_text(about.settings));
+    println!("  health    {health}");
+    println!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
+    if (&it.board, &it.firmware) == (&image.identity.board, &image.identity.firmware) {
+        return Ok(());
+    }
+    Err(Failure::Failed(format!(
+        "another board answers at {}: written was {} {}, there is {} {}; name the board's port: --rig serial:PATH",
+        session.name(),
+        image.identity.board,
+        image.identity.firmware,
+        it.board,
+        it.firmware
+    )))
+}
+
+fn clock(source: ClockSource) -> &'static str {
+    match source {
+        ClockSource::Granted => "the host's grants",
+        ClockSource::Crystal => "crystal, ±50 ppm",
+        ClockSource::InternalOscillator => "internal oscillator, ±1 %: the crystal did not start",
+    }
+}
+
+fn reset(reset: Reset) -> &'static str {
+    match reset {
+        Reset::Unknown => "unknown",
+        Reset::Power => "power-on or a sagging supply",
+        Reset::Pin => "the reset button, or the debugger",
+        // The debugger asks for it as the firmware does.
+        Reset::Software => "the firmware itself, or the debugger",
+        Reset::Watchdog => "the watchdog",
+    }
+}

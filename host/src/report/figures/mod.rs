@@ -1,0 +1,189 @@
+//! Figures: one look for all of them, as SVG and, from the very same drawing, as PNG.
+//!
+//! This module holds what every figure shares: the page, the fonts, the colours and markers, the axes. A
+//! kind of figure is a file of its own ([`frequency_response`]). The font is shipped, so a figure looks the same on
+//! every machine and needs no font service.
+
+pub mod axis;
+pub mod campaign;
+pub mod frequency_response;
+pub mod simulated_motion;
+pub mod time_histories;
+
+use std::path::Path;
+use std::sync::{Arc, Once};
+
+use plotters::backend::SVGBackend;
+use plotters::coord::Shift;
+use plotters::prelude::{DrawingArea, IntoDrawingArea};
+use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, TextStyle, WHITE};
+use resvg::{tiny_skia, usvg};
+
+/// A drawing surface, in points of the SVG.
+pub type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Why a figure could not be made.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("cannot draw the figure: {0}")]
+pub struct FigureError(pub String);
+
+impl FigureError {
+    /// Of any failure of the drawing library.
+    pub fn of(error: impl std::fmt::Display) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// The font's own name, then what an SVG viewer without it should take.
+const FAMILY: &str = "DejaVu Sans, Verdana, Arial, sans-serif";
+static FONT: &[u8] = include_bytes!("../../../fonts/DejaVuSans.ttf");
+
+/// Steps of a layer ([`Picture::overlay`]) in a point.
+pub const FINE: i32 = 10;
+
+/// Pixels of the PNG for a point of the SVG.
+const PNG_SCALE: f32 = 2.0;
+
+/// Text, axes and frames.
+pub const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
+/// What stands back: grids, second lines.
+pub const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
+/// Explanations.
+pub const GREY: RGBColor = RGBColor(0x66, 0x66, 0x66);
+
+/// Colours that stay apart for colour-blind readers and in print (Okabe & Ito), repeated after eight.
+#[must_use]
+pub fn colour(index: usize) -> RGBColor {
+    const COLOURS: [(u8, u8, u8); 8] = [
+        (0x00, 0x00, 0x00),
+        (0xe6, 0x9f, 0x00),
+        (0x56, 0xb4, 0xe9),
+        (0x00, 0x72, 0xb2),
+        (0xcc, 0x79, 0xa7),
+        (0xd5, 0x5e, 0x00),
+        (0x00, 0x9e, 0x73),
+        (0x99, 0x99, 0x33),
+    ];
+    let (red, green, blue) = COLOURS[index % COLOURS.len()];
+    RGBColor(red, green, blue)
+}
+
+/// A text style of the shipped font, `size` in points.
+pub fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
+    register_font();
+    let mut style = (FontFamily::Name(FAMILY), size).into_text_style(&(1u32, 1u32));
+    style.color = colour.to_backend_color();
+    style
+}
+
+/// Width of a text in points, as the shipped font sets it.
+#[must_use]
+pub fn width(text_style: &TextStyle<'static>, text: &str) -> i32 {
+    text_style.font.box_size(text).map_or(0, |(width, _)| i32::try_from(width).unwrap_or(0))
+}
+
+/// The drawing library keeps its fonts in a table of its own.
+fn register_font() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        for style in [FontStyle::Normal, FontStyle::Bold, FontStyle::Italic, FontStyle::Oblique] {
+            // It fails only for bytes that are no font.
+            let _ = plotters::style::register_font(FAMILY, style, FONT);
+        }
+    });
+}
+
+/// A finished drawing.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    svg: String,
+}
+
+impl Picture {
+    /// Draws on a white page of `width` × `height` points.
+    ///
+    /// # Errors
+    /// What the drawing library says.
+    pub fn draw(
+        width: u32,
+        height: u32,
+        draw: impl FnOnce(&Canvas) -> Result<(), FigureError>,
+    ) -> Result<Self, FigureError> {
+        register_font();
+        let mut svg = String::new();
+        {
+            let canvas = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
+            canvas.fill(&WHITE.to_rgba()).map_err(FigureError::of)?;
+            draw(&canvas)?;
+            canvas.present().map_err(FigureError::of)?;
+        }
+        Ok(Self { svg })
+    }
+
+    /// Draws a layer over it, in tenths of a point: curves want finer steps than the page's whole points.
+    ///
+    /// # Errors
+    /// What the drawing library says.
+    pub fn overlay(mut self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
+        let mut svg = String::new();
+        {
+            // The layer is cut out of a page of its own, which need only be large enough.
+            let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
+            draw(&canvas)?;
+            canvas.present().map_err(FigureError::of)?;
+        }
+        let inside =
+            |svg: &str| Some((svg.find("<svg")? + svg[svg.find("<svg")?..].find('>')? + 1, svg.rfind("</svg>")?));
+        let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
+            return Err(FigureError("a layer that is no SVG".into()));
+        };
+        let layer = format!("<g transform=\"scale({})\">{}</g>\n", 1.0 / f64::from(FINE), &svg[from..to]);
+        self.svg.insert_str(end, &layer);
+        Ok(self)
+    }
+
+    /// The drawing as SVG.
+    #[must_use]
+    pub fn svg(&self) -> &str {
+        &self.svg
+    }
+
+    /// The drawing as PNG, two pixels to a point.
+    ///
+    /// # Errors
+    /// When the picture is too large for memory.
+    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_font_data(FONT.to_vec());
+        let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
+        let tree = usvg::Tree::from_str(&self.svg, &options).map_err(FigureError::of)?;
+        let size = tree.size().to_int_size().scale_by(PNG_SCALE).ok_or_else(|| FigureError("an empty page".into()))?;
+        let mut pixels =
+            tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| FigureError("an empty page".into()))?;
+        resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
+        pixels.encode_png().map_err(FigureError::of)
+    }
+
+    /// Writes `stem.svg` and `stem.png` into `folder`.
+    ///
+    /// # Errors
+    /// Names the file that cannot be written.
+    pub fn write(&self, folder: &Path, stem: &str) -> Result<(), FigureError> {
+        self.save(&folder.join(format!("{stem}.svg")))?;
+        self.save(&folder.join(format!("{stem}.png")))
+    }
+
+    /// Writes one file: PNG if its extension says so, else SVG.
+    ///
+    /// # Errors
+    /// Names the file when it cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), FigureError> {
+        let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let bytes = if png { &self.png()? } else { self.svg.as_bytes() };
+        std::fs::write(path, bytes).map_err(|e| {
+            // Half a picture is none.
+            let _ = std::fs::remove_file(path);
+            FigureError(format!("{}: {e}", path.display()))
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! What a report page tells, gathered from a run folder: whatever of it can be read.
+
+use std::path::Path;
+
+use arrow_array::RecordBatch;
+
+use super::gaps::{self, Gaps};
+use crate::campaign::Campaign;
+use crate::input::Source;
+use crate::run_folder::journal::{self, Entry};
+use crate::run_folder::schema::device::BoardSettings;
+use crate::run_folder::schema::results;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::report::figures::campaign::Shown;
+use crate::run_folder::read::columns::{Value, column, numbers, texts};
+use crate::run_folder::schema::manifest::Manifest;
+use crate::run_folder::{ReadError, RunFolder};
+
+/// A measured point, as far as the page shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Point {
+    pub(super) experiment: String,
+    pub(super) shown: Shown,
+    /// Base: lock-in amplitude, m.
+    pub(super) z_m: f64,
+    /// Mean over the cycles of max|x|, m.
+    pub(super) x_m: f64,
+    /// Largest |x|, m.
+    pub(super) x_max_m: f64,
+    pub(super) cycles: u64,
+    pub(super) saturated: bool,
+    /// Names of the sensors that were clipped.
+    pub(super) clipped: String,
+    pub(super) segment: u64,
+}
+
+/// The run.
+#[derive(Debug)]
+pub(super) struct Facts {
+    /// Name of its folder.
+    pub(super) id: String,
+    pub(super) manifest: Manifest,
+    /// The campaign as run; why it cannot be read otherwise.
+    pub(super) campaign: Result<Campaign, String>,
+    /// In the order of the campaign.
+    pub(super) points: Vec<Point>,
+    /// What the journal adds up to; nothing of a run without one.
+    pub(super) taken: JournalState,
+    /// Links that went and came, and when.
+    pub(super) link: Vec<(String, String)>,
+    pub(super) gaps: Gaps,
+    /// What cannot be read, in words.
+    pub(super) unreadable: Vec<String>,
+}
+
+impl Facts {
+    pub(super) fn of(run: &RunFolder) -> Self {
+        let path = run.path();
+        let mut unreadable = Vec::new();
+        let lines = match journal::read(path) {
+            Ok(lines) => lines,
+            Err(error) => {
+                unreadable.push(error.to_string());
+                journal::Lines::default()
+            }
+        };
+        if !lines.damaged.is_empty() {
+            let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();
+            unreadable.push(format!("{}: line {}", journal::JOURNAL, list.join(", ")));
+        }
+        let taken = JournalState::of(&lines.entries);
+        let link = lines.entries.iter().filter_map(|entry| match entry {
+            Entry::Link { what, at } => Some((at.clone(), what.clone())),
+            _ => None,
+        });
+        let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());
+        let campaign = read_campaign(path, board);
+        let batches = match &campaign {
+            Ok(campaign) if !taken.rows().is_empty() => {
+                results::table(&taken.rows_in_order(&campaign.in_order())).map(|batch| vec![batch]).map_err(ReadError)
+            }
+            _ => run.results(),
+        };
+        let points = batches.and_then(|all| all.iter().map(points).collect::<Result<Vec<_>, _>>());
+        let points = points.unwrap_or_else(|error| {
+            unreadable.push(error.to_string());
+            Vec::new()
+        });
+        Self {
+            id: run.id(),
+            manifest: run.manifest().clone(),
+            points: points.concat(),
+            link: link.collect(),
+            gaps: gaps::find(run, &taken),
+            campaign: campaign.map_err(|error| format!("campaign.toml: {error}")),
+            taken,
+            unreadable,
+        }
+    }
+
+    /// Everything that cannot be read, in words.
+    pub(super) fn all_unreadable(&self) -> Vec<String> {
+        let campaign = self.campaign.as_ref().err();
+        campaign.into_iter().chain(&self.unreadable).chain(&self.gaps.unreadable).cloned().collect()
+    }
+
+    /// Shown of each point.
+    pub(super) fn shown(&self) -> Vec<Shown> {
+        self.points.iter().map(|p| p.shown.clone()).collect()
+    }
+
+    /// Points of a set-up.
+    pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a Point> {
+        self.points.iter().filter(move |p| p.shown.set_up == set_up)
+    }
+}
+
+fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign, String> {
+    let source = Source::read(&path.join("campaign.toml")).map_err(|e| e.to_string())?;
+    let mut campaign = Campaign::parse(source.recorded()).map_err(|e| e.to_string())?;
+    if let Some(board) = board {
+        // What was refused did not run.
+        let _ = campaign.on_board(&board.settings, false);
+    }
+    Ok(campaign)
+}
+
+fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
+    let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
+    let number = |name: &str| numbers(batch, name);
+    let (f, ratio, phase) = (number("frequency_hz")?, number("x_over_z")?, number("phase_rad")?);
+    let (z, x, x_max) = (number("z_amplitude_m")?, number("x_mean_cycle_max_m")?, number("x_max_m")?);
+    let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
+    // Columns that older runs lack.
+    let saturated = column(batch, "drive_saturated").unwrap_or_default();
+    let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
+    let segments = number("segment").unwrap_or_default();
+    let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
+    let point = |n: usize| Point {
+        experiment: experiments[n].clone(),
+        shown: Shown {
+            set_up: set_ups[n].clone(),
+            frequency_hz: f[n],
+            x_over_z: ratio[n],
+            phase_rad: phase[n],
+            steady: is(&steady, n),
+        },
+        z_m: z[n],
+        x_m: x[n],
+        x_max_m: x_max[n],
+        cycles: cycles[n] as u64,
+        saturated: is(&saturated, n),
+        clipped: clipped.get(n).cloned().unwrap_or_default(),
+        segment: segments.get(n).copied().unwrap_or(0.0) as u64,
+    };
+    Ok((0..batch.num_rows()).map(point).collect())
+}

@@ -1,0 +1,90 @@
+//! What a run says to people: the plan with its prediction, the table of results, the summary.
+
+use comfy_table::presets::UTF8_FULL_CONDENSED;
+use comfy_table::{CellAlignment, Table};
+
+use crate::campaign::Campaign;
+use crate::prediction::Prediction;
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::manifest::Manifest;
+use crate::report::figures::campaign::trimmed;
+
+pub(super) fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(header.to_vec());
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn ratio(value: Option<f64>) -> String {
+    value.map_or("–".into(), |v| trimmed(v, 2))
+}
+
+/// The set-ups with their predicted displacements.
+pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
+    let mut table = table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the range (%)"]);
+    let range_m = f64::from(campaign.rig.sensor_range_m()[0]);
+    for prediction in predictions {
+        let set_up = &campaign.set_ups[prediction.set_up];
+        let swing = prediction.swing;
+        table.add_row([
+            set_up.name.clone(),
+            trimmed(set_up.base_amplitude_m * 1e3, 3),
+            ratio(set_up.clearance_ratio()),
+            ratio(set_up.friction_ratio()),
+            format!("{:.1}", swing.max_x_m * 1e3),
+            trimmed(swing.frequency_hz, 4),
+            format!("{:.0}", 100.0 * swing.max_x_m / range_m),
+        ]);
+    }
+    table
+}
+
+/// Per set-up: the peak of X/Z, and the value at fn.
+pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
+    let mut table =
+        table(&["set-up", "peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "of them steady"]);
+    for set_up in &campaign.set_ups {
+        let own: Vec<&ResultRow> = rows.iter().filter(|r| r.set_up == set_up.name).collect();
+        let Some(peak) = own.iter().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) else { continue };
+        let natural = set_up.natural_frequency_hz();
+        let at_natural = own.iter().find(|r| (r.frequency_hz - natural).abs() < 1e-4 * natural);
+        let yes_no = |row: &ResultRow| if row.steady { "yes" } else { "no" }.to_string();
+        table.add_row([
+            set_up.name.clone(),
+            format!("{:.2}", peak.x_over_z()),
+            trimmed(peak.frequency_hz, 4),
+            yes_no(peak),
+            at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
+            at_natural.map_or("–".into(), |r| yes_no(r)),
+            own.len().to_string(),
+            own.iter().filter(|r| r.steady).count().to_string(),
+        ]);
+    }
+    table
+}
+
+/// One line on the run itself.
+pub fn summary(manifest: &Manifest) -> String {
+    let clock = manifest.clock;
+    let tick_hz = manifest.device.as_ref().map_or(0.0, |d| d.tick_hz);
+    let counters = manifest.counters;
+    let late = manifest.controller.map_or(0, |c| c.overruns);
+    let late = if late > 0 { format!("; {late} ticks of the board came too late") } else { String::new() };
+    let speed = clock.rig_s / clock.wall_s;
+    // Nothing was timed: a run whose end could not be noted.
+    let speed = if speed.is_finite() { format!(" ({speed:.0} times real time)") } else { String::new() };
+    format!(
+        "{} of {} points; {:.0} s of rig time in {:.2} s{speed} at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}{late}",
+        manifest.points_taken,
+        manifest.points_planned,
+        clock.rig_s,
+        clock.wall_s,
+        manifest.sample_rows,
+        counters.lost_rows,
+        counters.dropped_records + counters.dropped_rows_host,
+        counters.bad_frames_host + counters.bad_frames_device,
+    )
+}

@@ -1,0 +1,307 @@
+//! A case on a recorded base motion: the sampled driver, one sample interval of the record after the other.
+
+use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::response::Wanted;
+use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign, signed};
+use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_increment, increment};
+use damprig_core::integrator::sampled::{self, Flight, Joined, Joint, Sampled, Units};
+use damprig_core::model::{Invalid, Wall};
+
+use super::Case;
+use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
+use super::record::Record;
+use super::result::{Gathered, Request, Summary, parts};
+use super::statistics::Figures;
+
+/// Runs the case on its record.
+///
+/// # Errors
+/// Names a value that is not physical, or a structure too fast for the record's sampling.
+pub(super) fn run<V: Viewer>(
+    case: &Case,
+    record: &Record,
+    wanted: Wanted,
+    gathered: &mut Gathered<'_, V>,
+    request: Request,
+) -> Result<(Summary, State), Invalid> {
+    let steps = Sampled::<f64>::steps_per_sample(&case.set_up, record.step_s)?;
+    let units = Units::metres(record.step_s / f64::from(steps));
+    if case.has_soft_wall() || case.set_up.tmd.is_some() {
+        let motion = Joined::<f64>::joined(&case.set_up, units, &case.initial)?;
+        Ok(play(case, record, (motion, steps), wanted, gathered, request))
+    } else {
+        let motion = Sampled::<f64>::new(&case.set_up, units, &case.initial)?;
+        Ok(play(case, record, (motion, steps), wanted, gathered, request))
+    }
+}
+
+/// Sample intervals of a record between two looks up from the work; each is at most 255 steps.
+const INTERVALS_A_LOOK: u64 = 64;
+
+fn play<V: Viewer, J: Joint<f64>>(
+    case: &Case,
+    record: &Record,
+    (mut motion, steps): (Sampled<f64, J>, u8),
+    wanted: Wanted,
+    gathered: &mut Gathered<'_, V>,
+    request: Request,
+) -> (Summary, State) {
+    let step_s = motion.units().step_s;
+    let mut figures = Figures::new(wanted);
+    let mut play = record.play();
+    let mut at =
+        Place { step_s, duration_s: case.run.duration_s, wall: SoftWall::of(case, step_s), ..Place::default() };
+    let mut interval = 0_u64;
+    parts(case.run.duration_s, request, gathered, |until_s, gathered, go_on| {
+        let mut viewer = (&mut figures, gathered.viewer());
+        while interval as f64 * record.step_s < until_s {
+            if interval % INTERVALS_A_LOOK == INTERVALS_A_LOOK - 1 && !go_on(at.reached_s) {
+                break;
+            }
+            let segment = play.next_segment();
+            for part in 0..steps {
+                at.step = interval * u64::from(steps) + u64::from(part);
+                let mut shown = ShownFlights { at: &mut at, viewer: &mut viewer };
+                motion.step(&segment.part(part, steps), &mut shown);
+            }
+            interval += 1;
+        }
+        at.reached_s
+    });
+    figures.finish(at.reached_s);
+    let steady = figures.steady_m();
+    let contact = at.wall.and_then(|wall| wall.first);
+    let summary = Summary {
+        simulated_s: at.reached_s,
+        rms_x_m: figures.rms_x_m(),
+        rms_x_minus_z_m: Some(figures.rms_x_minus_z_m()),
+        max_abs_x_m: figures.max_abs_x_m,
+        max_abs_x_minus_z_m: figures.max_abs_x_minus_z_m,
+        impact_count: figures.impacts,
+        accumulation_count: figures.accumulations,
+        steady_max_abs_x_m: steady.map(|s| s.0),
+        steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+        unresolved: motion.unresolved(),
+        peak_contact_force_n: at.wall.and_then(|wall| wall.peak_n),
+        first_contact_duration_s: contact.map(|c| c.0),
+        first_contact_restitution: contact.map(|c| c.1),
+    };
+    (summary, at.state)
+}
+
+/// What a soft wall did.
+#[derive(Clone, Copy, Debug)]
+struct SoftWall {
+    clearance_m: f64,
+    stiffness_n_per_m: f64,
+    /// c1 over the step, N/m.
+    damping_n_per_m: f64,
+    /// The side that the particle is in contact with.
+    pressing: Option<Sign>,
+    peak_n: Option<f64>,
+    /// Time (s) and speed (m/s) of the first touch at speed.
+    touch: Option<(f64, f64)>,
+    /// Duration (s) and restitution of the first contact.
+    first: Option<(f64, f64)>,
+}
+
+impl SoftWall {
+    fn of(case: &Case, step_s: f64) -> Option<Self> {
+        let particle = case.set_up.particle?;
+        let Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } = particle.wall else { return None };
+        Some(Self {
+            clearance_m: particle.clearance_m,
+            stiffness_n_per_m,
+            damping_n_per_m: damping_n_s_per_m / step_s,
+            pressing: None,
+            peak_n: None,
+            touch: None,
+            first: None,
+        })
+    }
+
+    /// Takes the largest force along a flight in contact.
+    fn press(&mut self, flight: &Flight<f64>, length: f64) {
+        let Some(side) = self.pressing else { return };
+        let mut force = derivative(&flight.offset).map(|rate| signed(side, self.damping_n_per_m * rate));
+        for (f, w) in force.iter_mut().zip(&flight.offset) {
+            *f += signed(side, self.stiffness_n_per_m * w);
+        }
+        force[0] -= self.stiffness_n_per_m * self.clearance_m;
+        let value = |p: &Polynomial<f64>, at: f64| p[0] + increment(p, at);
+        let rate = derivative(&force);
+        let mut largest = value(&force, 0.0).max(value(&force, length));
+        let (mut low, mut high) = (0.0, length);
+        if rate[0] > 0.0 && value(&rate, length) < 0.0 {
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if value(&rate, middle) > 0.0 { low = middle } else { high = middle }
+            }
+            largest = largest.max(value(&force, low));
+        }
+        self.peak_n = Some(self.peak_n.map_or(largest, |peak| peak.max(largest)));
+    }
+}
+
+/// Where the run is.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    step: u64,
+    step_s: f64,
+    duration_s: f64,
+    reached_s: f64,
+    state: State,
+    mode: Mode,
+    wall: Option<SoftWall>,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self {
+            step: 0,
+            step_s: 0.0,
+            duration_s: 0.0,
+            reached_s: 0.0,
+            state: State::default(),
+            mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
+            wall: None,
+        }
+    }
+}
+
+/// Shows the sampled driver's motion to a viewer, up to the end of the run.
+struct ShownFlights<'a, V> {
+    at: &'a mut Place,
+    viewer: &'a mut V,
+}
+
+impl<V: Viewer> sampled::Observer<f64> for ShownFlights<'_, V> {
+    fn mode(&mut self, mode: Mode) {
+        self.at.mode = mode;
+    }
+
+    fn flight(&mut self, start: f64, length: f64, flight: &Flight<f64>) {
+        let start_s = (self.at.step as f64 + start) * self.at.step_s;
+        // The record's last interval may reach beyond the end of the run.
+        let mut length_s = length * self.at.step_s;
+        let ends = start_s + length_s >= self.at.duration_s * (1.0 - 1e-15);
+        if ends {
+            length_s = length_s.min(self.at.duration_s - start_s);
+        }
+        if length_s <= 0.0 {
+            return;
+        }
+        if let Some(wall) = &mut self.at.wall {
+            wall.press(flight, length_s / self.at.step_s);
+        }
+        let pressing = self.at.wall.is_some_and(|wall| wall.pressing.is_some());
+        let phase = Phase { mode: self.at.mode, pressing };
+        let piece = FlightPiece { start_s, length_s, step_s: self.at.step_s, flight, phase };
+        self.viewer.piece(&piece);
+        self.at.state = piece.at(length_s).state;
+        self.at.reached_s = if ends { self.at.duration_s } else { start_s + length_s };
+    }
+
+    fn impact(&mut self, impact: &sampled::Impact<f64>) {
+        let t_s = (self.at.step as f64 + impact.at) * self.at.step_s;
+        if t_s <= self.at.duration_s {
+            let approach_speed_m_per_s = impact.approach / self.at.step_s;
+            let y_m = self.at.state.y_m();
+            if let Some(wall) = &mut self.at.wall {
+                wall.touch.get_or_insert((t_s, approach_speed_m_per_s));
+            }
+            self.viewer.impact(&ImpactRecord { t_s, side: impact.side, approach_speed_m_per_s, y_m });
+        }
+    }
+
+    fn accumulation(&mut self, at: f64, side: Sign) {
+        let t_s = (self.at.step as f64 + at) * self.at.step_s;
+        if t_s <= self.at.duration_s {
+            self.viewer.accumulation(&AccumulationRecord { t_s, side });
+        }
+    }
+
+    fn contact_start(&mut self, _: f64, side: Sign) {
+        if let Some(wall) = &mut self.at.wall {
+            wall.pressing = Some(side);
+        }
+    }
+
+    fn contact_end(&mut self, at: f64, _: Sign, separation: f64) {
+        let t_s = (self.at.step as f64 + at) * self.at.step_s;
+        let separation_m_per_s = separation / self.at.step_s;
+        if let Some(wall) = &mut self.at.wall {
+            wall.pressing = None;
+            if let (None, Some((touch_s, approach))) = (wall.first, wall.touch) {
+                wall.first = Some((t_s - touch_s, separation_m_per_s / approach));
+            }
+        }
+    }
+}
+
+/// A flight on the clock of the run.
+struct FlightPiece<'a> {
+    start_s: f64,
+    length_s: f64,
+    step_s: f64,
+    flight: &'a Flight<f64>,
+    phase: Phase,
+}
+
+impl Piece for FlightPiece<'_> {
+    fn start_s(&self) -> f64 {
+        self.start_s
+    }
+
+    fn length_s(&self) -> f64 {
+        self.length_s
+    }
+
+    fn at(&self, after_s: f64) -> Instant {
+        let after = after_s / self.step_s;
+        let of =
+            |p: &Polynomial<f64>| (p[0] + increment(p, after), (p[1] + derivative_increment(p, after)) / self.step_s);
+        let (x_m, v_m_per_s) = of(&self.flight.x);
+        let (offset_m, slide_m_per_s) = of(&self.flight.offset);
+        let (stretch_m, slip_m_per_s) = of(&self.flight.stretch);
+        Instant {
+            t_s: self.start_s + after_s,
+            state: State { x_m, v_m_per_s, offset_m, slide_m_per_s },
+            z_m: x_m - stretch_m,
+            base_velocity_m_per_s: v_m_per_s - slip_m_per_s,
+        }
+    }
+
+    fn phase(&self) -> Phase {
+        self.phase
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::input::Source;
+    use crate::simulation::{Case, Request, simulate};
+
+    #[test]
+    fn a_run_on_a_record_is_stopped_within_a_part_too() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rows: String = (0..2001).map(|n| format!("{},{}\n", f64::from(n) * 0.005, 0.001)).collect();
+        std::fs::write(folder.path().join("motion.csv"), format!("time_s,acceleration_g\n{rows}")).expect("a file");
+        let text = r#"structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }
+                      base = { kind = "record", file = "motion.csv", quantity = "acceleration", unit = "g" }
+                      run = { duration_s = 10 }"#;
+        let file = folder.path().join("case.toml");
+        std::fs::write(&file, text).expect("a file");
+        let case = Case::parse(&Source::read(&file).expect("a text"), "case").expect("a case");
+        let mut left = 5;
+        let mut go_on = |_: f64| {
+            left -= 1;
+            left > 0
+        };
+        // One part: whoever looks between parts alone looks never.
+        let request = Request { keep: false, longest_part_s: 1e9, go_on: &mut go_on };
+        let answer = simulate(&case, &mut (), request).expect("it is physical");
+        let stopped_at_s = answer.stopped_at_s.expect("it was stopped");
+        assert!(stopped_at_s > 0.3 && stopped_at_s < 2.0, "{stopped_at_s}");
+    }
+}
