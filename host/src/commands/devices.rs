@@ -8,7 +8,7 @@ use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 
 use super::{Failure, Outcome};
-use crate::client::devices::{Answer, Found, ask, only, ports};
+use crate::client::devices::{Answer, Found, only, ports, query};
 use crate::client::link::Address;
 use crate::settings::read_board;
 
@@ -29,7 +29,7 @@ pub struct Args {
 /// # Errors
 /// When the system does not list its ports.
 pub fn run(args: &Args) -> Outcome {
-    let found = ask(ports().map_err(Failure::Failed)?, args.all, Duration::from_secs_f64(args.timeout));
+    let found = query(ports().map_err(Failure::Failed)?, args.all, Duration::from_secs_f64(args.timeout));
     if found.is_empty() {
         println!("This machine shows no serial port. Without a board: --rig virtual");
         return Ok(());
@@ -99,7 +99,7 @@ impl Rig {
                 Ok(address.clone())
             }
             Self::Auto => {
-                only(&ask(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
+                only(&query(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
             }
         }
     }

@@ -15,7 +15,7 @@ use super::{Failure, Outcome};
 use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
 use crate::client::controller::Controller;
-use crate::client::devices::{ask, only, ports};
+use crate::client::devices::{only, ports, query};
 use crate::client::link::Address;
 use crate::client::session::{Session, hex};
 use crate::settings::origin_text;
@@ -164,7 +164,7 @@ fn place(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
         });
         return match own {
             Some(port) => Ok(Address::Serial((&port.path).into())),
-            None => only(&ask(ports, false, Duration::from_secs(1))),
+            None => only(&query(ports, false, Duration::from_secs(1))),
         };
     };
     Ok(address.clone())

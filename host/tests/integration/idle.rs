@@ -119,7 +119,7 @@ fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_told() {
 #[test]
 fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), SessionError> {
     let (mut session, _) = tripped();
-    session.silence_the_drive()?;
+    session.stop_drive()?;
     assert_eq!(session.status()?.0.state, State::Faulted);
     Ok(())
 }
