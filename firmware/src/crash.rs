@@ -7,6 +7,7 @@ use core::mem::MaybeUninit;
 use cortex_m_rt::{ExceptionFrame, exception};
 use damprig_device::crash::Record;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
+use embassy_stm32::pac;
 
 use crate::board::nucleo_g474re::settings;
 use crate::{callers, tick};
@@ -60,7 +61,7 @@ pub fn note(cause: CrashCause, calls: [u32; CALLS_TOLD]) {
 }
 
 /// Records why, and starts again: every output is off from the reset on.
-fn end(cause: CrashCause, calls: [u32; CALLS_TOLD]) -> ! {
+pub fn end(cause: CrashCause, calls: [u32; CALLS_TOLD]) -> ! {
     note(cause, calls);
     cortex_m::peripheral::SCB::sys_reset()
 }
@@ -70,14 +71,21 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     end(CrashCause::HardFault, [frame.pc(), frame.lr(), 0, 0, 0, 0])
 }
 
-/// A damaged word of the settings was read, which does no harm; or the crystal stopped: the hardware has gone back to the
-/// internal oscillator already, ten times too slow.
+/// A damaged word of the settings was read, which their checksum finds; the crystal stopped, and the hardware has gone back
+/// to the internal oscillator, ten times too slow; the program itself is damaged.
 #[exception]
 unsafe fn NonMaskableInt() {
     if settings::was_misread() {
         return;
     }
-    end(CrashCause::ClockFailed, [0; CALLS_TOLD])
+    let cause = if pac::RCC.cifr().read().cssf() {
+        CrashCause::ClockFailed
+    } else if pac::FLASH.eccr().read().eccd() {
+        CrashCause::ProgramDamaged
+    } else {
+        CrashCause::UnknownNmi
+    };
+    end(cause, [0; CALLS_TOLD])
 }
 
 /// A panic's text and place would take 8 KB of flash with them, paths of the machine that built the image among it: the calls

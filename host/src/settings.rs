@@ -5,7 +5,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 use damprig_core::settings::{Prepared, Settings, Source as Origin};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};

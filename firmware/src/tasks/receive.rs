@@ -4,14 +4,13 @@ use core::sync::atomic::Ordering;
 
 use damprig_device::intake::Intake;
 use damprig_protocol::ask::ToDevice;
-use embassy_stm32::usart::BufferedUartRx;
-use embedded_io_async::Read;
+use embassy_stm32::usart::RingBufferedUartRx;
 
 use crate::tasks::lanes::{BAD_FRAMES, Order, OrdersIn, REQUESTS_DROPPED, counted};
 
 /// Owns the line's receiving side.
 #[embassy_executor::task]
-pub async fn run(mut receiver: BufferedUartRx<'static>, mut orders: OrdersIn) -> ! {
+pub async fn run(mut receiver: RingBufferedUartRx<'static>, mut orders: OrdersIn) -> ! {
     let mut intake = Intake::default();
     let mut bytes = [0; 64];
     loop {

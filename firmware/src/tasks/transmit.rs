@@ -7,14 +7,15 @@ use damprig_protocol::FromDevice;
 use damprig_protocol::frame::{self, LONGEST};
 use embassy_futures::select::{Either, select};
 use embassy_stm32::gpio::Output;
-use embassy_stm32::usart::BufferedUartTx;
+use embassy_stm32::mode::Async;
+use embassy_stm32::usart::UartTx;
 use embedded_io_async::Write;
 
 use crate::tasks::lanes::{ROWS, URGENT};
 
 /// Owns the line's sending side, and the LED, which changes with every message.
 #[embassy_executor::task]
-pub async fn run(mut transmitter: BufferedUartTx<'static>, mut led: Output<'static>) -> ! {
+pub async fn run(mut transmitter: UartTx<'static, Async>, mut led: Output<'static>) -> ! {
     let mut batch = Batch::default();
     let mut frame = [0; LONGEST];
     loop {

@@ -10,7 +10,8 @@ use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, Excitation, Impact, Observer, State};
 use damprig_core::integrator::modes::{Contact, Mode, Sign};
-use damprig_core::model::{Initial, Invalid, SetUp};
+use damprig_core::io::Invalid;
+use damprig_core::model::{Initial, SetUp};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Newton steps before giving up.

@@ -1,10 +1,10 @@
 //! `[rig]` and `[telemetry]`: simulated sensors and shaker, the campaign's limits, recorded signals and their rate.
 
 use damprig_core::control::safety::SafetyConfig;
+use damprig_core::io::{DisplacementScale, TICK_HZ};
 use damprig_core::plant::table::Table;
 use damprig_core::plant::{Amplifier, DataSheet, Shaker};
-use damprig_core::rig::calibration::DisplacementScale;
-use damprig_core::rig::{MOTION_SIGNALS, TICK_HZ};
+use damprig_core::rig::MOTION_SIGNALS;
 use damprig_core::settings::Settings;
 
 use super::limits::CampaignLimits;

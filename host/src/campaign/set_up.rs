@@ -1,7 +1,7 @@
 //! `[[set_up]]`: a set-up with its name and base amplitude. Its other keys are read by [`crate::setup`].
 
+use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
-use damprig_core::rig::TICK_HZ;
 
 use crate::input::{Problem, Section, Span};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, SpringSpec};

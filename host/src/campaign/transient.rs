@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
 use damprig_core::control::transient::{self as core_transient, free_vibration};
-use damprig_core::rig::TICK_HZ;
+use damprig_core::io::TICK_HZ;
 use damprig_protocol::upload::checksum;
 
 use super::RigSettings;

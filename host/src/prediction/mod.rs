@@ -13,8 +13,10 @@ pub mod transient;
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled, Units};
-use damprig_core::model::{Initial, Invalid};
+use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::Invalid;
+use damprig_core::model::Initial;
 use rayon::prelude::*;
 
 use crate::campaign::transient::two_digits_down;

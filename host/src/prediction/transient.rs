@@ -5,9 +5,10 @@
 //! at 2.5 Hz the error of a peak is (Ωh)²/8 = 3·10⁻⁵.
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Sampled, Units};
-use damprig_core::model::{Initial, Invalid};
-use damprig_core::rig::TICK_HZ;
+use damprig_core::integrator::sampled::Sampled;
+use damprig_core::integrator::units::Units;
+use damprig_core::io::{Invalid, TICK_HZ};
+use damprig_core::model::Initial;
 
 use super::USABLE;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};

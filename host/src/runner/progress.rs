@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use damprig_core::control::stepped_sine::FADE_S;
-use damprig_core::rig::TICK_HZ;
+use damprig_core::io::TICK_HZ;
 use damprig_protocol::{MOST_VALUES, Telemetry};
 
 use super::reorder_buffer::ReorderBuffer;

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
-use damprig_core::rig::{State, TICK_HZ};
+use damprig_core::rig::State;
 use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
 
 use super::context::Run;

@@ -6,12 +6,11 @@ use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::SpringSetUp;
 use damprig_core::control::limits::Fault;
 use damprig_core::control::stepped_sine::{self as core_sine, Drive};
+use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig, SensorModel};
-use damprig_core::rig::TICK_HZ;
-use damprig_core::rig::channels::SensorSet;
 use damprig_core::twin::TwinConfig;
 
 use super::error::RunError;

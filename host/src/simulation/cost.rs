@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use damprig_core::integrator::exact::Exact;
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 
 use super::Case;
 use super::motion::{Piece, Viewer};

@@ -3,7 +3,7 @@
 use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{self, Exact};
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 use serde::Serialize;
 
 use super::Case;

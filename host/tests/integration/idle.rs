@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use damprig::client::link::Link;
 use damprig::client::session::{Session, SessionError};
-use damprig_core::rig::{Reading, Sensors, Signals, State};
+use damprig_core::io::{Reading, Sensors};
+use damprig_core::rig::{Signals, State};
 use damprig_device::control::{Birth, Control, Name, RealPlant};
 use damprig_device::intake::Intake;
 use damprig_device::lanes::{Lanes, Row, Saying};

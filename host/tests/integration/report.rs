@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
-use damprig_core::rig::channels::Sensor;
+use damprig_core::io::Sensor;
 use damprig_protocol::{FromDevice, Happening};
 use predicates::prelude::*;
 use predicates::str::contains;

@@ -6,7 +6,8 @@ mod unix {
     use std::net::TcpListener;
     use std::time::{Duration, Instant};
 
-    use damprig_core::rig::{Reading, Sensors, Signals};
+    use damprig_core::io::{Reading, Sensors};
+    use damprig_core::rig::Signals;
     use damprig_device::control::{Birth, Control, Name, RealPlant};
     use damprig_device::intake::Intake;
     use damprig_device::lanes::{Lanes, Row, Saying};

@@ -6,7 +6,8 @@ use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation};
-use damprig_core::model::{Initial, Invalid, Particle, SetUp, Structure, Wall};
+use damprig_core::io::Invalid;
+use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 
 /// Mean of the cycles' largest |x| over the last 50 of 200 cycles, per unit of Z.
 fn amplitude_ratio(clearance_over_z: f64, restitution: f64) -> Result<f64, Invalid> {

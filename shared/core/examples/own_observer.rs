@@ -5,7 +5,8 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer};
-use damprig_core::model::{Initial, Invalid, Particle, SetUp, Structure, Wall};
+use damprig_core::io::Invalid;
+use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 
 struct Impulses {
     mass_kg: f64,

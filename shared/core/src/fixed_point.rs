@@ -4,7 +4,7 @@
 //! (at most u too low), sums are exact, and both saturate: nothing wraps and nothing panics.
 //!
 //! # Range
-//! Lengths count in a unit of the motion's own size ([`crate::integrator::sampled::Units`]: the clearance or the
+//! Lengths count in a unit of the motion's own size ([`crate::integrator::units::Units`]: the clearance or the
 //! starting amplitude), time in steps of h, forces per structure mass. Then displacements are of order 1: a structure
 //! at resonance with ζ = 0.0038 moves 130 base amplitudes, so 250 times as much fits. Velocities are smaller by ωh ≤
 //! 0.1, accelerations by (ωh)². The largest other numbers are the mass ratio and the numbers up to 7 that

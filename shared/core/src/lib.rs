@@ -12,6 +12,7 @@ pub mod control;
 #[cfg(feature = "fixed-point")]
 pub mod fixed_point;
 pub mod integrator;
+pub mod io;
 pub mod measure;
 pub mod model;
 pub mod plant;

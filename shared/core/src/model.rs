@@ -6,6 +6,7 @@
 mod soft_wall;
 mod tuning;
 
+use crate::io::{Invalid, finite, not_negative, positive, require};
 use core::f64::consts::PI;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -15,45 +16,6 @@ pub use tuning::Tuning;
 
 /// Standard gravity as the rig's defaults use it, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
-
-/// A parameter that cannot be: which one, its value, and what is allowed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Invalid {
-    /// The parameter's name with its unit, as files spell it (`structure.mass_kg`).
-    pub parameter: &'static str,
-    /// The value found.
-    pub value: f64,
-    /// The allowed range in words ("greater than 0").
-    pub allowed: &'static str,
-}
-
-impl core::fmt::Display for Invalid {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{} = {} is not allowed: must be {}", self.parameter, self.value, self.allowed)
-    }
-}
-
-impl core::error::Error for Invalid {}
-
-/// Refuses `value` unless `ok`, with the parameter's name.
-pub(crate) fn require(ok: bool, parameter: &'static str, value: f64, allowed: &'static str) -> Result<(), Invalid> {
-    if ok { Ok(()) } else { Err(Invalid { parameter, value, allowed }) }
-}
-
-/// Refuses anything but a finite number above zero.
-pub(crate) fn positive(parameter: &'static str, value: f64) -> Result<(), Invalid> {
-    require(value.is_finite() && value > 0.0, parameter, value, "a finite number greater than 0")
-}
-
-/// Refuses anything but a finite number from zero up.
-pub(crate) fn not_negative(parameter: &'static str, value: f64) -> Result<(), Invalid> {
-    require(value.is_finite() && value >= 0.0, parameter, value, "a finite number, 0 or greater")
-}
-
-/// Refuses NaN and infinities.
-pub(crate) fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid> {
-    require(value.is_finite(), parameter, value, "a finite number")
-}
 
 /// The single-degree-of-freedom structure: M x″ + c (x′ − z′) + k (x − z) = forces, base displacement z.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]

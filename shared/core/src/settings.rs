@@ -6,10 +6,8 @@
 
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
+use crate::io::{Calibration, Invalid, WALL_SUBSAMPLES, WALL_USABLE, require};
 use crate::measure::impacts::{ImpactConfig, ImpactSettings};
-use crate::model::{Invalid, require};
-use crate::rig::WALL_SUBSAMPLES;
-use crate::rig::calibration::{Calibration, WALL_USABLE};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

@@ -3,9 +3,10 @@
 use crate::lanes::{Lanes, Row, Saying};
 use crate::orders::{Order, Selection, Work};
 use crate::store::Store;
+use damprig_core::io::{Actuators, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::measure::snippet::SNIPPET;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Actuators, Command, Event, Refusal, Rig, SIGNALS, Sensors, State, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::rig::{Command, Event, Refusal, Rig, SIGNALS, State};
 use damprig_core::settings::{Prepared, Settings, Source};
 use damprig_protocol::{
     Answer, Clock, ClockSource, Counters, Crash, Description, Happening, Identity, MOST_SIGNALS, PlantKind, Reset,

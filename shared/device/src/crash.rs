@@ -19,13 +19,16 @@ pub struct Record {
     checksum: u32,
 }
 
-const CAUSES: [CrashCause; 6] = [
+const CAUSES: [CrashCause; 9] = [
     CrashCause::Panic,
     CrashCause::HardFault,
     CrashCause::ControlStalled,
     CrashCause::CommunicationStalled,
     CrashCause::Watchdog,
     CrashCause::ClockFailed,
+    CrashCause::SupplyLow,
+    CrashCause::ProgramDamaged,
+    CrashCause::UnknownNmi,
 ];
 
 impl Record {

@@ -6,7 +6,7 @@
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::stepped_sine::Plan;
 use damprig_core::control::transient::{free_vibration, playback};
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 use damprig_core::plant::PlantConfig;
 use damprig_core::rig::{Command, MOTION_SIGNALS, SIGNALS};
 use damprig_core::settings::Prepared;

@@ -1,7 +1,7 @@
 //! What waits for the line, and how it becomes frames: replies first, telemetry rows in batches, at the line's pace.
 
 use crate::lanes::Row;
-use damprig_core::rig::TICK_HZ;
+use damprig_core::io::TICK_HZ;
 use damprig_protocol::{MOST_VALUES, Telemetry};
 use heapless::{Deque, Vec};
 

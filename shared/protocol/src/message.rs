@@ -2,7 +2,8 @@
 
 use damprig_core::control::friction_spring as spring;
 use damprig_core::control::limits::Fault;
-use damprig_core::measure::impacts::{ForceScale, ImpactRecord};
+use damprig_core::io::ForceScale;
+use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::Status;
@@ -242,6 +243,12 @@ pub enum CrashCause {
     Watchdog,
     /// The crystal stopped.
     ClockFailed,
+    /// The supply fell below the level at which the board still works.
+    SupplyLow,
+    /// The program's flash has an error beyond its correction.
+    ProgramDamaged,
+    /// A non-maskable interrupt of no known cause.
+    UnknownNmi,
 }
 
 impl CrashCause {
@@ -255,6 +262,9 @@ impl CrashCause {
             Self::CommunicationStalled => "the line's tasks did not run",
             Self::Watchdog => "the watchdog bit",
             Self::ClockFailed => "the crystal stopped",
+            Self::SupplyLow => "the supply fell below 2.9 V",
+            Self::ProgramDamaged => "the program's flash is damaged: flash the board again",
+            Self::UnknownNmi => "a non-maskable interrupt of no known cause came",
         }
     }
 }

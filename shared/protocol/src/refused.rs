@@ -1,9 +1,8 @@
 //! Why a request was not carried out, as it goes over the line.
 
-use damprig_core::control::drive::AboveLimit;
 use damprig_core::control::friction_spring as spring;
 use damprig_core::control::safety::Looser;
-use damprig_core::model::Invalid;
+use damprig_core::io::{AboveLimit, Invalid};
 use damprig_core::rig::{Refusal, State};
 use heapless::String;
 use postcard_schema::Schema;

@@ -240,6 +240,11 @@ impl Machine {
         if machine.chip.nvic.has_pending() || machine.chip.wants_reset().is_some() {
             machine.deadline = Time(0);
         }
+        if let Some((address, bytes)) = machine.chip.source_wanted() {
+            let bytes = uc.mem_read_as_vec(address.into(), bytes as usize).expect("DMA reads memory that is there");
+            uc.get_data_mut().chip.give_source(bytes);
+        }
+        let machine = uc.get_data_mut();
         for (address, bytes) in std::mem::take(&mut machine.chip.memory) {
             uc.mem_write(address.into(), &bytes).expect("DMA writes to memory that is there");
         }
@@ -282,6 +287,10 @@ pub struct Board {
     handled: Vec<Handled>,
     costs: BTreeMap<u16, Cost>,
     lowest_stack: u32,
+    /// The core is halted until then.
+    halted_until: Time,
+    /// The exception whose handler is to loop for ever; 0 for code outside any.
+    hangs_in: Option<u16>,
 }
 
 impl Board {
@@ -310,8 +319,16 @@ impl Board {
         let mut uc = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, machine).map_err(says)?;
         uc.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(says)?;
         map(&mut uc)?;
-        let mut board =
-            Self { uc, image, is_waiting: false, handled: Vec::new(), costs: BTreeMap::new(), lowest_stack: u32::MAX };
+        let mut board = Self {
+            uc,
+            image,
+            is_waiting: false,
+            handled: Vec::new(),
+            costs: BTreeMap::new(),
+            lowest_stack: u32::MAX,
+            halted_until: Time(0),
+            hangs_in: None,
+        };
         board.start_core();
         Ok(board)
     }
@@ -405,6 +422,7 @@ impl Board {
         self.set_register(RegisterARM::LR, u32::MAX);
         self.set_register(RegisterARM::PC, reset | 1);
         self.is_waiting = false;
+        self.halted_until = Time(0);
         self.handled.clear();
         let machine = self.uc.get_data_mut();
         machine.event = false;
@@ -415,6 +433,31 @@ impl Board {
         let place = (address - FLASH_BASE) as usize;
         let bytes = self.machine().code.get(place..place + 4).expect("the vectors lie in the first bank");
         u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+    }
+
+    /// Halts the core for so long, as a debugger does; the peripherals go on, but for those that the program lets a debugger
+    /// freeze.
+    pub fn halt(&mut self, time: Time) {
+        let now = self.now();
+        self.halted_until = now + time;
+        let chip = self.chip_mut();
+        if chip.freezes_watchdog() {
+            chip.postpone_watchdog(time);
+        }
+    }
+
+    /// Lets the handler of `exception` loop for ever the next time that it runs; 0 for the code outside any handler.
+    pub fn hang_in(&mut self, exception: u16) {
+        self.hangs_in = Some(exception);
+    }
+
+    /// Puts the core into an endless loop: an instruction of the image that branches to itself.
+    fn hang(&mut self) {
+        let code = &self.machine().code;
+        let place = code.chunks_exact(2).position(|halfword| halfword == [0xfe, 0xe7]);
+        let place = place.expect("every image has an endless loop for exceptions that nobody handles");
+        self.set_register(RegisterARM::PC, (FLASH_BASE + 2 * place as u32) | 1);
+        self.hangs_in = None;
     }
 
     /// Pulls a reset from outside: the button, or the supply. Memory keeps what it holds.
@@ -443,6 +486,16 @@ impl Board {
             if machine.chip.now >= end {
                 return Ok(());
             }
+            if machine.chip.has_no_supply() {
+                machine.chip.now = end;
+                return Ok(());
+            }
+            if machine.chip.now < self.halted_until {
+                let next = machine.chip.next_event().min(end).min(self.halted_until);
+                // An event that waits for the core stays due.
+                machine.chip.now = if next > machine.chip.now { next } else { machine.chip.now + machine.cycle };
+                continue;
+            }
             if machine.chip.nvic.has_pending()
                 && let Some(exception) = self.chip().nvic.to_take(&self.masks())
             {
@@ -459,6 +512,9 @@ impl Board {
                 continue;
             }
             machine.deadline = machine.chip.next_event().min(end);
+            if self.hangs_in == Some(self.chip().nvic.current()) {
+                self.hang();
+            }
             self.slice()?;
         }
     }

@@ -6,7 +6,7 @@
 //! - What leaves the chip (drive, relay, motor) reaches the [`Plant`] at once and is kept in a trace.
 //! - Everything that is not modelled fails with [`Refused`].
 
-use damprig_core::model::Invalid;
+use damprig_core::io::Invalid;
 use damprig_core::plant::PlantConfig;
 
 use crate::peripherals::adc::{self, Adc};
@@ -14,11 +14,12 @@ use crate::peripherals::dac::Dac;
 use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{CHANNELS, Dma, Dmamux};
 use crate::peripherals::dwt::Dwt;
-use crate::peripherals::flash::{BANK_BYTES, Flash};
+use crate::peripherals::exti::Exti;
+use crate::peripherals::flash::{BANK_BYTES, Bank2, Cut, Flash};
 use crate::peripherals::gpio::{Gpio, Mode};
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::lpuart::Lpuart;
-use crate::peripherals::nvic::Nvic;
+use crate::peripherals::nvic::{NMI, Nvic};
 use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::{Gate, Rcc, ResetCause};
 use crate::peripherals::scb::Scb;
@@ -40,8 +41,11 @@ pub const RAM_BYTES: u32 = 128 * 1_024;
 
 /// Requests of the multiplexer (RM0440, table 91).
 const REQUEST_OF_ADC: [u32; 2] = [5, 36];
+const REQUEST_OF_LPUART1_RX: u32 = 34;
+const REQUEST_OF_LPUART1_TX: u32 = 35;
 
 /// Interrupts (RM0440, table 97).
+const PVD_PVM: usize = 1;
 const DMA1_CHANNEL1: usize = 11;
 const DMA1_CHANNEL8: usize = 96;
 const ADC1_2: usize = 18;
@@ -50,6 +54,9 @@ const TIM3: usize = 29;
 const TIM4: usize = 30;
 const TIM7_DAC: usize = 55;
 const LPUART1: usize = 91;
+
+/// The line of the external interrupts that is the voltage detector's.
+const EXTI_PVD: u32 = 16;
 
 /// The rig's pins (firmware/README.md): port and number.
 const PIN_RELAY: (usize, u8) = (2, 7);
@@ -94,10 +101,12 @@ enum Block {
     Nvic,
     Scs,
     Dbgmcu,
+    Exti,
 }
 
 /// Name, first address, length, clock.
-const MAP: [(&str, u32, u32, Block, Option<Gate>); 27] = [
+const MAP: [(&str, u32, u32, Block, Option<Gate>); 28] = [
+    ("EXTI", 0x4001_0400, 0x400, Block::Exti, None),
     ("DMA1", 0x4002_0000, 0x400, Block::Dma1, Some(Gate::Ahb1(0))),
     ("LPUART1", 0x4000_8000, 0x400, Block::Lpuart1, Some(Gate::Apb1High(0))),
     ("ADC1", 0x5000_0000, 0x100, Block::Adc(0), Some(Gate::Ahb2(13))),
@@ -160,15 +169,17 @@ pub struct Config {
     pub has_crystal: bool,
     /// The internal low-speed oscillator's frequency, Hz.
     pub lsi_hz: u64,
-    /// The second bank of the flash at power-on: what an earlier run left; none for erased.
-    pub bank2: Option<Vec<u8>>,
+    /// The second bank of the flash at power-on: what an earlier run left.
+    pub bank2: Bank2,
+    /// The operation of the flash at which the supply goes, counted from 0.
+    pub cut: Option<(u64, Cut)>,
 }
 
 impl Config {
     /// A board as delivered, wired to this rig.
     #[must_use]
     pub fn new(plant: PlantConfig) -> Self {
-        Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: None }
+        Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: Bank2::default(), cut: None }
     }
 }
 
@@ -194,6 +205,7 @@ pub struct Chip {
     iwdg: Iwdg,
     dbgmcu: Dbgmcu,
     dwt: Dwt,
+    exti: Exti,
     /// The interrupt controller.
     pub nvic: Nvic,
     scb: Scb,
@@ -211,7 +223,13 @@ pub struct Chip {
     /// Until when the core waits for the memory.
     pub stalled_until: Time,
     /// Rules of the reference manual that the program breaks and the chip lets pass, with their first time.
+    /// The channel that begins to read memory.
+    source_wanted: Option<usize>,
+    /// What the channel to the line reads.
+    source: Vec<u8>,
     deviations: Vec<(Time, &'static str)>,
+    /// When HCLK rose above 80 MHz with the AHB's prescaler at 2.
+    half_speed_since: Option<Time>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,13 +251,14 @@ impl Chip {
         rcc.has_crystal = config.has_crystal;
         rcc.lsi_hz = config.lsi_hz;
         let clocks = rcc.clocks();
-        let bank2 = config.bank2.clone().unwrap_or_else(|| vec![0xff; BANK_BYTES as usize]);
+        let mut flash = Flash::new(config.bank2.clone());
+        flash.cut = config.cut;
         let tim = |name, kind| Tim::new(name, kind, clocks.timers1);
         let mut chip = Self {
             now: Time(0),
             rcc,
             pwr: Pwr::default(),
-            flash: Flash::new(bank2),
+            flash,
             ports: ['A', 'B', 'C', 'D', 'E', 'F', 'G'].map(Gpio::new),
             adcs: [Adc::new("ADC1"), Adc::new("ADC2")],
             adc_common: adc::Common::default(),
@@ -254,6 +273,7 @@ impl Chip {
             iwdg: Iwdg::default(),
             dbgmcu: Dbgmcu::default(),
             dwt: Dwt::default(),
+            exti: Exti::default(),
             nvic: Nvic::default(),
             scb: Scb::default(),
             at: At { now: Time(0), clocks },
@@ -264,7 +284,10 @@ impl Chip {
             memory: Vec::new(),
             failure: None,
             stalled_until: Time(0),
+            source_wanted: None,
+            source: Vec::new(),
             deviations: Vec::new(),
+            half_speed_since: None,
         };
         chip.apply_inputs();
         Ok(chip)
@@ -275,7 +298,8 @@ impl Chip {
         self.at.now = self.now;
         self.sync_converters();
         self.rcc.system_reset(cause);
-        self.pwr = Pwr::default();
+        self.pwr.reset();
+        self.exti = Exti::default();
         self.flash.reset();
         self.ports.iter_mut().for_each(Gpio::reset);
         self.adcs.iter_mut().for_each(Adc::reset);
@@ -348,8 +372,14 @@ impl Chip {
 
     /// The second bank of the flash.
     #[must_use]
-    pub fn bank2(&self) -> &[u8] {
+    pub fn bank2(&self) -> &Bank2 {
         &self.flash.bank2
+    }
+
+    /// Whether the supply has gone in an operation of the flash.
+    #[must_use]
+    pub fn has_no_supply(&self) -> bool {
+        self.flash.is_cut
     }
 
     /// Programmed double words and erased pages.
@@ -379,6 +409,40 @@ impl Chip {
     /// What the board has sent since this was last asked.
     pub fn take_sent(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.lpuart1.sent)
+    }
+
+    /// Whether a halt by a debugger stops the watchdog.
+    #[must_use]
+    pub fn freezes_watchdog(&self) -> bool {
+        self.dbgmcu.freezes_watchdog()
+    }
+
+    /// The watchdog stood for so long.
+    pub fn postpone_watchdog(&mut self, time: Time) {
+        self.iwdg.postpone(time);
+    }
+
+    /// The crystal stops. The clock security system, which must be on, goes back to the internal oscillator and raises the
+    /// non-maskable interrupt.
+    pub fn stop_crystal(&mut self) {
+        self.sync_converters();
+        self.rcc.stop_crystal();
+        self.follow_clocks();
+        self.nvic.pend_system(NMI);
+    }
+
+    /// An access to the flash meets a double word that its error correction cannot mend.
+    pub fn damage_flash(&mut self, in_bank2: bool) {
+        self.flash.find_damage(in_bank2);
+        self.nvic.pend_system(NMI);
+    }
+
+    /// The supply's voltage changes.
+    pub fn set_supply(&mut self, volts: f64) {
+        if self.pwr.set_supply(volts) {
+            self.exti.rises(EXTI_PVD);
+        }
+        self.set_lines();
     }
 
     /// Somebody presses or releases the emergency stop.
@@ -488,9 +552,51 @@ impl Chip {
         for tim in [&mut self.tim3, &mut self.tim4, &mut self.tim7, &mut self.tim16] {
             tim.sync(self.now);
         }
-        self.lpuart1.sync(&self.at);
+        self.sync_line();
         self.apply_outputs();
         self.set_lines();
+    }
+
+    /// The channel of a request, if it can make a transfer now.
+    fn ready_channel(&self, request: u32) -> Option<usize> {
+        self.dmamux.channel_of(request).filter(|&channel| channel < CHANNELS && self.dma1.is_ready(channel))
+    }
+
+    /// What has happened on the line up to now, and what DMA has moved of it.
+    fn sync_line(&mut self) {
+        self.lpuart1.sync(&self.at);
+        while let Some(byte) = self.lpuart1.give_dma() {
+            match self.ready_channel(REQUEST_OF_LPUART1_RX) {
+                Some(channel) => {
+                    let (address, _) = self.dma1.transfer(channel);
+                    self.memory.push((address, vec![byte]));
+                }
+                None => self.lpuart1.keep(byte),
+            }
+        }
+        while self.lpuart1.wants_dma()
+            && self.source_wanted.is_none()
+            && let Some(channel) = self.ready_channel(REQUEST_OF_LPUART1_TX)
+        {
+            let (address, _) = self.dma1.transfer(channel);
+            let byte = self.source[(address - self.dma1.memory(channel).0) as usize];
+            if let Err(refused) = self.lpuart1.send(byte, &self.at) {
+                self.failure = Some(refused);
+            }
+        }
+    }
+
+    /// The memory that a channel begins to read: first address and bytes.
+    #[must_use]
+    pub fn source_wanted(&self) -> Option<(u32, u32)> {
+        self.source_wanted.map(|channel| self.dma1.memory(channel))
+    }
+
+    /// What that memory holds. The program leaves it alone while it is read.
+    pub fn give_source(&mut self, bytes: Vec<u8>) {
+        self.source = bytes;
+        self.source_wanted = None;
+        self.sync_line();
     }
 
     /// Works out the converters' results up to now, and brings them to memory.
@@ -556,6 +662,7 @@ impl Chip {
             (TIM4, self.tim4.interrupt()),
             (TIM7_DAC, self.tim7.interrupt()),
             (LPUART1, self.lpuart1.interrupt()),
+            (PVD_PVM, self.exti.interrupt(EXTI_PVD)),
         ] {
             self.nvic.set_line(interrupt, level);
         }
@@ -586,10 +693,15 @@ impl Chip {
         let needed = ((megahertz / step).ceil() as u32).saturating_sub(1);
         let latency = self.flash.latency();
         ensure!(latency >= needed, "FLASH_ACR: {latency} wait states at {megahertz} MHz, {needed} are needed");
-        if before != self.at.clocks.hclk && before.0 > 2 * self.at.clocks.hclk.0 && megahertz > 80.0 {
-            self.deviate(
-                "RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)",
-            );
+        if before.0 > self.at.clocks.hclk.0 && megahertz > 80.0 {
+            let is_half = self.rcc.divides_ahb_by_two();
+            let was_half = self.half_speed_since.is_some_and(|since| self.now - since >= Time::from_us(1));
+            self.half_speed_since = is_half.then_some(self.now);
+            if !is_half && !was_half {
+                self.deviate(
+                    "RCC_CFGR: HCLK rises above 80 MHz at once, without 1 µs at half of it (RM0440, section 7.2.7)",
+                );
+            }
         }
         Ok(())
     }
@@ -623,6 +735,9 @@ impl Chip {
         if (BANK2_BASE..FLASH_BASE + FLASH_BYTES).contains(&address) {
             // The bus waits for an erase or a programming in the same bank.
             self.stalled_until = self.flash.busy_until();
+            if self.flash.is_damaged(address - BANK2_BASE) {
+                self.nvic.pend_system(NMI);
+            }
             return Ok(self.flash.read_bank2(address - BANK2_BASE, bytes));
         }
         let (name, block, offset) = self.find(address)?;
@@ -646,6 +761,7 @@ impl Chip {
             Block::Adc12Common => self.adc_common.read(word),
             Block::Dma1 => {
                 self.sync_converters();
+                self.sync_line();
                 self.dma1.read(word)
             }
             Block::Dmamux => self.dmamux.read(word),
@@ -657,6 +773,7 @@ impl Chip {
             Block::Lpuart1 => self.lpuart1.read(word, &at),
             Block::Iwdg => self.iwdg.read(word, &at),
             Block::Dbgmcu => self.dbgmcu.read(word),
+            Block::Exti => self.exti.read(word),
             Block::Dwt => self.dwt.read(word, &at),
             Block::Nvic => self.nvic.read(word),
             Block::Scs if word == DEMCR => Ok(self.dwt.demcr()),
@@ -704,7 +821,12 @@ impl Chip {
                 self.check_speed(before)?;
                 self.release_resets();
             }
-            Block::Pwr => self.pwr.write(offset, value)?,
+            Block::Pwr => {
+                if self.pwr.write(offset, value)? {
+                    self.exti.rises(EXTI_PVD);
+                }
+            }
+            Block::Exti => self.exti.write(offset, value)?,
             Block::Flash => {
                 self.flash.write(offset, value, &at)?;
                 self.check_speed(at.clocks.hclk)?;
@@ -724,7 +846,11 @@ impl Chip {
             }
             Block::Dma1 => {
                 self.sync_converters();
+                self.sync_line();
+                let was_on: [bool; CHANNELS] = std::array::from_fn(|n| self.dma1.is_enabled(n));
                 self.dma1.write(offset, value)?;
+                let begins = |n: &usize| self.dma1.is_enabled(*n) && !was_on[*n] && self.dma1.reads_memory(*n);
+                self.source_wanted = (0..CHANNELS).find(begins);
             }
             Block::Dmamux => {
                 self.sync_converters();

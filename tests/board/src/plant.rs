@@ -9,13 +9,14 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 use damprig_core::integrator::base::{Segment, Track};
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::model::{Initial, Invalid};
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::{Calibration, Invalid};
+use damprig_core::model::Initial;
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::table::Table;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, PlantConfig};
-use damprig_core::rig::calibration::Calibration;
 use damprig_core::settings::Settings;
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
@@ -384,7 +385,7 @@ impl Plant {
         let noise = self.config.sensors.noise_rms_m;
         let [x_range_m, z_range_m] = self.config.sensors.range_m.map(f64::from);
         // The noise of the mean of the conversions that are added up is the sensor's.
-        let displacement = |value_m: f64, range: f64, scale: &damprig_core::rig::calibration::DisplacementScale| {
+        let displacement = |value_m: f64, range: f64, scale: &damprig_core::io::DisplacementScale| {
             let per_count = f64::from(scale.metres_per_count);
             let counts = value_m.clamp(-range, range) / per_count + f64::from(scale.zero_counts);
             (counts / ADDED_UP, f64::from(noise) * ADDED_UP.sqrt() / per_count.abs() / ADDED_UP)

@@ -18,16 +18,19 @@
 //! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
 //!
 //! Switches open to tell, so a broken wire tells too. [`clock`] chooses what counts, [`sampling`] holds the converters,
-//! [`stepper`] the motor, [`stall`] notices a tick that does not come.
+//! [`stepper`] the motor, [`stall`] notices a tick that does not come, [`supply`] a supply that
+//! falls.
+//!
+//! The watchdog goes on while a debugger halts the core: a halted core drives nothing for longer than 50 ms.
 
 mod clock;
 mod sampling;
 pub mod settings;
 mod stall;
 mod stepper;
+mod supply;
 
-use damprig_core::rig::calibration::{Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS};
-use damprig_core::rig::{Actuators, Sensors};
+use damprig_core::io::{Actuators, Calibration, DriveScale, OUTPUT_FULL_SCALE_COUNTS, Sensors};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::Birth;
 use damprig_protocol::{Reset, Timing};
@@ -35,8 +38,8 @@ use embassy_stm32::adc::AdcChannel;
 use embassy_stm32::dac::{DacChannel, Value};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
-use embassy_stm32::mode::Blocking;
-use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::mode::{Async, Blocking};
+use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, pac, peripherals};
 use sampling::{Parts, Sampling};
@@ -56,16 +59,13 @@ const BAUD: u32 = damprig_device::outbox::BAUD;
 /// 47 ms.
 const WATCHDOG_US: u32 = 50_000;
 
-/// Room for 5 ms of received bytes while the thread executor is busy.
-const RECEIVE_BUFFER: usize = 512;
-
-/// Two telemetry messages.
-const TRANSMIT_BUFFER: usize = 1024;
+/// Ring of received bytes, which DMA fills: 11 ms, while the line's task waits for control.
+const RECEIVE_RING: usize = 1024;
 
 bind_interrupts!(struct Interrupts {
-    DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
-    DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
-    LPUART1 => usart::BufferedInterruptHandler<peripherals::LPUART1>;
+    DMA1_CHANNEL3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
+    DMA1_CHANNEL4 => dma::InterruptHandler<peripherals::DMA1_CH4>;
+    LPUART1 => usart::InterruptHandler<peripherals::LPUART1>;
 });
 
 /// What the board has, each part ready for the task that will own it.
@@ -75,9 +75,9 @@ pub struct Board {
     /// How the board came up.
     pub birth: Birth,
     /// From the host.
-    pub receiver: BufferedUartRx<'static>,
+    pub receiver: RingBufferedUartRx<'static>,
     /// To the host.
-    pub transmitter: BufferedUartTx<'static>,
+    pub transmitter: UartTx<'static, Async>,
     /// The board's LED.
     pub led: Output<'static>,
     /// The settings' place; none on a chip whose flash is one bank.
@@ -97,11 +97,12 @@ pub fn init() -> Board {
     let relay = Output::new(p.PC7, Level::Low, Speed::Low);
     clock::watch(clock_source);
 
-    // A debugger that halts the core does not count as a stall.
-    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_iwdg(true));
+    supply::watch();
 
     // The line never delays the tick; the executor of the tick sits between them.
-    interrupt::LPUART1.set_priority(Priority::P8);
+    for interrupt in [interrupt::LPUART1, interrupt::DMA1_CHANNEL3, interrupt::DMA1_CHANNEL4] {
+        interrupt.set_priority(Priority::P8);
+    }
 
     let drive = Drive::new(DacChannel::new_blocking(p.DAC1, p.PA4), relay);
     let sampling = Sampling::new(Parts {
@@ -111,14 +112,16 @@ pub fn init() -> Board {
         wall_pins: [p.PC1.degrade_adc(), p.PC2.degrade_adc()],
     });
 
-    static TRANSMIT: ConstStaticCell<[u8; TRANSMIT_BUFFER]> = ConstStaticCell::new([0; TRANSMIT_BUFFER]);
-    static RECEIVE: ConstStaticCell<[u8; RECEIVE_BUFFER]> = ConstStaticCell::new([0; RECEIVE_BUFFER]);
+    static RECEIVE: ConstStaticCell<[u8; RECEIVE_RING]> = ConstStaticCell::new([0; RECEIVE_RING]);
     let mut line = usart::Config::default();
     line.baudrate = BAUD;
-    let line = BufferedUart::new(p.LPUART1, p.PA3, p.PA2, TRANSMIT.take(), RECEIVE.take(), Interrupts, line)
+    let line = Uart::new(p.LPUART1, p.PA3, p.PA2, p.DMA1_CH3, p.DMA1_CH4, Interrupts, line)
         .expect("the LPUART's clock carries 921 600 baud");
     let (transmitter, receiver) = line.split();
+    let mut receiver = receiver.into_ring_buffered(RECEIVE.take());
+    receiver.start_uart();
 
+    clock::speed_up();
     let (keeper, kept) = settings::open(p.FLASH);
     Board {
         bench: Bench {

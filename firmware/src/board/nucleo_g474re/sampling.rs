@@ -1,21 +1,32 @@
-//! The converters: x, z and spring force at 10 kHz on ADC1, oversampled; both wall forces at 50 kHz on ADC2, as they are.
+//! The converters: x, z and spring force at 10 kHz on ADC1, oversampled; both wall forces at 50 kHz on ADC2, single conversions.
 //!
-//! TIM3 starts ADC1's sequence every 100 µs, TIM4 ADC2's every 20 µs; DMA fills rings of two ticks each, and ADC1's half
-//! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
-//! block is there when the tick asks for it.
+//! TIM3 starts ADC1's sequence every 100 µs, TIM4 ADC2's every 20 µs. DMA fills a ring of two halves for each, one half a tick,
+//! and a full half of ADC1's ring wakes the control tick, which reads that half in place. The timers share one clock, so the
+//! rings stay in step; ADC2 is started first and converts once, so its half is full when ADC1's is.
+//!
+//! After a lost block both timers, converters and DMA channels are stopped and started again, so that both rings begin anew at
+//! their first half and the next block is as fresh as any other.
 
-use damprig_core::measure::impacts::Pair;
-use damprig_core::rig::calibration::{Calibration, SLOW_BLOCK, SlowBlock, WALL_BLOCK, lost_block};
-use damprig_core::rig::{SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
-use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
+use core::future::poll_fn;
+use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
+use core::task::Poll;
+
+use damprig_core::io::{
+    Calibration, SLOW_BLOCK, SUBSAMPLES, Sensors, SlowBlock, TICK_HZ, WALL_BLOCK, WALL_SUBSAMPLES, WallCounts,
+};
+use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel};
+use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::pac::adc::regs::{Smpr, Sqr1};
+use embassy_stm32::pac::adc::vals::{Adstp, Dmacfg, Dmaen, Exten, SampleTime};
+use embassy_stm32::pac::bdma::vals::{Dir, Pl, Size};
 use embassy_stm32::timer::CoreInstance;
 use embassy_stm32::timer::low_level::{MasterMode, Timer};
-use embassy_stm32::{Peri, peripherals, triggers};
-use static_cell::StaticCell;
+use embassy_stm32::{Peri, pac, peripherals};
+use embassy_sync::waitqueue::AtomicWaker;
 
-use super::Interrupts;
+use super::clock::CORE_HZ;
 
-/// The peripherals that sampling takes.
+/// The peripherals that sampling takes. The pins' channels are [`SLOW_INPUTS`] and [`WALL_INPUTS`].
 pub struct Parts {
     /// The slow converter, its DMA channel and its timer.
     pub slow:
@@ -29,14 +40,127 @@ pub struct Parts {
     pub wall_pins: [AnyAdcChannel<'static, peripherals::ADC2>; 2],
 }
 
+/// Channels of ADC1: x, z, spring force.
+const SLOW_INPUTS: [u8; 3] = [1, 2, 6];
+
+/// Channels of ADC2: the wall at −d, the wall at +d.
+const WALL_INPUTS: [u8; 2] = [7, 8];
+
+/// ADC1's ring: `SUBSAMPLES` readings of its three inputs a half. DMA writes it; atomics because the core does not.
+static SLOW_RING: [[AtomicU16; SLOW_BLOCK]; 2] = [const { [const { AtomicU16::new(0) }; SLOW_BLOCK] }; 2];
+
+/// ADC2's ring: a word holds both walls, the wall at −d in its low half.
+static WALL_RING: [[AtomicU32; WALL_SUBSAMPLES]; 2] = [const { [const { AtomicU32::new(0) }; WALL_SUBSAMPLES] }; 2];
+
+/// Halves of ADC1's ring that have been filled since sampling was started.
+static HALVES_FILLED: AtomicU32 = AtomicU32::new(0);
+
+static TICK: AtomicWaker = AtomicWaker::new();
+
+/// A converter and the DMA channel that empties it.
+struct Converter {
+    adc: pac::adc::Adc,
+    /// DMA1's channel, from 0.
+    channel: usize,
+    ring: *const u16,
+    ring_readings: u16,
+}
+
+// SAFETY: the ring is a static that only DMA writes.
+unsafe impl Send for Converter {}
+
+impl Converter {
+    /// Sets a calibrated converter up: `inputs` in sequence at each rising edge of `trigger` (RM0440, table 163), and its DMA
+    /// channel with the multiplexer's `request` (RM0440, table 91). Nothing is converted yet.
+    fn new(
+        adc: pac::adc::Adc,
+        inputs: &[u8],
+        sample_time: SampleTime,
+        trigger: u8,
+        (channel, request): (usize, u8),
+        (ring, ring_readings): (*const u16, usize),
+    ) -> Self {
+        let (mut times, mut sequence) = (Smpr::default(), Sqr1::default());
+        sequence.set_l(inputs.len() as u8 - 1);
+        for (rank, input) in inputs.iter().enumerate() {
+            sequence.set_sq(rank, *input);
+            times.set_smp(usize::from(*input), sample_time);
+        }
+        adc.smpr().write_value(times);
+        adc.sqr1().write_value(sequence);
+        adc.cfgr().modify(|configuration| {
+            configuration.set_dmaen(Dmaen::ENABLE);
+            configuration.set_dmacfg(Dmacfg::CIRCULAR);
+            configuration.set_extsel(trigger);
+            configuration.set_exten(Exten::RISING_EDGE);
+        });
+        pac::DMAMUX1.ccr(channel).write(|multiplexer| multiplexer.set_dmareq_id(request));
+        Self { adc, channel, ring, ring_readings: ring_readings as u16 }
+    }
+
+    /// Begins with the first half of the ring; `interrupts` when a half is full.
+    fn start(&self, interrupts: bool) {
+        let dma = pac::DMA1.ch(self.channel);
+        pac::DMA1.ifcr().write(|flags| flags.set_gif(self.channel, true));
+        dma.par().write_value(self.adc.dr().as_ptr() as u32);
+        dma.mar().write_value(self.ring as u32);
+        dma.ndtr().write(|count| count.set_ndt(self.ring_readings));
+        dma.cr().write(|control| {
+            control.set_dir(Dir::FROM_PERIPHERAL);
+            control.set_circ(true);
+            control.set_minc(true);
+            control.set_psize(Size::BITS16);
+            control.set_msize(Size::BITS16);
+            control.set_pl(Pl::VERY_HIGH);
+            control.set_htie(interrupts);
+            control.set_tcie(interrupts);
+            control.set_en(true);
+        });
+        // A converter that was overrun has stopped to ask for transfers.
+        self.adc.isr().write(|flags| flags.set_ovr(true));
+        self.adc.cr().modify(|control| control.set_adstart(true));
+    }
+
+    /// Ends the conversion and the transfers.
+    fn stop(&self) {
+        if self.adc.cr().read().adstart() {
+            self.adc.cr().modify(|control| control.set_adstp(Adstp::STOP));
+            while self.adc.cr().read().adstart() {}
+        }
+        pac::DMA1.ch(self.channel).cr().modify(|control| control.set_en(false));
+    }
+
+    /// Whether a half has been filled since this was last asked, and the other has not.
+    fn takes_half(&self, half: usize) -> bool {
+        let flags = pac::DMA1.isr().read();
+        let filled = [flags.htif(self.channel), flags.tcif(self.channel)];
+        pac::DMA1.ifcr().write(|flags| flags.set_gif(self.channel, true));
+        filled[half] && !filled[1 - half]
+    }
+}
+
+/// Counts the halves that are full, two where the interrupt came too late for one.
+#[embassy_stm32::interrupt]
+unsafe fn DMA1_CHANNEL1() {
+    let flags = pac::DMA1.isr().read();
+    pac::DMA1.ifcr().write(|cleared| cleared.set_gif(0, true));
+    let filled = u32::from(flags.htif(0)) + u32::from(flags.tcif(0));
+    HALVES_FILLED.store(HALVES_FILLED.load(Ordering::Relaxed).wrapping_add(filled), Ordering::Release);
+    TICK.wake();
+}
+
 /// Both converters.
 pub struct Sampling {
-    slow: RingBufferedAdc<'static, peripherals::ADC1>,
-    walls: RingBufferedAdc<'static, peripherals::ADC2>,
+    slow: Converter,
+    walls: Converter,
     slow_trigger: Timer<'static, peripherals::TIM3>,
     wall_trigger: Timer<'static, peripherals::TIM4>,
+    /// Halves taken since sampling was started.
+    taken: u32,
     sensors: Sensors,
     overruns: u32,
+    /// Nobody else gets them.
+    _pins: ([AnyAdcChannel<'static, peripherals::ADC1>; 3], [AnyAdcChannel<'static, peripherals::ADC2>; 2]),
 }
 
 impl Sampling {
@@ -55,45 +179,77 @@ impl Sampling {
             oversampling_mode: Some((adc::Rovsm::RESUMED, adc::Trovs::AUTOMATIC, true)),
             ..AdcConfig::default()
         };
-        static SLOW_RING: StaticCell<[u16; 2 * SLOW_BLOCK]> = StaticCell::new();
-        let slow = Adc::new(parts.slow.0, oversampling).into_ring_buffered(
-            parts.slow.1,
-            SLOW_RING.init([0; 2 * SLOW_BLOCK]),
-            Interrupts,
-            parts.slow_pins.into_iter().map(|pin| (pin, SampleTime::CYCLES47_5)),
-            triggers::TIM3_TRGO,
-            adc::Exten::RISING_EDGE,
-        );
-        static WALL_RING: StaticCell<[u16; 2 * WALL_BLOCK]> = StaticCell::new();
-        let walls = Adc::new(parts.walls.0, AdcConfig::default()).into_ring_buffered(
-            parts.walls.1,
-            WALL_RING.init([0; 2 * WALL_BLOCK]),
-            Interrupts,
-            parts.wall_pins.into_iter().map(|pin| (pin, SampleTime::CYCLES24_5)),
-            triggers::TIM4_TRGO,
-            adc::Exten::RISING_EDGE,
-        );
-        Self { slow, walls, slow_trigger, wall_trigger, sensors: Sensors::default(), overruns: 0 }
+        Adc::new(parts.slow.0, oversampling);
+        Adc::new(parts.walls.0, AdcConfig::default());
+        let slow_ring = (SLOW_RING.as_ptr().cast(), 2 * SLOW_BLOCK);
+        let wall_ring = (WALL_RING.as_ptr().cast(), 2 * WALL_BLOCK);
+        Self {
+            slow: Converter::new(pac::ADC1, &SLOW_INPUTS, SampleTime::CYCLES47_5, 4, (0, 5), slow_ring),
+            walls: Converter::new(pac::ADC2, &WALL_INPUTS, SampleTime::CYCLES24_5, 12, (1, 36), wall_ring),
+            slow_trigger,
+            wall_trigger,
+            taken: 0,
+            sensors: Sensors::default(),
+            overruns: 0,
+            _pins: (parts.slow_pins, parts.wall_pins),
+        }
     }
 
-    /// Starts both.
+    /// Starts both. To be called once.
     pub fn start(&mut self) {
-        self.walls.start();
-        self.slow.start();
+        // Below the stall watch, above the control tick.
+        interrupt::DMA1_CHANNEL1.set_priority(Priority::P4);
+        // SAFETY: the handler above is ready, and no critical section relies on this mask.
+        unsafe { interrupt::DMA1_CHANNEL1.enable() };
+        self.begin();
+    }
+
+    fn begin(&mut self) {
+        self.taken = 0;
+        HALVES_FILLED.store(0, Ordering::Relaxed);
+        self.walls.start(false);
+        self.slow.start(true);
         self.wall_trigger.start();
         self.slow_trigger.start();
     }
 
-    /// Waits for a tick's blocks. Those that came too late to be read are no numbers.
+    fn restart(&mut self) {
+        self.slow_trigger.stop();
+        self.wall_trigger.stop();
+        self.slow.stop();
+        self.walls.stop();
+        self.slow_trigger.reset();
+        self.wall_trigger.reset();
+        self.begin();
+    }
+
+    /// Waits for a tick's blocks. A block that came too late to be read is not a number.
     pub async fn next_block(&mut self, calibration: &Calibration) -> &mut Sensors {
-        let mut slow = SlowBlock::default();
-        let slow_read = self.slow.read(slow.as_flattened_mut()).await;
-        let walls_read = self.walls.read(counts(&mut self.sensors.walls)).await;
-        if slow_read.is_ok() && walls_read.is_ok() {
+        let filled = poll_fn(|context| {
+            TICK.register(context.waker());
+            let filled = HALVES_FILLED.load(Ordering::Acquire);
+            if filled == self.taken { Poll::Pending } else { Poll::Ready(filled) }
+        })
+        .await;
+        let half = (self.taken % 2) as usize;
+        self.taken = self.taken.wrapping_add(1);
+        let in_time = filled == self.taken && self.walls.takes_half(half);
+        if in_time {
+            let mut slow = SlowBlock::default();
+            for (to, from) in slow.as_flattened_mut().iter_mut().zip(&SLOW_RING[half]) {
+                *to = from.load(Ordering::Relaxed);
+            }
+            for (to, from) in self.sensors.walls.iter_mut().zip(&WALL_RING[half]) {
+                let word = from.load(Ordering::Relaxed);
+                *to = WallCounts::new(word as u16, (word >> 16) as u16);
+            }
             self.sensors.readings = calibration.readings(&slow);
-        } else {
+        }
+        // DMA goes on in the other half: once that is full, it writes into this one.
+        if !in_time || HALVES_FILLED.load(Ordering::Acquire) != self.taken {
             self.overruns = self.overruns.saturating_add(1);
-            self.sensors = lost_block();
+            self.sensors = Sensors::lost();
+            self.restart();
         }
         &mut self.sensors
     }
@@ -104,21 +260,9 @@ impl Sampling {
     }
 }
 
-/// Lets a timer come round so often a second. At 170 MHz that is every 17 000 or 3 400 clocks, which it counts undivided;
-/// `Timer::set_frequency` would bring the division of long numbers with it.
+/// Sets a timer's update rate: every 17 000 or 3 400 clocks, which it counts undivided.
 fn set_rate<T: CoreInstance>(timer: &Timer<'static, T>, rate_hz: u32) {
     let registers = timer.regs_core();
     registers.psc().write_value(0);
-    registers.arr().write(|r| r.set_arr((timer.get_clock_frequency().0 / rate_hz - 1) as u16));
-}
-
-/// Pairs as the converter's readings, one wall after the other.
-fn counts(pairs: &mut [Pair; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
-    const {
-        assert!(
-            cfg!(target_endian = "little") && size_of::<[Pair; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
-        )
-    };
-    // SAFETY: a pair is one word, so it lies as two readings must and has room for them; any bits are a pair.
-    unsafe { &mut *core::ptr::from_mut(pairs).cast() }
+    registers.arr().write(|r| r.set_arr((CORE_HZ / rate_hz - 1) as u16));
 }

@@ -1,6 +1,6 @@
 //! Notices a control tick that does not come, and writes down where the program was before the watchdog bites.
 //!
-//! TIM7 interrupts everything else a hundred times a second, so a loop in the tick itself does not hide from it.
+//! TIM7 interrupts everything else 200 times a second, so a loop in the tick itself does not hide from it.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -12,13 +12,13 @@ use super::clock::CORE_HZ;
 use crate::{callers, crash, tick};
 
 /// Looks per second.
-const LOOKS_HZ: u32 = 100;
+const LOOKS_HZ: u32 = 200;
 
 /// Count of the timer, Hz.
 const COUNT_HZ: u32 = 10_000;
 
-/// Looks in a row without a tick: 40 ms, of the watchdog's 50.
-const MOST_LOOKS: u32 = 4;
+/// Looks in a row without a tick: 30 ms to 35 ms after the last one, of the watchdog's 47 at the least.
+const MOST_LOOKS: u32 = 6;
 
 static TICK_BEFORE: AtomicU32 = AtomicU32::new(0);
 static WITHOUT: AtomicU32 = AtomicU32::new(0);
@@ -26,8 +26,6 @@ static WITHOUT: AtomicU32 = AtomicU32::new(0);
 /// Begins to look. To be called when the ticks have begun.
 pub fn watch(_timer: Peri<'static, peripherals::TIM7>) {
     rcc::enable_and_reset::<peripherals::TIM7>();
-    // A debugger that halts the core does not count as a stall.
-    pac::DBGMCU.apb1lfzr().modify(|freeze| freeze.set_tim7(true));
     let timer = pac::TIM7;
     timer.psc().write_value((CORE_HZ / COUNT_HZ - 1) as u16);
     timer.arr().modify(|end| end.set_arr((COUNT_HZ / LOOKS_HZ - 1) as u16));

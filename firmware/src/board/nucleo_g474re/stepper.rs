@@ -1,7 +1,7 @@
 //! Step, direction and enable of the friction damper's motor. TIM16 makes a tick's steps by itself: so many pulses, evenly
 //! over the tick, then it stops.
 
-use damprig_core::control::friction_spring::Drive as Motor;
+use damprig_core::io::Motor;
 use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Speed};
 use embassy_stm32::pac::timer::vals::Ocm;
 use embassy_stm32::{Peri, pac, peripherals, rcc};
@@ -14,8 +14,8 @@ const COUNT_HZ: u32 = 1_000_000;
 /// Length of a pulse, counts: drivers ask for 1 µs to 2.5 µs.
 const PULSE: u16 = 5;
 
-/// Of a tick, counts, less a little: the last pulse is over when the next tick asks for more.
-const TICK: u16 = 990;
+/// Of a tick, counts: the last pulse is over 100 µs before the next tick asks for more. Ticks differ by some 10 µs.
+const TICK: u16 = 900;
 
 /// The motor's driver.
 pub struct Stepper {
@@ -37,6 +37,8 @@ impl Stepper {
         let timer = pac::TIM16;
         timer.psc().write_value((CORE_HZ / COUNT_HZ - 1) as u16);
         timer.cr1().modify(|control| control.set_opm(true));
+        // Idle low: the count stands at 0, below the compare value.
+        timer.ccr(0).write(|compare| compare.set_ccr(u16::MAX));
         // Low until the compare value, high to the end.
         timer.ccmr_output(0).modify(|mode| mode.set_ocm(0, Ocm::PWM_MODE2));
         timer.ccer().modify(|enable| enable.set_cce(0, true));
@@ -56,6 +58,8 @@ impl Stepper {
         if !motor.enabled {
             self.off.set_high();
             pac::TIM16.cr1().modify(|control| control.set_cen(false));
+            // Back to 0, where the output is low.
+            pac::TIM16.egr().write(|event| event.set_ug(true));
             return;
         }
         self.off.set_low();

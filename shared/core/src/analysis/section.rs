@@ -17,7 +17,7 @@ use crate::integrator::exact::{Exact, Observer, State};
 /// section.skip(60);
 /// states.fill_with(|| section.next(&mut ()));
 /// assert_eq!(period(&states, 1e-9), Some(1));
-/// # Ok::<(), damprig_core::model::Invalid>(())
+/// # Ok::<(), damprig_core::io::Invalid>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Section {

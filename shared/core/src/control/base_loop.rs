@@ -50,9 +50,8 @@
 //! against the delay (it keeps Z, and overshoots by a quarter: `tests/base_loop.rs`). On a source of displacement, or
 //! with a wrong sign, the loop swings up, and [`BaseLoop::runaway`] ends it.
 
+use crate::io::{DriveScale, Invalid, positive, require};
 use crate::measure::lock_in::LockIn;
-use crate::model::{Invalid, positive, require};
-use crate::rig::calibration::DriveScale;
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

@@ -3,15 +3,13 @@
 //!
 //! [`Experiment`] is what has been checked, [`Runner`] what is in progress; here is only the choice between the kinds.
 
-use super::drive::DriveRange;
 use super::limits::Fault;
 use super::stepped_sine::{self, Drive};
 use super::transient::free_vibration;
 use super::transient::playback::{self, RecordId};
+use crate::io::{DriveRange, Readings, SensorSet};
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
-use crate::rig::Readings;
-use crate::rig::channels::SensorSet;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! The displacement limits, and the record of what ended a drive. Who watches them is [`super::safety`].
 
 use super::safety::Danger;
-use crate::model::{Invalid, positive};
+use crate::io::{Invalid, positive};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

@@ -2,7 +2,6 @@
 
 pub mod base_follow;
 pub mod base_loop;
-pub mod drive;
 pub mod experiment;
 pub mod friction_spring;
 pub mod limits;

@@ -1,6 +1,6 @@
 //! Waiting for the structure to come to rest before an experiment drives it.
 
-use crate::rig::TICK_HZ;
+use crate::io::TICK_HZ;
 
 /// How long |x| must stay below the rest level, s.
 pub const REST_HOLD_S: f32 = 0.5;

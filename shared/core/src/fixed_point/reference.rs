@@ -5,7 +5,8 @@
 
 use crate::integrator::base::{Segment, Track};
 use crate::integrator::modes::Contact;
-use crate::integrator::sampled::{Observer, Sampled, State, Units};
+use crate::integrator::sampled::{Observer, Sampled, State};
+use crate::integrator::units::Units;
 use crate::model::{FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
 use crate::scalar::Scalar;
 use crate::sine::Phase;

@@ -9,3 +9,4 @@ pub mod exact;
 pub mod modes;
 pub mod polynomial;
 pub mod sampled;
+pub mod units;

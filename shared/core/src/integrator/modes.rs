@@ -4,12 +4,12 @@
 //! stick, the force is whatever keeps them together, up to a limit. So the motion is a sequence of modes,
 //! linear in each, and this module holds the two things every driver needs: [`resolve`], the mode that is
 //! consistent with a state, and [`impact`], the law of the hard wall. When events happen is the drivers'
-//! business ([`super::sampled`]).
+//! business.
 //!
 //! The structure's equation (u is the base displacement z here, absolute coordinates):
 //! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
 
-use super::sampled::Units;
+use super::units::Units;
 use crate::model::{SetUp, Wall};
 use crate::scalar::Scalar;
 

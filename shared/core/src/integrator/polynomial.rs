@@ -7,7 +7,7 @@ use crate::scalar::Scalar;
 /// Number of coefficients of a flight: degree 7.
 ///
 /// The velocity is its derivative, so the first term left out of a step is (rate × step)⁷/7! of the amplitude:
-/// 2·10⁻¹¹ at the largest allowed 0.1 ([`super::sampled::LARGEST_RATE_PER_STEP`]), 5·10⁻¹⁷ at 2.5 Hz and 1 kHz.
+/// 2·10⁻¹¹ at the largest allowed 0.1 (`sampled::LARGEST_RATE_PER_STEP`), 5·10⁻¹⁷ at 2.5 Hz and 1 kHz.
 pub const COEFFICIENTS: usize = 8;
 
 /// Coefficients in ascending order.

@@ -32,7 +32,9 @@ mod joint;
 use super::base::Segment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use super::polynomial::{self, COEFFICIENTS, Polynomial};
-use crate::model::{Initial, Invalid, SetUp, Wall, require};
+use super::units::Units;
+use crate::io::{Invalid, require};
+use crate::model::{Initial, SetUp, Wall};
 use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, Touch};
@@ -42,29 +44,6 @@ pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 
 /// Most events in one step of [`Sampled::step`].
 const MOST_EVENTS_PER_STEP: u8 = 64;
-
-/// What a calculation counts in. Floating point takes metres; fixed point wants displacements of order one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Units {
-    /// The step: the unit of time, s.
-    pub step_s: f64,
-    /// The unit of length, m.
-    pub length_m: f64,
-}
-
-impl Units {
-    /// Steps of `step_s` seconds, lengths in metres.
-    #[must_use]
-    pub fn metres(step_s: f64) -> Self {
-        Self { step_s, length_m: 1.0 }
-    }
-
-    /// The unit of velocity, m/s.
-    #[must_use]
-    pub fn velocity_m_per_s(&self) -> f64 {
-        self.length_m / self.step_s
-    }
-}
 
 /// Displacements and velocities of structure and particle, in [`Units`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,7 +4,7 @@
 //! whole ticks: with n ticks a cycle that is wrong by at most 1/(2n), 0.13 % at 2.5 Hz. Noise of RMS σ adds σ²/Z² of the
 //! amplitude, harmonics half the square of their part.
 
-use crate::rig::TICK_HZ;
+use crate::io::TICK_HZ;
 use crate::scalar::Scalar;
 
 /// Follows one displacement.

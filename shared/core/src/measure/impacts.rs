@@ -16,13 +16,13 @@
 //!
 //! Everything before a pulse's end is done in the converter's whole counts: sums of whole numbers lose nothing.
 
+pub use super::pulse::GUARD;
 use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Paces};
-pub use super::pulse::{GUARD, Pair};
 use super::snippet::Snippet;
-use crate::model::{Invalid, positive, require};
-use crate::rig::calibration::WALL_USABLE;
-use crate::rig::channels::Rail;
-use crate::rig::{TICK_HZ, WALL_SUBSAMPLES};
+use crate::io::{
+    ForceScale, Invalid, Rail, TICK_HZ, WALL_FULL_SCALE_COUNTS, WALL_SUBSAMPLES, WALL_USABLE, WallCounts, positive,
+    require,
+};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -124,46 +124,6 @@ impl ImpactCounts {
     }
 }
 
-/// Largest count on a wall's channel: twelve bits.
-pub const MOST_COUNTS: u16 = 4095;
-
-/// What a converter's count on a wall's channel means.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct ForceScale {
-    /// N per count; greater than 0.
-    pub newtons_per_count: f32,
-    /// Counts without a force, 0 to [`MOST_COUNTS`]; what drifts from there is followed.
-    pub zero_counts: f32,
-}
-
-impl Default for ForceScale {
-    /// Assumed: a sensor of 460 N over a 12-bit converter, its zero set to a tenth of the span.
-    fn default() -> Self {
-        Self::assumed()
-    }
-}
-
-impl ForceScale {
-    /// As the default.
-    #[must_use]
-    pub const fn assumed() -> Self {
-        Self { newtons_per_count: 0.125, zero_counts: 410.0 }
-    }
-
-    /// The force, N, of counts or of a mean of counts.
-    #[must_use]
-    pub fn to_force_n(&self, counts: f32) -> f32 {
-        (counts - self.zero_counts) * self.newtons_per_count
-    }
-
-    /// The counts nearest to a force, within those of `lowest` to `highest`.
-    #[must_use]
-    pub fn to_counts(&self, force_n: f32, lowest: u16, highest: u16) -> u16 {
-        // A cast drops the fraction and saturates.
-        ((force_n / self.newtons_per_count + self.zero_counts + 0.5) as u16).clamp(lowest, highest)
-    }
-}
-
 /// Checked constants in counts and samples.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactSettings {
@@ -183,7 +143,7 @@ impl ImpactSettings {
         positive("calibration.walls.newtons_per_count", f64::from(scale.newtons_per_count))?;
         let zero = f64::from(scale.zero_counts);
         require(
-            (0.0..=f64::from(MOST_COUNTS)).contains(&zero),
+            (0.0..=f64::from(WALL_FULL_SCALE_COUNTS)).contains(&zero),
             "calibration.walls.zero_counts",
             zero,
             "from 0 to 4095",
@@ -262,7 +222,7 @@ impl ImpactMeter {
         Self {
             settings: *settings,
             channels: [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces)),
-            before: Before::new(settings.scale.to_counts(0.0, 0, MOST_COUNTS)),
+            before: Before::new(settings.scale.to_counts(0.0, 0, WALL_FULL_SCALE_COUNTS)),
             highest: [0.0; 2],
             rails: [Rail::Clear; 2],
             counts: ImpactCounts::default(),
@@ -336,7 +296,7 @@ impl ImpactMeter {
 
     /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
     /// longer than announced is cut. Impacts that end in it are `found`.
-    pub fn push(&mut self, tick: u32, block: &[Pair], mut found: impl FnMut(&ImpactRecord)) {
+    pub fn push(&mut self, tick: u32, block: &[WallCounts], mut found: impl FnMut(&ImpactRecord)) {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
         self.rails = [0, 1].map(|wall| self.rail(block, wall));
         for wall in 0..2 {
@@ -354,7 +314,7 @@ impl ImpactMeter {
         self.snippet.push(block);
     }
 
-    fn rail(&self, block: &[Pair], wall: usize) -> Rail {
+    fn rail(&self, block: &[WallCounts], wall: usize) -> Rail {
         let at_rail = block.iter().filter(|pair| WALL_USABLE.is_at_rail(pair.of(wall))).count();
         if at_rail == 0 {
             return Rail::Clear;
@@ -365,7 +325,7 @@ impl ImpactMeter {
         WALL_USABLE.map(to_si).rail(at_rail, block.len(), mean_n)
     }
 
-    fn follow(&mut self, tick: u32, wall: usize, block: &[Pair], found: &mut impl FnMut(&ImpactRecord)) {
+    fn follow(&mut self, tick: u32, wall: usize, block: &[WallCounts], found: &mut impl FnMut(&ImpactRecord)) {
         let mut from = 0;
         while let Some(finding) = self.channels[wall].go_on(wall, block, &mut from, &self.before, &self.settings.paces)
         {
@@ -403,7 +363,7 @@ impl ImpactMeter {
 const OFFSET_EVERY: usize = 10;
 
 /// The mean of every [`OFFSET_EVERY`]th of a wall's readings, from the first.
-fn mean_of_some(block: &[Pair], wall: usize) -> f32 {
+fn mean_of_some(block: &[WallCounts], wall: usize) -> f32 {
     let sum: u32 = block.iter().step_by(OFFSET_EVERY).map(|pair| u32::from(pair.of(wall))).sum();
     sum as f32 * (1.0 / block.len().div_ceil(OFFSET_EVERY).max(1) as f32)
 }

@@ -3,8 +3,7 @@
 use super::lock_in::LockIn;
 use super::sum::Sum;
 use super::trend::Trend;
-use crate::rig::Readings;
-use crate::rig::channels::SensorSet;
+use crate::io::{Readings, SensorSet};
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -213,7 +212,7 @@ fn wrapped(angle: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::{Reading, Readings};
+    use crate::io::{Reading, Readings};
     use crate::sine::Phase;
 
     #[test]

@@ -2,48 +2,30 @@
 //!
 //! Samples are the converter's counts and stay whole numbers until a pulse has ended.
 
+use crate::io::WallCounts;
+
 /// Samples before the crossing and after the end that belong to a pulse.
 pub const GUARD: usize = 4;
 
 /// Most samples in a block.
 pub const LONGEST_BLOCK: usize = 64;
 
-/// Readings of both walls at one instant, as a converter that takes one wall after the other leaves them in memory.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(transparent)]
-pub struct Pair([u16; 2]);
-
-impl Pair {
-    /// Counts on the wall at −d and at +d.
-    #[must_use]
-    pub const fn new(low: u16, high: u16) -> Self {
-        Self([low, high])
-    }
-
-    /// The reading of wall 0 (at −d) or 1.
-    #[must_use]
-    #[inline]
-    pub fn of(&self, wall: usize) -> u16 {
-        self.0[wall & 1]
-    }
-}
-
 /// The last samples before a block: the guards of a pulse that begins at its start.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Before([Pair; GUARD]);
+pub(super) struct Before([WallCounts; GUARD]);
 
 impl Before {
     pub(super) fn new(resting: u16) -> Self {
-        Self([Pair::new(resting, resting); GUARD])
+        Self([WallCounts::new(resting, resting); GUARD])
     }
 
     /// The block is over.
-    pub(super) fn push(&mut self, block: &[Pair]) {
+    pub(super) fn push(&mut self, block: &[WallCounts]) {
         *self = self.up_to(block, block.len());
     }
 
     /// The guards before sample `at` of the block.
-    fn up_to(&self, block: &[Pair], at: usize) -> Self {
+    fn up_to(&self, block: &[WallCounts], at: usize) -> Self {
         Self(core::array::from_fn(|n| {
             // So many samples before `at`.
             let back = GUARD - n;
@@ -230,7 +212,7 @@ impl Channel {
     pub(super) fn go_on(
         &mut self,
         wall: usize,
-        block: &[Pair],
+        block: &[WallCounts],
         from: &mut usize,
         before: &Before,
         paces: &Paces,

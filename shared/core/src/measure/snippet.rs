@@ -3,7 +3,7 @@
 //! While it is armed it is a ring of the newest samples; an impact lets it run on until the trigger has come as near to
 //! its start as it should, and there it stops. So a tick in which an impact begins does no more than others.
 
-use super::pulse::Pair;
+use crate::io::WallCounts;
 
 /// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
 pub const SNIPPET: usize = 256;
@@ -25,7 +25,7 @@ enum Phase {
 /// Records once when armed, and keeps what it has until it is armed again.
 #[derive(Clone, Debug)]
 pub struct Snippet {
-    samples: [Pair; SNIPPET],
+    samples: [WallCounts; SNIPPET],
     /// The oldest.
     at: usize,
     wall: usize,
@@ -34,7 +34,7 @@ pub struct Snippet {
 
 impl Snippet {
     pub(super) fn new() -> Self {
-        Self { samples: [Pair::new(0, 0); SNIPPET], at: 0, wall: 0, phase: Phase::Off }
+        Self { samples: [WallCounts::new(0, 0); SNIPPET], at: 0, wall: 0, phase: Phase::Off }
     }
 
     /// Impacts of the next [`HISTORY`] samples come too early.
@@ -73,7 +73,7 @@ impl Snippet {
     }
 
     /// The block is over: what of it belongs to the snippet is kept.
-    pub(super) fn push(&mut self, block: &[Pair]) {
+    pub(super) fn push(&mut self, block: &[WallCounts]) {
         let (phase, length) = match self.phase {
             Phase::Off | Phase::Full => return,
             Phase::Armed => (Phase::Armed, block.len()),

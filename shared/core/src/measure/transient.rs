@@ -11,8 +11,7 @@
 //! 3·10⁻⁵ at 2.5 Hz and half a tick.
 
 use super::sum::Sum;
-use crate::rig::channels::SensorSet;
-use crate::rig::{Readings, TICK_HZ};
+use crate::io::{Readings, SensorSet, TICK_HZ};
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -142,7 +141,7 @@ impl TransientMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rig::{Reading, SUBSAMPLES};
+    use crate::io::{Reading, SUBSAMPLES};
 
     fn reading(value: f32) -> Reading {
         Reading::of(&[value; SUBSAMPLES])

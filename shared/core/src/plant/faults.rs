@@ -4,7 +4,7 @@
 //! protocol sets them: see [`super::Plant::set_sensor_fault`].
 
 use super::Noise;
-use crate::rig::channels::{SENSORS, Sensor};
+use crate::io::{SENSORS, Sensor};
 
 /// What is wrong with a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]

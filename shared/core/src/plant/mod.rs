@@ -19,11 +19,10 @@ pub use shaker::{Amplifier, Shaker};
 
 use crate::integrator::base::{Segment, Track};
 use crate::integrator::polynomial;
-use crate::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
-use crate::measure::impacts::Pair;
-use crate::model::{Initial, Invalid, SetUp};
-use crate::rig::channels::{Sensor, Usable};
-use crate::rig::{Actuators, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ};
+use crate::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use crate::integrator::units::Units;
+use crate::io::{Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WallCounts};
+use crate::model::{Initial, SetUp};
 use crate::scalar::Scalar;
 use faults::{Faults, Span};
 use heapless::Vec;
@@ -262,7 +261,7 @@ impl<S: Scalar> Plant<S> {
                 for pair in &mut sensors.walls {
                     let mut both = [pair.of(0), pair.of(1)];
                     both[wall] = self.faults.apply(sensor, f32::from(both[wall]), counts) as u16;
-                    *pair = Pair::new(both[0], both[1]);
+                    *pair = WallCounts::new(both[0], both[1]);
                 }
             }
         }

@@ -5,8 +5,7 @@
 //! converter that averages several conversions a sample. Both channels are alike, except that z is converted later.
 
 use super::noise::Noise;
-use crate::model::{Invalid, not_negative, positive, require};
-use crate::rig::{SUBSAMPLES, TICK_HZ};
+use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, not_negative, positive, require};
 use crate::scalar::Scalar;
 use core::f64::consts::TAU;
 use postcard_schema::Schema;

@@ -8,7 +8,7 @@
 //! out: L/R of such coils is of the order of 1 ms, 2 % of phase at 3 Hz. How the table moves is
 //! [`super::table`]'s business.
 
-use crate::model::{Invalid, not_negative, positive};
+use crate::io::{Invalid, not_negative, positive};
 use core::f64::consts::TAU;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,7 @@
 //! The friction damper's drive, simulated: stepper, screw, spring, force sensor and limit switch, with what can break.
 
 use super::Noise;
-use crate::control::friction_spring::Drive;
-use crate::model::{Invalid, finite, not_negative, positive, require};
-use crate::rig::SUBSAMPLES;
+use crate::io::{Invalid, Motor, SUBSAMPLES, finite, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -159,7 +157,7 @@ impl SimulatedSpring {
     }
 
     /// One tick: makes the steps; returns the block of force readings, N, and whether the limit switch is closed.
-    pub fn tick(&mut self, drive: Drive) -> ([f32; SUBSAMPLES], bool) {
+    pub fn tick(&mut self, drive: Motor) -> ([f32; SUBSAMPLES], bool) {
         self.energised = drive.enabled;
         let direction = i32::from(drive.steps.signum()) * if self.broken.reversed { -1 } else { 1 };
         for _ in 0..drive.steps.unsigned_abs() {
@@ -171,7 +169,7 @@ impl SimulatedSpring {
             }
         }
         let truth = self.normal_force_n();
-        let sample_s = 1.0 / (crate::rig::TICK_HZ * SUBSAMPLES as f32);
+        let sample_s = 1.0 / (crate::io::TICK_HZ * SUBSAMPLES as f32);
         let follow = sample_s / (self.plant.lag_s + sample_s);
         let block = core::array::from_fn(|_| {
             self.lagged_n += (truth - self.lagged_n) * follow;

@@ -21,8 +21,10 @@
 use super::shaker::Shaker;
 use crate::integrator::base::Segment;
 use crate::integrator::modes::Grip;
-use crate::integrator::sampled::{Observer, Sampled, Units};
-use crate::model::{Invalid, SetUp, require};
+use crate::integrator::sampled::{Observer, Sampled};
+use crate::integrator::units::Units;
+use crate::io::{Invalid, require};
+use crate::model::SetUp;
 use crate::scalar::Scalar;
 
 /// The largest (fastest rate of the table × step): a parabola's error is (rate × step)²/12.

@@ -3,9 +3,9 @@
 //! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
 
 use super::Noise;
-use crate::measure::impacts::{ForceScale, MOST_COUNTS, Pair};
-use crate::model::{Invalid, finite, not_negative, positive, require};
-use crate::rig::TICK_HZ;
+use crate::io::{
+    ForceScale, Invalid, TICK_HZ, WALL_FULL_SCALE_COUNTS, WallCounts, finite, not_negative, positive, require,
+};
 use crate::scalar::Scalar;
 use core::f32::consts::PI;
 use heapless::Deque;
@@ -41,7 +41,7 @@ impl Default for WallSensors {
             offset_n: 0.0,
             noise_rms_n: 0.2,
             scale: ForceScale::default(),
-            highest_counts: MOST_COUNTS,
+            highest_counts: WALL_FULL_SCALE_COUNTS,
         }
     }
 }
@@ -110,13 +110,13 @@ impl Walls {
     }
 
     /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
-    pub fn read<const N: usize>(&mut self) -> [Pair; N] {
+    pub fn read<const N: usize>(&mut self) -> [WallCounts; N] {
         let readings = self.look();
         self.pass();
         readings
     }
 
-    fn look<const N: usize>(&mut self) -> [Pair; N] {
+    fn look<const N: usize>(&mut self) -> [WallCounts; N] {
         let sensors = &self.sensors;
         let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
         let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
@@ -136,7 +136,7 @@ impl Walls {
                 forces[1] += sensors.noise_rms_n * noise[1];
             }
             let [low, high] = forces.map(|force_n| Scalar::min(Scalar::max(force_n, -range), range));
-            Pair::new(counts(low), counts(high))
+            WallCounts::new(counts(low), counts(high))
         })
     }
 

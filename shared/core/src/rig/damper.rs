@@ -1,9 +1,10 @@
 //! The dampers' part of a tick: wall forces, the friction damper's spring, and the twin that follows the rig.
 
+use super::Brake;
 use super::event_queue::EventQueue;
-use super::{Brake, Readings, Sensors};
-use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, Inputs, SpringCommand, Stage};
+use crate::control::friction_spring::{FrictionSpring, Happening, Inputs, SpringCommand, Stage};
 use crate::control::safety::rails::Verdict;
+use crate::io::{Motor, Readings, Sensors};
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::ImpactMeter;
 use crate::twin::{Twin, TwinSignals};
@@ -113,7 +114,7 @@ impl Dampers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::impacts::Pair;
+    use crate::io::WallCounts;
     use crate::model::{Particle, SetUp, Structure, Wall};
     use crate::twin::TwinConfig;
 
@@ -135,7 +136,7 @@ mod tests {
         // A half-sine of 0.4 ms in the middle of the tick's block, ended when the block is.
         for (n, pair) in touched.walls[10..30].iter_mut().enumerate() {
             let force = 800.0 * libm::sinf(core::f32::consts::PI * (n as f32 + 0.5) / 20.0);
-            *pair = Pair::new(pair.of(0), pair.of(1) + force as u16);
+            *pair = WallCounts::new(pair.of(0), pair.of(1) + force as u16);
         }
         for (put_back_at, taught) in [(None, 1), (Some(50), 0), (Some(49), 0), (Some(48), 1)] {
             let twin = Some(Twin::new(&TwinConfig::new(set_up)).unwrap());

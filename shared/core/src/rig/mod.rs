@@ -1,36 +1,30 @@
 //! The rig's one decision maker: samples and commands in, actuator values, replies and events out.
 //!
 //! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
-//! do in it what they allow. [`channels`] names the sensors, [`sensors`] holds what goes in and comes out, [`words`] the
+//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
+//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`words`] the
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
-pub mod calibration;
-pub mod channels;
 pub mod damper;
 mod event_queue;
-pub mod sensors;
 pub mod signals;
 pub mod words;
 
-use crate::control::drive::DriveRange;
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
-use crate::control::friction_spring::{Drive as Motor, FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
+use crate::control::friction_spring::{FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
 use crate::control::limits::Fault;
 use crate::control::safety::{Allowed, Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
 use crate::control::transient::playback::RecordId;
+use crate::io::{Actuators, DriveRange, DriveScale, Motor, Readings, Sensor, Sensors};
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
-use calibration::DriveScale;
-use channels::Sensor;
 use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
-pub use sensors::{Actuators, CountedBlock, Reading, Readings, SUBSAMPLES, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
 pub use words::{Brake, Command, Event, Refusal, State, Status};
 
@@ -160,7 +154,7 @@ impl Rig {
 
     /// The recorder of an impact's shape, and what its counts mean.
     #[must_use]
-    pub fn snippet(&self) -> (&Snippet, &crate::measure::impacts::ForceScale) {
+    pub fn snippet(&self) -> (&Snippet, &crate::io::ForceScale) {
         (self.dampers.meter.snippet(), self.dampers.meter.scale())
     }
 

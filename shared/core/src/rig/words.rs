@@ -1,16 +1,14 @@
 //! What may be asked of the rig, and what it answers and reports.
 
-use super::TICK_HZ;
-use crate::control::drive::AboveLimit;
 use crate::control::experiment::{Experiment, Stage};
 use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
 use crate::control::limits::Fault;
 use crate::control::safety::rails::SensorHealth;
 use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
+use crate::io::{AboveLimit, Invalid, TICK_HZ};
 use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
-use crate::model::Invalid;
 use crate::twin::TwinPlan;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,6 @@
 //! Pairs predicted with measured impacts, and notices when predicted ones do not come.
 
-use crate::model::{Invalid, not_negative, require};
-use crate::rig::TICK_HZ;
+use crate::io::{Invalid, TICK_HZ, not_negative, require};
 use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

@@ -19,10 +19,11 @@
 pub mod matching;
 
 use crate::integrator::base::Track;
-use crate::integrator::sampled::{Impact, Observer, Sampled, Units};
+use crate::integrator::sampled::{Impact, Observer, Sampled};
+use crate::integrator::units::Units;
+use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
-use crate::model::{Initial, Invalid, SetUp, Wall, positive, require};
-use crate::rig::{SUBSAMPLES, TICK_HZ};
+use crate::model::{Initial, SetUp, Wall};
 use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};

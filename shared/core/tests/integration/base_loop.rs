@@ -6,11 +6,11 @@ use damprig_core::control::experiment::{Experiment, Stage};
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Danger, SafetyConfig};
 use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
+use damprig_core::io::{Calibration, DisplacementScale, DriveScale, Reading, Sensors};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::{Amplifier, Base, DataSheet, Plant, PlantConfig, Shaker};
-use damprig_core::rig::calibration::{Calibration, DisplacementScale, DriveScale};
-use damprig_core::rig::{Command, Event, Reading, Rig, Sensors, State};
+use damprig_core::rig::{Command, Event, Rig, State};
 use damprig_core::settings::{Prepared, Settings};
 
 fn bare() -> SetUp {

@@ -3,9 +3,9 @@
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::safety::Danger;
 use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
-use damprig_core::measure::impacts::Pair;
+use damprig_core::io::{Sensors, WALL_SUBSAMPLES, WallCounts};
 use damprig_core::measure::point::SteadyLimits;
-use damprig_core::rig::{Command, Event, Rig, Sensors, WALL_SUBSAMPLES};
+use damprig_core::rig::{Command, Event, Rig};
 
 fn running() -> Rig {
     let sine = SteppedSine {
@@ -30,7 +30,7 @@ fn chattering() -> Sensors {
     let mut sensors = Sensors::default();
     for (n, pair) in sensors.walls.iter_mut().enumerate() {
         let force = if n % 7 == 0 { 1000 } else { 0 };
-        *pair = Pair::new(pair.of(0) + force, pair.of(1) + force);
+        *pair = WallCounts::new(pair.of(0) + force, pair.of(1) + force);
     }
     sensors
 }

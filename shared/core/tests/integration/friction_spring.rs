@@ -1,11 +1,11 @@
 //! The friction-damper spring's controller against a simulated drive, sound and broken.
 
 use damprig_core::control::friction_spring::{
-    Cause, Drive, FrictionSpring, Happening, Inputs, Refusal, SpringCommand, SpringConfig, Stage, Target,
+    Cause, FrictionSpring, Happening, Inputs, Refusal, SpringCommand, SpringConfig, Stage, Target,
 };
 use damprig_core::control::safety::rails::Verdict;
+use damprig_core::io::{Motor, SUBSAMPLES};
 use damprig_core::plant::spring::{SimulatedSpring, SpringPlant};
-use damprig_core::rig::SUBSAMPLES;
 
 struct Bench {
     spring: FrictionSpring,
@@ -18,7 +18,7 @@ struct Bench {
     /// The force sensor is wired the wrong way round.
     reversed: bool,
     happenings: Vec<Happening>,
-    drive: Drive,
+    drive: Motor,
     /// Steps of every tick.
     log: Vec<i8>,
 }
@@ -35,7 +35,7 @@ impl Bench {
             force_sensor: Verdict::Reads,
             reversed: false,
             happenings: vec![],
-            drive: Drive::default(),
+            drive: Motor::default(),
             log: vec![],
         }
     }

@@ -1,8 +1,10 @@
 //! Impact measurement against pulses whose time, impulse and contact are known.
 
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter, ImpactRecord, Pair};
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::{ForceScale, WallCounts};
+use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter, ImpactRecord};
 use damprig_core::measure::snippet::{HISTORY, SNIPPET};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
@@ -25,8 +27,8 @@ fn meter(config: &ImpactConfig, samples_per_tick: u8) -> ImpactMeter {
 }
 
 /// A force on the wall at −d.
-fn low(force_n: f32) -> Pair {
-    Pair::new(FINE.to_counts(force_n, 0, 0x7fff), 1000)
+fn low(force_n: f32) -> WallCounts {
+    WallCounts::new(FINE.to_counts(force_n, 0, 0x7fff), 1000)
 }
 
 /// Runs hits (time in ticks, side, impulse) through sensors and meter with N samples a tick; times in ticks from 0.

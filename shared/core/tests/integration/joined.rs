@@ -3,7 +3,8 @@
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::Sign;
-use damprig_core::integrator::sampled::{self, Joined, Units};
+use damprig_core::integrator::sampled::{self, Joined};
+use damprig_core::integrator::units::Units;
 use damprig_core::model::{
     DampingLaw, FrictionDamper, Initial, Material, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall,
 };

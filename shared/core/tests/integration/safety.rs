@@ -2,8 +2,7 @@
 
 use damprig_core::control::limits::Limits;
 use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
-use damprig_core::rig::channels::{Rail, Sensor, Usable};
-use damprig_core::rig::{Reading, Readings, SUBSAMPLES, Sensors};
+use damprig_core::io::{Rail, Reading, Readings, SUBSAMPLES, Sensor, Sensors, Usable};
 
 /// ±80 mm less 1 % of its span at either end.
 const LASER: Usable<f32> = Usable { low: -0.0784, high: 0.0784 };

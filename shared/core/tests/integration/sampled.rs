@@ -2,7 +2,8 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::modes::{Contact, Mode};
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled, Units};
+use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
 use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use std::f64::consts::PI;

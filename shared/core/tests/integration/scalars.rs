@@ -6,7 +6,8 @@
 use damprig_core::fixed_point::Fixed;
 use damprig_core::fixed_point::reference::{CASES, Case, Motion, START_M, STEPS};
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
 use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
 

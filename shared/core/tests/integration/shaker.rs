@@ -1,10 +1,11 @@
 //! The shaker that feels its load against the closed form of the coupled system, its balances and its limits.
 
-use damprig_core::integrator::sampled::{Sampled, Units};
+use damprig_core::integrator::sampled::Sampled;
+use damprig_core::integrator::units::Units;
+use damprig_core::io::Actuators;
 use damprig_core::model::{FrictionDamper, Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::table::Table;
 use damprig_core::plant::{Amplifier, Base, Plant, PlantConfig, SensorModel, Shaker};
-use damprig_core::rig::Actuators;
 use damprig_core::scalar::Scalar;
 use std::f64::consts::TAU;
 

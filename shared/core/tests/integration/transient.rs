@@ -5,13 +5,13 @@ use damprig_core::control::safety::Danger;
 use damprig_core::control::transient::playback::{MOST_SAMPLES, Plan as PlaybackPlan, RecordId};
 use damprig_core::control::transient::{FreeVibration, Playback, free_vibration};
 use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::sampled::{Sampled, Units};
+use damprig_core::integrator::sampled::Sampled;
+use damprig_core::integrator::units::Units;
+use damprig_core::io::{DriveScale, Reading, Sensor, Sensors};
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::{FrictionDamper, Initial, SetUp, Structure};
 use damprig_core::plant::{Plant, PlantConfig};
-use damprig_core::rig::calibration::DriveScale;
-use damprig_core::rig::channels::Sensor;
-use damprig_core::rig::{Command, Event, Reading, Rig, Sensors, State};
+use damprig_core::rig::{Command, Event, Rig, State};
 
 const ZETA: f64 = 0.0038;
 

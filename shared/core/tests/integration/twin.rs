@@ -2,8 +2,10 @@
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::modes::Contact;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled, Units};
-use damprig_core::measure::impacts::{ForceScale, ImpactConfig, ImpactMeter};
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::ForceScale;
+use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_core::plant::walls::{WallSensors, Walls};
 use damprig_core::twin::{Twin, TwinConfig, TwinSignals};

@@ -4,11 +4,12 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Stage, 
 use damprig_core::control::limits::{Fault, Limits};
 use damprig_core::control::safety::{Danger, ExperimentLimits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::io::{Reading, Sensors};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::plant::PlantConfig;
 use damprig_core::plant::spring::SpringPlant;
-use damprig_core::rig::{Reading, Sensors, Signals, State, Status};
+use damprig_core::rig::{Signals, State, Status};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::{Birth, Control, Name, RealPlant};
 use damprig_device::lanes::{Lanes, Row, Saying};

@@ -3,13 +3,13 @@
 use damprig_core::control::friction_spring::{Cause, Happening as Spring, SpringCommand, Stage};
 use damprig_core::control::safety::Danger;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::io::Sensor;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::plant::spring::SpringPlant;
 use damprig_core::plant::walls::WallSensors;
 use damprig_core::plant::{Base, End, PlantConfig, SensorFault, Shaker};
 use damprig_core::rig::State;
-use damprig_core::rig::channels::Sensor;
 use damprig_protocol::{Ask, Happening};
 
 use crate::support::host::Host;

@@ -1,9 +1,10 @@
 //! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
 
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::io::Sensors;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::plant::PlantConfig;
-use damprig_core::rig::{Refusal, Sensors, Signals};
+use damprig_core::rig::{Refusal, Signals};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::control::{Bench, Birth, Control, Name, Saving};
 use damprig_device::lanes::{Lanes, Row, Saying};

@@ -59,20 +59,19 @@ impl Dac {
             CR => {
                 only("DAC_CR", value, EN1)?;
                 if value & EN1 != 0 {
-                    // HFSEL: up to 80 MHz, to 160 MHz, above.
-                    let megahertz = UNITS_PER_US as f64 / at.clocks.hclk.0 as f64;
-                    let needed = u32::from(megahertz > 80.0) + u32::from(megahertz > 160.0);
-                    rule(field(self.mcr, 14, 2) >= needed, "DAC_MCR: HFSEL is too low for the AHB clock")?;
+                    self.check_interface(at)?;
                 }
                 self.cr = value;
             }
             DHR12R1 => {
                 only("DAC_DHR12R1", value, 0xfff)?;
+                self.check_interface(at)?;
                 self.dhr1 = value;
             }
             MCR => {
                 only("DAC_MCR", value, 0xc007)?;
-                rule(self.cr & EN1 == 0 || value == self.mcr, "DAC_MCR is written while the channel is enabled")?;
+                let same_mode = value & 7 == self.mcr & 7;
+                rule(self.cr & EN1 == 0 || same_mode, "DAC_MCR.MODE1 is written while the channel is enabled")?;
                 self.mcr = value;
             }
             STMODR => {
@@ -82,5 +81,12 @@ impl Dac {
             _ => return unknown("DAC", offset),
         }
         Ok(())
+    }
+
+    /// HFSEL: 0 up to 80 MHz, 1 to 160 MHz, 2 above.
+    fn check_interface(&self, at: &At) -> Access<()> {
+        let megahertz = UNITS_PER_US as f64 / at.clocks.hclk.0 as f64;
+        let needed = u32::from(megahertz > 80.0) + u32::from(megahertz > 160.0);
+        rule(field(self.mcr, 14, 2) >= needed, "DAC_MCR: HFSEL is too low for the AHB clock")
     }
 }

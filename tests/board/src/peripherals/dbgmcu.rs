@@ -1,6 +1,6 @@
 //! The debug support registers (RM0440, section 47).
 
-use crate::register::{Access, only, unknown};
+use crate::register::{Access, bit, only, unknown};
 
 const IDCODE: u32 = 0x00;
 const CR: u32 = 0x04;
@@ -14,6 +14,12 @@ pub struct Dbgmcu {
 }
 
 impl Dbgmcu {
+    /// DBG_IWDG_STOP: a halted core stops the watchdog.
+    #[must_use]
+    pub fn freezes_watchdog(&self) -> bool {
+        bit(self.apb1fzr1, 12)
+    }
+
     /// Reads a register.
     ///
     /// # Errors

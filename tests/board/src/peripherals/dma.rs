@@ -1,4 +1,4 @@
-//! The DMA controller and its request multiplexer (RM0440, sections 12 and 13), from a peripheral to memory.
+//! The DMA controller and its request multiplexer (RM0440, sections 12 and 13), between a peripheral and memory.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
 
@@ -51,6 +51,19 @@ impl Dma {
     #[must_use]
     pub fn peripheral_address(&self, n: usize) -> u32 {
         self.channels[n].cpar
+    }
+
+    /// Whether channel `n` reads memory.
+    #[must_use]
+    pub fn reads_memory(&self, n: usize) -> bool {
+        bit(self.channels[n].ccr, 4)
+    }
+
+    /// The memory that channel `n` goes through: first address and bytes.
+    #[must_use]
+    pub fn memory(&self, n: usize) -> (u32, u32) {
+        let channel = &self.channels[n];
+        (channel.cmar, channel.reload << field(channel.ccr, 10, 2))
     }
 
     /// Transfers of channel `n` from now to its next event that is told by an interrupt, if there is one.
@@ -141,11 +154,17 @@ impl Dma {
         match register {
             0 => {
                 only("DMA_CCR", value, CONFIGURATION | EN | TCIE | HTIE | TEIE)?;
+                if is_enabled && value & EN == 0 {
+                    // The write that switches the channel off changes nothing else.
+                    let kept = channel.ccr & CONFIGURATION;
+                    channel.ccr = kept | value & !CONFIGURATION;
+                    return Ok(());
+                }
                 if is_enabled {
                     unchanged("DMA_CCR", channel.ccr, value, CONFIGURATION, "which an enabled channel does not take")?;
                 }
                 if value & EN != 0 {
-                    rule(!bit(value, 4) && !bit(value, 14), "DMA_CCR: only peripheral to memory is modelled")?;
+                    rule(!bit(value, 14), "DMA_CCR: memory to memory is not modelled")?;
                     rule(!bit(value, 6) && bit(value, 7), "DMA_CCR: only a fixed peripheral address is modelled")?;
                     rule(field(value, 8, 2) == field(value, 10, 2), "DMA_CCR: PSIZE and MSIZE differ")?;
                     rule(channel.cndtr > 0, "DMA_CCR: a channel is enabled with CNDTR = 0")?;

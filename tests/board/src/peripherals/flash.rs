@@ -1,6 +1,8 @@
 //! The flash's interface and its second bank (RM0440, section 3, dual-bank mode): keys, page erase and double-word
 //! programming with the data sheet's times, status flags, wait states. The first bank holds the program and is only read.
 
+use std::collections::BTreeSet;
+
 use crate::register::{Access, bit, field, only, refuse, rule, unknown};
 use crate::time::{At, Time, UNITS_PER_US};
 
@@ -14,6 +16,9 @@ const OPTR: u32 = 0x20;
 const SR_EOP: u32 = 1 << 0;
 const SR_FLAGS: u32 = 0xc3fb;
 const SR_BSY: u32 = 1 << 16;
+
+const ECCR_BK: u32 = 1 << 21;
+const ECCR_ECCD: u32 = 1 << 31;
 
 const CR_PG: u32 = 1 << 0;
 const CR_PER: u32 = 1 << 1;
@@ -36,18 +41,50 @@ pub const BANK_BYTES: u32 = 256 * 1_024;
 const PROGRAMMING: Time = Time(83_350 * UNITS_PER_US / 1_000);
 const ERASING: Time = Time(24_500 * UNITS_PER_US);
 
+/// What the second bank holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Bank2 {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// Where double words begin that the error correction cannot mend.
+    pub damaged: BTreeSet<u32>,
+}
+
+impl Default for Bank2 {
+    /// Erased.
+    fn default() -> Self {
+        Self { bytes: vec![0xff; BANK_BYTES as usize], damaged: BTreeSet::new() }
+    }
+}
+
+/// How far the operation came at which the supply went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// It had not begun.
+    Before,
+    /// A page is half erased, a double word damaged.
+    Half,
+    /// It was complete.
+    After,
+}
+
 /// The registers and the second bank.
 #[derive(Clone, Debug)]
 pub struct Flash {
     acr: u32,
     sr: u32,
     cr: u32,
+    eccr: u32,
     optr: u32,
     /// Keys given so far; none any more after a wrong one, until a reset.
     keys: Option<usize>,
     busy_until: Time,
     /// The second bank.
-    pub bank2: Vec<u8>,
+    pub bank2: Bank2,
+    /// The operation at which the supply goes, counted from 0.
+    pub cut: Option<(u64, Cut)>,
+    /// The supply has gone.
+    pub is_cut: bool,
     /// The first word of a double word that is being written.
     first: Option<(u32, u32)>,
     /// Operations carried out: programmed double words and erased pages.
@@ -57,15 +94,18 @@ pub struct Flash {
 impl Flash {
     /// As after a power-on, with this second bank.
     #[must_use]
-    pub fn new(bank2: Vec<u8>) -> Self {
+    pub fn new(bank2: Bank2) -> Self {
         Self {
             acr: 0x0004_0600,
             sr: 0,
             cr: CR_LOCK,
+            eccr: 0,
             optr: OPTR_DELIVERED,
             keys: Some(0),
             busy_until: Time(0),
             bank2,
+            cut: None,
+            is_cut: false,
             first: None,
             operations: 0,
         }
@@ -73,7 +113,8 @@ impl Flash {
 
     /// A reset: the contents stay.
     pub fn reset(&mut self) {
-        *self = Self { operations: self.operations, optr: self.optr, ..Self::new(std::mem::take(&mut self.bank2)) };
+        let (operations, optr, cut, is_cut) = (self.operations, self.optr, self.cut, self.is_cut);
+        *self = Self { operations, optr, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2)) };
     }
 
     /// Wait states, LATENCY.
@@ -101,7 +142,7 @@ impl Flash {
             ACR => self.acr,
             SR => self.sr | if self.is_busy(at.now) { SR_BSY } else { 0 },
             CR => self.cr,
-            ECCR => 0,
+            ECCR => self.eccr,
             OPTR => self.optr,
             _ => return unknown("FLASH", offset),
         })
@@ -142,6 +183,8 @@ impl Flash {
                 self.sr &= !value;
             }
             CR => self.write_cr(value, at)?,
+            // ECCD is cleared by a 1.
+            ECCR => self.eccr &= !(value & ECCR_ECCD),
             _ => return unknown("FLASH", offset),
         }
         Ok(())
@@ -159,18 +202,45 @@ impl Flash {
             rule(self.sr & SR_FLAGS & !SR_EOP == 0, "FLASH_CR: STRT is set while SR has error flags")?;
             rule(value & CR_BKER != 0, "FLASH_CR: a page of the first bank is erased, where the program lies")?;
             rule(!bit(self.acr, 10), "a page is erased while the data cache is on: it would keep what was there")?;
-            let start = (field(value, 3, 7) * PAGE_BYTES) as usize;
-            self.bank2[start..start + PAGE_BYTES as usize].fill(0xff);
+            let start = field(value, 3, 7) * PAGE_BYTES;
+            let erased = match self.next_operation() {
+                None | Some(Cut::After) => PAGE_BYTES,
+                Some(Cut::Half) => PAGE_BYTES / 2,
+                Some(Cut::Before) => 0,
+            };
+            self.bank2.bytes[start as usize..(start + erased) as usize].fill(0xff);
+            self.bank2.damaged.retain(|place| !(start..start + erased).contains(place));
             self.busy_until = at.now + ERASING;
-            self.operations += 1;
         }
         Ok(())
     }
 
+    /// An access has met two wrong bits in a double word.
+    pub fn find_damage(&mut self, in_bank2: bool) {
+        self.eccr = ECCR_ECCD | if in_bank2 { ECCR_BK } else { 0 };
+    }
+
     /// Reads `bytes` bytes of the second bank, `offset` from its start.
+    /// A damaged double word is noted in ECCR.
+    pub fn read_bank2(&mut self, offset: u32, bytes: u32) -> u32 {
+        if self.is_damaged(offset) {
+            self.find_damage(true);
+        }
+        (0..bytes).fold(0, |value, n| value | u32::from(self.bank2.bytes[(offset + n) as usize]) << (8 * n))
+    }
+
+    /// Whether the double word around `offset` is beyond the error correction.
     #[must_use]
-    pub fn read_bank2(&self, offset: u32, bytes: u32) -> u32 {
-        (0..bytes).fold(0, |value, n| value | u32::from(self.bank2[(offset + n) as usize]) << (8 * n))
+    pub fn is_damaged(&self, offset: u32) -> bool {
+        self.bank2.damaged.contains(&(offset & !7))
+    }
+
+    /// Counts an operation: how far it comes, if the supply goes in it.
+    fn next_operation(&mut self) -> Option<Cut> {
+        let cut = self.cut.filter(|(operation, _)| *operation == self.operations);
+        self.operations += 1;
+        self.is_cut |= cut.is_some();
+        cut.map(|(_, cut)| cut)
     }
 
     /// Programs a word of the second bank: the second of a double word carries both out.
@@ -190,11 +260,17 @@ impl Flash {
         rule(offset == start + 4, "PGSERR: the second word does not follow the first")?;
         let place = start as usize..start as usize + 8;
         let double = u64::from(value) << 32 | u64::from(low);
-        let is_erased = self.bank2[place.clone()].iter().all(|&byte| byte == 0xff);
+        let is_erased = self.bank2.bytes[place.clone()].iter().all(|&byte| byte == 0xff);
         rule(is_erased || double == 0, "PROGERR: a double word is programmed that is not erased")?;
-        self.bank2[place].copy_from_slice(&double.to_le_bytes());
         self.busy_until = at.now + PROGRAMMING;
-        self.operations += 1;
+        match self.next_operation() {
+            Some(Cut::Before) => return Ok(()),
+            Some(Cut::Half) => {
+                self.bank2.damaged.insert(start);
+            }
+            None | Some(Cut::After) => {}
+        }
+        self.bank2.bytes[place].copy_from_slice(&double.to_le_bytes());
         Ok(())
     }
 }

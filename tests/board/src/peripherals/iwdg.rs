@@ -41,6 +41,13 @@ impl Iwdg {
         self.expires
     }
 
+    /// It stood for so long.
+    pub fn postpone(&mut self, time: Time) {
+        if self.expires != Time::NEVER {
+            self.expires += time;
+        }
+    }
+
     fn runs_for(&self, reload: u32, at: &At) -> Time {
         at.clocks.lsi * (4 << self.pr.min(6)) * u64::from(reload + 1)
     }

@@ -24,6 +24,11 @@ const FIFOEN: u32 = 1 << 29;
 /// What only a disabled UART takes.
 const CR1_STATIC: u32 = FIFOEN;
 
+const PEIE: u32 = 1 << 8;
+const EIE: u32 = 1 << 0;
+const DMAR: u32 = 1 << 6;
+const DMAT: u32 = 1 << 7;
+
 const ORE: u32 = 1 << 3;
 const IDLE: u32 = 1 << 4;
 const RXNE: u32 = 1 << 5;
@@ -61,6 +66,8 @@ pub struct Lpuart {
     next_arrival: Time,
     /// When the line counts as idle, if nothing arrives.
     idle_at: Time,
+    /// Received while DMAR is set, for DMA to take.
+    for_dma: VecDeque<u8>,
     /// What has been sent.
     pub sent: Vec<u8>,
     /// Bytes lost to overruns.
@@ -147,7 +154,20 @@ impl Lpuart {
         }
     }
 
-    fn receive(&mut self, byte: u8) {
+    /// The next byte that DMA is asked to take from RDR.
+    pub fn give_dma(&mut self) -> Option<u8> {
+        self.for_dma.pop_front()
+    }
+
+    /// Whether DMA is asked to write a byte to TDR.
+    #[must_use]
+    pub fn wants_dma(&self) -> bool {
+        let is_on = self.cr1 & (UE | TE) == UE | TE;
+        is_on && self.cr3 & DMAT != 0 && self.to_send.len() < self.depth()
+    }
+
+    /// No channel took a byte: it stays in the FIFO.
+    pub fn keep(&mut self, byte: u8) {
         if self.received.len() < self.depth() {
             self.received.push_back(byte);
             return;
@@ -156,6 +176,14 @@ impl Lpuart {
         if self.shifted_in.replace(byte).is_some() {
             self.flags |= ORE;
             self.lost += 1;
+        }
+    }
+
+    fn receive(&mut self, byte: u8) {
+        if self.cr3 & DMAR != 0 {
+            self.for_dma.push_back(byte);
+        } else {
+            self.keep(byte);
         }
     }
 
@@ -183,7 +211,8 @@ impl Lpuart {
     pub fn interrupt(&self) -> bool {
         // IDLEIE, RXNEIE, TCIE and TXEIE have the places of their flags; an overrun is told with RXNEIE too.
         let isr = self.isr();
-        isr & self.cr1 & (IDLE | RXNE | TC | TXE) != 0 || isr & ORE != 0 && self.cr1 & RXNE != 0
+        let overrun = isr & ORE != 0 && (self.cr1 & RXNE != 0 || self.cr3 & EIE != 0);
+        isr & self.cr1 & (IDLE | RXNE | TC | TXE) != 0 || overrun
     }
 
     /// Reads a register.
@@ -225,7 +254,7 @@ impl Lpuart {
         };
         match offset {
             CR1 => {
-                only("LPUART1_CR1", value, UE | RE | TE | IDLE | RXNE | TC | TXE | FIFOEN)?;
+                only("LPUART1_CR1", value, UE | RE | TE | IDLE | RXNE | TC | TXE | PEIE | FIFOEN)?;
                 if is_on && bit(value, 0) {
                     unchanged("LPUART1_CR1", self.cr1, value, CR1_STATIC, "which may only be written while UE = 0")?;
                 }
@@ -242,7 +271,10 @@ impl Lpuart {
                 self.cr2 = value;
             }
             CR3 => {
-                only("LPUART1_CR3", value, 0)?;
+                only("LPUART1_CR3", value, EIE | DMAR | DMAT)?;
+                if value & DMAR != 0 {
+                    self.for_dma.extend(self.received.drain(..).chain(self.shifted_in.take()));
+                }
                 self.cr3 = value;
             }
             BRR => {
@@ -264,17 +296,26 @@ impl Lpuart {
             TDR => {
                 rule(self.cr1 & (UE | TE) == UE | TE, "LPUART1_TDR is written while the transmitter is off")?;
                 rule(self.to_send.len() < self.depth(), "LPUART1_TDR is written while the FIFO is full")?;
-                self.flags &= !TC;
-                let Some(length) = self.byte_length(at) else {
-                    return refuse!("LPUART1_TDR is written without a baud rate");
-                };
-                match self.shifting_out {
-                    Some(_) => self.to_send.push_back(value as u8),
-                    None => self.shifting_out = Some((value as u8, at.now + length)),
-                }
+                self.send(value as u8, at)?;
             }
             RDR | ISR => return refuse!("LPUART1: a register at {offset:#04x} is only read"),
             _ => return unknown("LPUART1", offset),
+        }
+        Ok(())
+    }
+
+    /// A byte for the transmitter, which is on and has room.
+    ///
+    /// # Errors
+    /// There is no baud rate.
+    pub fn send(&mut self, byte: u8, at: &At) -> Access<()> {
+        self.flags &= !TC;
+        let Some(length) = self.byte_length(at) else {
+            return refuse!("LPUART1_TDR is written without a baud rate");
+        };
+        match self.shifting_out {
+            Some(_) => self.to_send.push_back(byte),
+            None => self.shifting_out = Some((byte, at.now + length)),
         }
         Ok(())
     }

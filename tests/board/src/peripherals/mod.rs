@@ -9,6 +9,7 @@ pub mod dac;
 pub mod dbgmcu;
 pub mod dma;
 pub mod dwt;
+pub mod exti;
 pub mod flash;
 pub mod gpio;
 pub mod iwdg;

@@ -23,6 +23,8 @@ const CSR: u32 = 0x94;
 const CRRCR: u32 = 0x98;
 const CCIPR2: u32 = 0x9c;
 
+const CIFR_CSSF: u32 = 1 << 8;
+
 const CR_HSION: u32 = 1 << 8;
 const CR_HSIRDY: u32 = 1 << 10;
 const CR_HSEON: u32 = 1 << 16;
@@ -188,6 +190,12 @@ impl Rcc {
         self.lsi_hz = kept.lsi_hz;
     }
 
+    /// HPRE: the AHB runs at half of SYSCLK.
+    #[must_use]
+    pub fn divides_ahb_by_two(&self) -> bool {
+        field(self.cfgr, 4, 4) == 0b1000
+    }
+
     /// Whether a peripheral's clock runs.
     #[must_use]
     pub fn is_enabled(&self, gate: Gate) -> bool {
@@ -215,6 +223,22 @@ impl Rcc {
         }
     }
 
+    /// The crystal stops: CSS switches the HSE and the PLL that runs on it off, and the system to the HSI.
+    ///
+    /// # Panics
+    /// CSS is off: a core without a clock is not modelled.
+    pub fn stop_crystal(&mut self) {
+        assert!(self.cr & CR_CSSON != 0, "the crystal stops while the clock security system is off");
+        self.has_crystal = false;
+        self.hse_ready = Time::NEVER;
+        if self.is_pll_source(3) {
+            self.cr &= !CR_PLLON;
+            self.cfgr = self.cfgr & !0xf | SW_HSI << 2 | SW_HSI;
+        }
+        self.cr = self.cr & !(CR_HSEON | CR_CSSON) | CR_HSION;
+        self.cifr |= CIFR_CSSF;
+    }
+
     /// The periods of the clocks.
     #[must_use]
     pub fn clocks(&self) -> Clocks {
@@ -231,7 +255,7 @@ impl Rcc {
             timers1: timers(ppre1),
             timers2: timers(ppre2),
             adc12: (field(self.ccipr, 28, 2) == 2).then_some(sysclk),
-            lpuart1: pclk(ppre1),
+            lpuart1: if field(self.ccipr, 10, 2) == 1 { sysclk } else { pclk(ppre1) },
             lsi: Time(crate::time::UNITS_PER_US * 1_000_000 / self.lsi_hz),
         }
     }
@@ -326,8 +350,8 @@ impl Rcc {
             }
             AHB1ENR..=APB2ENR => self.enabled[(offset - AHB1ENR) as usize / 4] = value,
             CCIPR => {
-                // LPUART1SEL = PCLK1, ADC12SEL = SYSCLK: the only selections that are modelled.
-                only("RCC_CCIPR", value, 2 << 28)?;
+                // LPUART1SEL = PCLK1 or SYSCLK, ADC12SEL = SYSCLK: the only selections that are modelled.
+                only("RCC_CCIPR", value, 2 << 28 | 1 << 10)?;
                 self.ccipr = value;
             }
             CCIPR2 => only("RCC_CCIPR2", value, 0)?,

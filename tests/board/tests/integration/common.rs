@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
+use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::plant::{Base, PlantConfig, Shaker};
@@ -68,13 +69,37 @@ impl<'a> Host<'a> {
         Self { board, reader: Reader::default(), seq: 0, received: Vec::new() }
     }
 
+    /// Lets device time pass; what the board sends meanwhile goes to `received`.
+    pub fn pass(&mut self, time: Time) {
+        let end = self.board.now() + time;
+        run(self.board, end);
+        self.received.extend(self.board.chip_mut().take_sent());
+    }
+
+    /// Everything that was received so far.
+    pub fn messages(&self) -> Vec<FromDevice> {
+        let mut reader = Reader::default();
+        self.received.iter().filter_map(|&byte| reader.push::<FromDevice>(byte)?.ok()).collect()
+    }
+
     /// Asks, and waits for at most a second of device time.
     pub fn ask(&mut self, ask: Ask) -> Answer {
+        let seq = self.send(ask);
+        self.reply_to(seq)
+    }
+
+    /// Sends a request; its number.
+    pub fn send(&mut self, ask: Ask) -> u16 {
         self.seq += 1;
         let request = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
         let mut out = [0; LONGEST];
         let length = frame::encode(&request, &mut out).unwrap();
         self.board.chip_mut().host_sends(&out[..length]);
+        self.seq
+    }
+
+    /// Waits for at most a second of device time.
+    pub fn reply_to(&mut self, wanted: u16) -> Answer {
         let end = self.board.now() + Time::from_ms(1_000);
         while self.board.now() < end {
             run(self.board, self.board.now() + Time::from_ms(1));
@@ -82,7 +107,7 @@ impl<'a> Host<'a> {
             self.received.extend_from_slice(&sent);
             for byte in sent {
                 match self.reader.push::<FromDevice>(byte) {
-                    Some(Ok(FromDevice::Reply { seq, answer })) if seq == self.seq => {
+                    Some(Ok(FromDevice::Reply { seq, answer })) if seq == wanted => {
                         return answer.unwrap_or_else(|why| panic!("refused: {why:?}"));
                     }
                     Some(Err(bad)) => panic!("a bad frame from the board: {bad:?}"),
@@ -101,7 +126,7 @@ pub struct Outcome {
     /// Bytes that the UART lost.
     pub bytes_lost: u64,
     /// The second bank of the flash.
-    pub bank2: Vec<u8>,
+    pub bank2: Bank2,
     /// Device time over time on the host's clock.
     pub speed: f64,
 }
@@ -130,7 +155,7 @@ impl Served {
             Ok(Outcome {
                 trace: board.chip().trace().to_vec(),
                 bytes_lost: board.chip().bytes_lost(),
-                bank2: board.chip().bank2().to_vec(),
+                bank2: board.chip().bank2().clone(),
                 speed: board.now().s() / begun.elapsed().as_secs_f64(),
             })
         });
@@ -144,10 +169,13 @@ impl Served {
     }
 }
 
-/// The command, built if need be.
+/// The command: what `DAMPRIG_COMMAND` names, else built now.
 pub fn damprig() -> Command {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let path = BUILT.get_or_init(|| {
+        if let Some(path) = std::env::var_os("DAMPRIG_COMMAND") {
+            return path.into();
+        }
         let manifest = project().join("Cargo.toml");
         let build = CargoBuild::new().manifest_path(manifest).package("damprig").bin("damprig");
         build.run().expect("the command builds").path().to_path_buf()

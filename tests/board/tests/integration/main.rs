@@ -6,4 +6,6 @@
 mod boot;
 mod campaign;
 mod common;
+mod faults;
 mod settings;
+mod timing;

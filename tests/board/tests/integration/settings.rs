@@ -2,9 +2,12 @@
 
 use std::process::Output;
 
-use damprig_board::Config;
+use damprig_board::peripherals::flash::{Bank2, Cut};
+use damprig_board::{Board, Config, Time};
+use damprig_core::settings::{Settings, Source};
+use damprig_protocol::{Answer, Ask};
 
-use crate::common::{Served, bare, damprig, image, said};
+use crate::common::{Host, Served, bare, damprig, image, said};
 
 fn settings(rig: &str, arguments: &[&str]) -> Output {
     let output = damprig().arg("settings").args(arguments).args(["--rig", rig]).output().unwrap();
@@ -20,8 +23,55 @@ fn a_saved_setting_is_read_back_after_the_power_was_off() {
     assert!(shown.contains("as delivered"), "{shown}");
     settings(&board.rig, &["set", "spring.step_m=4e-6", "--save"]);
     let outcome = board.off();
-    let again = Served::new(image().unwrap(), Config { bank2: Some(outcome.bank2), ..Config::new(bare()) }, |_| {});
+    let again = Served::new(image().unwrap(), Config { bank2: outcome.bank2, ..Config::new(bare()) }, |_| {});
     let shown = said(&settings(&again.rig, &["show"]));
     assert!(shown.contains("(stored)") && shown.contains("step_m = 4e-6"), "{shown}");
     assert_eq!((again.off().bytes_lost, outcome.bytes_lost), (0, 0));
+}
+
+/// A board with this second bank, its supply cut where `cut` says, that is told to save settings; what is left, and how many
+/// operations that were.
+fn save(bank2: &Bank2, wall_force_n: f32, cut: Option<(u64, Cut)>) -> Option<(Bank2, u64)> {
+    let mut board = Board::new(image()?, &Config { bank2: bank2.clone(), cut, ..Config::new(bare()) }).unwrap();
+    let mut host = Host::new(&mut board);
+    let mut settings = Settings::default();
+    settings.safety.wall_force_n = wall_force_n;
+    host.ask(Ask::SetSettings(settings));
+    host.send(Ask::SaveSettings);
+    host.pass(Time::from_ms(60));
+    Some((board.chip().bank2().clone(), board.chip().flash_operations()))
+}
+
+/// What a board with this second bank says its wall force limit is.
+fn read(bank2: &Bank2) -> (f32, Source) {
+    let mut board = Board::new(image().unwrap(), &Config { bank2: bank2.clone(), ..Config::new(bare()) }).unwrap();
+    match Host::new(&mut board).ask(Ask::Settings) {
+        Answer::Settings { settings, source } => (settings.safety.wall_force_n, source),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The driver's own sequence of operations, and a damaged word that raises the non-maskable interrupt when it is read.
+#[test]
+fn a_supply_that_goes_at_any_operation_of_a_saving_leaves_the_old_settings_or_the_new() {
+    let Some((old, _)) = save(&Bank2::default(), 300.0, None) else { return };
+    assert_eq!(read(&old), (300.0, Source::Stored));
+    let (new, operations) = save(&old, 200.0, None).unwrap();
+    assert_eq!(read(&new), (200.0, Source::Stored));
+    assert!(operations > 20, "{operations}");
+    let (mut old_read, mut new_read) = (0, 0);
+    let all = [Cut::Half, Cut::Before, Cut::After];
+    let cuts = if std::env::var_os("DAMPRIG_FULL").is_some() { &all[..] } else { &all[..1] };
+    for operation in 0..operations {
+        for &cut in cuts {
+            let (left, _) = save(&old, 200.0, Some((operation, cut))).unwrap();
+            let (wall_force_n, source) = read(&left);
+            assert!(wall_force_n == 300.0 || wall_force_n == 200.0, "operation {operation}, {cut:?}: {wall_force_n}");
+            assert_eq!(source, Source::Stored, "operation {operation}, {cut:?}");
+            old_read += u32::from(wall_force_n == 300.0);
+            new_read += u32::from(wall_force_n == 200.0);
+        }
+    }
+    // Only the last operation makes the new record whole.
+    assert!(old_read > 0 && (new_read > 0 || cuts.len() == 1), "{old_read} {new_read}");
 }

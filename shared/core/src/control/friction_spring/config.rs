@@ -1,7 +1,6 @@
 //! The constants of one friction-damper drive: checked once, then never changed while it works.
 
-use crate::model::{Invalid, not_negative, positive, require};
-use crate::rig::TICK_HZ;
+use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

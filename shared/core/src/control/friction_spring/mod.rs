@@ -10,7 +10,7 @@
 //! A force whose sensor is at a rail is not judged, and the motor brakes to a standstill meanwhile. The emergency stop switches
 //! the motor off in its tick; the position is then unknown, so the spring has to be homed again.
 //!
-//! Plain functions of one tick: [`Inputs`] in, [`Drive`] out. [`config`] holds the constants, [`ramp`] the motor's
+//! Plain functions of one tick: [`Inputs`] in, [`Motor`] out. [`config`] holds the constants, [`ramp`] the motor's
 //! motion, [`words`] what goes in and out. Pulses and pins are the board's; the rig's other interlocks are in
 //! [`super::limits`]. Backlash has no model: the spring keeps the nut on one flank.
 
@@ -22,13 +22,13 @@ mod touch_off;
 pub mod words;
 
 use crate::control::safety::rails::Verdict;
-use crate::model::{Invalid, not_negative, require};
+use crate::io::{Invalid, Motor, not_negative, require};
 use config::nearest;
 pub use config::{SpringConfig, SpringSetUp};
 use ramp::{Ramp, RampLimits};
 use touch_off::TouchOff;
 pub use words::{
-    Cause, Drive, Happening, Inputs, Refusal, SafePath, SpringCommand, SpringFault, SpringStatus, Stage, Target, Touch,
+    Cause, Happening, Inputs, Refusal, SafePath, SpringCommand, SpringFault, SpringStatus, Stage, Target, Touch,
 };
 
 /// How long the structure must have been quiet before a step, s: more than a period down to 2 Hz.
@@ -355,10 +355,10 @@ impl FrictionSpring {
     }
 
     /// One tick. At most one happening results.
-    pub fn tick(&mut self, inputs: &Inputs) -> (Drive, Option<Happening>) {
+    pub fn tick(&mut self, inputs: &Inputs) -> (Motor, Option<Happening>) {
         if inputs.emergency_stop {
             self.de_energise();
-            return (Drive::default(), None);
+            return (Motor::default(), None);
         }
         let force_n = inputs.force_n - self.bias_n;
         let found = if self.fault.is_none() { self.watch(inputs, force_n) } else { None };
@@ -371,7 +371,7 @@ impl FrictionSpring {
         };
         // A screw of this pitch holds itself: the motor need not be on where the position is unknown or done with.
         let enabled = self.task != Task::Stand || !self.ramp.is_still() || (self.homed && self.fault.is_none());
-        (Drive { steps, enabled }, happening)
+        (Motor { steps, enabled }, happening)
     }
 
     /// What must not be, whatever the task.

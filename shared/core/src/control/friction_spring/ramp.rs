@@ -4,7 +4,7 @@
 //! commanded and what was counted. Each tick takes the highest velocity from which braking still ends at the
 //! target; so the target is met without overshoot unless it moves closer than the braking distance.
 
-use crate::rig::TICK_HZ;
+use crate::io::TICK_HZ;
 
 /// Parts of a step.
 const ONE: f32 = 65_536.0;

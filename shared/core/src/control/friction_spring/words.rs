@@ -1,7 +1,7 @@
 //! What goes into the friction-damper spring's controller and what comes out of it.
 
 use crate::control::safety::rails::Verdict;
-use crate::model::Invalid;
+use crate::io::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -20,15 +20,6 @@ pub struct Inputs {
     pub base_amplitude_m: Option<f32>,
     /// The emergency stop is pressed: the motor is switched off, whatever it is doing.
     pub emergency_stop: bool,
-}
-
-/// One tick's motor demand.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Drive {
-    /// Steps to make in this tick, evenly; positive towards the structure.
-    pub steps: i8,
-    /// The motor holds torque.
-    pub enabled: bool,
 }
 
 /// What the spring is to be set to.

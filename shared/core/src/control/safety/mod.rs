@@ -24,9 +24,7 @@ pub mod watch;
 
 use super::friction_spring::Cause as SpringCause;
 use super::limits::Limits;
-use crate::model::{Invalid, not_negative, positive, require};
-use crate::rig::channels::{Rail, SENSORS, Sensor, SensorSet};
-use crate::rig::{Readings, TICK_HZ};
+use crate::io::{Invalid, Rail, Readings, SENSORS, Sensor, SensorSet, TICK_HZ, not_negative, positive, require};
 use envelope::Envelope;
 use postcard_schema::Schema;
 use rails::{RailWatch, SensorHealth, Verdict};

@@ -1,10 +1,10 @@
 //! Whether each sensor is connected: a signal at a rail for [`RAIL_TICKS`] is a sensor fault, whatever its scale.
 //!
 //! An open input, a broken supply and a shorted cable all read a rail; a signal that only touches one is clipped, which is
-//! counted and told. What a [`Rail`] is stands in [`crate::rig::channels`]; which sensors end an experiment in
+//! counted and told. What a [`Rail`] is stands in [`crate::io`]; which sensors end an experiment in
 //! [`super::Safety`].
 
-use crate::rig::channels::{Rail, SENSORS, Sensor, SensorSet};
+use crate::io::{Rail, SENSORS, Sensor, SensorSet};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

@@ -5,7 +5,7 @@
 //! (`frozen_s`, `resolution_m`, the sensor range) and the rest level after a fault are the board's alone.
 
 use super::SafetyConfig;
-use crate::model::Invalid;
+use crate::io::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! Whether a sensor's samples are numbers, and not the same number for ever. Whether it is at a rail is [`super::rails`]'.
 
-use crate::rig::Reading;
+use crate::io::Reading;
 
 /// What is wrong with a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

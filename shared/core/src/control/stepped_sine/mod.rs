@@ -13,9 +13,8 @@ mod runner;
 
 use crate::control::base_loop::ClosedLoop;
 use crate::control::rest::REST_HOLD_S;
+use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
 use crate::measure::point::SteadyLimits;
-use crate::model::{Invalid, not_negative, positive, require};
-use crate::rig::TICK_HZ;
 use heapless::Vec;
 use postcard_schema::Schema;
 pub use runner::Runner;

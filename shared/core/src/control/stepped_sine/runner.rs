@@ -3,14 +3,12 @@
 use super::{Drive, FADE_S, Plan, Start};
 use crate::control::base_follow::BaseFollow;
 use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
-use crate::control::drive::DriveRange;
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
+use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
-use crate::rig::TICK_HZ;
-use crate::rig::channels::{Rail, SensorSet};
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
@@ -354,9 +352,8 @@ mod tests {
     use super::*;
     use crate::control::base_loop::ClosedLoop;
     use crate::control::stepped_sine::SteppedSine;
+    use crate::io::{DriveScale, Readings};
     use crate::measure::point::SteadyLimits;
-    use crate::rig::Readings;
-    use crate::rig::calibration::DriveScale;
 
     #[test]
     fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {

@@ -13,9 +13,8 @@ use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::safety::Danger;
+use crate::io::{Invalid, TICK_HZ, require};
 use crate::measure::transient::Decay;
-use crate::model::{Invalid, require};
-use crate::rig::TICK_HZ;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 

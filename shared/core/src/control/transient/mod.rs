@@ -7,10 +7,8 @@ pub use free_vibration::FreeVibration;
 pub use playback::Playback;
 
 use crate::control::experiment::{Now, Outcome};
+use crate::io::{Invalid, SensorSet, TICK_HZ, require};
 use crate::measure::transient::{Decay, TransientMeter};
-use crate::model::{Invalid, require};
-use crate::rig::TICK_HZ;
-use crate::rig::channels::SensorSet;
 
 /// Longest time that one of these experiments may take for a part of it, s: 10⁹ ticks.
 const LONGEST_S: f32 = 1e9 / TICK_HZ;

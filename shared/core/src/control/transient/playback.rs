@@ -11,15 +11,13 @@
 //! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
-use crate::control::drive::DriveRange;
 use crate::control::experiment::{Now, Outcome, Stage};
 use crate::control::limits::Fault;
 use crate::control::rest::{RestWait, Waited};
 use crate::control::safety::Danger;
 use crate::control::stepped_sine::FADE_S;
+use crate::io::{DriveRange, Invalid, TICK_HZ, require};
 use crate::measure::transient::Decay;
-use crate::model::{Invalid, require};
-use crate::rig::TICK_HZ;
 use crate::sine::Phase;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

@@ -9,7 +9,8 @@ use super::observe::{Arc, Observer};
 use super::quick::Hit;
 use super::time::Time;
 use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, sign, signed};
-use crate::model::{Initial, Invalid, Release, SetUp, Wall};
+use crate::io::Invalid;
+use crate::model::{Initial, Release, SetUp, Wall};
 
 /// Arcs after which the rotating pair is taken afresh from the time, so that its rounding cannot add up.
 pub(super) const ARCS_PER_ANCHOR: u32 = 64;
@@ -71,7 +72,7 @@ pub struct Work {
 /// let mut motion = Exact::new(&set_up, &Excitation::Fixed, &initial)?;
 /// motion.run(0.2, &mut ()); // half a period
 /// assert!((motion.state().x_m + 0.035).abs() < 1e-15);
-/// # Ok::<(), damprig_core::model::Invalid>(())
+/// # Ok::<(), damprig_core::io::Invalid>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Exact {

@@ -6,7 +6,7 @@
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::time::Time;
-use crate::model::{Invalid, finite, not_negative, positive};
+use crate::io::{Invalid, finite, not_negative, positive};
 
 /// A base motion z(t), or a force on the structure over a fixed base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,11 +4,13 @@
 //! them ([`Joined`]) the flights that the joint takes part in are shorter than a step where it is stiff, so that
 //! their polynomials stay exact, and cost nothing while the particle is away from the walls.
 
-use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled, Units};
+use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
 use crate::integrator::base::Segment;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
-use crate::model::{Initial, Invalid, Release, SetUp, Wall};
+use crate::integrator::units::Units;
+use crate::io::Invalid;
+use crate::model::{Initial, Release, SetUp, Wall};
 use crate::scalar::Scalar;
 
 /// The largest (fastest rate × flight) in which a joint acts: what is left out of such a flight is below

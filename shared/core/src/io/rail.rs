@@ -1,90 +1,11 @@
-//! The five sensors of a rig, and what a block of samples says about the converter's rails.
+//! The rails of a converter: which samples lie at an end of its span, and what a block of samples has of them.
 //!
-//! Every sensor has a live zero: its signal without a load lies well inside the converter's span, so an open input, which
-//! reads a rail, is no measurement. Samples within [`RAIL_SHARE`] of the span from either end count as *at a rail*. The
-//! board finds them in the converter's counts, a simulated plant in its sensors' SI readings; both give the same [`Rail`].
-//! What follows from it is decided in [`crate::control::safety::rails`].
-
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
+//! Every sensor has a live zero: its signal without a load lies inside the usable span ([`Usable`]). An open input reads a rail.
+//! A sample within [`RAIL_SHARE`] of the span from either end is *at a rail*. The board finds rails in the converter's
+//! counts, a simulated plant in its sensors' SI readings; both give the same [`Rail`].
 
 /// Share of a converter's span at either end within which a sample is at a rail. 3 mV on an open input are 0.1 %.
 pub const RAIL_SHARE: f32 = 0.01;
-
-/// Number of sensors.
-pub const SENSORS: usize = 5;
-
-/// A sensor of the rig.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Sensor {
-    /// Structure displacement.
-    X,
-    /// Base displacement.
-    Z,
-    /// Force in the friction damper's spring.
-    SpringForce,
-    /// Force on the wall at −d.
-    WallLow,
-    /// Force on the wall at +d.
-    WallHigh,
-}
-
-impl Sensor {
-    /// All of them; a sensor's place is `sensor as usize`.
-    pub const ALL: [Self; SENSORS] = [Self::X, Self::Z, Self::SpringForce, Self::WallLow, Self::WallHigh];
-
-    /// Its name, for people.
-    #[must_use]
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::X => "x",
-            Self::Z => "z",
-            Self::SpringForce => "spring force",
-            Self::WallLow => "wall at −d",
-            Self::WallHigh => "wall at +d",
-        }
-    }
-}
-
-/// Some of the sensors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct SensorSet(u8);
-
-impl SensorSet {
-    /// Adds a sensor.
-    pub fn insert(&mut self, sensor: Sensor) {
-        self.0 |= 1 << sensor as u8;
-    }
-
-    /// Adds the sensors of another set.
-    pub fn extend(&mut self, other: Self) {
-        self.0 |= other.0;
-    }
-
-    /// The sensor is one of them.
-    #[must_use]
-    pub fn contains(self, sensor: Sensor) -> bool {
-        self.0 & 1 << sensor as u8 != 0
-    }
-
-    /// There is none.
-    #[must_use]
-    pub fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-}
-
-/// The names, separated by commas.
-impl core::fmt::Display for SensorSet {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let mut separator = "";
-        for sensor in Sensor::ALL.into_iter().filter(|sensor| self.contains(*sensor)) {
-            write!(f, "{separator}{}", sensor.text())?;
-            separator = ", ";
-        }
-        Ok(())
-    }
-}
 
 /// The part of a channel's span between the rails: a sample at or beyond either end is at a rail. `T` is `u16` for counts, `f32`
 /// for SI readings.
@@ -200,19 +121,5 @@ mod tests {
         assert_eq!(usable.rail(9, 10, 99.0), Rail::Some);
         assert_eq!(usable.rail(10, 10, 0.1), Rail::All { reading: 0.1, edge: 1.0 });
         assert_eq!(usable.rail(10, 10, 99.9), Rail::All { reading: 99.9, edge: 99.0 });
-    }
-
-    #[test]
-    fn a_set_names_its_sensors() {
-        let mut set = SensorSet::default();
-        assert!(set.is_empty() && !set.contains(Sensor::X));
-        set.insert(Sensor::WallHigh);
-        set.insert(Sensor::X);
-        let mut text = heapless::String::<32>::new();
-        core::fmt::write(&mut text, format_args!("{set}")).unwrap();
-        assert_eq!(text, "x, wall at +d");
-        for (place, sensor) in Sensor::ALL.into_iter().enumerate() {
-            assert_eq!(sensor as usize, place);
-        }
     }
 }

@@ -1,0 +1,23 @@
+//! The output of a tick: the drive and the friction damper's motor.
+
+/// One tick's actuator values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Actuators {
+    /// Demanded base displacement, m; the board's calibration turns it into a drive voltage.
+    pub drive_m: f32,
+    /// The drive's relay may be closed.
+    pub drive_enabled: bool,
+    /// Steps of the friction damper's motor.
+    pub motor: Motor,
+    /// A simulated plant goes back to its start for the point of this place; a real one cannot.
+    pub put_plant_back: Option<u16>,
+}
+
+/// One tick's motor demand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Motor {
+    /// Steps to make in this tick, evenly; positive towards the structure.
+    pub steps: i8,
+    /// The motor holds torque.
+    pub enabled: bool,
+}

@@ -1,0 +1,118 @@
+//! The reduction of a tick's block of samples to its mean, its peak and its rails.
+//!
+//! A simulated plant gives SI values ([`Reading::within`]), a board gives the converter's counts ([`super::CountedBlock`]).
+
+use super::rail::{Rail, Usable};
+use super::rate::SUBSAMPLES;
+
+/// What a displacement's block comes to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Mean, m: the decimated value that control and lock-in use. No number if a sample is none.
+    pub mean_m: f32,
+    /// max |·|, m. No number if a sample is none.
+    pub peak_m: f32,
+    /// max |·| of the samples that are not at a rail, m; 0 if all are.
+    pub inside_peak_m: f32,
+    /// Every sample is this one.
+    pub still_at: Option<f32>,
+    /// What is at a rail.
+    pub rail: Rail,
+}
+
+impl Reading {
+    /// Of a block of equal samples, none at a rail.
+    #[must_use]
+    pub const fn still(sample_m: f32) -> Self {
+        let peak_m = f32::from_bits(sample_m.to_bits() & 0x7fff_ffff);
+        Self { mean_m: sample_m, peak_m, inside_peak_m: peak_m, still_at: Some(sample_m), rail: Rail::Clear }
+    }
+
+    /// Looks at every sample once; none is at a rail.
+    #[must_use]
+    pub fn of(block: &[f32; SUBSAMPLES]) -> Self {
+        Self::within(block, &Usable { low: f32::NEG_INFINITY, high: f32::INFINITY })
+    }
+
+    /// Looks at every sample of a sensor with this usable span once.
+    #[must_use]
+    pub fn within(block: &[f32; SUBSAMPLES], usable: &Usable<f32>) -> Self {
+        // Without the sign, numbers are in the order of their bits, and what is no number is above them all.
+        let first = block[0].to_bits();
+        let (mut sum, mut peak, mut inside, mut differs, mut at_rail) = (0.0, 0, 0, 0, 0);
+        for sample in block {
+            let bits = sample.to_bits();
+            sum += sample;
+            peak = (bits & 0x7fff_ffff).max(peak);
+            differs |= bits ^ first;
+            if usable.is_at_rail(*sample) {
+                at_rail += 1;
+            } else {
+                inside = (bits & 0x7fff_ffff).max(inside);
+            }
+        }
+        let mean_m = sum * (1.0 / SUBSAMPLES as f32);
+        Self {
+            mean_m,
+            peak_m: f32::from_bits(peak),
+            inside_peak_m: f32::from_bits(inside),
+            still_at: (differs == 0).then_some(block[0]),
+            rail: usable.rail(at_rail, SUBSAMPLES, mean_m),
+        }
+    }
+}
+
+/// What a tick's blocks come to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Readings {
+    /// Structure displacement.
+    pub x: Reading,
+    /// Base displacement.
+    pub z: Reading,
+    /// Mean spring force, N.
+    pub spring_n: f32,
+    /// What of the spring force's block is at a rail.
+    pub spring_rail: Rail,
+}
+
+impl Readings {
+    /// Of the displacements' readings and a block of the spring's force as read, oldest first, compression positive, N.
+    #[must_use]
+    pub fn new(x: Reading, z: Reading, spring_n: &[f32; SUBSAMPLES], usable_spring: &Usable<f32>) -> Self {
+        let (mut sum, mut at_rail) = (0.0, 0);
+        for sample in spring_n {
+            sum += sample;
+            at_rail += usize::from(usable_spring.is_at_rail(*sample));
+        }
+        let spring_n = sum * (1.0 / SUBSAMPLES as f32);
+        Self { x, z, spring_n, spring_rail: usable_spring.rail(at_rail, SUBSAMPLES, spring_n) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_comes_to_its_mean_and_its_farthest_sample() {
+        let block = [1.0, -4.0, 2.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+        let expected = Reading { mean_m: 0.5, peak_m: 4.0, inside_peak_m: 4.0, still_at: None, rail: Rail::Clear };
+        assert_eq!(Reading::of(&block), expected);
+        assert_eq!(Reading::of(&[-2.0; SUBSAMPLES]), Reading::still(-2.0));
+        let usable = Usable::of_span(-4.0, 4.0);
+        let clipped = Reading::within(&block, &usable);
+        assert_eq!(clipped, Reading { inside_peak_m: 2.0, rail: Rail::Some, ..expected });
+        let lost = Reading::within(&[-4.0; SUBSAMPLES], &usable);
+        assert_eq!((lost.inside_peak_m, lost.rail.is_all()), (0.0, true));
+    }
+
+    #[test]
+    fn a_sample_that_is_no_number_shows_in_mean_and_peak() {
+        let mut block = [1.0; SUBSAMPLES];
+        block[3] = f32::NAN;
+        let reading = Reading::of(&block);
+        assert!(reading.mean_m.is_nan() && reading.peak_m.is_nan());
+        block[3] = f32::NEG_INFINITY;
+        assert_eq!(Reading::of(&block).peak_m, f32::INFINITY);
+    }
+}

@@ -1,0 +1,224 @@
+//! When things happen on the board: how old samples are, and what the motor's pulses look like.
+
+use damprig_board::{Board, Config, Output, Time};
+use damprig_core::control::friction_spring::{SpringCommand, Stage};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::model::Structure;
+use damprig_core::plant::spring::SpringPlant;
+use damprig_core::plant::{Base, PlantConfig};
+use damprig_protocol::{Answer, Ask, FromDevice};
+
+use crate::common::{Host, bare, image, run};
+
+/// A base that follows the drive at once, whatever the structure does, and a structure that soon comes to rest.
+fn prescribed() -> PlantConfig {
+    let mut plant = PlantConfig { base: Base::Prescribed, ..bare() };
+    plant.set_up.structure = Structure::from_modal(1.6, 2.5, 0.3);
+    plant
+}
+
+const AMPLITUDE_M: f32 = 4e-3;
+const FREQUENCY_HZ: f32 = 5.0;
+
+fn start(host: &mut Host) {
+    host.ask(Ask::Configure(SteppedSine {
+        start: Start::CarryOver,
+        amplitude_m: AMPLITUDE_M,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
+        settle_s: 20.0,
+        dwell_s: 20.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [FREQUENCY_HZ].into_iter().collect(),
+        first_index: 0,
+    }));
+    // The base alone.
+    host.ask(Ask::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
+    host.received.clear();
+    host.ask(Ask::Start);
+}
+
+/// z of each tick since the start, while no tick is missing.
+fn base_motion(host: &Host) -> Vec<f32> {
+    let mut z_m = Vec::new();
+    for message in host.messages() {
+        if let FromDevice::Telemetry(batch) = message
+            && batch.first_tick as usize == z_m.len()
+        {
+            z_m.extend(batch.values.iter().copied());
+        }
+    }
+    z_m
+}
+
+/// The same drive gives the same base, so a sample that came late shows as another value: 1.9 ms, two ticks less a little,
+/// are 0.24 mm here.
+#[test]
+fn after_a_stall_samples_are_as_fresh_as_before_it() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    start(&mut host);
+    host.pass(Time::from_ms(300));
+    let before = base_motion(&host);
+    assert!(before.len() > 250, "{}", before.len());
+    // Half a block, a block and a half, and more than both halves: the last two lose blocks.
+    for stall_us in [400, 1_600, 4_700, 17_300] {
+        host.board.halt(Time::from_us(stall_us));
+        host.pass(Time::from_ms(3_000));
+        if stall_us > 1_000 {
+            let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+            assert!(counters.timing.overruns > 0);
+            host.ask(Ask::ClearFault);
+        } else {
+            host.ask(Ask::Stop);
+            host.pass(Time::from_ms(3_000));
+        }
+        start(&mut host);
+        host.pass(Time::from_ms(300));
+        let after = base_motion(&host);
+        assert!(after.len() > 250, "{}", after.len());
+        let largest = before.iter().zip(&after).map(|(b, a)| (b - a).abs()).fold(0.0, f32::max);
+        // 100 µs at the fastest, and the converter's step.
+        let allowed = AMPLITUDE_M * 2.0 * std::f32::consts::PI * FREQUENCY_HZ * 100e-6 + 3e-6;
+        assert!(largest < allowed, "{largest} m after {stall_us} us");
+    }
+}
+
+/// A block of samples is the mean over 1 ms, and the output holds its value for 1 ms: at best, z lags its drive by 1 ms. What it
+/// lags more is the age of the newest sample when the tick begins and the time from there to the output.
+#[test]
+fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    start(&mut host);
+    host.pass(Time::from_ms(500));
+    let z_m = base_motion(&host);
+    let turning = 2.0 * std::f64::consts::PI * f64::from(FREQUENCY_HZ);
+    let (mut sine, mut cosine) = (0.0, 0.0);
+    // A whole cycle.
+    for (tick, z) in z_m.iter().enumerate().skip(200).take(200) {
+        let phase = turning * tick as f64 * 1e-3;
+        sine += f64::from(*z) * phase.sin();
+        cosine += f64::from(*z) * phase.cos();
+    }
+    let late_s = -f64::atan2(cosine, sine) / turning - 1e-3;
+    assert!(late_s > 0.0 && late_s < 150e-6, "{late_s} s");
+}
+
+/// A rig with a friction damper, its seat 3 mm from the limit switch.
+fn with_spring() -> PlantConfig {
+    PlantConfig { spring: Some(SpringPlant { start_m: 3e-3, ..SpringPlant::default() }), ..bare() }
+}
+
+/// Edges of the step output since `since`: when it rose and how long it stayed high.
+fn pulses(board: &Board, since: Time) -> Vec<(Time, Time)> {
+    let edges = board.chip().trace().iter().filter_map(|(at, output)| match output {
+        Output::Step(level) if *at >= since => Some((*at, *level)),
+        _ => None,
+    });
+    let edges: Vec<_> = edges.collect();
+    assert!(edges.chunks(2).all(|pair| pair[0].1 && pair.get(1).is_none_or(|fall| !fall.1)), "{:?}", &edges[..4]);
+    edges.chunks_exact(2).map(|pair| (pair[0].0, pair[1].0 - pair[0].0)).collect()
+}
+
+fn homing(board: &mut Board) -> Time {
+    let mut host = Host::new(board);
+    host.ask(Ask::Identify);
+    let begun = host.board.now();
+    host.ask(Ask::Spring(SpringCommand::Home));
+    begun
+}
+
+#[test]
+fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_its_tick() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+    let steps_before = board.chip().plant().seat_steps().unwrap();
+    let begun = homing(&mut board);
+    run(&mut board, begun + Time::from_ms(8_000));
+    let trace = board.chip().trace();
+    let on = trace.iter().find(|(_, output)| *output == Output::MotorOff(false)).expect("the motor comes on").0;
+    // After the reset the pin is NJTRST with its pull-up: one falling edge, while the motor is off.
+    let early: Vec<_> = trace.iter().filter(|(at, output)| *at < on && matches!(output, Output::Step(_))).collect();
+    assert!(matches!(early[..], [(_, Output::Step(false))]), "{early:?}");
+
+    let pulses = pulses(&board, on);
+    assert!(pulses.len() > 100, "{}", pulses.len());
+    // Drivers ask for 1 µs to 2.5 µs.
+    assert!(pulses.iter().all(|(_, width)| *width >= Time::from_us(4) && *width <= Time::from_us(6)));
+    let mut direction_since = None;
+    for (at, output) in trace {
+        match output {
+            Output::Direction(_) => direction_since = Some(*at),
+            Output::Step(true) if *at >= on => {
+                let settled = direction_since.is_none_or(|since| *at - since >= Time::from_us(20));
+                assert!(settled, "a pulse {} s after power-on follows its direction too soon", at.s());
+            }
+            _ => {}
+        }
+    }
+
+    // Every pulse moved the seat, and the controller counts what the seat has made.
+    let mut towards = false;
+    let mut moved = 0;
+    for (at, output) in trace {
+        match output {
+            Output::Direction(level) => towards = *level,
+            Output::Step(true) if *at >= on => moved += if towards { 1 } else { -1 },
+            _ => {}
+        }
+    }
+    let steps = board.chip().plant().seat_steps().unwrap();
+    assert_eq!(steps - steps_before, moved);
+    let Answer::Status { status, .. } = Host::new(&mut board).ask(Ask::Status) else { panic!("no status") };
+    assert_eq!(status.spring.stage, Stage::Homed);
+    let step_m = SpringPlant::default().step_m;
+    // The switch's edge is where the controller counts from.
+    assert!((status.spring.position_m - steps as f32 * step_m).abs() <= 1.5 * step_m, "{status:?} {steps}");
+}
+
+#[test]
+fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+    let begun = homing(&mut board);
+    run(&mut board, begun + Time::from_ms(500));
+    assert!(pulses(&board, begun + Time::from_ms(450)).len() > 10, "the motor runs");
+    let pressed = board.now();
+    board.chip_mut().set_emergency_stop(true);
+    run(&mut board, pressed + Time::from_ms(2_000));
+    let off = board.chip().trace().iter().find(|(at, output)| *at >= pressed && *output == Output::MotorOff(true));
+    let off = off.expect("the motor goes off").0;
+    assert!(off - pressed < Time::from_ms(2), "{} us", (off - pressed).us());
+    let after = board.chip().trace().iter().filter(|(at, output)| *at > off && *output == Output::Step(true));
+    assert_eq!(after.count(), 0);
+}
+
+/// The UART's FIFO holds 87 µs of bytes; DMA takes them from it, however long a tick keeps the line's task waiting.
+#[test]
+fn no_byte_is_lost_while_the_core_is_busy_for_1_ms() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(bare())).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Ask::Identify);
+    let settings = match host.ask(Ask::Settings) {
+        Answer::Settings { settings, .. } => settings,
+        other => panic!("{other:?}"),
+    };
+    for _ in 0..20 {
+        // The longest request: some 300 bytes, 3 ms on the line.
+        let sent = host.send(Ask::SetSettings(settings));
+        for _ in 0..3 {
+            host.pass(Time::from_us(100));
+            host.board.halt(Time::from_us(900));
+        }
+        assert_eq!(host.reply_to(sent), Answer::Done);
+    }
+    let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+    assert_eq!((counters.bad_frames, host.board.chip().bytes_lost()), (0, 0));
+}
