@@ -1,6 +1,6 @@
-//! A board's settings as a TOML file, with units in the names: written for people, read back with answers.
+//! A board's settings as a TOML file with units in the names: writing, reading with error messages, comparing.
 //!
-//! Which settings there are is said by `damprig-core`'s [`Settings`] alone: names and order come from it.
+//! Names and order of the settings come from `damprig-core`'s [`Settings`].
 
 use std::fmt::Write;
 use std::path::Path;
@@ -12,7 +12,7 @@ use toml::{Spanned, Table, Value};
 
 use crate::input::{Problem, Refusal, Source, Span, replacement};
 
-/// A setting: its place in the file and its value.
+/// A setting: its path in the file and its value.
 pub type Entry = (Vec<String>, f32);
 
 /// Where settings come from, in words.
@@ -21,12 +21,12 @@ pub fn origin_text(origin: Origin) -> &'static str {
     match origin {
         Origin::Default => "as delivered: none of this layout are stored",
         Origin::Stored => "stored",
-        Origin::Damaged => "as delivered: what is stored is damaged",
-        Origin::Host => "set since, not stored",
+        Origin::Damaged => "as delivered: the stored settings are damaged",
+        Origin::Host => "changed, not stored",
     }
 }
 
-/// Every setting with its place, in their order.
+/// All settings with their paths, in order.
 #[must_use]
 pub fn entries(settings: &Settings) -> Vec<Entry> {
     fn walk(table: &Table, path: &[String], into: &mut Vec<Entry>) {
@@ -34,7 +34,7 @@ pub fn entries(settings: &Settings) -> Vec<Entry> {
             let place: Vec<String> = path.iter().chain([key]).cloned().collect();
             match value {
                 Value::Table(inner) => walk(inner, &place, into),
-                // The file's `f64` holds what was an `f32`.
+                // The `f64` holds an `f32`.
                 Value::Float(number) => into.push((place, *number as f32)),
                 _ => {}
             }
@@ -76,13 +76,14 @@ pub fn decimal(value: f32) -> String {
     format!("{value:?}")
 }
 
-/// The number that a setting's shortest decimal says.
+/// The `f64` of a setting's shortest decimal.
 #[must_use]
 pub fn number_of(value: f32) -> f64 {
     decimal(value).parse().unwrap_or(f64::from(value))
 }
 
-/// Reads the settings of a virtual board: a file as `damprig settings export` writes it. What it leaves out is as delivered.
+/// Reads the settings of a virtual board: a file as `damprig settings export` writes it. Settings that it leaves out have
+/// their defaults.
 ///
 /// # Errors
 /// A file that cannot be read; else as [`from_toml`].
@@ -90,7 +91,7 @@ pub fn read_board(path: &Path) -> Result<Settings, Refusal> {
     from_toml(&Source::read(path)?, &Settings::default())
 }
 
-/// The settings in which two boards differ, one a line, by `is_meant` places alone.
+/// The settings in which two boards differ, one a line; only paths for which `is_meant`.
 #[must_use]
 pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String]) -> bool) -> Vec<String> {
     let pairs = entries(before).into_iter().zip(entries(now));
@@ -101,16 +102,16 @@ pub fn differences(before: &Settings, now: &Settings, is_meant: impl Fn(&[String
     pairs.filter_map(differ).collect()
 }
 
-/// Reads settings; what the file leaves out stays as it is in `present`.
+/// Reads settings; those that the file leaves out are as in `present`.
 ///
 /// # Errors
-/// All problems of the file with their lines: unknown keys with near candidates, what is no number, what is out of range.
+/// All problems of the file with their lines: unknown keys with near candidates, values that are not numbers or out of range.
 pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusal> {
     let document = match DeTable::parse(source.text()) {
         Ok(document) => document,
         Err(error) => {
             source.report(Problem {
-                title: "this is no TOML".into(),
+                title: "this is not TOML".into(),
                 span: error.span().unwrap_or_default(),
                 allowed: error.message().to_string(),
                 help: None,
@@ -210,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_reads_back_to_the_bit() {
+    fn written_settings_read_back_to_the_bit() {
         let mut settings = Settings::default();
         settings.calibration.x.metres_per_count = 0.1 + 0.2;
         settings.spring.step_m = f32::MIN_POSITIVE;
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_file_leaves_out_stays() {
+    fn settings_that_a_file_leaves_out_stay() {
         let present = Settings::default();
         let read = from_toml(&Source::new("test", "[spring]\nstep_m = 4e-6\n"), &present).unwrap();
         assert_eq!(read.spring.step_m, 4e-6);
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_answered_with_its_neighbour_and_a_bad_value_with_its_line() {
+    fn an_unknown_key_gets_its_nearest_match_and_a_bad_value_its_line() {
         let present = Settings::default();
         let answer = |text: &str| from_toml(&Source::new("board.toml", text), &present).unwrap_err().to_string();
         let unknown = answer("[spring]\nstep_mm = 0.005\n[safty]\nx = 1\n");
@@ -260,6 +261,6 @@ mod tests {
         }
         assert!(answer("[impacts]\nringing = \"much\"\n").contains("must be a finite number"));
         assert!(answer("spring = 3\n").contains("must be a table"));
-        assert!(answer("[spring\n").contains("no TOML"));
+        assert!(answer("[spring\n").contains("not TOML"));
     }
 }

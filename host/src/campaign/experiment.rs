@@ -1,5 +1,5 @@
-//! `[[experiment]]`: what is done with some of the set-ups. The kinds are read by [`super::stepped_sine`] and
-//! [`super::transient`]; here is what they have in common.
+//! `[[experiment]]`: keys that all kinds of experiments share. The kinds are read by [`super::stepped_sine`] and
+//! [`super::transient`].
 
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::control::transient as core_transient;
@@ -18,11 +18,11 @@ pub struct Experiment {
     pub name: String,
     /// Positions of the set-ups in the campaign.
     pub set_ups: Vec<usize>,
-    /// What is done.
+    /// Its kind, with its parameters.
     pub kind: Kind,
 }
 
-/// What an experiment does.
+/// The kinds of experiments.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Kind {
     /// One frequency after another.
@@ -37,25 +37,25 @@ pub enum Kind {
 const REST_S: f64 = 0.7;
 
 impl Experiment {
-    /// The stepped sine that it is, if it is one.
+    /// The stepped sine, if it is one.
     #[must_use]
     pub fn stepped_sine(&self) -> Option<&SteppedSine> {
         if let Kind::SteppedSine(sine) = &self.kind { Some(sine) } else { None }
     }
 
-    /// The playback that it is, if it is one.
+    /// The playback, if it is one.
     #[must_use]
     pub fn playback(&self) -> Option<&Playback> {
         if let Kind::Playback(playback) = &self.kind { Some(playback) } else { None }
     }
 
-    /// The free vibration that it is, if it is one.
+    /// The free vibration, if it is one.
     #[must_use]
     pub fn free_vibration(&self) -> Option<&FreeVibration> {
         if let Kind::FreeVibration(free) = &self.kind { Some(free) } else { None }
     }
 
-    /// The frequencies that are driven, in their order, Hz; none of what is no stepped sine.
+    /// The drive frequencies in order, Hz; none unless it is a stepped sine.
     #[must_use]
     pub fn frequencies_hz(&self) -> &[f64] {
         self.stepped_sine().map_or(&[], |sine| &sine.frequencies_hz)
@@ -67,19 +67,19 @@ impl Experiment {
         self.frequencies_hz().get(index).copied().unwrap_or(0.0)
     }
 
-    /// Points on each set-up: results that can be taken one by one.
+    /// Points on each set-up: each has a result of its own.
     #[must_use]
     pub fn points(&self) -> usize {
         self.stepped_sine().map_or(1, |sine| sine.frequencies_hz.len())
     }
 
-    /// Each point goes on with the motion of the one before: what was interrupted has to begin anew.
+    /// Whether each point continues the motion of the one before: after an interruption it starts from its beginning.
     #[must_use]
     pub fn carries_over(&self) -> bool {
         self.stepped_sine().is_some_and(|sine| sine.start == Start::CarryOver)
     }
 
-    /// Rig time on one set-up when every rest is immediate, as on a virtual rig, and no closed loop waits for its base, s.
+    /// Rig time on one set-up without waiting for rest or for a closed loop, s.
     #[must_use]
     pub fn expected_s(&self) -> f64 {
         let seconds = |ticks: u64| ticks as f64 / f64::from(TICK_HZ);
@@ -137,14 +137,14 @@ fn read(
     let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
     let shaker: Option<&Shaker> = rig.and_then(|rig| rig.shaker.as_ref());
     if kind.is_none() && section.has_own("kind") {
-        // Which keys it may have is not known.
+        // Its kind, and so its keys, are unknown.
         return None;
     }
     let read = match kind {
         Some(1) => transient::playback(&section, index).map(Kind::Playback),
         Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
-        // Without a kind the keys of the usual one are known.
+        // Without a kind, the keys of the most frequent one are checked.
         _ => stepped_sine::read(&section, shaker).map(Kind::SteppedSine),
     };
     section.finish();

@@ -1,7 +1,7 @@
 //! Limits of a campaign: keys of `[rig]` that tighten the board's limits while its experiments run.
 //!
-//! Whether one is tighter is decided by the core ([`SafetyConfig::tightened`]), for the board and here alike; this module
-//! knows the keys, and reports a looser one with its place in the file.
+//! The core decides whether a limit is tighter ([`SafetyConfig::tightened`]), for the board and the host alike; this module
+//! has the keys, and reports a looser limit with its place in the file.
 
 use damprig_core::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafetyConfig};
 
@@ -54,14 +54,14 @@ impl CampaignLimits {
         add("half_cycles_ahead", &[AHEAD], ahead);
         add("wall_force_limit_n", &[WALL], rig.positive("wall_force_limit_n"));
         add("saturated_s", &[SATURATED], rig.positive("saturated_s"));
-        // This program sends a message every second. 0 is for the board's settings to refuse: it says how long is allowed.
+        // This program sends a message every second. 0 is compared with the board's settings, which refuse it.
         let silent = rig.number_if("host_silent_s", |v| v == 0.0 || (5.0..=3600.0).contains(&v), "from 5 to 3600");
         add("host_silent_s", &[SILENT], silent);
         add("brake_n", &[BRAKE], rig.not_negative("brake_n"));
         Self { stated }
     }
 
-    /// As the board takes them.
+    /// As the device's request has them.
     #[must_use]
     pub fn of_experiment(&self) -> ExperimentLimits {
         let mut limits = ExperimentLimits::default();
@@ -75,7 +75,7 @@ impl CampaignLimits {
         self.stated.iter().find(|stated| stated.setting == setting).map(|stated| stated.key)
     }
 
-    /// The board's settings, tightened; a limit that is looser is reported, and left out.
+    /// The board's settings, tightened; a looser limit is reported and left out.
     pub(super) fn acting(&self, source: &Source, board: &SafetyConfig) -> SafetyConfig {
         let mut acting = *board;
         for stated in &self.stated {

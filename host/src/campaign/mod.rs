@@ -36,7 +36,7 @@ pub struct Campaign {
     pub name: String,
     /// Sensors and limits.
     pub rig: RigSettings,
-    /// What is recorded besides the results, and how often.
+    /// Recorded signals and their rate.
     pub telemetry: Telemetry,
     /// The set-ups, in the order of the file.
     pub set_ups: Vec<CampaignSetUp>,
@@ -50,12 +50,12 @@ impl Campaign {
     /// Reads and checks a campaign file.
     ///
     /// # Errors
-    /// Everything that is wrong with it, each with file, line, key, value, what is allowed and the likely fix.
+    /// All problems, each with file, line, key, value, what is allowed and the likely fix.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
         Self::parse(Source::read(path)?)
     }
 
-    /// Checks a campaign that is at hand as a text.
+    /// Checks a campaign given as a text.
     ///
     /// # Errors
     /// As [`Campaign::read`].
@@ -68,8 +68,8 @@ impl Campaign {
         Ok(Self { name, rig, telemetry, set_ups, experiments, source })
     }
 
-    /// Puts the campaign on a board: its settings are the base of every limit, and say what the set-ups leave out of their
-    /// friction damper's spring. `is_simulated` boards have the campaign's sensors.
+    /// Applies a board's settings: they are the base of every limit, and complete the spring properties that set-ups leave out.
+    /// `is_simulated` boards have the campaign's sensors.
     ///
     /// # Errors
     /// Every limit of the campaign that is looser than the board's, with both values.
@@ -84,10 +84,10 @@ impl Campaign {
         self.source.verdict()
     }
 
-    /// Refuses set-ups that no rig can be predicted with: prediction and virtual rig have the equations of hard walls only.
+    /// Refuses set-ups that cannot be predicted: prediction and virtual rig support hard walls only.
     ///
     /// # Errors
-    /// One answer for all of them, each pointing at the set-up's base amplitude.
+    /// One message for all of them, each with the line of the set-up's base amplitude.
     pub fn check_simulable(&self) -> Result<(), Refusal> {
         for set_up in &self.set_ups {
             let model = set_up.model();
@@ -97,11 +97,11 @@ impl Campaign {
                 _ => continue,
             };
             self.source.report(Problem {
-                title: format!("set-up {:?} has {what}, which the prediction cannot follow yet", set_up.name),
+                title: format!("set-up {:?} has {what}, which the prediction does not support yet", set_up.name),
                 span: set_up.base_amplitude_span.clone(),
                 allowed: "in this set-up; a campaign runs hard walls (kind = \"restitution\") and friction dampers"
                     .into(),
-                help: Some(format!("`damprig simulate` follows {what}, from a case with the same keys")),
+                help: Some(format!("`damprig simulate` supports {what}, from a case with the same keys")),
             });
         }
         self.source.verdict()
@@ -133,7 +133,7 @@ impl Campaign {
 
 type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>);
 
-/// Reads all parts; `None` only where a problem has been noted.
+/// Reads all parts; `None` only after a problem has been reported.
 fn parts(root: &Section) -> Option<Parts> {
     let name = name(root);
     let rig = rig::read_rig(root);

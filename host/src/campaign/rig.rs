@@ -1,4 +1,4 @@
-//! `[rig]` and `[telemetry]`: simulated sensors and shaker, the campaign's limits, and what is recorded.
+//! `[rig]` and `[telemetry]`: simulated sensors and shaker, the campaign's limits, recorded signals and their rate.
 
 use damprig_core::control::safety::SafetyConfig;
 use damprig_core::io::{DisplacementScale, TICK_HZ};
@@ -14,7 +14,7 @@ use crate::settings::{decimal, number_of};
 /// Sensors and limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigSettings {
-    /// The board's settings: as delivered until [`super::Campaign::on_board`] has told the board's own.
+    /// The board's settings: defaults until [`super::Campaign::on_board`] gives the board's own.
     pub board: Settings,
     /// The limits that the campaign tightens.
     pub limits: CampaignLimits,
@@ -22,29 +22,28 @@ pub struct RigSettings {
     pub acting: SafetyConfig,
     /// Smallest displacement step that the sensors tell apart, m; 0 for none. Simulated rigs only.
     pub sensor_resolution_m: f64,
-    /// Where the resolution is written, for answers.
+    /// Where the resolution is written, for messages.
     pub sensor_resolution_span: Span,
     /// Standard deviation of the sensors' white noise, m; 0 for none. Simulated rigs only.
     pub sensor_noise_rms_m: f64,
     /// Seed of the simulated noise.
     pub noise_seed: u32,
-    /// What the sensors' data sheet admits; none for ideal sensors. Simulated rigs only.
+    /// Errors within the sensors' data sheet; none for ideal sensors. Simulated rigs only.
     pub data_sheet: Option<DataSheet>,
-    /// The shaker that a simulated base is, and where a real one's drive is calibrated; none for a base that follows the
-    /// drive exactly.
+    /// The simulated shaker, and the frequency at which a real one's drive is calibrated; none for a base that follows the drive
+    /// exactly.
     pub shaker: Option<Shaker>,
 }
 
 impl RigSettings {
-    /// The displacement sensors of x and z read from −range to +range, m: what the converter's whole span means on the
-    /// board.
+    /// Ranges of the displacement sensors of x and z, ± m: the converter's whole span by the board's calibration.
     #[must_use]
     pub fn sensor_range_m(&self) -> [f32; 2] {
         let calibration = &self.board.calibration;
         [&calibration.x, &calibration.z].map(DisplacementScale::range_m)
     }
 
-    /// Largest |x| of the structure that may be reached, m: the limit in force, and within what its sensor reads.
+    /// Largest allowed |x| of the structure, m: the limit in force, within its sensor's range.
     #[must_use]
     pub fn structure_limit_m(&self) -> f64 {
         number_of(self.acting.limits.structure_m.min(self.sensor_range_m()[0]))
@@ -57,7 +56,7 @@ impl RigSettings {
     }
 }
 
-/// What is recorded while the rig moves.
+/// Recorded signals and their rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Telemetry {
     /// Samples of each signal in a second of rig time; 0 for none.
@@ -66,7 +65,7 @@ pub struct Telemetry {
     pub signals: Vec<Text>,
 }
 
-/// Ticks from row to row that the protocol can say.
+/// Most ticks from row to row in the protocol.
 const MOST_TICKS: f64 = u16::MAX as f64;
 
 pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
@@ -107,13 +106,13 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     })
 }
 
-/// The sensors' range belongs to the board. A campaign in a run folder may be older than that.
+/// The sensors' range belongs to the board's settings. A campaign in a run folder may be older than this rule.
 fn refuse_sensor_range(rig: &Section) {
     const KEY: &str = "sensor_range_m";
     let Some(range) = rig.positive(KEY).filter(|_| !rig.source().is_recorded()) else { return };
     let per_count = DisplacementScale::over_whole_span(range.value as f32).metres_per_count;
     let help = if per_count == Settings::default().calibration.x.metres_per_count {
-        "leave it out: it is the range of a board as delivered".into()
+        "leave it out: it is the default range of a board".into()
     } else {
         format!(
             "leave it out; for a virtual rig with such sensors write `damprig settings export board.toml`, set \
@@ -124,7 +123,7 @@ fn refuse_sensor_range(rig: &Section) {
     rig.refuse(KEY, &range.span, "the sensors' range belongs to the board's calibration", Some(help));
 }
 
-/// Simulated sensors that resolve less than the board expects look frozen where the base should be seen to move.
+/// Simulated sensors coarser than the board's resolution setting would trip its check for a frozen signal.
 pub(super) fn too_coarse(rig: &RigSettings) -> Problem {
     let own = decimal(rig.board.safety.resolution_m);
     Problem {
@@ -137,7 +136,7 @@ pub(super) fn too_coarse(rig: &RigSettings) -> Problem {
     }
 }
 
-/// `[rig.sensors]`: none where they are ideal, or where a problem has been noted.
+/// `[rig.sensors]`: none for ideal sensors, or after a problem has been reported.
 fn read_sensors(table: Section) -> Option<DataSheet> {
     let what = "write kind = \"ideal\" or \"data_sheet\"";
     let kind = table.required("kind", what, |s, key| s.choice(key, &["ideal", "data_sheet"]));
@@ -166,7 +165,7 @@ fn read_sensors(table: Section) -> Option<DataSheet> {
     sheet
 }
 
-/// `[rig.shaker]`: what is left out is the core's default.
+/// `[rig.shaker]`: keys left out have the core's defaults.
 fn read_shaker(table: &Section) -> Shaker {
     let default = Shaker::default();
     let positive = |key, otherwise: f64| table.positive(key).map_or(otherwise, |n| n.value);
@@ -220,13 +219,13 @@ pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
 fn is_carried(table: &Section, rate: &Number) -> bool {
     let tick_hz = f64::from(TICK_HZ);
     let every = tick_hz / rate.value;
-    // 333.333… is a decimal for a third of the tick rate.
+    // Allows decimals such as 333.333… for a third of the tick rate.
     if rate.value == 0.0
         || ((every - every.round()).abs() < 1e-9 * every && (1.0..=MOST_TICKS).contains(&every.round()))
     {
         return true;
     }
-    // The whole fractions on both sides of what was written.
+    // The nearest allowed rates on both sides.
     let near = every.clamp(1.0, MOST_TICKS);
     let (above, below) = (tick_hz / near.floor(), tick_hz / near.ceil());
     let help =

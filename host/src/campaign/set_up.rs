@@ -1,4 +1,4 @@
-//! `[[set_up]]`: a set-up with its name, and the base amplitude it is driven with. What it may say is [`crate::setup`]'s.
+//! `[[set_up]]`: a set-up with its name and base amplitude. Its other keys are read by [`crate::setup`].
 
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
@@ -9,15 +9,15 @@ use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, Sprin
 /// One set-up of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CampaignSetUp {
-    /// What experiments call it.
+    /// Its name in experiments.
     pub name: String,
-    /// What figures and tables call it.
+    /// Its name in figures and tables.
     pub label: String,
     /// As written.
     pub spec: SetUpSpec,
     /// Z, m; greater than 0.
     pub base_amplitude_m: f64,
-    /// Where Z is written, for answers.
+    /// Where Z is written, for messages.
     pub base_amplitude_span: Span,
 }
 
@@ -34,7 +34,7 @@ impl CampaignSetUp {
         self.spec.particle_start_m(self.base_amplitude_m)
     }
 
-    /// The friction damper's spring, where the rig tunes it.
+    /// The friction damper's spring, if the rig adjusts it.
     #[must_use]
     pub fn spring(&self) -> Option<SpringSpec> {
         self.spec.spring()
@@ -60,7 +60,7 @@ impl CampaignSetUp {
     }
 }
 
-/// All `[[set_up]]` tables; `None` when a problem was noted in any.
+/// All `[[set_up]]` tables; `None` when any has a problem.
 pub(super) fn read_all(root: &Section) -> Option<Vec<CampaignSetUp>> {
     let shared = Shared::of(root);
     let sections = root.tables("set_up");
@@ -78,7 +78,7 @@ pub(super) fn read_all(root: &Section) -> Option<Vec<CampaignSetUp>> {
     for set_up in read.iter().flatten() {
         if names.contains(&set_up.name.as_str()) {
             root.source().report(Problem {
-                title: format!("two set-ups are called {:?}", set_up.name),
+                title: format!("two set-ups have the name {:?}", set_up.name),
                 span: set_up.base_amplitude_span.clone(),
                 allowed: "in this set-up; every set-up needs a name of its own".into(),
                 help: None,

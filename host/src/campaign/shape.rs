@@ -1,11 +1,11 @@
-//! Pulses of the base by their shapes. The device knows none of them: each becomes a record that is uploaded.
+//! Shapes of base pulses. Each pulse becomes a record that is uploaded to the device.
 
 use std::f64::consts::{PI, TAU};
 
 /// The shapes of a pulse of height Z and length T.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// z = Z sin(πt/T): leaves and reaches zero with a corner, which the record rounds over one sample.
+    /// z = Z sin(πt/T): its corners at zero are rounded over one sample by the record.
     HalfSine,
     /// z = Z/2 (1 − cos 2πt/T), the versed sine of the source document; also called haversine.
     Versine,
@@ -17,7 +17,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The names that a campaign may give.
+    /// Names in a campaign.
     pub const WORDS: [&'static str; 4] = ["half_sine", "versine", "haversine", "rectangle"];
 
     /// Displacement at `t_s` after the beginning of a pulse of height 1 and length `duration_s`; 0 outside it.

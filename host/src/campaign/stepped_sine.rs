@@ -8,12 +8,12 @@ use damprig_core::plant::Shaker;
 
 use crate::input::{Number, Section};
 
-/// How a frequency begins.
+/// How a point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// With the structure at rest: separate records.
+    /// With the structure at rest.
     FromRest,
-    /// With the motion that the frequency before left: a sweep.
+    /// With the motion of the point before: a sweep.
     CarryOver,
 }
 
@@ -22,17 +22,17 @@ pub enum Start {
 pub struct SteppedSine {
     /// The frequencies in the order they are run, Hz.
     pub frequencies_hz: Vec<f64>,
-    /// How each frequency begins.
+    /// How each point starts.
     pub start: Start,
-    /// What is held at the base amplitude. The drive limit of a closed loop holds where `drive_limit` says so.
+    /// Open or closed loop. The drive limit of a closed loop applies only if `drive_limit` is given.
     pub drive: Drive,
-    /// The drive limit of a closed loop, m, and where it is given; without one it is what the rig's drive delivers.
+    /// The stated drive limit of a closed loop, m, and its place; without one it is the range of the rig's drive.
     pub drive_limit: Option<Number>,
-    /// Time over which the drive rises from silence and fades again, s.
+    /// Time over which the drive rises from zero and fades again, s.
     pub ramp_s: f64,
-    /// Time from the start of a frequency that is not measured, s.
+    /// Settling time: from the start of a point to its dwell, s.
     pub settle_s: f64,
-    /// Time that is measured, s.
+    /// Dwell: the measured time of a point, s.
     pub dwell_s: f64,
     /// |x| below which the structure counts as at rest before a `from_rest` point, m.
     pub rest_level_m: f64,
@@ -48,7 +48,7 @@ fn highest_hz() -> f64 {
     f64::from(TICK_HZ / FEWEST_TICKS_PER_CYCLE)
 }
 
-/// The keys of a stepped sine; `shaker` is the campaign's, if it has one.
+/// Reads a stepped sine; `shaker` is the campaign's, if it has one.
 pub(super) fn read(section: &Section, shaker: Option<&Shaker>) -> Option<SteppedSine> {
     let start = section.required("start", "write start = \"from_rest\" or \"carry_over\"", |s, key| {
         s.choice(key, &["from_rest", "carry_over"])
@@ -131,7 +131,7 @@ fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<V
         grid.refuse("step_hz", &step.span, format!("must lead from {} to {} Hz", from.value, to.value), help);
         return None;
     }
-    // A grid's end is met up to the rounding of decimal fractions.
+    // Tolerates the rounding of decimal fractions at the grid's end.
     let steps = ((to.value - from.value) / step.value + 1e-6).floor();
     if steps + 1.0 > MOST_POINTS as f64 {
         grid.refuse(
@@ -147,7 +147,7 @@ fn spread(grid: &Section, from: &Number, to: &Number, step: &Number) -> Option<V
     (ends == [true, true]).then(|| (0..=steps as usize).map(at).collect())
 }
 
-/// Whether a drive frequency is one that the tick can carry.
+/// Whether a drive frequency is allowed at the tick rate.
 fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
     let highest = highest_hz();
     let ok = frequency.value > 0.0 && frequency.value <= highest;
@@ -161,7 +161,7 @@ fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
     ok
 }
 
-/// `drive`, and the `closed_loop` table that goes with one of its two words.
+/// `drive`, and the `closed_loop` table of one of its two values.
 fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(Drive, Option<Number>)> {
     let is_closed = section.choice("drive", &["constant", "closed_loop"]) == Some(1);
     if !is_closed {

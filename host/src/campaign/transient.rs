@@ -1,10 +1,10 @@
-//! Experiments of one event: a record or a pulse that the base follows, a structure that is held and released.
+//! Transient experiments: playback of a record, an impulse, a free vibration from a release.
 //!
-//! A file is read as in `damprig simulate` ([`crate::motion_record`]), and becomes displacements
-//! at the sample rate that the device plays. An acceleration is integrated exactly (it is linear between its samples).
-//! **Baseline**: as recorded, an acceleration leads to a velocity and a displacement that do not end at zero; a base has to.
-//! So by default the straight line c0 + c1·t is subtracted from the acceleration that brings both to zero at the end; its
-//! constants are told. A displacement's baseline is the straight line through its ends, and by default left as it is.
+//! A file is read as in `damprig simulate` ([`crate::motion_record`]) and converted to displacements at the device's sample
+//! rate. An acceleration is integrated exactly (it is linear between its samples).
+//! **Baseline**: a recorded acceleration integrates to a velocity and a displacement that do not end at zero, as a base must.
+//! So by default a straight line c0 + c1·t is subtracted from the acceleration that brings both to zero at the end; its
+//! constants are reported. A displacement's baseline is the straight line through its ends; by default it is kept.
 
 use std::path::{Path, PathBuf};
 
@@ -19,21 +19,21 @@ use super::stepped_sine::REST_LEVEL_M;
 use crate::input::{Number, Section, Span};
 use crate::motion_record::{Quantity, Record, read_record};
 
-/// Folder of a run folder that keeps the records that its campaign names.
+/// Subfolder of a run folder with copies of the records of its campaign.
 pub const RECORDS: &str = "records";
 
 /// A record or a pulse that the base follows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playback {
-    /// What a campaign calls it: `playback` or `impulse`.
+    /// Its kind in a campaign: `playback` or `impulse`.
     pub kind: &'static str,
-    /// Samples in a second, Hz.
+    /// Sample rate, Hz.
     pub sample_rate_hz: f64,
     /// Displacements, m; the base rests at 0 before and after them.
     pub samples_m: Vec<f64>,
-    /// The file that they are from.
+    /// Their file.
     pub file: Option<PathBuf>,
-    /// What was done to it, in words.
+    /// How it was processed, in words.
     pub about: String,
     /// Time over which the drive rises and falls at the ends, s.
     pub ramp_s: f64,
@@ -41,9 +41,9 @@ pub struct Playback {
     pub tail_s: f64,
     /// |x| below which the structure counts as at rest before the beginning, m.
     pub rest_level_m: f64,
-    /// The key that gives its height, and where it stands, for answers.
+    /// The key that sets its peak, for messages.
     pub key: &'static str,
-    /// Where that key's value stands.
+    /// The place of that key's value.
     pub span: Span,
 }
 
@@ -71,11 +71,11 @@ impl Playback {
         self.samples_m.iter().flat_map(|z| count(z).to_le_bytes()).collect()
     }
 
-    /// What the device is asked to play.
+    /// The request to the device.
     #[must_use]
     pub fn order(&self) -> core_transient::Playback {
         core_transient::Playback {
-            // Cannot overflow: the reader has counted them.
+            // Cannot overflow: the parser limits their number.
             record: RecordId { samples: self.samples_m.len() as u16, crc32: checksum(0, &self.bytes()) },
             sample_rate_hz: self.sample_rate_hz as f32,
             scale_m: self.scale_m(),
@@ -90,7 +90,7 @@ impl Playback {
 /// A structure that is held and released.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeVibration {
-    /// Where it is released, m; a person pulls a real structure there, a simulated one is put there.
+    /// Displacement at the release, m; a person pulls a real structure there, a simulated one starts there.
     pub start_m: f64,
     /// |x| beyond which it counts as held, m.
     pub level_m: f64,
@@ -100,14 +100,14 @@ pub struct FreeVibration {
     pub timeout_s: f64,
     /// Time measured after the release, s.
     pub measure_s: f64,
-    /// Cycles over which the decay is told.
+    /// Cycles over which the decay is measured.
     pub cycles: u16,
-    /// Where the start is given, for answers.
+    /// The place of the start's value, for messages.
     pub span: Span,
 }
 
 impl FreeVibration {
-    /// What the device is asked to measure.
+    /// The request to the device.
     #[must_use]
     pub fn order(&self) -> core_transient::FreeVibration {
         core_transient::FreeVibration {
@@ -128,10 +128,10 @@ pub fn kept_record(folder: &Path, index: usize, file: &Path) -> PathBuf {
     folder.join(RECORDS).join(format!("{}-{name}", index + 1))
 }
 
-/// The keys of a playback; `index` is the experiment's place in the campaign.
+/// Reads a playback; `index` is the experiment's place in the campaign.
 pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
     let campaign = Path::new(section.source().name());
-    // A run folder has a copy: the campaign in it names the file where it was.
+    // A run folder has a copy of the file; its campaign names the original.
     let find = |file: &str| {
         let folder = campaign.parent().unwrap_or(Path::new("")).to_path_buf();
         let kept = kept_record(&folder, index, Path::new(file));
@@ -207,7 +207,7 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
     Some(playback)
 }
 
-/// What every playback may say about its ends.
+/// The keys of a playback's ends.
 struct Ends {
     ramp_s: f64,
     tail_s: f64,
@@ -227,7 +227,7 @@ impl Ends {
     }
 }
 
-/// Fewest samples that the controller plays in a second, Hz.
+/// Lowest sample rate of the controller, Hz.
 const LEAST_RATE_HZ: f64 = 0.1;
 
 fn sample_rate(section: &Section) -> Option<Number> {
@@ -236,7 +236,7 @@ fn sample_rate(section: &Section) -> Option<Number> {
     section.number_if("sample_rate_hz", |v| (LEAST_RATE_HZ..=most).contains(&v), &allowed)
 }
 
-/// A record as displacements at the rate at which it is played, and what was done to it in words.
+/// A record as displacements at the playback rate, and how it was processed, in words.
 fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, String) {
     let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() as usize + 1;
     let mut play = record.play();
@@ -293,7 +293,7 @@ fn end_of(record: &Record) -> (f64, f64) {
 /// Largest |z| at an end of a record that counts as rest, as a share of its peak.
 const AT_REST: f64 = 0.01;
 
-/// Refuses what the device would, and ends that are no rest.
+/// Refuses what the device would refuse, and ends that are not at rest.
 fn sound(section: &Section, playback: &Playback) -> Option<()> {
     let peak = playback.peak_m();
     if !(peak > 0.0 && peak.is_finite()) {
@@ -327,7 +327,7 @@ fn sound(section: &Section, playback: &Playback) -> Option<()> {
     Some(())
 }
 
-/// The keys of an impulse.
+/// Reads an impulse.
 pub(super) fn impulse(section: &Section) -> Option<Playback> {
     let what = "write shape = \"half_sine\", \"versine\", \"haversine\" or \"rectangle\"";
     let shape = section.required("shape", what, |s, key| s.choice(key, &Shape::WORDS));
@@ -372,7 +372,7 @@ pub(super) fn impulse(section: &Section) -> Option<Playback> {
         );
         return None;
     }
-    // The last sample is at the pulse's end: the rate is what makes its length a whole number of samples.
+    // The rate makes the pulse's length a whole number of samples, so the last one is at its end.
     let intervals = (seconds * rate_hz).floor();
     let sample_rate_hz = intervals / seconds;
     let samples_m =
@@ -404,7 +404,7 @@ fn words(shape: Shape) -> &'static str {
     }
 }
 
-/// Rise and fall of a rectangle, a tenth of it unless said.
+/// Rise and fall of a rectangle; by default a tenth of its length.
 fn rise_of(section: &Section, rise: Option<&Number>, duration_s: f64) -> Option<f64> {
     let Some(rise) = rise else { return Some(0.1 * duration_s) };
     if rise.value > 0.5 * duration_s {
@@ -415,7 +415,7 @@ fn rise_of(section: &Section, rise: Option<&Number>, duration_s: f64) -> Option<
     Some(rise.value)
 }
 
-/// The keys of a free vibration.
+/// Reads a free vibration.
 pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Option<FreeVibration> {
     let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
     let start = section.required("start_m", "x0, where the structure is released, m", not_zero);
@@ -432,7 +432,7 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
         section.refuse("level_m", &level.span, format!("must be below |start_m| = {x0}"), help);
         return None;
     }
-    // A half-cycle counts from a hundredth of x0 on: three standard deviations of the mean over a tick's ten samples.
+    // A half-cycle counts above a hundredth of x0: three standard deviations of the mean over a tick's ten samples.
     if let Some(noise) = rig.map(|rig| rig.sensor_noise_rms_m).filter(|noise| x0 < 100.0 * noise) {
         let allowed = format!("must be ±{:.3e} or more: a hundred times sensor_noise_rms_m = {noise}", 100.0 * noise);
         section.refuse("start_m", &start.span, allowed, None);
@@ -457,7 +457,7 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
     Some(free)
 }
 
-/// Down to two digits, written as a person would.
+/// Rounds down to two significant digits.
 pub(crate) fn two_digits_down(value: f64) -> f64 {
     let exponent = value.log10().floor() as i32 - 1;
     let digits = (value / 10f64.powi(exponent) * (1.0 + 1e-12)).floor();

@@ -1,6 +1,6 @@
-//! Which boards are there: the serial ports of this machine, what is plugged into them, and who answers.
+//! Finds boards: the serial ports of this machine, their USB devices, and which of them answer.
 //!
-//! Only ports of USB devices are asked unprompted: bytes that a stranger does not expect may do anything.
+//! Only ports of USB devices are queried by default: unexpected bytes may have any effect on another device.
 
 use std::time::Duration;
 
@@ -16,11 +16,11 @@ use crate::client::session::Session;
 pub struct Port {
     /// Its path, as `/dev/ttyACM0`.
     pub path: String,
-    /// What is plugged in, when it is USB.
+    /// The USB device behind it, if it is one.
     pub usb: Option<Usb>,
 }
 
-/// What a USB device says about itself.
+/// Identification of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Usb {
     /// Vendor's number.
@@ -44,14 +44,14 @@ pub enum Answer {
         firmware: String,
         /// What ended an earlier run of its firmware.
         last_crash: Option<String>,
-        /// What it has counted since its supply came on and should not have, in words.
+        /// Its non-zero error counts since its start, in words.
         complaints: Vec<String>,
         /// Names of the sensors without a signal: not connected or not supplied; empty for none.
         lost_sensors: String,
     },
-    /// Something else, or nothing: in words.
+    /// No device of ours: the error, in words.
     None(String),
-    /// It was not asked: no USB device.
+    /// It was not queried: no USB device.
     NotAsked,
 }
 
@@ -67,9 +67,9 @@ pub struct Found {
 /// The serial ports of this machine, by name.
 ///
 /// # Errors
-/// The system's word when it does not list them.
+/// The system's error when it does not list them.
 pub fn ports() -> Result<Vec<Port>, String> {
-    let all = serialport::available_ports().map_err(|e| format!("the system does not list its serial ports: {e}"))?;
+    let all = serialport::available_ports().map_err(|e| format!("the system cannot list its serial ports: {e}"))?;
     let mut ports: Vec<Port> = all
         .into_iter()
         .map(|port| Port {
@@ -86,9 +86,9 @@ fn identity(usb: UsbPortInfo) -> Usb {
     Usb { vendor: usb.vid, product: usb.pid, name, serial_number: usb.serial_number.unwrap_or_default() }
 }
 
-/// Asks ports who is there, each for at most `timeout`; all of them or those of USB devices alone.
+/// Queries ports, each for at most `timeout`: all of them, or only those of USB devices.
 #[must_use]
-pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
+pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
     let one = |port: Port| {
         if port.usb.is_none() && !all {
             return Found { port, answer: Answer::NotAsked };
@@ -111,7 +111,7 @@ pub fn ask(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
     ports.into_iter().map(one).collect()
 }
 
-/// What a board has counted since it started and should not have, in words.
+/// A board's non-zero error counts since its start, in words.
 #[must_use]
 pub fn complaints(counters: &Counters) -> Vec<String> {
     Controller::between(&Counters::default(), counters).complaints()
@@ -120,7 +120,7 @@ pub fn complaints(counters: &Counters) -> Vec<String> {
 /// The only device that answered.
 ///
 /// # Errors
-/// None or several: says which, and what to write.
+/// None or several: lists them, and what to write.
 pub fn only(found: &[Found]) -> Result<Address, String> {
     let devices: Vec<(&Found, &str)> = found
         .iter()

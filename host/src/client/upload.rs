@@ -1,4 +1,4 @@
-//! Brings a record to the device: in chunks, from where the device is, until it says that the whole is right.
+//! Uploads a motion record to the device in chunks, each from the device's position, until it confirms the checksum.
 
 use damprig_protocol::Answer;
 use damprig_protocol::Ask;
@@ -6,22 +6,22 @@ use damprig_protocol::upload::{CHUNK_BYTES, Progress, UploadStage, checksum};
 
 use crate::client::session::{Session, SessionError};
 
-/// Answers that do not bring an upload on, after which it is given up.
-const FRUITLESS: u32 = 8;
+/// Replies without progress after which an upload fails.
+const MOST_FRUITLESS: u32 = 8;
 
-/// Looks at an upload that is being checked: on a real board each waits for a moment.
+/// Polls of an upload that the device is checking; on a real board each waits a short time.
 const MOST_LOOKS: u32 = 600;
 
-/// Times that the whole may arrive damaged.
+/// Times that the checksum may be wrong.
 const MOST_DAMAGED: u32 = 3;
 
 const WHAT: &str = "take a record";
 
 impl Session {
-    /// Uploads `bytes` (of even length), unless the device has exactly them; `go_on` is asked now and then.
+    /// Uploads `bytes` (of even length), unless the device has them already; stops when `go_on` returns false.
     ///
     /// # Errors
-    /// As [`Session::ask`]; an upload that does not come to its end; `go_on` said no.
+    /// As [`Session::request`]; an upload that makes no progress; `go_on` returned false.
     pub fn upload(&mut self, bytes: &[u8], go_on: &mut dyn FnMut() -> bool) -> Result<(), SessionError> {
         let begin = Ask::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
         let (mut damaged, mut fruitless, mut looks) = (0, 0, 0);
@@ -35,7 +35,7 @@ impl Session {
                 UploadStage::Whole => return Ok(()),
                 UploadStage::Receiving => self.progress(chunk(bytes, progress.there))?,
                 UploadStage::Checking => {
-                    // Time passes on the device; nothing else is reported of an idle rig.
+                    // Lets time pass on the device; an idle rig reports nothing else.
                     self.next_report()?;
                     looks += 1;
                     self.progress(chunk(bytes, bytes.len() as u32))?
@@ -47,10 +47,10 @@ impl Session {
             };
             fruitless =
                 if progress.there == before && progress.stage == UploadStage::Receiving { fruitless + 1 } else { 0 };
-            let why = if fruitless >= FRUITLESS {
-                format!("{} of {} bytes are there, and no more are taken", progress.there, bytes.len())
+            let why = if fruitless >= MOST_FRUITLESS {
+                format!("the device has {} of {} bytes and accepts no more", progress.there, bytes.len())
             } else if looks >= MOST_LOOKS {
-                "the device did not come to the end of its check".to_string()
+                "the device did not finish its check".to_string()
             } else if damaged >= MOST_DAMAGED {
                 format!("its checksum was wrong {damaged} times")
             } else {
@@ -61,9 +61,9 @@ impl Session {
     }
 
     fn progress(&mut self, ask: Ask) -> Result<Progress, SessionError> {
-        match self.ask(WHAT, ask)? {
+        match self.request(WHAT, ask)? {
             Answer::Upload(progress) => Ok(progress),
-            _ => Err(SessionError::Confused { what: WHAT }),
+            _ => Err(SessionError::UnexpectedReply { what: WHAT }),
         }
     }
 }

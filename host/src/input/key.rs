@@ -1,4 +1,4 @@
-//! Declared keys: what a file may say, as plain data.
+//! Declarations of the keys of input files, as plain data.
 //!
 //! A [`Table`] declares its quantities, a [`Quantity`] the keys that it may be written under, a [`Key`] its type, range
 //! and meaning. [`Section::given`](super::Section::given) reads a quantity; its checks, defaults and messages follow from
@@ -17,7 +17,7 @@ pub enum Range {
     NotNegative,
     /// From the first to the second.
     Between(f64, f64),
-    /// A whole number, 0 or greater, that an `f64` tells from its neighbours.
+    /// A whole number, 0 or greater, that an `f64` represents exactly.
     Whole,
 }
 
@@ -49,7 +49,7 @@ pub struct Key {
     pub doc: &'static str,
 }
 
-/// The value of a quantity that is not written.
+/// The default value of a quantity.
 #[derive(Clone, Copy, Debug)]
 pub enum DefaultValue {
     /// This number, in the unit of the first key.
@@ -75,7 +75,7 @@ pub enum Need {
     If(&'static Quantity, &'static str, &'static Need, &'static Need),
 }
 
-/// A quantity and the keys of which one says it.
+/// A quantity and its alternative keys.
 #[derive(Clone, Copy, Debug)]
 pub struct Quantity {
     /// The keys.
@@ -91,7 +91,7 @@ impl Quantity {
         Self { need: Need::Required, ..self }
     }
 
-    /// The name of its first key: of its only one, mostly.
+    /// The name of its first key.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         self.keys[0].name
@@ -101,21 +101,21 @@ impl Quantity {
 /// The keys of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Table {
-    /// Where it stands (`particle.wall`); empty for the top of a set-up or a file.
+    /// Its path (`particle.wall`); empty for the top of a set-up or a file.
     pub path: &'static str,
     /// The word under `kind` with which the table has these keys; none for a table of one kind.
     pub kind: Option<&'static str>,
     /// What it describes, in one line.
     pub doc: &'static str,
-    /// What it may say.
+    /// Its quantities.
     pub quantities: &'static [Quantity],
 }
 
-/// A unit of measure and the numbers that it allows, zero aside. The bounds are far beyond any rig: what follows from the
-/// values stays finite, and a slip in an exponent is refused.
+/// A unit of measure and the magnitudes that it allows besides zero. The bounds are far beyond any rig: derived values stay
+/// finite, and a wrong exponent is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// How keys end that carry it.
+    /// The suffix of its keys.
     pub suffix: &'static str,
     /// As people write it; empty for a plain number.
     pub symbol: &'static str,
@@ -129,7 +129,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
     Unit { suffix, symbol, least, most }
 }
 
-/// Longer endings stand before those that end them.
+/// A suffix that ends with another one comes before it.
 const UNITS: [Unit; 16] = [
     unit("_n_s_per_m", "N·s/m", 0.0, 1e18),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
@@ -180,7 +180,7 @@ impl Range {
             Self::Positive => (value > 0.0, "greater than 0".into()),
             Self::NotNegative => (value >= 0.0, "0 or greater".into()),
             Self::Between(low, high) => ((low..=high).contains(&value), format!("from {low} to {high}")),
-            // Beyond 2⁵³ not every whole number is one of an `f64`.
+            // Beyond 2⁵³ an `f64` does not represent every whole number.
             Self::Whole => {
                 (value.fract() == 0.0 && (0.0..=9e15).contains(&value), "a whole number from 0 to 9e15".into())
             }

@@ -1,9 +1,7 @@
-//! Reading what a person wrote, and answering what is wrong with it: file, line, key, value, what is
-//! allowed, and the likely fix, all problems at once.
+//! Reads input files and reports their problems all at once: file, line, key, value, what is allowed, and the likely fix.
 //!
-//! [`section`] walks a TOML table, [`key`] has the form in which its keys are declared; this module holds the text and
-//! renders the answer. Which keys there are is said by the readers: [`crate::setup`], [`crate::campaign`],
-//! [`crate::simulation`].
+//! [`section`] reads a TOML table, [`key`] has the declarations of keys; this module holds the text and renders the messages.
+//! The keys themselves are declared by the parsers of set-ups, campaigns and cases.
 
 pub mod key;
 pub mod regular;
@@ -21,22 +19,22 @@ use toml::de::DeTable;
 pub use section::{Number, Section, Text};
 pub use suggest::{near, replacement};
 
-/// A run folder's campaign, which somebody may mean who names the folder.
+/// Name of the campaign in a run folder, as a hint when a folder is given.
 const CAMPAIGN: &str = "campaign.toml";
 
-/// Where a value stands in its file, in bytes.
+/// Place of a value in its file, in bytes.
 pub type Span = Range<usize>;
 
-/// One thing wrong with a file.
+/// A problem of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// What is wrong, with the key and the value.
+    /// The problem, with key and value.
     pub title: String,
     /// Where.
     pub span: Span,
-    /// What is allowed; stands beside the marked text.
+    /// What is allowed; shown beside the marked text.
     pub allowed: String,
-    /// The likely fix, if one can be told.
+    /// The likely fix, if there is one.
     pub help: Option<String>,
 }
 
@@ -73,7 +71,7 @@ impl Source {
         }
     }
 
-    /// A text that is at hand already; `name` stands for the file in answers.
+    /// A text in memory; `name` is its name in messages.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), text: text.into(), is_recorded: false, problems: Mutex::default() }
@@ -93,11 +91,11 @@ impl Source {
     }
 
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {
-        // A list of problems is sound whatever happened to the thread that added to it.
+        // The list is valid even if a thread panicked while it held the lock.
         self.problems.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What answers call the file: its path, when it was read from one.
+    /// Its name in messages: the path of a file.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -109,7 +107,7 @@ impl Source {
         &self.text
     }
 
-    /// Reads `text`, which stands for the source's own, as TOML; `title` is the problem's when it is none.
+    /// Parses `text` as TOML in place of the source's own; `title` is the problem's title when it is not TOML.
     pub fn read_toml<T>(&self, text: &str, title: &str, read: impl FnOnce(&Section) -> Option<T>) -> Option<T> {
         match DeTable::parse(text) {
             Ok(document) => {
@@ -130,18 +128,18 @@ impl Source {
         }
     }
 
-    /// Notes a problem; reading goes on, so that one answer holds them all.
+    /// Adds a problem; reading continues, so that one message has all problems.
     pub fn report(&self, problem: Problem) {
         self.problems().push(problem);
     }
 
-    /// Whether nothing was wrong so far.
+    /// Whether there are no problems so far.
     #[must_use]
     pub fn is_clean(&self) -> bool {
         self.problems().is_empty()
     }
 
-    /// All problems so far as one answer, in the order of the file.
+    /// All problems so far as one message, in the order of the file.
     ///
     /// # Errors
     /// When there are any.
@@ -154,14 +152,14 @@ impl Source {
         problems.dedup();
         let renderer = Renderer::plain();
         let answers: Vec<String> = problems.iter().map(|p| self.render(&renderer, p)).collect();
-        // The command says "error: " before the first.
+        // The command prints "error: " before the first.
         Err(Refusal(answers.join("\n\nerror: ")))
     }
 
     fn render(&self, renderer: &Renderer, problem: &Problem) -> String {
         let end = problem.span.end.min(self.text.len());
         let start = problem.span.start.min(end);
-        // A header or an inline table can span lines; its first line is enough to point at.
+        // A header or an inline table may span lines; its first line is marked.
         let end = self.text[start..end].find('\n').map_or(end, |n| start + n);
         let snippet = Snippet::source(self.text.as_str())
             .path(self.name.as_str())
@@ -175,7 +173,7 @@ impl Source {
     }
 }
 
-/// Bad input, refused; the text says what, where, and what to do.
+/// Refused input; the text says what, where, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refusal(pub String);

@@ -1,21 +1,20 @@
-//! Every file that is read is a plain file: a pipe or a device in its place would be waited for, or read, for ever.
+//! Opens regular files only: reading a pipe or a device could block or never end.
 
 use std::fs::{self, File, FileType};
 use std::io::{self, Read};
 use std::path::Path;
 
-/// A file that a person names holds at most so much, bytes: a record of millions of samples, or an image with its debug
-/// information, is smaller.
+/// Size limit of an input file, bytes: a record of millions of samples, or an image with debug information, is smaller.
 pub const MOST_BYTES: u64 = 256 << 20;
 
 /// Opens a file to read it.
 ///
 /// # Errors
-/// When it cannot be opened, or is something else: says what.
+/// When it cannot be opened, or is not a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
     let kind = fs::metadata(path)?.file_type();
     if !kind.is_file() {
-        return Err(io::Error::other(format!("this is {}, no plain file", name(kind))));
+        return Err(io::Error::other(format!("this is {}, not a regular file", name(kind))));
     }
     File::open(path)
 }
@@ -30,13 +29,13 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a file that a person named.
+/// Reads an input file.
 ///
 /// # Errors
 /// As [`read`]; when it holds more than [`MOST_BYTES`].
 pub fn read_input(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    // One that still grows, too.
+    // Also limits a file that grows meanwhile.
     open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > MOST_BYTES {
         let message = format!("it holds more than the {} MiB that are read; is it the right file?", MOST_BYTES >> 20);

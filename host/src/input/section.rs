@@ -1,9 +1,9 @@
 //! One TOML table, read key by key: keys that nothing reads are reported as unknown.
 //!
-//! Quantities that are declared ([`super::key`]) are read by [`Section::given`] and what follows it, which apply the
+//! Declared quantities ([`super::key`]) are read by [`Section::given`] and the methods after it, which apply the
 //! declaration; other keys by name. A section may inherit: a key that it does not have is looked up in the table of the
-//! same name at the top of the file. Every problem is noted in the [`Source`], so readers carry on with `None` and the
-//! caller asks for the verdict once at the end.
+//! same name at the top of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the
+//! caller gets all problems at the end.
 
 use std::cell::RefCell;
 
@@ -13,7 +13,7 @@ use toml::de::{DeTable, DeValue};
 use super::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
 use super::{Problem, Source, Span, suggest};
 
-/// A number and where it stands.
+/// A number and its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Number {
     /// The value.
@@ -22,7 +22,7 @@ pub struct Number {
     pub span: Span,
 }
 
-/// A text and where it stands.
+/// A text and its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Text {
     /// The value.
@@ -46,7 +46,7 @@ pub enum Given<'a> {
     Table(Section<'a>),
 }
 
-/// A table of the file, under the name that answers call it by.
+/// A table of the file, with its name in messages.
 #[derive(Debug)]
 pub struct Section<'a> {
     source: &'a Source,
@@ -75,13 +75,13 @@ impl<'a> Section<'a> {
         Self { source, path, span, own, inherited, known: RefCell::default(), missing: RefCell::default() }
     }
 
-    /// The full name of a key of this section, as answers spell it (`set_up[2].particle.mass_kg`).
+    /// The full name of a key of this section in messages (`set_up[2].particle.mass_kg`).
     #[must_use]
     pub fn full(&self, key: &str) -> String {
         if self.path.is_empty() { key.to_string() } else { format!("{}.{key}", self.path) }
     }
 
-    /// Where the section stands.
+    /// Place of the section.
     #[must_use]
     pub fn span(&self) -> Span {
         self.span.clone()
@@ -104,10 +104,10 @@ impl<'a> Section<'a> {
         self.own.contains_key(key)
     }
 
-    /// Notes that the value of `key`, written at `span`, is not allowed.
+    /// Reports that the value of `key`, written at `span`, is not allowed.
     pub fn refuse(&self, key: &str, span: &Span, allowed: impl Into<String>, help: Option<String>) {
         let value = self.source.text().get(span.clone()).and_then(|t| t.lines().next()).unwrap_or_default();
-        // A value that many set-ups inherit is answered once, under the name of where it stands.
+        // An inherited value is reported once, under the name of its own table.
         let name = match self.inherited {
             Some((table, keys)) if !self.own.contains_key(key) && keys.contains_key(key) => format!("{table}.{key}"),
             _ => self.full(key),
@@ -120,17 +120,17 @@ impl<'a> Section<'a> {
         });
     }
 
-    /// As [`Section::refuse`], of the value that the section or the table it inherits from has under `key`.
+    /// As [`Section::refuse`], for the value of `key` in the section or the table that it inherits from.
     pub fn reject(&self, key: &'static str, allowed: impl Into<String>, help: Option<String>) {
         self.refuse(key, &self.span_of(key), allowed, help);
     }
 
-    /// Where the value of `key` stands; the section's place if it has none.
+    /// Place of the value of `key`; the section's place if it has none.
     pub fn span_of(&self, key: &'static str) -> Span {
         self.value(key).map_or(self.span(), Spanned::span)
     }
 
-    /// Notes that a key which must be there is not; `what` says in words what it is.
+    /// Reports a missing key; `what` is its meaning in words.
     pub fn lack(&self, key: &'static str, what: &str) {
         self.missing.borrow_mut().push((vec![key], self.absence(key, what)));
     }
@@ -151,7 +151,7 @@ impl<'a> Section<'a> {
         !self.found(quantity).is_empty()
     }
 
-    /// The key under which a quantity is written; one of the section's own counts before one that it inherits.
+    /// The key under which a quantity is written; the section's own before an inherited one.
     pub fn written(&self, quantity: &Quantity) -> Option<&'static Key> {
         let found = self.found(quantity);
         let own: Vec<&Key> = found.iter().copied().filter(|key| self.has_own(key.name)).collect();
@@ -163,8 +163,8 @@ impl<'a> Section<'a> {
         found.first().copied()
     }
 
-    /// A declared quantity: the place of the key that says it among its keys, and the value; `None` if there is none, or
-    /// after a problem has been noted.
+    /// A declared quantity: the place of its key among its keys, and the value; `None` if there is none, or after a problem
+    /// has been reported.
     pub fn given(&self, quantity: &Quantity) -> Option<(usize, Given<'a>)> {
         let key = self.written(quantity);
         let mut need = quantity.need;
@@ -175,7 +175,7 @@ impl<'a> Section<'a> {
             reason = Some((name, holds));
         }
         match (key, need) {
-            // What the section itself says makes an inherited key void.
+            // The section's own keys override inherited ones.
             (Some(key), Need::Forbidden) => {
                 if self.has_own(key.name) || !reason.is_some_and(|(other, _)| self.has_own(other)) {
                     self.forbid(key, reason);
@@ -184,7 +184,7 @@ impl<'a> Section<'a> {
             }
             (Some(key), _) => Some((quantity.keys.iter().position(|k| k.name == key.name)?, self.read(key)?)),
             (None, Need::Required) => {
-                // A number is what a quantity is in the end, whatever else may say it.
+                // If any of its keys is a number, the message asks for a number.
                 let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
                 let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
                 let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
@@ -205,7 +205,7 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Notes that `key` is written where it must not be; `reason`: the other key, and whether that is written.
+    /// Reports a key that is not allowed; `reason`: the other key, and whether that is written.
     fn forbid(&self, key: &'static Key, reason: Option<(&'static str, bool)>) {
         match reason {
             Some((other, true)) if key.kind == Kind::Table => self.source.report(Problem {
@@ -275,8 +275,8 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Which of `tables`, told apart by their kind, the section is. When that is not known its other keys cannot be
-    /// checked: do not [`finish`](Self::finish) it.
+    /// Which of `tables` the section is, by its kind. When the kind is unknown the other keys cannot be checked: do not
+    /// [`finish`](Self::finish) it.
     pub fn variant(&self, tables: &[Table]) -> Option<usize> {
         let kinds: Vec<&'static str> = tables.iter().filter_map(|table| table.kind).collect();
         if self.value("kind").is_none() {
@@ -286,7 +286,7 @@ impl<'a> Section<'a> {
         self.choice("kind", &kinds)
     }
 
-    /// A finite number within what its unit may measure, if the key is there.
+    /// A finite number within its unit's bounds, if the key is there.
     pub fn number(&self, key: &'static str) -> Option<Number> {
         self.number_in(key, Range::Any)
     }
@@ -306,7 +306,7 @@ impl<'a> Section<'a> {
         number.map(|value| Number { value, span })
     }
 
-    /// A number for which `ok` holds; `allowed` says in words what that is.
+    /// A number for which `ok` holds; `allowed` describes it in words.
     pub fn number_if(&self, key: &'static str, ok: impl Fn(f64) -> bool, allowed: &str) -> Option<Number> {
         let number = self.number(key)?;
         if ok(number.value) {
@@ -321,12 +321,12 @@ impl<'a> Section<'a> {
         self.number_if(key, |v| v > 0.0, "greater than 0")
     }
 
-    /// A number from 0 up.
+    /// A number of 0 or more.
     pub fn not_negative(&self, key: &'static str) -> Option<Number> {
         self.number_if(key, |v| v >= 0.0, "0 or greater")
     }
 
-    /// `read` as a key that must be there; `what` says in words what it is.
+    /// A required key, read by `read`; `what` is its meaning in words.
     pub fn required<T>(
         &self,
         key: &'static str,
@@ -419,8 +419,8 @@ impl<'a> Section<'a> {
         self.value(key).is_some_and(|v| v.get_ref().is_table())
     }
 
-    /// A table inside this one that takes missing keys from `inherited`, the table of that name for all.
-    /// Without a table of its own there is none.
+    /// A table inside this one that takes missing keys from `inherited`, the table of that name at the top of the file. None
+    /// without a table of its own.
     pub fn table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         let value = self.value(key)?;
         let Some(own) = value.get_ref().as_table() else {
@@ -431,12 +431,12 @@ impl<'a> Section<'a> {
         Some(Section::new(self.source, self.full(key), value.span(), own, inherited.map(|t| (key, t))))
     }
 
-    /// The table for all, read in place of one of this section's own.
+    /// The table at the top of the file, read in place of one of this section's own.
     pub fn inherited_table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         Some(Section::new(self.source, key.to_string(), self.span(), inherited?, None))
     }
 
-    /// The table itself, to be inherited from; known, and not read yet.
+    /// The table itself, to be inherited from; its key is known, its content is not read yet.
     pub fn raw_table(&self, key: &'static str) -> Option<&'a DeTable<'a>> {
         self.table(key, None).map(|s| s.own)
     }
@@ -457,7 +457,7 @@ impl<'a> Section<'a> {
         items.iter().enumerate().filter_map(section).collect()
     }
 
-    /// Ends the reading: what was not asked for is unknown, what must be there and is not is missing.
+    /// Ends the reading: reports unknown and missing keys.
     pub fn finish(&self) {
         let mut names: Vec<&str> = self.known.borrow().clone();
         names.sort_unstable();
@@ -480,7 +480,7 @@ impl<'a> Section<'a> {
                 });
             }
         }
-        // A key that is only misspelt is answered once.
+        // A misspelt key is reported once.
         for (keys, problem) in self.missing.take() {
             if !answered.iter().any(|a| keys.contains(&a.as_str())) {
                 self.source.report(problem);

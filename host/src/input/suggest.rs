@@ -1,18 +1,18 @@
-//! Near candidates for a name that is not known.
+//! Suggests near candidates for an unknown name.
 
 /// The candidates that look like `wanted`, best first: at most three, none when nothing is near.
 pub fn near<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let mut scored: Vec<(f64, &str)> = candidates
         .into_iter()
         .map(|c| (strsim::jaro_winkler(&wanted.to_lowercase(), &c.to_lowercase()), c))
-        // Below this two short names share little more than a letter or two.
+        // Below this, two short names share only a letter or two.
         .filter(|(score, _)| *score > 0.75)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     scored.into_iter().take(3).map(|(_, c)| c).collect()
 }
 
-/// Units that people write where the file wants another: suffix written, suffix wanted, factor between.
+/// Common unit mistakes: suffix written, suffix expected, factor between.
 const CONVERSIONS: &[(&str, &str, f64)] = &[
     ("mm", "m", 1e-3),
     ("cm", "m", 1e-2),

@@ -1,7 +1,7 @@
-//! The AT2 files of the PEER ground-motion data base: four lines of words, then accelerations.
+//! Parses AT2 files of the PEER ground-motion data base: four header lines, then accelerations.
 //!
-//! The third line says what the values are and in which unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth how
-//! many and how far apart.
+//! The third line has quantity and unit (`ACCELERATION TIME SERIES IN UNITS OF G`), the fourth the number of values and the
+//! time step.
 
 use super::units::{STANDARD_GRAVITY, finite};
 
@@ -10,15 +10,15 @@ const HEADER_LINES: usize = 6;
 
 /// What an AT2 file holds.
 pub(super) struct At2 {
-    /// Between two values, s.
+    /// Time step, s.
     pub step_s: f64,
     /// Accelerations in the file's unit.
     pub values: Vec<f64>,
-    /// m/s² in that unit: as the header or the case says; g when neither does, which the format means then.
+    /// m/s² per unit, from the header or the case; g when neither states it, as the format defines.
     pub unit_si: f64,
 }
 
-/// Reads the text of one. `unit_si` is what the case says, and counts before what the header says.
+/// Parses the text of an AT2 file. `unit_si` is the case's unit, which takes precedence over the header's.
 ///
 /// # Errors
 /// Names line and value.
@@ -75,7 +75,7 @@ fn counts(header: &str) -> Option<(usize, f64)> {
     Some((count.parse().ok()?, step_s))
 }
 
-/// m/s² in the unit that a header line states, if it states one; an unknown one is let pass when the case gives its own.
+/// m/s² per unit of a header line, if it states one; an unknown unit is ignored when the case gives one.
 fn unit(at: usize, upper: &str, is_given: bool) -> Result<Option<f64>, String> {
     let (series, stated) = match upper.split_once("UNITS OF") {
         Some((series, stated)) => (series, Some(stated)),
@@ -100,7 +100,7 @@ fn unit(at: usize, upper: &str, is_given: bool) -> Result<Option<f64>, String> {
         _ => {
             return Err(format!(
                 "line {at}: the unit {word:?} is not allowed: must be one of an acceleration, G, M/S2, CM/S2 (also CM/S/S, \
-                 CM/SEC**2, GAL) or MM/S2; if the header is wrong, say `unit` in the case"
+                 CM/SEC**2, GAL) or MM/S2; if the header is wrong, give `unit` in the case"
             ));
         }
     };

@@ -29,7 +29,7 @@ tables! {
 /// The table of a recorded base motion.
 pub(crate) const BASE_RECORD: Table = base_record::TABLE;
 
-/// The keys of a record, of a case as of a campaign; its file is found by `find`. Does not finish the table.
+/// Reads the keys of a record in a case or a campaign, and its file, whose path `find` gives. Does not finish the table.
 pub(crate) fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
     let file = s.text_of(&base_record::FILE);
     let quantity = s.word(&base_record::QUANTITY).map(|word| [Recorded::Acceleration, Recorded::Displacement][word]);
@@ -48,7 +48,7 @@ pub(crate) fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option
         time_column: which(s, &base_record::TIME_COLUMN),
     };
     let file = file?;
-    // Other problems of this table are answered first: the file is read by what it says.
+    // Problems of this table are reported first: reading the file depends on its keys.
     if !s.source().is_clean() {
         return None;
     }

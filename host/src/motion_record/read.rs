@@ -1,7 +1,7 @@
-//! Reading recorded motions: tables of text (CSV), and the AT2 files of the PEER ground-motion data base.
+//! Reads recorded motions: CSV tables, and AT2 files of the PEER ground-motion data base.
 //!
-//! What a file cannot say about itself (quantity, unit, which column) is in [`Spec`]; what is wrong with it is answered
-//! with file, line, value and what is allowed.
+//! [`Spec`] has the properties that a file does not state (quantity, unit, column). Errors name file, line, value and what is
+//! allowed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use super::record::{Quantity, Record};
 use super::units::{finite, unit_list};
 use crate::input::{near, regular};
 
-/// A time step may differ by this share from the mean one: printing times with few decimals does that.
+/// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
 
-/// A time may be off the even spacing by this share of a step.
+/// Allowed deviation of a time from even spacing, as a share of a step.
 const OFF_GRID: f64 = 0.25;
 
 /// Which column.
@@ -26,16 +26,16 @@ pub enum Which {
     Name(String),
 }
 
-/// What is known about a record besides its file.
+/// Properties of a record that its file does not state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spec {
-    /// What it holds; an AT2 file says so itself.
+    /// Its quantity; an AT2 file states it.
     pub quantity: Option<Quantity>,
-    /// SI units in a unit of the file; an AT2 file says so itself.
+    /// SI units per unit of the file; an AT2 file states it.
     pub unit_si: Option<f64>,
-    /// Every value times this.
+    /// Factor on every value.
     pub scale: Option<f64>,
-    /// Between two samples, s; else there is a column of times.
+    /// Time step, s; else there is a column of times.
     pub time_step_s: Option<f64>,
     /// The values' column; else the first that is not the times'.
     pub column: Option<Which>,
@@ -56,7 +56,7 @@ pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
     let text = regular::read_input(path)
         .map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
     if text.contains(&0) {
-        return Err(RecordError(format!("{}: this is no text: it must be CSV or an AT2 file", path.display())));
+        return Err(RecordError(format!("{}: this is not a text: it must be CSV or an AT2 file", path.display())));
     }
     let text = String::from_utf8_lossy(&text);
     let is_at2 = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("at2")) || text.starts_with("PEER ");
@@ -126,7 +126,7 @@ fn rows(text: &str) -> Result<Rows, String> {
             rows.push((line, fields));
         }
     }
-    // NaN is a number that is refused where it stands, not a name.
+    // NaN is refused as a value, it is not a column name.
     let is_name = |field: &String| field.parse::<f64>().is_err();
     let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(is_name));
     let header = if has_header { Some(rows.remove(0).1) } else { None };
@@ -151,7 +151,7 @@ impl Rows {
     }
 }
 
-/// Characters of the columns' names in an answer.
+/// Characters of the columns' names in a message.
 const MOST_OF_NAMES: usize = 200;
 
 /// The time step, s, and the values of a table.
@@ -198,7 +198,7 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
                 format!("line {line}, column {}: {text:?} is not allowed: must be a finite number{fix}", column + 1)
             })
         };
-        // A decimal comma makes two columns of one.
+        // A decimal comma splits a number into two columns.
         if let Some(more) = fields.get(width..).filter(|more| more.iter().any(|field| !field.is_empty())) {
             let count = width + more.len();
             return Err(format!("line {line}: {count} columns where the first row has {width}"));

@@ -1,7 +1,7 @@
-//! Before anything moves: whether the drive can deliver what the experiments ask of it.
+//! Refuses experiments that need more than the drive delivers, before the rig moves.
 //!
-//! How far the drive goes is said by the calibration of the rig's drive ([`damprig_core::control::drive`]). The device refuses the same
-//! when an experiment is configured; here the answer points at the line in the campaign.
+//! The drive's range follows from its calibration ([`damprig_core::control::drive`]). The device refuses the same when an
+//! experiment is configured; this check gives the line in the campaign.
 
 use damprig_core::control::stepped_sine::Drive;
 
@@ -17,14 +17,14 @@ struct TooMuch {
     span: Span,
     asked_m: f64,
     key: &'static str,
-    /// What would fit, as a person would write it.
+    /// The largest value that would fit.
     fits_m: f64,
 }
 
 /// Refuses what a drive of ± `drive_m` cannot deliver.
 ///
 /// # Errors
-/// One answer for all of it, each part pointing at what gives the amplitude.
+/// One message for all of them, each with the line of the key that sets the amplitude.
 pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result<(), Refusal> {
     let mut all: Vec<TooMuch> = Vec::new();
     for experiment in &campaign.experiments {
@@ -80,7 +80,7 @@ fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
     })
 }
 
-/// A closed loop's limit that is given and beyond the drive's.
+/// A stated limit of a closed loop that exceeds the drive's range.
 fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
     let limit = sine.drive_limit.as_ref().filter(|_| matches!(sine.drive, Drive::ClosedLoop(_)))?;
     (limit.value as f32 > drive_m as f32).then(|| TooMuch {
@@ -99,10 +99,10 @@ fn record_too_high(
     z_peak_m: f64,
     drive_m: f64,
 ) -> Option<TooMuch> {
-    // Between its samples a record may go further than at them.
+    // The spline may overshoot between samples.
     let peak_m = z_peak_m.max(playback.peak_m());
     (peak_m as f32 > drive_m as f32).then(|| TooMuch {
-        title: format!("experiment {experiment:?} on set-up {set_up:?} goes too far"),
+        title: format!("experiment {experiment:?} on set-up {set_up:?} exceeds the drive's range"),
         span: playback.span.clone(),
         asked_m: peak_m,
         key: if playback.key == "amplitude_m" { playback.key } else { "target_peak_m" },

@@ -1,11 +1,11 @@
-//! Before anything moves: how far each set-up will swing, and whether the sensors can follow. Records, pulses and free
-//! vibrations are [`transient`]'s.
+//! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
+//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`].
 //!
-//! Each set-up is simulated through the campaign's own points with the sampled driver in `f64`, the base
-//! motion given as cubics that meet the sine's displacement and velocity at the ends of every step. A cubic
-//! over a step h misses a sine of angular frequency Ω by at most (Ωh)⁴/384 of its amplitude; with at least
-//! 64 steps in a period that is 2.5·10⁻⁷. The largest |x| is looked for at the steps: a sine's peak is missed by at
-//! most 1 − cos(π/64) = 0.12 %, within the 2 % that are kept free ([`USABLE`]).
+//! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
+//! cubics that match the sine's displacement and velocity at the ends of every step. The error of a cubic over a step h for
+//! a sine of angular frequency Ω is at most (Ωh)⁴/384 of its amplitude: 2.5·10⁻⁷ with at least 64 steps a period. The
+//! largest |x| is taken at the steps: the error of a sine's peak is at most 1 − cos(π/64) = 0.12 %, within the 2 % margin
+//! ([`USABLE`]).
 
 pub mod drive;
 pub mod transient;
@@ -23,7 +23,7 @@ use crate::campaign::transient::two_digits_down;
 use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 
-/// How far a set-up swings.
+/// The largest displacement of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// Largest |x|, m.
@@ -37,21 +37,20 @@ pub struct Swing {
 pub struct Prediction {
     /// Position of the set-up in the campaign.
     pub set_up: usize,
-    /// How far it swings over all its points.
+    /// The largest displacement over all its points.
     pub swing: Swing,
 }
 
 /// Steps in a period of the drive, at least.
 const STEPS_PER_PERIOD: f64 = 64.0;
 
-/// Share of the displacement limit that a prediction may use up: what is left is for noise, resolution and
-/// what the model does not know.
+/// Share of the displacement limit that a prediction may reach; the rest is for noise, resolution and model error.
 pub const USABLE: f64 = 0.98;
 
 /// Predicts every set-up that a stepped sine uses, in the order of the campaign.
 ///
 /// # Errors
-/// A parameter that the simulation cannot take, with the set-up's name.
+/// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
     let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
     let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
@@ -66,10 +65,10 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
     predictions
 }
 
-/// Refuses set-ups that would leave the displacement limit, with the largest Z that would fit.
+/// Refuses set-ups that would exceed the displacement limit, and gives the largest Z that would fit.
 ///
 /// # Errors
-/// One answer for all of them, each pointing at the set-up's base amplitude.
+/// One message for all of them, each with the line of the set-up's base amplitude.
 pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refusal> {
     let limit = campaign.rig.structure_limit_m();
     let [range_m, _] = campaign.rig.sensor_range_m();
@@ -89,7 +88,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
                 trim(f64::from(range_m) * 1e3),
             ),
             span: set_up.base_amplitude_span.clone(),
-            allowed: format!("Z = {} mm is too much for this set-up", trim(set_up.base_amplitude_m * 1e3)),
+            allowed: format!("Z = {} mm is too large for this set-up", trim(set_up.base_amplitude_m * 1e3)),
             help: fix.map(|(z, swing)| {
                 format!("write base_amplitude_m = {z} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
             }),
@@ -105,8 +104,8 @@ fn trim(value: f64) -> String {
 
 /// The largest base amplitude of two digits that keeps the set-up within the limit, with its prediction.
 ///
-/// |x| need not rise steadily with Z, so candidates are simulated one by one, from the amplitude that would fit
-/// in proportion downwards.
+/// |x| may not be monotonic in Z, so candidates are simulated one by one, downwards from the amplitude that would fit in
+/// proportion.
 fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> Option<(f64, Swing)> {
     let z = campaign.set_ups[prediction.set_up].base_amplitude_m;
     let mut candidate = two_digits_down(z * USABLE * limit / prediction.swing.max_x_m);

@@ -1,8 +1,8 @@
-//! Before anything moves: how far base and structure will go on a record, a pulse, or after a release.
+//! Predicts displacements of base and structure for a record, a pulse, or a release, before the rig moves.
 //!
-//! The base motion is the very spline that the device plays through the counts of the record, in `f64`, each of its cubics
-//! cut into steps of at most a tick; the window is the device's. The base follows exactly. |x| is looked for at the steps: at
-//! 2.5 Hz a peak is missed by (Ωh)²/8 = 3·10⁻⁵.
+//! The base motion is the spline that the device plays through the record's counts, in `f64`, each cubic divided into steps
+//! of at most a tick; the measured window is the device's. The base follows exactly. The largest |x| is taken at the steps:
+//! at 2.5 Hz the error of a peak is (Ωh)²/8 = 3·10⁻⁵.
 
 use damprig_core::integrator::base::Segment;
 use damprig_core::integrator::sampled::Sampled;
@@ -14,12 +14,12 @@ use super::USABLE;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
 use crate::input::{Problem, Refusal};
 
-/// What is to be expected of one experiment on one set-up. Lengths in m.
+/// The prediction for one experiment on one set-up. Lengths in m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outlook {
     /// max |x|.
     pub x_peak_m: f64,
-    /// RMS of x over what the device measures.
+    /// RMS of x over the measured window.
     pub x_rms_m: f64,
     /// max |z|.
     pub z_peak_m: f64,
@@ -31,10 +31,10 @@ pub struct Outlook {
     pub impacts: u32,
 }
 
-/// The outlook of an experiment that is one event; `None` of a stepped sine.
+/// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine.
 ///
 /// # Errors
-/// A parameter that the simulation cannot take.
+/// A parameter that cannot be simulated.
 pub fn outlook(set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Option<Outlook>, Invalid> {
     match &experiment.kind {
         Kind::SteppedSine(_) => Ok(None),
@@ -82,7 +82,7 @@ impl damprig_core::integrator::sampled::Observer<f64> for Count {
     }
 }
 
-/// How many steps an interval is cut into.
+/// Number of steps of an interval.
 fn parts(set_up: &CampaignSetUp, interval_s: f64) -> Result<u32, Invalid> {
     let by_tick = (interval_s / STEP_S).ceil().max(1.0);
     let in_step = Sampled::<f64>::steps_per_sample(&set_up.model(), interval_s / by_tick)?;
@@ -103,7 +103,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
         playback.bytes().as_chunks::<2>().0.iter().map(|two| scale * f64::from(i16::from_le_bytes(*two))).collect();
     let count = counts.len() as i64;
     let length_s = (count + 3) as f64 * interval_s;
-    // Ends that are ramped by the device: a smooth step by time.
+    // The device ramps the ends by a smooth step in time.
     let ramp = |t_s: f64| {
         let gain = |since_s: f64| if playback.ramp_s > 0.0 { (since_s / playback.ramp_s).clamp(0.0, 1.0) } else { 1.0 };
         let gain = gain(t_s).min(gain(length_s - t_s));
@@ -122,7 +122,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
                 ((node + 2) as f64 * interval_s + from * interval_s, (node + 2) as f64 * interval_s + to * interval_s);
             let (z0, z1) = (ramp(t0) * value(from), ramp(t1) * value(to));
             let segment = if playback.ramp_s > 0.0 {
-                // The product of ramp and cubic by its ends' slopes.
+                // The product of ramp and cubic, by its values and slopes at the ends.
                 let change = |t: f64, z: f64| (ramp(t + 0.5 * step_s) - ramp(t - 0.5 * step_s)) * z;
                 let (v0, v1) =
                     (ramp(t0) * slope(from) + change(t0, value(from)), ramp(t1) * slope(to) + change(t1, value(to)));
@@ -155,18 +155,18 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration) -> Result<Outlook, Inv
     Ok(outlook)
 }
 
-/// The outlook of an experiment on a set-up, by their places in the campaign.
+/// The prediction for an experiment on a set-up, by their places in the campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
     /// The set-up.
     pub set_up: usize,
     /// The experiment.
     pub experiment: usize,
-    /// What is to be expected.
+    /// The prediction.
     pub outlook: Outlook,
 }
 
-/// All of a campaign, in the order in which they are run.
+/// Predicts all records, pulses and free vibrations of a campaign, in the order in which they are run.
 ///
 /// # Errors
 /// A parameter that the simulation cannot take, with the set-up's name.
@@ -182,10 +182,10 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
     Ok(all)
 }
 
-/// Refuses what would leave the displacement limit or the shaker's stroke, with the height that would fit.
+/// Refuses experiments that would exceed the displacement limit or the shaker's stroke, and gives the peak that would fit.
 ///
 /// # Errors
-/// One answer for all of them, each pointing at what gives the height.
+/// One message for all of them, each with the line of the key that sets the peak.
 pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> {
     let (limit, base_limit) = (campaign.rig.structure_limit_m(), campaign.rig.base_limit_m());
     let stroke = campaign.rig.shaker.map_or(f64::INFINITY, |shaker| shaker.half_stroke_m);
@@ -217,7 +217,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
                 mm(most)
             ),
             span,
-            allowed: format!("`{key}` makes it too high for this set-up"),
+            allowed: format!("`{key}` is too large for this set-up"),
             help: fits.map(|peak| {
                 let key = if key == "amplitude_m" { key } else { "target_peak_m" };
                 format!("write {key} = {peak}")
@@ -227,7 +227,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
     campaign.source.verdict()
 }
 
-/// The largest peak of two digits at which a record fits. |x| need not rise steadily with it: candidates are simulated.
+/// The largest peak of two digits at which a record fits. |x| may not be monotonic in it, so candidates are simulated.
 fn fitting(set_up: &CampaignSetUp, playback: &Playback, most_z_m: f64, limit_m: f64) -> Option<f64> {
     let (before, most) = (playback.peak_m(), USABLE * limit_m);
     let mut candidate = before.min(most_z_m);

@@ -92,11 +92,11 @@ impl Run<'_> {
     fn end_drive(&mut self, result: &Result<(), RunError>) {
         match result {
             Err(RunError::Session(SessionError::Broken { .. } | SessionError::Silent { .. })) => {
-                self.session.stop_blindly()
+                self.session.stop_without_reply()
             }
             _ => {
-                if self.session.silence_the_drive().is_err() {
-                    self.session.stop_blindly();
+                if self.session.stop_drive().is_err() {
+                    self.session.stop_without_reply();
                 }
             }
         }

@@ -156,6 +156,6 @@ impl<'a> Run<'a> {
 
     pub(super) fn end_telemetry(&mut self) -> Result<(), SessionError> {
         let ask = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
-        self.session.tell("end the telemetry", ask)
+        self.session.execute("end the telemetry", ask)
     }
 }

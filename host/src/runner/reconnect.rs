@@ -33,7 +33,7 @@ impl Run<'_> {
 
     fn try_until_deadline(&mut self, reconnect: &mut Reconnect, lost: SessionError) -> Result<(), RunError> {
         // The device may still receive although nothing arrives from it: stop the drive.
-        self.session.stop_blindly();
+        self.session.stop_without_reply();
         self.session.close();
         self.interrupted(&format!("{lost}; trying to reconnect for up to {} s", reconnect.within.as_secs_f64()));
         let deadline = Instant::now() + reconnect.within;

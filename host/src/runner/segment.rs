@@ -145,9 +145,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let session = &mut *self.run.session;
         if session.description.plant != PlantKind::Real {
             let plant = wire_mapping::plant(rig, set_up, experiment);
-            session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
+            session.execute("take the simulated set-up", Ask::SetPlant(plant))?;
         }
-        session.tell(
+        session.execute(
             "take the twin's set-up",
             Ask::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
         )?;
@@ -167,8 +167,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             }
             Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
         };
-        session.tell("take the experiment", ask)?;
-        session.tell("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
+        session.execute("take the experiment", ask)?;
+        session.execute("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
         let keeps_ratio = experiment.stepped_sine().is_some();
         match set_up.spring() {
             Some(spring) => self.run.set_spring(set_up, &spring, keeps_ratio),
@@ -182,7 +182,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             signals: self.places.iter().map(|&place| place as u8).collect(),
             impacts: self.task.set_up.model().particle.is_some(),
         };
-        Ok(self.run.session.tell("send telemetry", ask)?)
+        Ok(self.run.session.execute("send telemetry", ask)?)
     }
 
     fn follow(&mut self, before_s: f64) -> Result<End, RunError> {
@@ -200,7 +200,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     self.handle(report)?;
                 }
                 // Under a granted clock all reports arrive before the message that the credit is used up.
-                None if !self.run.session.has_heard_all() => {}
+                None if !self.run.session.has_used_up_credit() => {}
                 None => {
                     self.progress.quiet();
                     self.record_held()?;
@@ -391,7 +391,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let is_transient = self.task.experiment.stepped_sine().is_none();
         for index in self.progress.missing_points(until) {
             let ask = if is_transient { Ask::Transient } else { Ask::Result { index } };
-            match self.run.session.ask("repeat a result", ask) {
+            match self.run.session.request("repeat a result", ask) {
                 Ok(Answer::Transient(result)) => {
                     self.progress.point_done(index, result.end_tick.saturating_sub(1));
                     self.take_transient(&result);

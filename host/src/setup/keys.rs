@@ -1,4 +1,4 @@
-//! The keys of a set-up: name, type, range, default and meaning of each. The one place where they are declared.
+//! Declares the keys of a set-up: name, type, range, default and meaning of each.
 
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};

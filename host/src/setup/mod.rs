@@ -1,8 +1,7 @@
-//! One set-up as a person writes it, in a case ([`crate::simulation`]) as in a campaign ([`crate::campaign`]): the same
-//! keys, the same model.
+//! Parses a set-up, in a case as in a campaign: the same keys give the same model.
 //!
-//! [`TABLES`] declares the keys; here is what they mean together. Which values are physical is the model's to say
-//! ([`damprig_core::model`]), how the base moves is the file's.
+//! [`TABLES`] declares the keys; this module combines them. The model checks which values are physical
+//! ([`damprig_core::model`]); the base motion is not part of a set-up.
 
 mod keys;
 mod spec;
@@ -32,7 +31,7 @@ pub enum BaseAmplitude {
     Unread,
 }
 
-/// What a file says once for all its set-ups.
+/// Keys at the top of a file, for all its set-ups.
 #[derive(Clone, Debug, Default)]
 pub struct Shared<'a> {
     tables: Vec<(&'static str, &'a DeTable<'a>)>,
@@ -54,10 +53,9 @@ impl<'a> Shared<'a> {
 }
 
 /// Reads the set-up that `section` describes, a case or a `[[set_up]]` of a campaign, without finishing the section;
-/// `None` after a problem has been noted.
+/// `None` after a problem has been reported.
 ///
-/// `sample_s` is the interval of the samples that move the base, s, if samples do: a structure too fast for them is
-/// refused.
+/// `sample_s` is the sample interval of a recorded base motion, s: a structure too fast for it is refused.
 pub fn read<'a>(
     section: &Section<'a>,
     shared: &Shared<'a>,
@@ -117,7 +115,7 @@ fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {
     Some(read)
 }
 
-/// c, N·s/m, from a damping ratio (0) or as it is (1).
+/// c, N·s/m, from a damping ratio (0) or stated (1).
 fn damping_of((spelling, damping): (usize, f64), mass_kg: f64, stiffness_n_per_m: f64) -> f64 {
     if spelling == 0 { 2.0 * damping * (stiffness_n_per_m * mass_kg).sqrt() } else { damping }
 }
@@ -135,12 +133,12 @@ fn relative(s: &Section, quantity: &Quantity, base: BaseAmplitude) -> Option<Rel
     }
 }
 
-/// Whether there may be a base amplitude that the quantity refers to under its key at `place`.
+/// Whether there can be a base amplitude for the quantity's key at `place`, which is relative to one.
 fn refers(s: &Section, quantity: &Quantity, place: usize, base: BaseAmplitude) -> bool {
     if let BaseAmplitude::Absent(why) = base {
         let is_absolute = |key: &&Key| matches!(key.kind, Kind::Number(_)) && !key.name.ends_with("_ratio");
         let absolute = quantity.keys.iter().find(is_absolute).map_or("", |key| key.name);
-        let help = format!("write `{absolute}`, or say what Z is with `base_amplitude_m` at the top of the case");
+        let help = format!("write `{absolute}`, or give Z as `base_amplitude_m` at the top of the case");
         s.reject(quantity.keys[place].name, format!("is relative to Z, and {why}"), Some(help));
     }
     !matches!(base, BaseAmplitude::Absent(_))
@@ -186,8 +184,7 @@ fn read_wall(s: &Section, structure: Option<&Structure>, particle_mass_kg: Optio
     wall
 }
 
-/// k1 as it is, by its material's name, or from storage modulus and shape factor; c1 as it is, or from the loss factor by a
-/// law.
+/// k1 stated, by its material's name, or from storage modulus and shape factor; c1 stated, or from the loss factor by a law.
 fn read_voigt(s: &Section, structure: Option<&Structure>, particle_mass_kg: Option<f64>) -> Option<Wall> {
     let shape = s.scalar(&wall_voigt::SHAPE);
     let (stiffness, material_loss) = match s.given(&wall_voigt::STIFFNESS) {
@@ -238,7 +235,7 @@ fn read_spring(s: &Section, base: BaseAmplitude) -> Option<SpringSpec> {
     Some(SpringSpec { target: target?, friction_coefficient: friction?, stiffness_n_per_m: stiffness?, states })
 }
 
-/// Tuned by a rule, by ratios, or as it is.
+/// Tuned by a rule, by ratios, or stated.
 fn read_tmd(s: &Section, structure: Option<&Structure>) -> Option<Tmd> {
     let mass = s.one_of(&tmd::MASS).and_then(|mass| mass_of(mass, structure));
     let spring = s.given(&tmd::SPRING);

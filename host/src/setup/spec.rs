@@ -1,4 +1,4 @@
-//! A set-up as written: what is relative to the base amplitude stays so until Z is known.
+//! A set-up as written: quantities relative to the base amplitude are resolved once Z is known.
 
 use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Tmd, Wall};
@@ -10,7 +10,7 @@ pub(super) enum Relative {
     Ratio(f64),
 }
 
-/// Where the particle stands at the start.
+/// Position of the particle at the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Place {
     /// Share of the clearance from the centre, −1 to 1.
@@ -26,7 +26,7 @@ pub(super) struct ParticleSpec {
     pub(super) friction_coefficient: f64,
     pub(super) wall: Wall,
     pub(super) place: Place,
-    /// The place was written, not left to its default.
+    /// The position was written, not left to its default.
     pub(super) is_placed: bool,
 }
 
@@ -39,14 +39,14 @@ impl ParticleSpec {
     }
 }
 
-/// A friction damper of constant force, or one whose spring the rig tunes.
+/// A friction damper of constant force, or one whose spring the rig adjusts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Friction {
     Constant(Relative),
     Tuned(SpringSpec),
 }
 
-/// What the friction damper's spring is set to.
+/// Target of the friction damper's spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpringTarget {
     /// γF = μe·F_N/(kZ), kept while Z changes.
@@ -57,14 +57,14 @@ pub enum SpringTarget {
     Deflection(f64),
 }
 
-/// A friction damper whose spring the rig tunes by itself.
+/// A friction damper whose spring the rig adjusts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpringSpec {
-    /// What it is set to.
+    /// Its target.
     pub target: SpringTarget,
     /// μe between block and base; the board's unless stated.
     pub friction_coefficient: f64,
-    /// k_s as far as known, N/m: the rig measures it; the board's unless stated.
+    /// Approximate k_s, N/m (the rig measures it); the board's unless stated.
     pub stiffness_n_per_m: f64,
     /// Whether the campaign states the friction coefficient, and whether the stiffness.
     pub(super) states: [bool; 2],
@@ -78,7 +78,7 @@ impl SpringSpec {
         [friction.then_some(self.friction_coefficient), stiffness.then_some(self.stiffness_n_per_m)]
     }
 
-    /// The normal force that is wanted on a structure of this stiffness at base amplitude Z, N.
+    /// The normal force of the target on a structure of this stiffness at base amplitude Z, N.
     #[must_use]
     pub fn normal_force_n(&self, structure_stiffness_n_per_m: f64, base_amplitude_m: f64) -> f64 {
         match self.target {
@@ -91,7 +91,7 @@ impl SpringSpec {
     }
 }
 
-/// A set-up as written: some of it may scale with the base amplitude.
+/// A set-up as written; quantities may be relative to the base amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetUpSpec {
     pub(super) structure: Structure,
@@ -102,7 +102,7 @@ pub struct SetUpSpec {
 }
 
 impl SetUpSpec {
-    /// Takes what the campaign does not state of the spring from the board's settings.
+    /// Completes the spring properties that the campaign does not state from the board's settings.
     pub(crate) fn on_board(&mut self, board: &SpringConfig) {
         let Some(Friction::Tuned(spring)) = &mut self.friction else { return };
         let [friction, stiffness] = spring.stated();
@@ -136,7 +136,7 @@ impl SetUpSpec {
         }
     }
 
-    /// Whether any of it is relative to the base amplitude.
+    /// Whether any quantity is relative to the base amplitude.
     #[must_use]
     pub fn is_relative(&self) -> bool {
         let by_friction = match self.friction {
@@ -156,13 +156,13 @@ impl SetUpSpec {
         })
     }
 
-    /// Whether it says where the particle starts.
+    /// Whether it states where the particle starts.
     #[must_use]
     pub fn places_particle(&self) -> bool {
         self.particle.is_some_and(|p| p.is_placed)
     }
 
-    /// The friction damper's spring, where the rig tunes it.
+    /// The friction damper's spring, if the rig adjusts it.
     #[must_use]
     pub fn spring(&self) -> Option<SpringSpec> {
         match self.friction {

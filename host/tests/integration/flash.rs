@@ -156,6 +156,6 @@ fn a_pipe_or_a_folder_is_no_image_and_is_not_waited_for() {
             damprig(&folder).args(["flash", file]).timeout(crate::common::PATIENCE).output().expect("the command");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("cannot read the image {file}: this is {kind}, no plain file")), "{said}");
+        assert!(said.contains(&format!("cannot read the image {file}: this is {kind}, not a regular file")), "{said}");
     }
 }

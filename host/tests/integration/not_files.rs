@@ -35,7 +35,7 @@ fn a_pipe_a_folder_or_a_device_in_place_of_a_file_is_refused_by_name_in_every_co
             patient(&folder, command)
                 .assert()
                 .code(2)
-                .stderr(contains(format!("cannot read {file}: this is {kind}, no plain file")));
+                .stderr(contains(format!("cannot read {file}: this is {kind}, not a regular file")));
         }
     }
 }
@@ -53,7 +53,7 @@ fn a_pipe_in_place_of_a_record_is_refused_where_the_campaign_or_the_case_names_i
     let campaign = shipped("campaigns/transients.toml").replace("records/synthetic.csv", "quake.csv");
     std::fs::write(folder.path().join("test.toml"), campaign).unwrap();
     for command in [["simulate", "case.toml"], ["run", "test.toml"]] {
-        patient(&folder, &command).assert().code(2).stderr(contains("quake.csv: this is a pipe, no plain file"));
+        patient(&folder, &command).assert().code(2).stderr(contains("quake.csv: this is a pipe, not a regular file"));
     }
 }
 
@@ -65,7 +65,7 @@ fn a_run_folder_in_place_of_a_campaign_leads_to_the_campaign_in_it() {
     patient(&folder, &["run", "out", "--dry-run"])
         .assert()
         .code(2)
-        .stderr(contains("this is a folder, no plain file").and(contains("did you mean out/campaign.toml?")));
+        .stderr(contains("this is a folder, not a regular file").and(contains("did you mean out/campaign.toml?")));
 }
 
 #[test]

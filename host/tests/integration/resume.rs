@@ -148,7 +148,7 @@ fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
     assert_eq!(result_rows(&run), 3);
     let begun = sample_rows(&run);
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-    let words = "set-up \"hybrid\", \"sweep\" goes on at 2.4 Hz, from rest";
+    let words = "set-up \"hybrid\", \"sweep\" continues at 2.4 Hz, from rest";
     answer.stdout(contains("3 of 6 points are kept as they are").and(contains(words)).and(contains("6 of 6 points")));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&run), measured(&folder.path().join("whole")));
@@ -165,7 +165,7 @@ fn a_sweep_that_carries_its_motion_over_begins_anew() {
     let (folder, _) = cut_off(&campaign);
     // Cut off with one more point taken than a set-up has: one counts no more when the second sweep begins anew.
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-    answer.stdout(contains("begins anew: the motion at 2.4 Hz cannot be carried over"));
+    answer.stdout(contains("starts from its beginning: the motion at 2.4 Hz cannot be carried over"));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
 }
@@ -246,7 +246,7 @@ fn a_board_that_is_reset_in_mid_run_goes_on_at_the_interrupted_point() {
         if is_point(message) && points == 2 { Fate::Reset } else { Fate::Pass }
     });
     let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--timeout", "1.5"];
-    damprig(&folder).args(arguments).assert().success().stderr(contains("it was reset"));
+    damprig(&folder).args(arguments).assert().success().stderr(contains("the device was reset during the run"));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
 }

@@ -140,7 +140,7 @@ fn another_protocol_version_is_refused_with_both_sides_named() {
     });
     let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig]).assert().code(1);
     answer.stderr(
-        contains("speaks another protocol: device version 77 (schema abababababababab, firmware 9.9.9 on elsewhere)")
+        contains("has another protocol: device version 77 (schema abababababababab, firmware 9.9.9 on elsewhere)")
             .and(contains(format!("this program version {}", damprig_protocol::VERSION))),
     );
     stranger.join().unwrap();

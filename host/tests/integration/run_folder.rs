@@ -217,7 +217,7 @@ fn two_programs_do_not_take_one_folder() {
     first.write_campaign("name = \"first\"").unwrap();
     assert!(second.claim().unwrap_err().to_string().contains("another damprig is recording"));
     drop(journal);
-    assert!(second.claim().unwrap_err().to_string().contains("another damprig has just begun"));
+    assert!(second.claim().unwrap_err().to_string().contains("another damprig has just started"));
 }
 
 #[cfg(unix)]
@@ -238,8 +238,13 @@ fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
     std::fs::remove_file(&part).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&part).status().unwrap().success());
     let verify = damprig(&folder).args(["runs", "verify", "out"]).timeout(PATIENCE).assert().code(1);
-    verify.stdout(contains("000001.parquet: cannot read it: this is a pipe, no plain file"));
+    verify.stdout(contains("000001.parquet: cannot read it: this is a pipe, not a regular file"));
     let export = ["runs", "export", "out", "--format", "csv"];
-    damprig(&folder).args(export).timeout(PATIENCE).assert().code(1).stderr(contains("this is a pipe, no plain file"));
+    damprig(&folder)
+        .args(export)
+        .timeout(PATIENCE)
+        .assert()
+        .code(1)
+        .stderr(contains("this is a pipe, not a regular file"));
     damprig(&folder).args(["run", "--resume", "out"]).timeout(PATIENCE).assert().success();
 }

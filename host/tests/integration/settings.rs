@@ -38,7 +38,7 @@ fn a_changed_setting_is_in_use_at_once_and_says_that_it_is_not_saved() {
     let told = out(board.settings(&["set", "spring.step_m=4e-6", "safety.wall_force_n=300"]).success());
     assert!(told.contains("spring.step_m: 5e-6 -> 4e-6") && told.contains("unless they are saved"), "{told}");
     let shown = board.shown();
-    assert!(shown.contains("step_m = 4e-6") && shown.contains("set since, not stored"), "{shown}");
+    assert!(shown.contains("step_m = 4e-6") && shown.contains("changed, not stored"), "{shown}");
     assert_eq!(out(board.settings(&["save"]).success()), "saved\n");
     assert!(board.shown().contains("(stored)"));
 }
@@ -105,7 +105,7 @@ fn the_settings_of_the_board_are_in_the_runs_manifest() {
     let run = ["run", "test.toml", "--out", "run", "--rig", &board.rig];
     damprig(&board.folder).args(run).assert().success();
     let device = &manifest(&board.folder.path().join("run"))["device"];
-    assert_eq!(device["settings"]["source"], "set since, not stored");
+    assert_eq!(device["settings"]["source"], "changed, not stored");
     assert_eq!(device["settings"]["spring"]["step_m"], 4e-6);
     assert!(board.shown().contains("step_m = 4e-6"), "a run changed the settings");
 }

@@ -1,4 +1,4 @@
-//! Ways to a rig: bytes out, bytes in. What the bytes mean is [`crate::client::session`]'s business.
+//! Byte links to a rig: in-process, TCP and serial.
 
 mod serial;
 mod tcp;
@@ -28,7 +28,7 @@ pub trait Link: Send {
     fn receive(&mut self, into: &mut Vec<u8>, wait: Duration) -> io::Result<()>;
 }
 
-/// A link that was given up: its port is free for others.
+/// A closed link: its port is free for other users.
 #[derive(Clone, Copy, Debug)]
 pub struct Closed;
 
@@ -49,7 +49,7 @@ pub enum Address {
     Virtual {
         /// `f32`, to compare with a board bit for bit.
         single: bool,
-        /// The board's settings, a file as `damprig settings export` writes it; as delivered without one.
+        /// File of the board's settings, as `damprig settings export` writes it; default settings without one.
         board: Option<PathBuf>,
     },
     /// `HOST:PORT`.
@@ -109,7 +109,7 @@ fn virtual_board(text: &str) -> Result<Address, String> {
 }
 
 impl Address {
-    /// The virtual rig in double precision, its board as delivered.
+    /// The virtual rig in double precision with default settings.
     pub const VIRTUAL: Self = Self::Virtual { single: false, board: None };
 }
 
@@ -124,7 +124,7 @@ pub struct Unreachable {
 /// Opens the link to a rig.
 ///
 /// # Errors
-/// Names the address, what went wrong, and what to look at.
+/// Names the address, the cause, and what to check.
 pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
     let failed = |message: String| Unreachable { address: address.to_string(), message };
     Ok(match address {
@@ -138,7 +138,7 @@ pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
     })
 }
 
-/// Nothing arrived in time: not an error of a [`Link`].
+/// Whether an error only means that nothing arrived in time.
 fn is_quiet(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_address_is_told_what_is_allowed() {
+    fn a_wrong_address_is_refused_with_what_is_allowed() {
         for text in [
             "",
             "usb",

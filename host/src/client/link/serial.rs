@@ -18,13 +18,13 @@ impl Serial {
             .timeout(Duration::from_millis(50))
             .open()
             .map_err(|e| format!("{e}{}", candidates(&name)))?;
-        // What an earlier session left on the way means nothing to this one.
+        // Bytes in transit belong to an earlier session.
         port.clear(ClearBuffer::Input).map_err(|e| e.to_string())?;
         Ok(Self(port))
     }
 }
 
-/// The ports that there are.
+/// The serial ports of this machine, as a hint.
 fn candidates(wanted: &str) -> String {
     let ports: Vec<String> =
         serialport::available_ports().unwrap_or_default().into_iter().map(|p| p.port_name).collect();

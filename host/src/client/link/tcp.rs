@@ -17,7 +17,7 @@ impl Tcp {
         for address in addresses {
             match TcpStream::connect_timeout(&address, CONNECT_WAIT) {
                 Ok(stream) => {
-                    // Requests are small and waited for: they must not be held back to be sent together.
+                    // Requests are small and their replies are waited for, so they must not be delayed to be sent together.
                     stream.set_nodelay(true).map_err(|e| e.to_string())?;
                     return Ok(Self(stream));
                 }

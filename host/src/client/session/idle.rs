@@ -1,4 +1,4 @@
-//! Getting a rig to rest: before a run it must be idle, after one its drive must be off.
+//! Brings a rig to idle before a run, and turns its drive off after one.
 
 use std::time::{Duration, Instant};
 
@@ -8,19 +8,19 @@ use damprig_protocol::Ask;
 
 use super::{Session, SessionError, TURN};
 
-/// Ticks that a simulated board is given before it is asked again.
+/// Ticks granted to a simulated board between two status requests.
 const WAITED_TICKS: u32 = 100;
 
-/// How long a tripped rig may need to come to rest, s: 80 mm fall to 1 mm in 73 s at 2.5 Hz and ζ = 0.0038.
+/// Time limit for a faulted rig to come to rest: 80 mm decay to 1 mm in 73 s at 2.5 Hz and ζ = 0.0038.
 const LONGEST_REST: Duration = Duration::from_secs(300);
 
 impl Session {
-    /// Ends whatever runs, waits until the drive is silent and clears a fault, which a rig allows only when its structure has
-    /// come to rest: `told` hears the device's advice when that takes longer.
+    /// Stops the experiment, waits until the drive is off and clears a fault, which a rig allows only when its structure has
+    /// come to rest. `notify` gets the device's reason when that takes longer than the timeout.
     ///
     /// # Errors
-    /// The link; a drive that does not become silent within the timeout; a rig that is not safe after five minutes.
-    pub fn bring_to_idle(&mut self, mut told: impl FnMut(&str)) -> Result<(), SessionError> {
+    /// The link; a drive that is not off within the timeout; a rig that is not safe after five minutes.
+    pub fn bring_to_idle(&mut self, mut notify: impl FnMut(&str)) -> Result<(), SessionError> {
         let begun = Instant::now();
         let mut advised = None;
         loop {
@@ -29,13 +29,13 @@ impl Session {
             let longest = if rings || advised.is_some() { LONGEST_REST } else { self.timeout };
             match status.state {
                 State::Idle => return Ok(()),
-                State::Running(_) => self.tell("stop", Ask::Stop)?,
-                // Refused while the drive still fades out or the structure rings: asked again on the next turn.
-                State::Faulted => match self.tell("clear the fault", Ask::ClearFault) {
+                State::Running(_) => self.execute("stop", Ask::Stop)?,
+                // Rejected while the drive fades out or the structure rings: repeated on the next turn.
+                State::Faulted => match self.execute("clear the fault", Ask::ClearFault) {
                     Ok(()) => {}
                     Err(SessionError::Refused { why, .. }) => {
                         if begun.elapsed() > self.timeout && advised.as_ref() != Some(&why) {
-                            told(&format!("the rig is not safe to go on with yet: {why}"));
+                            notify(&format!("the rig is not safe yet: {why}"));
                             advised = Some(why);
                         }
                     }
@@ -53,17 +53,17 @@ impl Session {
         }
     }
 
-    /// Ends whatever runs and waits until the drive is silent; a fault stays latched.
+    /// Stops the experiment and waits until the drive is off; a fault stays latched.
     ///
     /// # Errors
-    /// The link, or a drive that does not become silent within the timeout.
-    pub fn silence_the_drive(&mut self) -> Result<(), SessionError> {
+    /// The link, or a drive that is not off within the timeout.
+    pub fn stop_drive(&mut self) -> Result<(), SessionError> {
         let begun = Instant::now();
         loop {
             let (status, _) = self.status()?;
             match (status.state, status.safe) {
                 (State::Idle, _) | (State::Faulted, SafeStage::Ringing | SafeStage::Safe) => return Ok(()),
-                (State::Running(_), _) => self.tell("stop", Ask::Stop)?,
+                (State::Running(_), _) => self.execute("stop", Ask::Stop)?,
                 (State::Faulted | State::Stopping, _) => {}
             }
             self.wait_a_turn(status.tick)?;

@@ -1,8 +1,7 @@
-//! A conversation with one device over a [`Link`]: who it is, requests with their replies, and what it reports.
+//! A session with one device over a [`Link`]: identification, requests with their replies, and reports.
 //!
-//! Requests are repeated when a reply is late (the device carries a repeated number out once), a granted
-//! clock is fed, and a device that falls silent is an error, not a hang. What is done with reports is
-//! [`crate::run`]'s business.
+//! A request is repeated when its reply is late (the device executes a repeated sequence number once). Under a granted
+//! clock the session grants the ticks. A device that sends nothing within the timeout is an error.
 
 mod idle;
 mod status;
@@ -19,7 +18,7 @@ use damprig_protocol::{
 
 use crate::client::link::{Address, Closed, Link, Unreachable};
 
-/// What can go wrong with a device.
+/// Errors of a session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The link could not be opened.
@@ -33,19 +32,19 @@ pub enum SessionError {
         /// What the system says.
         error: std::io::Error,
     },
-    /// Nothing came for too long.
+    /// Nothing arrived within the timeout.
     #[error("the device at {link} stopped answering: nothing for {seconds} s{hint}")]
     Silent {
         /// Which.
         link: String,
-        /// For how long.
+        /// The timeout.
         seconds: f64,
-        /// What to look at.
+        /// What to check.
         hint: String,
     },
-    /// The two sides speak different protocols.
+    /// The device has another protocol version or schema.
     #[error(
-        "the device at {link} speaks another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware that belongs to this program, or use the program that belongs to the firmware"
+        "the device at {link} has another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware of this program's version, or use the program of the firmware's version"
     )]
     Version {
         /// Which.
@@ -65,8 +64,8 @@ pub enum SessionError {
         /// Ours.
         program: &'static str,
     },
-    /// Another device answers than before.
-    #[error("another device answers at {link} now: it was {board}, it is {what}; the run was stopped")]
+    /// A different device answers.
+    #[error("a different device answers at {link}: it was {board}, it is {what}; the run was stopped")]
     Another {
         /// Which link.
         link: String,
@@ -75,25 +74,25 @@ pub enum SessionError {
         /// The device now.
         what: String,
     },
-    /// The board's settings are not those that the run was begun with.
+    /// The board's settings have changed since the run was started.
     #[error(
-        "the board's settings have changed since the run was begun:\n  {}\n  put them back (`damprig settings set`), or run the campaign anew",
+        "the board's settings have changed since the run was started:\n  {}\n  restore them (`damprig settings set`), or start a new run",
         differences.join("\n  ")
     )]
     Settings {
         /// One difference a line.
         differences: Vec<String>,
     },
-    /// The device said no.
+    /// The device rejected a request.
     #[error("the device refused to {what}: {why}")]
     Refused {
-        /// What was asked.
+        /// The request, in words.
         what: &'static str,
-        /// Its words.
+        /// The device's reason.
         why: String,
     },
-    /// An upload did not come to its end.
-    #[error("the record did not arrive whole at the device: {why}")]
+    /// An upload failed.
+    #[error("the record could not be uploaded: {why}")]
     Upload {
         /// Why.
         why: String,
@@ -101,15 +100,15 @@ pub enum SessionError {
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
-    /// The device answered something else than what was asked.
-    #[error("the device answered something else when asked to {what}")]
-    Confused {
-        /// What was asked.
+    /// The reply is not one to the request.
+    #[error("the device sent an unexpected reply when asked to {what}")]
+    UnexpectedReply {
+        /// The request, in words.
         what: &'static str,
     },
 }
 
-/// Something that the device said unasked.
+/// A message of the device that is not a reply.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Report {
     /// An event, with its tick.
@@ -123,21 +122,20 @@ pub enum Report {
     Telemetry(Box<Telemetry>),
 }
 
-/// Ticks granted to a simulated board at a time: short enough for Ctrl-C, long enough that the round trip
-/// does not count.
+/// Ticks granted to a simulated board at a time: short enough for Ctrl-C, long enough that the round trip takes a
+/// negligible share.
 const GRANT_TICKS: u32 = 4000;
 
-/// How long a single wait for bytes lasts before Ctrl-C is looked at again.
+/// Longest wait for bytes before Ctrl-C is checked again.
 const TURN: Duration = Duration::from_millis(50);
 
-/// A device that has not answered for so long is asked again, until it counts as silent. The device carries a repeated
-/// request out once.
-const ASK_AGAIN: Duration = Duration::from_millis(250);
+/// Time without a reply after which a request is repeated.
+const REPEAT_AFTER: Duration = Duration::from_millis(250);
 
-/// A board with a clock of its own hears of this program at least so often.
+/// Longest time without a message to a board with its own clock, which stops the drive when the host is silent.
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
 
-/// A conversation.
+/// A session.
 pub struct Session {
     link: Box<dyn Link>,
     name: String,
@@ -147,7 +145,7 @@ pub struct Session {
     reports: VecDeque<Report>,
     replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
     seq: u16,
-    /// The board's latest counters, and the number of the question that they answered.
+    /// The board's latest counters, and the sequence number of their request.
     counters: Option<(u16, Counters)>,
     bad_frames: u64,
     stale_messages: u64,
@@ -155,28 +153,28 @@ pub struct Session {
     clock_tick: u32,
     heard: Instant,
     spoke: Instant,
-    nudged: Instant,
-    /// Who the device is.
+    repeated: Instant,
+    /// The device's identity.
     pub identity: Identity,
-    /// What it can do.
+    /// Its capabilities.
     pub description: Description,
     /// Its telemetry signals.
     pub signals: Vec<Signal>,
-    /// The settings that it had when the conversation began.
+    /// Its settings when the session was opened.
     pub settings: Settings,
 }
 
 impl Session {
-    /// Opens the link, asks who is there and checks that both sides speak the same protocol.
+    /// Opens the link, identifies the device and checks that both sides have the same protocol.
     ///
     /// # Errors
-    /// An unreachable link, a silent device, another protocol: each with both sides named.
+    /// An unreachable link, a silent device, another protocol.
     pub fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
         let link = crate::client::link::open(address)?;
         Self::over(link, address.to_string(), timeout)
     }
 
-    /// As [`Session::open`], over a link that is open already; `name` is what errors call it.
+    /// As [`Session::open`], over an open link; `name` is its name in errors.
     ///
     /// # Errors
     /// As [`Session::open`].
@@ -214,37 +212,37 @@ impl Session {
             clock_tick: 0,
             heard: now,
             spoke: now,
-            nudged: now,
+            repeated: now,
             identity: nobody,
             description: nothing,
             signals: Vec::new(),
             settings: Settings::default(),
         };
-        // Ends whatever half a frame an earlier host may have left in the device's reader.
+        // Ends the partial frame that an earlier host may have left in the device's reader.
         session.send_bytes(&[0])?;
-        session.identity = match session.ask("say who it is", Ask::Identify)? {
+        session.identity = match session.request("identify itself", Ask::Identify)? {
             Answer::Identity(identity) => identity,
-            _ => return Err(SessionError::Confused { what: "say who it is" }),
+            _ => return Err(SessionError::UnexpectedReply { what: "identify itself" }),
         };
         session.check_version()?;
-        session.description = match session.ask("describe itself", Ask::Describe)? {
+        session.description = match session.request("describe itself", Ask::Describe)? {
             Answer::Description(description) => description,
-            _ => return Err(SessionError::Confused { what: "describe itself" }),
+            _ => return Err(SessionError::UnexpectedReply { what: "describe itself" }),
         };
         session.signals = session.read_signals()?;
         session.settings = session.read_settings()?.0;
-        // Counted from here: bytes that were under way before are not this session's.
+        // Bytes that were in transit before belong to an earlier session.
         session.bad_frames = 0;
         Ok(session)
     }
 
     fn read_signals(&mut self) -> Result<Vec<Signal>, SessionError> {
-        const WHAT: &str = "say what it measures";
+        const WHAT: &str = "list its signals";
         let mut table = Vec::new();
         while table.len() < usize::from(self.description.signals) {
-            match self.ask(WHAT, Ask::Signals { from: table.len() as u8 })? {
+            match self.request(WHAT, Ask::Signals { from: table.len() as u8 })? {
                 Answer::Signals(part) if !part.is_empty() => table.extend(part),
-                _ => return Err(SessionError::Confused { what: WHAT }),
+                _ => return Err(SessionError::UnexpectedReply { what: WHAT }),
             }
         }
         Ok(table)
@@ -273,20 +271,20 @@ impl Session {
         &self.name
     }
 
-    /// Frames that arrived broken since the conversation began.
+    /// Frames rejected since the session was opened.
     #[must_use]
     pub fn bad_frames(&self) -> u64 {
         self.bad_frames
     }
 
-    /// Whether the device's clock is the host's to grant.
+    /// Whether the host grants the device's ticks.
     #[must_use]
     pub fn is_granted(&self) -> bool {
         self.description.clock == Clock::Granted
     }
 
-    fn ask_again(&self) -> Duration {
-        ASK_AGAIN.min(self.timeout / 3)
+    fn repeat_after(&self) -> Duration {
+        REPEAT_AFTER.min(self.timeout / 3)
     }
 
     fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), SessionError> {
@@ -296,12 +294,12 @@ impl Session {
 
     fn send(&mut self, message: &ToDevice) -> Result<(), SessionError> {
         let mut out = [0; LONGEST];
-        // Every message fits a frame: its parts have their sizes in their types.
+        // Cannot fail: the types bound the size of every message.
         let length = frame::encode(message, &mut out).unwrap_or(0);
         self.send_bytes(&out[..length])
     }
 
-    /// Takes in what has arrived, waiting for at most `wait`.
+    /// Receives and decodes bytes, waiting for at most `wait`.
     fn listen(&mut self, wait: Duration) -> Result<(), SessionError> {
         let mut bytes = std::mem::take(&mut self.bytes);
         bytes.clear();
@@ -332,31 +330,31 @@ impl Session {
         received.map_err(|error| SessionError::Broken { link: self.name.clone(), error })
     }
 
-    /// Whether a message speaks of a tick that a granted clock has not reached: it is of the experiment before and was
-    /// very late. (A real line keeps the order.)
+    /// Whether a message has a tick that a granted clock has not reached: then it is a late one of the experiment before. (A
+    /// real line keeps the order.)
     fn is_stale(&self, message: &FromDevice) -> bool {
         let tick = match message {
             FromDevice::Reply { .. } => return false,
             FromDevice::Event { tick, .. } => *tick,
             FromDevice::Telemetry(rows) => rows.first_tick,
-            // It names the tick that has not run.
+            // It has the next tick to run.
             FromDevice::Clock { tick } => tick.saturating_sub(1),
         };
         self.is_granted() && self.granted_until.is_none_or(|until| tick >= until)
     }
 
-    /// Messages of an earlier experiment that came after the start of the present one, and were passed over.
+    /// Messages of an earlier experiment that arrived after the start of the present one and were dropped.
     #[must_use]
     pub fn stale_messages(&self) -> u64 {
         self.stale_messages
     }
 
-    /// Asks and waits for the reply; `what` says in words what is asked. A granted clock stands when the device gets the
-    /// request, so that nothing depends on how fast either side is.
+    /// Sends a request and waits for its reply; `what` is the request in words. A granted clock stands still when the device
+    /// gets the request, so the tick does not depend on the speed of either side.
     ///
     /// # Errors
-    /// The device refuses, is silent, or the link breaks.
-    pub fn ask(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
+    /// The device rejects the request or is silent, or the link breaks.
+    pub fn request(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
         self.use_up_credit()?;
         self.seq = self.seq.wrapping_add(1);
         let seq = self.seq;
@@ -364,7 +362,7 @@ impl Session {
         let silent_at = Instant::now() + self.timeout;
         while Instant::now() < silent_at {
             self.send(&message)?;
-            let deadline = Instant::now() + self.ask_again();
+            let deadline = Instant::now() + self.repeat_after();
             loop {
                 self.listen(TURN)?;
                 while let Some((number, answer)) = self.replies.pop_front() {
@@ -380,35 +378,35 @@ impl Session {
         Err(self.silent())
     }
 
-    /// Asks for something that is answered with "done".
+    /// Sends a request whose reply has no content.
     ///
     /// # Errors
-    /// As [`Session::ask`].
-    pub fn tell(&mut self, what: &'static str, ask: Ask) -> Result<(), SessionError> {
-        match self.ask(what, ask)? {
+    /// As [`Session::request`].
+    pub fn execute(&mut self, what: &'static str, ask: Ask) -> Result<(), SessionError> {
+        match self.request(what, ask)? {
             Answer::Done => Ok(()),
-            _ => Err(SessionError::Confused { what }),
+            _ => Err(SessionError::UnexpectedReply { what }),
         }
     }
 
-    /// Begins the configured experiment; ticks count from 0, earlier reports are forgotten.
+    /// Starts the configured experiment; ticks count from 0, earlier reports are dropped.
     ///
     /// # Errors
-    /// As [`Session::ask`].
+    /// As [`Session::request`].
     pub fn start(&mut self) -> Result<(), SessionError> {
         self.reports.clear();
-        self.tell("start", Ask::Start)?;
+        self.execute("start", Ask::Start)?;
         self.granted_until = None;
         self.clock_tick = 0;
         Ok(())
     }
 
-    /// A report that has arrived already.
+    /// A report that has already arrived.
     pub fn report_at_hand(&mut self) -> Option<Report> {
         self.reports.pop_front()
     }
 
-    /// The next report, waiting a moment for one; a granted clock runs on meanwhile.
+    /// The next report, waiting a short time for one; grants ticks meanwhile.
     ///
     /// # Errors
     /// The device is silent, or the link breaks.
@@ -424,14 +422,15 @@ impl Session {
         Ok(self.report_at_hand())
     }
 
-    /// Nothing is under way: a granted clock stands, and the device has said so. Of a real one nobody knows.
+    /// Whether all reports have arrived under a granted clock: it stands still, and the device has said so. Always true for a
+    /// board with its own clock.
     #[must_use]
-    pub fn has_heard_all(&self) -> bool {
+    pub fn has_used_up_credit(&self) -> bool {
         !self.is_granted() || self.granted_until.is_some_and(|until| self.clock_tick >= until)
     }
 
-    /// Waits until a granted clock stands; reports that arrive meanwhile are kept. Returns at once for a board with a clock
-    /// of its own.
+    /// Waits until a granted clock stands still; reports that arrive meanwhile are kept. Returns at once for a board with its
+    /// own clock.
     ///
     /// # Errors
     /// The device is silent, or the link breaks.
@@ -446,44 +445,44 @@ impl Session {
     fn grant(&mut self, until_tick: u32) -> Result<(), SessionError> {
         self.granted_until = Some(until_tick);
         let now = Instant::now();
-        (self.heard, self.nudged) = (now, now);
+        (self.heard, self.repeated) = (now, now);
         self.send(&ToDevice::Grant { until_tick })
     }
 
-    /// A device that should be saying something and does not is asked again, then given up. One with a clock of its own hears
-    /// of this program now and then: it ends the drive when nobody is there.
+    /// Repeats the latest message to a silent device, then gives up. Sends keep-alive requests to a board with its own clock,
+    /// which stops the drive when the host is silent.
     fn watch(&mut self) -> Result<(), SessionError> {
         if self.heard.elapsed() > self.timeout {
             return Err(self.silent());
         }
-        if self.heard.elapsed() > self.ask_again() && self.nudged.elapsed() > self.ask_again() {
-            self.nudged = Instant::now();
+        if self.heard.elapsed() > self.repeat_after() && self.repeated.elapsed() > self.repeat_after() {
+            self.repeated = Instant::now();
             return match (self.is_granted(), self.granted_until) {
-                // The grant, or the word that it is used up, may have been lost.
+                // The grant, or the message that it is used up, may have been lost.
                 (true, Some(until_tick)) => self.send(&ToDevice::Grant { until_tick }),
-                _ => self.show_a_sign(),
+                _ => self.keep_alive(),
             };
         }
         if !self.is_granted() && self.spoke.elapsed() > KEEP_ALIVE {
-            return self.show_a_sign();
+            return self.keep_alive();
         }
         Ok(())
     }
 
-    /// Asks for the status; nobody waits for the answer.
-    fn show_a_sign(&mut self) -> Result<(), SessionError> {
+    /// Sends a status request without waiting for the reply.
+    fn keep_alive(&mut self) -> Result<(), SessionError> {
         self.replies.clear();
         self.seq = self.seq.wrapping_add(1);
         self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
     }
 
-    /// Tells the rig to stop without waiting for an answer: for when the conversation is over anyway.
-    pub fn stop_blindly(&mut self) {
+    /// Sends a stop request without waiting for the reply: for a link that has failed.
+    pub fn stop_without_reply(&mut self) {
         self.seq = self.seq.wrapping_add(1);
         let _ = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Stop }));
     }
 
-    /// Lets go of the link, so that it can be opened again: a serial port has one user at a time.
+    /// Closes the link, so that it can be opened again: a serial port has one user at a time.
     pub fn close(&mut self) {
         self.link = Box::new(Closed);
     }
@@ -492,7 +491,7 @@ impl Session {
         let hint = match (self.identity.protocol, self.bad_frames) {
             (0, 0) => "; is this a damprig device, and is it powered?".to_string(),
             (_, 0) => String::new(),
-            (_, bad) => format!(" but {bad} broken frames; is it the right port and rate?"),
+            (_, bad) => format!(" but {bad} damaged frames; is it the right port and rate?"),
         };
         SessionError::Silent { link: self.name.clone(), seconds: self.timeout.as_secs_f64(), hint }
     }

@@ -10,28 +10,28 @@ impl Session {
     /// Status and counters.
     ///
     /// # Errors
-    /// As [`Session::ask`].
+    /// As [`Session::request`].
     pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
-        match self.ask("report its status", Ask::Status)? {
+        match self.request("report its status", Ask::Status)? {
             Answer::Status { status, counters } => {
                 // A late grant may have advanced the device further than the present one.
                 self.clock_tick = self.clock_tick.max(status.tick);
                 self.granted_until = self.granted_until.map(|until| until.max(status.tick));
                 Ok((status, counters))
             }
-            _ => Err(SessionError::Confused { what: "report its status" }),
+            _ => Err(SessionError::UnexpectedReply { what: "report its status" }),
         }
     }
 
     /// The settings in use, and where they come from.
     ///
     /// # Errors
-    /// As [`Session::ask`].
+    /// As [`Session::request`].
     pub fn read_settings(&mut self) -> Result<(Settings, Source), SessionError> {
-        const WHAT: &str = "tell its settings";
-        match self.ask(WHAT, Ask::Settings)? {
+        const WHAT: &str = "report its settings";
+        match self.request(WHAT, Ask::Settings)? {
             Answer::Settings { settings, source } => Ok((settings, source)),
-            _ => Err(SessionError::Confused { what: WHAT }),
+            _ => Err(SessionError::UnexpectedReply { what: WHAT }),
         }
     }
 
