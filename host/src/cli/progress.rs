@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
+use crate::report::figures::campaign::describe;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
-use crate::report::figures::campaign::describe;
 use crate::runner::{RunError, Watcher};
 
 /// Shows how far a run has come.

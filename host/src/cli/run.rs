@@ -15,23 +15,23 @@ use super::progress::Progress;
 use super::{Failure, Outcome};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
+use crate::client::session::Session;
 use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
-use crate::run_folder::schema::acting_settings::acting_settings;
-use crate::run_folder::journal::{self, Begin, Ended, Entry, Journal};
-use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
-use crate::run_folder::schema::journal_state::JournalState;
-use crate::run_folder::write::writer::{Layout, Writer};
-use crate::run_folder::write::{OutputFolder, Recorder};
-use crate::run_folder::checksum;
 use crate::report::figures::campaign::{Shown, response};
 use crate::report::page::page;
 use crate::report::terminal::{campaign as report, transients as transient_report};
+use crate::run_folder::RunFolder;
+use crate::run_folder::checksum;
+use crate::run_folder::journal::{self, Begin, Ended, Entry, Journal};
+use crate::run_folder::read::folder::find;
+use crate::run_folder::schema::acting_settings::acting_settings;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::write::writer::{Layout, Writer};
+use crate::run_folder::write::{OutputFolder, Recorder};
 use crate::runner::resume::EarlierRun;
 use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
-use crate::run_folder::RunFolder;
-use crate::run_folder::read::folder::find;
-use crate::client::session::Session;
 
 /// Runs every set-up of the campaign through its experiments and records what the rig reports.
 ///

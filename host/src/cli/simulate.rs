@@ -9,11 +9,11 @@ use serde::Serialize;
 
 use super::progress::Bar;
 use super::{Failure, Outcome};
+use crate::motion_record::Quantity;
 use crate::report::figures::simulated_motion::COLUMNS;
 use crate::report::terminal::simulation as report;
 use crate::simulation::analysis::Analysis;
 use crate::simulation::envelope::Outline;
-use crate::motion_record::Quantity;
 use crate::simulation::time_history::{History, TablePath};
 use crate::simulation::{Answer, Case, Request, cost, simulate};
 

@@ -9,9 +9,8 @@ use damprig_core::model::{Initial, SetUp, Wall};
 use super::excitation::{self, Loading};
 use super::json_case;
 use super::keys::case;
-use super::record::Record;
-use super::record::read::resolve;
 use crate::input::{Problem, Refusal, Section, Source};
+use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared};
 
 /// A case as read and checked.

@@ -27,14 +27,12 @@ mod excitation;
 mod json_case;
 mod keys;
 pub mod motion;
-pub mod record;
 pub mod result;
 mod sampled_driver;
 pub mod statistics;
 pub mod time_history;
 
 pub use case::Case;
-pub(crate) use excitation::record as record_keys;
 pub use keys::TABLES;
 pub use motion::{AccumulationRecord, ImpactRecord, Samples, Viewer};
 pub use result::{Answer, Request, simulate};

@@ -4,14 +4,16 @@ use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign, signed};
 use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_increment, increment};
-use damprig_core::integrator::sampled::{self, Flight, Joined, Joint, Sampled, Units};
-use damprig_core::model::{Invalid, Wall};
+use damprig_core::integrator::sampled::{self, Flight, Joined, Joint, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::Invalid;
+use damprig_core::model::Wall;
 
 use super::Case;
 use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
-use super::record::Record;
 use super::result::{Gathered, Request, Summary, parts};
 use super::statistics::Figures;
+use crate::motion_record::Record;
 
 /// Runs the case on its record.
 ///

@@ -7,13 +7,13 @@ use arrow_array::RecordBatch;
 use super::gaps::{self, Gaps};
 use crate::campaign::Campaign;
 use crate::input::Source;
-use crate::run_folder::journal::{self, Entry};
-use crate::run_folder::schema::device::BoardSettings;
-use crate::run_folder::schema::results;
-use crate::run_folder::schema::journal_state::JournalState;
 use crate::report::figures::campaign::Shown;
+use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
+use crate::run_folder::schema::device::BoardSettings;
+use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
+use crate::run_folder::schema::results;
 use crate::run_folder::{ReadError, RunFolder};
 
 /// A measured point, as far as the page shows it.

@@ -5,9 +5,9 @@ use comfy_table::{CellAlignment, Table};
 
 use crate::campaign::Campaign;
 use crate::prediction::Prediction;
+use crate::report::figures::campaign::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
-use crate::report::figures::campaign::trimmed;
 
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();

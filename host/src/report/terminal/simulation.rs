@@ -5,11 +5,11 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
+use crate::motion_record::Quantity;
 use crate::report::figures::simulated_motion::{Notes, draw};
 use crate::report::figures::{FigureError, Picture};
 use crate::simulation::cost::Cost;
 use crate::simulation::envelope::Outline;
-use crate::motion_record::Quantity;
 use crate::simulation::result::FEW_ACCUMULATIONS;
 use crate::simulation::time_history::TablePath;
 use crate::simulation::{Answer, Case};

@@ -8,11 +8,11 @@ use comfy_table::Table;
 use super::campaign::table;
 use crate::campaign::{Campaign, Kind};
 use crate::prediction::transient::Expected;
-use crate::run_folder::schema::transients::TransientRow;
 use crate::report::figures::time_histories::{Curve, Panel, draw};
 use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::transients::TransientRow;
 
 fn mm(metres: f64) -> String {
     if metres.is_finite() { format!("{:.3}", metres * 1e3) } else { "–".into() }
