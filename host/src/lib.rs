@@ -1,6 +1,7 @@
-//! The host side of the rig: campaigns, links, recording, figures, and the `damprig` command's parts.
+//! Host library and the `damprig` command: campaigns, link to the rig, recording, simulation, reports.
 //!
-//! What decides how the rig moves lives in `damprig-core`, the byte formats in `damprig-protocol`.
+//! Decisions about the rig's motion belong to `damprig-core`, byte formats to `damprig-protocol`. docs/ARCHITECTURE.md has the
+//! layers of the modules.
 
 #[cfg(feature = "probe")]
 pub mod board;
@@ -20,5 +21,5 @@ pub mod setup;
 pub mod simulation;
 mod upload;
 
-/// Name and version, as files and reports carry it.
+/// Name and version in files and reports.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -10,7 +10,7 @@ use damprig::recording::taken::Taken;
 use damprig::recording::transients::TransientRow;
 use damprig::runs::RunFolder;
 use damprig::runs::columns::{numbers, texts};
-use damprig::simulation::{Case, Request, simulate};
+use damprig::simulation::{Case, RunOptions, simulate};
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
 use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
 use predicates::prelude::*;
@@ -131,7 +131,7 @@ fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
         let source = Source::new(folder.path().join("case.toml").display().to_string(), text);
         let case = Case::parse(&source, "case").unwrap();
         let answer =
-            simulate(&case, &mut (), Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
+            simulate(&case, &mut (), RunOptions { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
         // Counts of peak/32767 round by half of one: at resonance, if they conspired, 1/(2ζ) = 132 of that. The mean over
         // a block flattens a peak by (Ωh)²/24. Before its first sample the spline has (z1 − 0)/2 of velocity to make.
         let peak_z = f64::from(played.z_peak_m);
