@@ -1,15 +1,15 @@
-# What the entry points need besides cargo: sourced by tests/run and tests/firmware.
+# Finds and installs the tools of tests/run and tests/firmware; sourced by both.
 # shellcheck shell=bash
 
-# The controller's, and that of a controller without floating point.
+# Targets of the controller and of a controller without floating point.
 targets=(thumbv7em-none-eabihf thumbv7m-none-eabi)
 
-# Whether packages may be installed: as root, with apt, unless DAMPRIG_INSTALL=no.
+# Whether packages may be installed: as root with apt, unless DAMPRIG_INSTALL=no.
 may_install() {
     [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null && [ "${DAMPRIG_INSTALL:-yes}" != no ]
 }
 
-# install PACKAGE…: installs, or says what to install and fails.
+# install PACKAGE…: installs packages, or names them and fails.
 install() {
     if ! may_install; then
         echo "missing, please install: $*" >&2
@@ -40,8 +40,8 @@ distribution_has_source() {
         [ -d /usr/lib/rustlib/src/rust/library/core ] && command -v ld.lld >/dev/null
 }
 
-# Finds a compiler for the boards and defines `firmware_cargo COMMAND TARGET ARGUMENT…`. A toolchain is never downloaded: rustup's is taken if it
-# has the targets, else Debian's compiler, which comes with the source of `core`.
+# Finds a compiler for the boards and defines `firmware_cargo COMMAND TARGET ARGUMENT…`: rustup's if it has the targets, else
+# Debian's with the source of `core`. Downloads no toolchain.
 find_firmware_compiler() {
     if rustup_has_targets; then
         compiler="rustup's $(rustc --version)"
@@ -57,7 +57,7 @@ find_firmware_compiler() {
     fi
     compiler="Debian's $(/usr/bin/rustc --version), core built from source"
     firmware_cargo() {
-        # Its own home and target directory: the two cargos' caches do not mix.
+        # Own home and target directory: the caches of the two cargos must not mix.
         PATH="/usr/bin:$PATH" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 RUSTUP_TOOLCHAIN='' \
             CARGO_HOME="${DAMPRIG_DEBIAN_CARGO_HOME:-$PWD/target/debian-home}" CARGO_TARGET_DIR="$PWD/target/debian" \
             CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER=ld.lld CARGO_TARGET_THUMBV7M_NONE_EABI_LINKER=ld.lld \
@@ -72,8 +72,7 @@ find_emulator() {
 }
 firmware_output=target
 
-# What the processor of the emulated controller board (tests/board) is built with: Unicorn's sources want cmake, its
-# bindings libclang.
+# Build tools of the emulated STM32G474 (tests/board): cmake for Unicorn, libclang for its bindings.
 find_board_tools() {
     local missing=()
     command -v cmake >/dev/null || missing+=(cmake)
@@ -85,7 +84,7 @@ find_board_tools() {
     [ ${#missing[@]} = 0 ] || install "${missing[@]}"
 }
 
-# A Python with what users read exports with (tests/python/requirements.txt), in target/python.
+# A Python in target/python with the packages of tests/python/requirements.txt, which read exports.
 find_python() {
     local wanted=tests/python/requirements.txt
     if ! cmp -s "$wanted" target/python/requirements.txt; then

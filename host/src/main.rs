@@ -1,4 +1,4 @@
-//! The `damprig` command; everything in it is [`damprig::cli`].
+//! The `damprig` command; see [`damprig::cli`].
 
 use std::process::ExitCode;
 

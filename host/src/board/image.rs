@@ -1,5 +1,4 @@
-//! The file of a firmware image: found, and checked before any board is touched. It must be for this chip, lie where the
-//! chip has memory for it (`memory.x`), and speak this program's protocol.
+//! Finds and checks a firmware image before a board is touched: right chip, memory layout of `memory.x`, same protocol.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -13,36 +12,36 @@ use super::{BOARD, CHIP};
 use crate::client::session::hex;
 use crate::input::regular;
 
-/// Bank 1 of the flash: the image's. Bank 2 holds the settings.
+/// Bank 1 of the flash holds the image, bank 2 the settings.
 const BANK_1: Range<u64> = 0x0800_0000..0x0804_0000;
 
-/// The RAM in one piece: SRAM1, SRAM2 and the alias of CCM.
+/// The contiguous RAM: SRAM1, SRAM2 and the alias of CCM.
 const RAM: Range<u64> = 0x2000_0000..0x2002_0000;
 
-/// Where the images are built, from the top of the project.
+/// Path of the built image in the project.
 pub const BUILT: &str = "firmware/target/images/nucleo-g474re.elf";
 
 const BUILD: &str = "`tests/firmware` builds the images into firmware/target/images/";
 
-/// An image that fits the controller and this program.
+/// A checked image.
 pub struct Image {
-    /// Its file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Who it is.
+    /// Board, firmware version and protocol.
     pub identity: Identity,
-    /// What goes to flash: addresses and bytes.
+    /// Flash contents: addresses and bytes.
     pub pieces: Vec<(u64, Vec<u8>)>,
 }
 
-/// The image in the project that `from` lies in.
+/// Finds the image in the project that contains `from`.
 ///
 /// # Errors
-/// There is none there or above: says where it looked, and how to build it.
+/// No image there or in a parent folder; says how to build it.
 pub fn find(from: &Path) -> Result<PathBuf, String> {
     let built = |folder: &Path| folder.join(BUILT);
     from.ancestors().map(built).find(|path| path.is_file()).ok_or_else(|| {
         format!(
-            "no image {BUILT} in {} or a folder above it; {BUILD}; or name one: `damprig flash IMAGE.elf`",
+            "no image {BUILT} in {} or a parent folder; {BUILD}; or give one: `damprig flash IMAGE.elf`",
             from.display()
         )
     })
@@ -52,7 +51,7 @@ impl Image {
     /// Reads and checks a file.
     ///
     /// # Errors
-    /// It cannot be read, is no image for this chip, or speaks another protocol: both sides named.
+    /// The file cannot be read, is not for this chip, or has another protocol.
     pub fn read(path: &Path) -> Result<Self, String> {
         let file =
             regular::read_input(path).map_err(|e| format!("cannot read the image {}: {e}; {BUILD}", path.display()))?;
@@ -61,7 +60,7 @@ impl Image {
 
     fn check(path: &Path, file: &[u8]) -> Result<Self, String> {
         let any = object::File::parse(file).map_err(|e| {
-            format!("this is no ELF file ({e}); wanted is what the linker made, as {BUILT}: no .bin, .hex or .uf2")
+            format!("not an ELF file ({e}); give the linker's output, as {BUILT}, not .bin, .hex or .uf2")
         })?;
         if any.architecture() != Architecture::Arm {
             return Err(format!(
@@ -69,17 +68,17 @@ impl Image {
                 any.architecture()
             ));
         }
-        let elf = ElfFile32::<Endianness>::parse(file).map_err(|e| format!("this is no 32-bit ELF file: {e}"))?;
+        let elf = ElfFile32::<Endianness>::parse(file).map_err(|e| format!("not a 32-bit ELF file: {e}"))?;
         let identity = identity(&elf)?;
         let pieces = pieces(&elf).map_err(|why| match &identity {
             Some(it) if *it.board != *BOARD => {
                 format!("this is the image of the board {}, not of {BOARD}: {why}; {BUILD}", it.board)
             }
-            _ => format!("this is no image for the {CHIP}: {why}; {BUILD}"),
+            _ => format!("not an image for the {CHIP}: {why}; {BUILD}"),
         })?;
         let identity = identity.ok_or_else(|| {
             format!(
-                "the image does not say who it is (no section {}): it is no damprig firmware, or older than this program; {BUILD}",
+                "the image has no identity (section {}): it is not damprig firmware, or too old; {BUILD}",
                 image::SECTION
             )
         })?;
@@ -87,7 +86,7 @@ impl Image {
         Ok(Self { path: path.into(), identity, pieces })
     }
 
-    /// Bytes that go to flash.
+    /// Bytes of flash.
     #[must_use]
     pub fn length(&self) -> usize {
         self.pieces.iter().map(|(_, bytes)| bytes.len()).sum()
@@ -97,9 +96,8 @@ impl Image {
 fn identity(elf: &ElfFile32<'_, Endianness>) -> Result<Option<Identity>, String> {
     let Some(section) = elf.section_by_name(image::SECTION) else { return Ok(None) };
     let bytes = section.data().map_err(|e| format!("its section {} cannot be read: {e}", image::SECTION))?;
-    let unknown = || {
-        format!("its section {} is of another layout: it belongs to another version of this program", image::SECTION)
-    };
+    let unknown =
+        || format!("its section {} has another layout: it belongs to another version of this program", image::SECTION);
     image::from_bytes(bytes).map(Some).ok_or_else(unknown)
 }
 
@@ -111,7 +109,7 @@ fn belongs(it: &Identity) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "the image speaks another protocol: image version {} (schema {}, firmware {} on {}), this program version {VERSION} (schema {}, damprig {}); build the image and the program from the same source",
+        "the image has another protocol: image version {} (schema {}, firmware {} on {}), this program version {VERSION} (schema {}, damprig {}); build the image and the program from the same source",
         it.protocol,
         hex(&it.schema),
         it.firmware,
@@ -121,7 +119,7 @@ fn belongs(it: &Identity) -> Result<(), String> {
     ))
 }
 
-/// What goes to flash, checked against the chip's memory.
+/// Flash contents, checked against the chip's memory.
 fn pieces(elf: &ElfFile32<'_, Endianness>) -> Result<Vec<(u64, Vec<u8>)>, String> {
     let mut pieces = Vec::new();
     let endian = elf.endian();
@@ -134,13 +132,13 @@ fn pieces(elf: &ElfFile32<'_, Endianness>) -> Result<Vec<(u64, Vec<u8>)>, String
             pieces.push((loaded, bytes.to_vec()));
         }
         if size > 0 {
-            within("lives at", lives..lives + size, &[("bank 1 of the flash", BANK_1), ("the RAM", RAM)])?;
+            within("is at", lives..lives + size, &[("bank 1 of the flash", BANK_1), ("the RAM", RAM)])?;
         }
     }
     match pieces.iter().map(|(address, _)| *address).min() {
         Some(first) if first == BANK_1.start => Ok(pieces),
-        Some(first) => Err(format!("it begins at {first:#010x}, the chip at {:#010x}", BANK_1.start)),
-        None => Err("nothing of it is loaded".into()),
+        Some(first) => Err(format!("it begins at {first:#010x}, the flash at {:#010x}", BANK_1.start)),
+        None => Err("it has no loadable segment".into()),
     }
 }
 
@@ -150,5 +148,5 @@ fn within(what: &str, range: Range<u64>, places: &[(&str, Range<u64>)]) -> Resul
     }
     let places: Vec<String> =
         places.iter().map(|(name, place)| format!("{name} {:#010x}..{:#010x}", place.start, place.end)).collect();
-    Err(format!("a part of it {what} {:#010x}..{:#010x}, outside {}", range.start, range.end, places.join(" and ")))
+    Err(format!("a segment {what} {:#010x}..{:#010x}, outside {}", range.start, range.end, places.join(" and ")))
 }

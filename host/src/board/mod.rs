@@ -1,12 +1,12 @@
-//! The controller board at a debug probe: its image's file, the probe, and writing the one through the other.
+//! Flashes the controller board: reads and checks the firmware image, selects the debug probe, writes through it.
 //!
-//! Nothing here talks to a running rig; that is [`crate::client::session`]'s. Only with the feature `probe`.
+//! Only with the feature `probe`. Communication with a running rig is in [`crate::client::session`].
 
 pub mod image;
 pub mod probe;
 
-/// The controller's chip, as the probe's library calls it.
+/// The controller's chip, as probe-rs names it.
 pub const CHIP: &str = "STM32G474RETx";
 
-/// The controller board, as its firmware calls it.
+/// The controller board, as its firmware names it.
 pub const BOARD: &str = "nucleo-g474re";

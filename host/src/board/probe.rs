@@ -1,4 +1,4 @@
-//! The debug probe: chosen among those at this machine, attached to the controller, and an image written through it.
+//! Selects a debug probe, attaches it to the controller, and writes an image through it.
 
 use probe_rs::flashing::{DownloadOptions, FlashProgress, ProgressEvent};
 use probe_rs::probe::list::{Accessibility, Lister};
@@ -8,34 +8,34 @@ use probe_rs::{MemoryInterface, Permissions, Session};
 use super::CHIP;
 use super::image::Image;
 
-/// How `--probe` is written.
+/// Format of `--probe`.
 const WRITTEN: &str = "VID:PID or VID:PID:SERIAL, the first two hexadecimal, as 0483:374e:0025003A3432510D31333430";
 
-/// Why a probe was not chosen.
+/// Why no probe was selected.
 #[derive(Debug, PartialEq, Eq)]
 pub enum NoProbe {
-    /// There is none that could be: in words.
+    /// No suitable probe; the message.
     Missing(String),
-    /// It must be said which: in words.
+    /// Several probes; the message.
     Ambiguous(String),
 }
 
-/// Reads the value of `--probe`.
+/// Parses the value of `--probe`.
 ///
 /// # Errors
-/// Says how it is written.
+/// Describes the format.
 pub fn selector(text: &str) -> Result<DebugProbeSelector, String> {
     text.parse().map_err(|_| format!("must be {WRITTEN}"))
 }
 
-/// A probe as the choice sees it.
+/// A connected probe.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// What tells it from others.
+    /// USB ids and serial number.
     pub selector: DebugProbeSelector,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Whether this user may open it.
+    /// Whether the user has permission to open it.
     pub is_accessible: bool,
 }
 
@@ -46,7 +46,7 @@ impl Candidate {
     }
 }
 
-/// The probes at this machine.
+/// The connected probes.
 #[must_use]
 pub fn candidates() -> Vec<Candidate> {
     let of = |info: &DebugProbeInfo| DebugProbeSelector { interface: None, ..DebugProbeSelector::from(info) };
@@ -57,7 +57,7 @@ pub fn candidates() -> Vec<Candidate> {
             name: item.info.identifier.clone(),
             is_accessible: item.accessibility == Accessibility::Accessible,
         };
-        // A probe with several interfaces is one probe.
+        // List a probe with several interfaces once.
         if all.iter().all(|other| other.selector != candidate.selector) {
             all.push(candidate);
         }
@@ -65,10 +65,10 @@ pub fn candidates() -> Vec<Candidate> {
     all
 }
 
-/// The probe that is wanted, or the only one that there is.
+/// Selects the requested probe, or the only one.
 ///
 /// # Errors
-/// None, several, or no permission: with what to do.
+/// No probe, several probes, or no permission; the message says what to do.
 pub fn choose(all: &[Candidate], wanted: Option<&DebugProbeSelector>) -> Result<Candidate, NoProbe> {
     let is_wanted = |candidate: &&Candidate| {
         wanted.is_none_or(|wanted| {
@@ -85,49 +85,51 @@ pub fn choose(all: &[Candidate], wanted: Option<&DebugProbeSelector>) -> Result<
     match (fit[..].as_ref(), wanted) {
         ([only], _) if only.is_accessible => Ok((*only).clone()),
         ([only], _) => Err(NoProbe::Missing(format!(
-            "the debug probe {} ({}) is there, but this user may not open it{RULE}",
+            "no permission to open the debug probe {} ({}){RULE}",
             only.selector, only.name
         ))),
         ([], Some(wanted)) if !all.is_empty() => Err(NoProbe::Missing(format!(
-            "no debug probe {wanted}; there are:{}",
+            "no debug probe {wanted}; connected are:{}",
             list(&all.iter().collect::<Vec<_>>())
         ))),
         ([], _) => Err(NoProbe::Missing(format!(
-            "no debug probe at this machine: the board's USB connector CN1 is its probe; is it plugged in, with a cable that carries data, and free of other programs?{LINUX}"
+            "no debug probe found: connect the board's USB connector CN1 with a data cable, and close other programs that use it{LINUX}"
         ))),
-        (several, _) => Err(NoProbe::Ambiguous(format!("{} debug probes; say which:{}", several.len(), list(several)))),
+        (several, _) => {
+            Err(NoProbe::Ambiguous(format!("{} debug probes; select one:{}", several.len(), list(several))))
+        }
     }
 }
 
 const RULE: &str = if cfg!(target_os = "linux") {
-    "; allow it with a rule for udev, as /etc/udev/rules.d/69-probe-rs.rules of https://probe.rs/docs/getting-started/probe-setup/, then `sudo udevadm control --reload && sudo udevadm trigger`"
+    "; add a udev rule, /etc/udev/rules.d/69-probe-rs.rules from https://probe.rs/docs/getting-started/probe-setup/, then `sudo udevadm control --reload && sudo udevadm trigger`"
 } else {
     "; is another program using it?"
 };
 
 const LINUX: &str = if cfg!(target_os = "linux") {
-    " `lsusb` must list it (an ST-LINK as 0483:374x); in a container the USB devices must be handed through"
+    "; `lsusb` must list it (an ST-LINK as 0483:374x); a container needs access to the USB devices"
 } else {
     ""
 };
 
-/// The chip with a probe at it.
+/// A probe attached to the chip.
 pub struct Attached {
     session: Session,
 }
 
 impl Attached {
-    /// Attaches; the chip runs on.
+    /// Attaches to the running chip without stopping it.
     ///
     /// # Errors
-    /// The probe does not open, or there is no such chip at it: with what to check.
+    /// The probe cannot be opened, or no such chip answers.
     pub fn to(candidate: &Candidate) -> Result<Self, String> {
         let probe = Lister::new()
             .open(candidate.selector.clone())
             .map_err(|e| format!("cannot open the debug probe {}: {}", candidate.selector, chain(&e)))?;
         let session = probe.attach(CHIP, Permissions::default()).map_err(|e| {
             format!(
-                "no {CHIP} answers at the debug probe {}: {}; is the board powered, and its jumpers to the probe in place?",
+                "no {CHIP} answers at the debug probe {}: {}; check the power of the board and its debug jumpers",
                 candidate.selector,
                 chain(&e)
             )
@@ -135,10 +137,10 @@ impl Attached {
         Ok(Self { session })
     }
 
-    /// Writes an image and reads it back. What lies in other pages, as the settings in bank 2, stays.
+    /// Writes an image and verifies it. Other pages, such as the settings in bank 2, are kept.
     ///
     /// # Errors
-    /// The flash does not take it, or holds something else afterwards.
+    /// Writing or verifying failed.
     pub fn write(&mut self, image: &Image, progress: impl FnMut(ProgressEvent)) -> Result<(), String> {
         let mut loader = self.session.target().flash_loader();
         for (address, bytes) in &image.pieces {
@@ -148,22 +150,22 @@ impl Attached {
         options.verify = true;
         options.progress = FlashProgress::new(progress);
         loader.commit(&mut self.session, options).map_err(|e| {
-            format!("writing the image failed: {}; the board has no whole firmware now: flash it again", chain(&e))
+            format!("writing the image failed: {}; the firmware on the board is incomplete: flash it again", chain(&e))
         })
     }
 
-    /// Resets the chip; its firmware begins anew.
+    /// Resets the chip.
     ///
     /// # Errors
-    /// The probe's words.
+    /// The probe's error.
     pub fn reset(&mut self) -> Result<(), String> {
         self.with_core("reset the board", |core| core.reset())
     }
 
-    /// Whether the chip's flash holds the image. The firmware runs on meanwhile.
+    /// Whether the chip's flash holds the image. Does not stop the firmware.
     ///
     /// # Errors
-    /// The probe's words.
+    /// The probe's error.
     pub fn holds(&mut self, image: &Image) -> Result<bool, String> {
         self.with_core("read the board's flash", |core| {
             for (address, bytes) in &image.pieces {
@@ -177,10 +179,10 @@ impl Attached {
         })
     }
 
-    /// Does something with the chip's core.
+    /// Runs `action` on the chip's core.
     ///
     /// # Errors
-    /// "cannot `what`", and why.
+    /// "cannot `what`", with the cause.
     pub fn with_core<T, E>(
         &mut self,
         what: &str,
@@ -194,7 +196,7 @@ impl Attached {
     }
 }
 
-/// An error and what caused it, in one line.
+/// An error with its causes, in one line.
 fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -226,14 +228,14 @@ mod tests {
     }
 
     #[test]
-    fn the_only_probe_is_taken_unsaid_and_another_by_its_serial_number() {
+    fn the_only_probe_is_selected_and_one_of_several_by_serial_number() {
         let two = [candidate("0025A"), candidate("0031B")];
         assert_eq!(chosen(&two[..1], None).as_deref(), Ok("0483:374e:0025A"));
         assert_eq!(chosen(&two, wanted("0483:374e:0031b")).as_deref(), Ok("0483:374e:0031B"));
     }
 
     #[test]
-    fn several_probes_are_listed_as_they_are_to_be_written() {
+    fn several_probes_are_listed_in_the_format_of_the_option() {
         let two = [candidate("0025A"), candidate("0031B")];
         for asked in [None, wanted("0483:374e")] {
             let Err(NoProbe::Ambiguous(text)) = chosen(&two, asked) else { panic!("one was chosen") };
@@ -242,26 +244,26 @@ mod tests {
     }
 
     #[test]
-    fn a_probe_that_is_not_there_is_answered_with_those_that_are() {
+    fn a_missing_probe_is_reported_with_the_connected_ones() {
         for asked in ["0483:3748", "0483:374e:0025"] {
             let Err(NoProbe::Missing(text)) = chosen(&[candidate("0025A")], wanted(asked)) else { panic!("chosen") };
             assert!(text.contains(&format!("no debug probe {asked}")) && text.contains("0483:374e:0025A"), "{text}");
         }
         let Err(NoProbe::Missing(text)) = chosen(&[], None) else { panic!("chosen") };
-        assert!(text.contains("no debug probe at this machine") && text.contains("plugged in"), "{text}");
+        assert!(text.contains("no debug probe found") && text.contains("connect the board"), "{text}");
     }
 
     #[test]
-    fn a_probe_without_permission_says_so_with_its_remedy() {
+    fn a_probe_without_permission_is_reported_with_the_remedy() {
         let locked = Candidate { is_accessible: false, ..candidate("0025A") };
         let Err(NoProbe::Missing(text)) = chosen(&[locked], None) else { panic!("chosen") };
-        assert!(text.contains("may not open it"), "{text}");
+        assert!(text.contains("no permission to open"), "{text}");
         #[cfg(target_os = "linux")]
         assert!(text.contains("udev"), "{text}");
     }
 
     #[test]
-    fn a_selector_that_is_none_says_how_one_is_written() {
+    fn an_invalid_selector_is_answered_with_the_format() {
         for text in ["", "stlink", "0483", "0483:xyz", "10483:374e"] {
             assert!(selector(text).expect_err(text).contains("VID:PID:SERIAL"));
         }

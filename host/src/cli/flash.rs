@@ -1,4 +1,4 @@
-//! `damprig flash`: checks an image, puts it on the controller board, and waits until the board says who it is.
+//! `damprig flash`: checks a firmware image, writes it to the controller board, and waits until the board answers.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
@@ -10,8 +10,8 @@ use indicatif::ProgressBar;
 use probe_rs::flashing::{ProgressEvent, ProgressOperation};
 use probe_rs::probe::DebugProbeSelector;
 
-use super::devices::Rig;
-use super::{Failure, Outcome};
+use super::arguments::Rig;
+use super::outcome::{Failure, Outcome};
 use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
 use crate::client::controller::Controller;
@@ -20,40 +20,40 @@ use crate::client::link::Address;
 use crate::client::session::{Session, hex};
 use crate::settings::origin_text;
 
-/// Puts an image on the controller board: checked, written, read back, reset, and heard of.
+/// Flashes the firmware of the controller board: checks the image, writes it, reads it back, resets the board and connects.
 ///
-/// The reset opens the drive's relay: let the rig come to rest first. The settings on the board stay.
+/// The reset opens the drive's relay, so let the rig come to rest first. The board keeps its settings.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
     #[command(flatten)]
-    at: At,
+    target: ImageAndProbe,
 
-    /// Where the board answers afterwards: auto for the serial port of the probe, else the only board; or serial:PATH
+    /// Where to connect afterwards: auto (the serial port of the probe, else the only board) or serial:PATH
     #[arg(long, value_name = "RIG", default_value = "auto")]
     rig: Rig,
 
-    /// Seconds to wait for the board's answer
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::run::seconds)]
+    /// Time to wait for the board
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::arguments::seconds)]
     timeout: f64,
 }
 
 /// Which image and which probe.
 #[derive(Debug, ClapArgs)]
-pub struct At {
-    /// The image; without it firmware/target/images/nucleo-g474re.elf, here or in a folder above
+pub struct ImageAndProbe {
+    /// Firmware image [default: firmware/target/images/nucleo-g474re.elf, here or in a parent folder]
     #[arg(value_name = "IMAGE")]
     image: Option<PathBuf>,
 
-    /// The debug probe, if there are several: VID:PID or VID:PID:SERIAL, as the list of them says
+    /// Debug probe, needed if several are connected: VID:PID or VID:PID:SERIAL, as the error message lists them
     #[arg(long, value_name = "VID:PID[:SERIAL]", value_parser = selector)]
     probe: Option<DebugProbeSelector>,
 }
 
-impl At {
+impl ImageAndProbe {
     /// The image, checked before any probe is touched.
     ///
     /// # Errors
-    /// There is none, or it is not for this board and this program.
+    /// No image, or one for another board or protocol.
     pub fn image(&self) -> Result<Image, Failure> {
         let path = match &self.image {
             Some(path) => path.clone(),
@@ -65,10 +65,10 @@ impl At {
         Image::read(&path).map_err(Failure::Input)
     }
 
-    /// The chosen probe, with the board's chip attached.
+    /// The selected probe, attached to the chip.
     ///
     /// # Errors
-    /// No probe, several, or no chip.
+    /// No probe, several probes, or no chip.
     pub fn attach(&self) -> Result<(Candidate, Attached), Failure> {
         let probe = choose(&candidates(), self.probe.as_ref()).map_err(|none| match none {
             NoProbe::Missing(why) => Failure::Failed(why),
@@ -82,22 +82,22 @@ impl At {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A wrong image; no probe, several, or no chip at it; flash that does not hold; a board that does not answer.
+/// An invalid image; no probe, several probes, no chip; a flash error; a board that does not answer.
 pub fn run(args: &Args) -> Outcome {
-    let image = args.at.image()?;
-    let (probe, mut attached) = args.at.attach()?;
+    let image = args.target.image()?;
+    let (probe, mut attached) = args.target.attach()?;
     let kilobytes = image.length() as f64 / 1e3;
     eprintln!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
     let bars = RefCell::new(Bars::default());
     attached.write(&image, |event| bars.borrow_mut().show(event)).map_err(Failure::Failed)?;
     attached.reset().map_err(Failure::Failed)?;
     drop(attached);
-    eprintln!("written and verified; the board begins anew");
-    let mut session = hear(args, &probe)?;
-    tell(&image, &mut session)
+    eprintln!("written and verified; the board restarts");
+    let mut session = connect(args, &probe)?;
+    describe(&image, &mut session)
 }
 
-/// A bar for each thing that is done.
+/// A progress bar for each operation.
 #[derive(Default)]
 struct Bars(Option<ProgressBar>, Vec<(&'static str, u64)>);
 
@@ -135,17 +135,17 @@ fn name(operation: ProgressOperation) -> &'static str {
     }
 }
 
-/// Waits until the board answers: it has to start, and the system may be slow with its port.
-fn hear(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
+/// Connects to the board, which needs time to start and to show its port.
+fn connect(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
     let end = Instant::now() + Duration::from_secs_f64(args.timeout);
     loop {
-        let answer = place(&args.rig, probe)
+        let answer = address(&args.rig, probe)
             .and_then(|address| Session::open(&address, Duration::from_secs(1)).map_err(|e| e.to_string()));
         match answer {
             Ok(session) => return Ok(session),
             Err(why) if Instant::now() >= end => {
                 return Err(Failure::Failed(format!(
-                    "the image is written and verified, but the board was not heard of within {} s: {why}\n  `damprig log` shows what its firmware says",
+                    "the image is written and verified, but the board did not answer within {} s: {why}\n  `damprig log` shows the firmware's log",
                     args.timeout
                 )));
             }
@@ -154,8 +154,8 @@ fn hear(args: &Args, probe: &Candidate) -> Result<Session, Failure> {
     }
 }
 
-/// Where the board answers: the debugger's serial port has the probe's serial number.
-fn place(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
+/// Address of the board: the serial port with the probe's serial number.
+fn address(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
     let Rig::At(address) = rig else {
         let ports = ports()?;
         let number = probe.selector.serial_number.as_deref().unwrap_or_default();
@@ -170,11 +170,11 @@ fn place(rig: &Rig, probe: &Candidate) -> Result<Address, String> {
     Ok(address.clone())
 }
 
-/// Who the board is and how it came up.
+/// Prints the board's identity and state.
 ///
 /// # Errors
-/// It runs something else than what was written.
-fn tell(image: &Image, session: &mut Session) -> Outcome {
+/// It runs another firmware than the one written.
+fn describe(image: &Image, session: &mut Session) -> Outcome {
     let counted = session.status().map(|(_, counters)| Controller::between(&Counters::default(), &counters));
     let health = counted.map_or_else(|e| e.to_string(), |c| [vec![c.line()], c.complaints()].concat().join("; "));
     let session = &*session;
@@ -192,7 +192,7 @@ fn tell(image: &Image, session: &mut Session) -> Outcome {
         return Ok(());
     }
     Err(Failure::Failed(format!(
-        "another board answers at {}: written was {} {}, there is {} {}; name the board's port: --rig serial:PATH",
+        "another board answers at {}: written {} {}, found {} {}; give the board's port with --rig serial:PATH",
         session.name(),
         image.identity.board,
         image.identity.firmware,
@@ -203,7 +203,7 @@ fn tell(image: &Image, session: &mut Session) -> Outcome {
 
 fn clock(source: ClockSource) -> &'static str {
     match source {
-        ClockSource::Granted => "the host's grants",
+        ClockSource::Granted => "tick credit of the host",
         ClockSource::Crystal => "crystal, ±50 ppm",
         ClockSource::InternalOscillator => "internal oscillator, ±1 %: the crystal did not start",
     }
@@ -212,10 +212,10 @@ fn clock(source: ClockSource) -> &'static str {
 fn reset(reset: Reset) -> &'static str {
     match reset {
         Reset::Unknown => "unknown",
-        Reset::Power => "power-on or a sagging supply",
-        Reset::Pin => "the reset button, or the debugger",
-        // The debugger asks for it as the firmware does.
-        Reset::Software => "the firmware itself, or the debugger",
+        Reset::Power => "power-on or low supply voltage",
+        Reset::Pin => "the reset button or the debugger",
+        // A debugger requests it in the same way.
+        Reset::Software => "the firmware or the debugger",
         Reset::Watchdog => "the watchdog",
     }
 }

@@ -1,36 +1,35 @@
-//! `damprig log`: what the controller's firmware says, while it runs on.
+//! `damprig log`: shows the log of the running firmware.
 //!
-//! probe-rs's own command decodes it. The decoder's library is not linked here: it changes how every number of this program's
-//! JSON is read (`serde_json/arbitrary_precision`), and the journals of runs would not be read any more.
+//! The `probe-rs` command decodes the log. Its library is not linked, because it enables `serde_json/arbitrary_precision`,
+//! which would break reading the journals of runs.
 
 use std::process::Command;
 
 use clap::Args as ClapArgs;
 
-use super::flash::At;
-use super::{Failure, Outcome};
+use super::flash::ImageAndProbe;
+use super::outcome::{Failure, Outcome};
 use crate::board::CHIP;
 
-/// Shows the log of the controller's firmware until Ctrl-C: level, source line, and the board's time, which is that of the
-/// samples.
+/// Shows the log of the controller's firmware until Ctrl-C: level, source line and device time.
 ///
-/// Attaches without a reset: the rig goes on. Needs the command `probe-rs` (`cargo install probe-rs-tools`).
+/// Attaches without a reset, so a run continues. Needs the command `probe-rs` (`cargo install probe-rs-tools`).
 #[derive(Debug, ClapArgs)]
 pub struct Args {
     #[command(flatten)]
-    at: At,
+    target: ImageAndProbe,
 }
 
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A wrong image, or one that the board does not run; no probe, several, or no chip; no `probe-rs`.
+/// An invalid image, or another than the board runs; no probe, several probes, no chip; no `probe-rs`.
 pub fn run(args: &Args) -> Outcome {
-    let image = args.at.image()?;
-    let (probe, mut attached) = args.at.attach()?;
+    let image = args.target.image()?;
+    let (probe, mut attached) = args.target.attach()?;
     if !attached.holds(&image).map_err(Failure::Failed)? {
         return Err(Failure::Input(format!(
-            "the board runs another image than {}: its log would read as nonsense; name the image that it runs, or `damprig flash` this one",
+            "the board runs another image than {}, which cannot decode its log; give the image that the board runs, or flash this one with `damprig flash`",
             image.path.display()
         )));
     }
@@ -40,7 +39,7 @@ pub fn run(args: &Args) -> Outcome {
         .arg(&image.path)
         .status()
         .map_err(|e| {
-            Failure::Failed(format!("cannot start probe-rs: {e}; `cargo install probe-rs-tools` brings it"))
+            Failure::Failed(format!("cannot start probe-rs: {e}; install it with `cargo install probe-rs-tools`"))
         })?;
     if status.success() { Ok(()) } else { Err(Failure::Failed(format!("probe-rs attach ended with {status}"))) }
 }

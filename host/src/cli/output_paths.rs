@@ -1,20 +1,20 @@
-//! No file of `damprig simulate` may take the place of another: what a run reads is not overwritten by what it writes.
+//! Checks that no output file of `damprig simulate` overwrites an input or another output.
 //!
-//! Files are compared by where they are, not by how they are spelt: `a/../case.csv` and a link to it are `case.csv`.
+//! Files are compared by their resolved paths: `a/../case.csv` and a link to it are `case.csv`.
 
 use std::path::{Path, PathBuf};
 
-use super::Failure;
+use super::outcome::Failure;
 use crate::simulation::Case;
 use crate::simulation::time_history::TablePath;
 
-/// Refuses outputs that are the case, its record, or one another.
+/// Rejects outputs that are the case, its record, or one another.
 ///
 /// # Errors
-/// Names both roles and the file.
+/// Names both files and their roles.
 pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Path>) -> Result<(), Failure> {
-    let record = case.record.as_ref().map(|record| ("the record that the case plays", record.file.clone()));
-    let read = [Some(("the case itself", path.to_path_buf())), record];
+    let record = case.record.as_ref().map(|record| ("the record of the case", record.file.clone()));
+    let read = [Some(("the case file", path.to_path_buf())), record];
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let impacts = out.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
     let accumulations =
@@ -25,7 +25,7 @@ pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Pa
         let place = place(&file);
         if let Some((other, _)) = taken.iter().find(|(_, other)| self::place(other) == place) {
             return Err(Failure::Input(format!(
-                "{role} would write {}, which is {other}\n  give another file name; nothing was written",
+                "{role} would overwrite {}, which is {other}\n  give another file name; nothing was written",
                 file.display()
             )));
         }
@@ -34,7 +34,7 @@ pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Pa
     Ok(())
 }
 
-/// Where a file is, or would be: without links and detours as far as it exists.
+/// The resolved path of a file that may not exist yet.
 fn place(file: &Path) -> PathBuf {
     if let Ok(place) = file.canonicalize() {
         return place;

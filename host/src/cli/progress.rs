@@ -1,4 +1,4 @@
-//! Progress: a bar with an estimate on a terminal; elsewhere a line per set-up of a campaign, nothing for a simulation.
+//! Progress of runs and simulations: a bar on a terminal, otherwise a line per set-up of a campaign.
 
 use std::io::{BufRead, IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
-use crate::report::figures::campaign::describe;
+use crate::report::describe;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunError, Watcher};
 
-/// Shows how far a run has come.
+/// Shows the progress of a run.
 pub struct Progress {
     bar: ProgressBar,
     expected_s: f64,
@@ -21,22 +21,22 @@ pub struct Progress {
     line: Option<Line>,
 }
 
-/// What the line of a set-up will say.
+/// Summary of a set-up.
 struct Line {
     label: String,
     points: usize,
     peak: Option<(f64, f64)>,
 }
 
-/// Bar steps in a second of rig time.
+/// Bar steps per second of rig time.
 const STEPS_PER_S: f64 = 10.0;
 
-/// A bar on a terminal, nothing elsewhere.
+/// A bar, hidden without a terminal.
 pub(super) fn bar(length: u64) -> ProgressBar {
     let target =
         if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
-    let style = ProgressStyle::with_template("{msg:24!} {wide_bar} {percent:>3} %  {elapsed} gone, {eta} to go");
+    let style = ProgressStyle::with_template("{msg:24!} {wide_bar} {percent:>3} %  {elapsed} elapsed, {eta} left");
     if let Ok(style) = style {
         bar.set_style(style.progress_chars("━╸─"));
     }
@@ -44,22 +44,22 @@ pub(super) fn bar(length: u64) -> ProgressBar {
     bar
 }
 
-/// How far a simulation has come; nothing is shown of one that is done within a second.
-pub struct Bar {
+/// Progress of a simulation; shown after one second.
+pub struct SimulationBar {
     name: String,
     duration_s: f64,
     start: Instant,
     bar: Option<ProgressBar>,
 }
 
-impl Bar {
+impl SimulationBar {
     /// For a simulation of `duration_s`.
     #[must_use]
     pub fn new(name: &str, duration_s: f64) -> Self {
         Self { name: name.into(), duration_s, start: Instant::now(), bar: None }
     }
 
-    /// It has come to `t_s`.
+    /// Shows the simulated time `t_s`.
     pub fn reach(&mut self, t_s: f64) {
         if self.bar.is_none() && self.start.elapsed() > Duration::from_secs(1) {
             let bar = bar(10_000).with_elapsed(self.start.elapsed());
@@ -71,7 +71,7 @@ impl Bar {
         }
     }
 
-    /// It is over.
+    /// Removes the bar.
     pub fn end(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
@@ -90,13 +90,13 @@ impl Progress {
         Self { bar, expected_s, mount_without_asking, set_ups, mounted: 0, line: None }
     }
 
-    /// The run is over.
+    /// Ends the progress display.
     pub fn end(&mut self) {
-        self.say_line();
+        self.print_line();
         self.bar.finish_and_clear();
     }
 
-    fn say_line(&mut self) {
+    fn print_line(&mut self) {
         let Some(line) = self.line.take() else { return };
         if self.bar.is_hidden() {
             let peak = line.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
@@ -107,33 +107,33 @@ impl Progress {
 
 impl Watcher for Progress {
     fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
-        self.say_line();
+        self.print_line();
         self.mounted = self.set_ups.iter().position(|name| *name == set_up.name).map_or(0, |n| n + 1);
         self.bar.set_message(set_up.name.clone());
         self.line = Some(Line { label: set_up.name.clone(), points: 0, peak: None });
         if simulated || self.mount_without_asking {
             return Ok(());
         }
-        let what = describe(set_up);
+        let what = describe::set_up(set_up);
         if !std::io::stdin().is_terminal() {
             let message = format!(
-                "set-up {:?} ({what}) has to be mounted by a person, and there is no terminal to ask at; use --yes when it is mounted",
+                "set-up {:?} ({what}) must be mounted, and there is no terminal for the confirmation; mount it and use --yes",
                 set_up.name
             );
             return Err(RunError::NobodyThere(message));
         }
         self.bar.suspend(|| {
-            let _ = write!(std::io::stderr(), "Mount set-up {:?}: {what}. Press Enter when it is ready. ", set_up.name);
+            let _ = write!(std::io::stderr(), "Mount set-up {:?}: {what}. Press Enter when ready. ", set_up.name);
             let mut answer = String::new();
             match std::io::stdin().lock().read_line(&mut answer) {
                 Ok(count) if count > 0 => Ok(()),
-                _ => Err(RunError::NobodyThere(format!("set-up {:?} was not confirmed", set_up.name))),
+                _ => Err(RunError::NobodyThere(format!("mounting of set-up {:?} was not confirmed", set_up.name))),
             }
         })
     }
 
     fn progress(&mut self, rig_s: f64) {
-        // A structure that takes longer to come to rest makes the run longer than reckoned.
+        // A structure that comes to rest slowly makes the run longer than expected.
         self.bar.set_position((rig_s.min(self.expected_s) * STEPS_PER_S) as u64);
     }
 
@@ -153,7 +153,7 @@ impl Watcher for Progress {
     }
 
     fn link(&mut self, state: &str) {
-        // Above the bar, or where errors go: it stands there in the morning.
+        // Above the bar or to standard error, where it stays visible.
         self.bar.suspend(|| warn!("link: {state}"));
     }
 }

@@ -1,4 +1,4 @@
-//! `damprig settings`: what a board is before an experiment says anything, looked at, changed, kept, and carried to files.
+//! `damprig settings`: shows, changes, saves, exports and imports the settings of a board.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,30 +8,29 @@ use clap::{Args as ClapArgs, Subcommand};
 use damprig_core::settings::{Settings, Source as Origin};
 use damprig_protocol::Ask;
 
-use super::devices::Rig;
-use super::{Failure, Outcome};
+use super::arguments::Rig;
+use super::outcome::{Failure, Outcome};
 use crate::client::session::Session;
 use crate::input::{Source, near};
 use crate::report::exports::atomic_file::{to_failure, write_new};
 use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
 
-/// Shows, changes, saves and copies a board's settings: sensor scales, limits, spring and impact constants.
+/// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
 ///
-/// A board uses changed settings at once, and forgets them at power-off unless they are saved.
+/// Changes take effect at once. They are lost at power-off unless they are saved.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
 
-    /// The rig: virtual, virtual:BOARD.toml, tcp:HOST:PORT, serial:PATH, or auto for the only board that is plugged in. A
-    /// simulated board keeps settings as long as it lives, the virtual rig until the command ends: there the settings are those of
-    /// BOARD.toml, a file as `export` writes it
+    /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual, or virtual:BOARD.toml. The virtual rig takes
+    /// its settings from BOARD.toml, as written by `export`, and forgets changes when the command ends
     #[arg(long, value_name = "RIG", default_value = "virtual", global = true)]
     rig: Rig,
 
-    /// Seconds of silence after which the device counts as gone
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::run::seconds, global = true)]
+    /// Time without a message after which the link counts as lost
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = super::arguments::seconds, global = true)]
     timeout: f64,
 }
 
@@ -41,35 +40,35 @@ Examples:
   damprig settings set spring.step_m=4e-6 safety.wall_force_n=300 --rig auto --save
   damprig settings export rig.toml --rig auto
   damprig settings import rig.toml --rig serial:/dev/ttyACM0 --save
-  damprig settings export board.toml --rig virtual     # then edit it, and: damprig run CAMPAIGN.toml --rig virtual:board.toml";
+  damprig settings export board.toml          defaults; edit, then run with --rig virtual:board.toml";
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Print the settings in use, as TOML
+    /// Print the settings in use as TOML
     Show,
-    /// Use other values from now on
+    /// Change settings
     Set {
-        /// KEY=VALUE, as `show` prints the keys with their tables: spring.step_m=4e-6
+        /// Settings with their tables, as printed by `show`: spring.step_m=4e-6
         #[arg(value_name = "KEY=VALUE", required = true)]
         values: Vec<String>,
-        /// Save them, too
+        /// Also save all settings
         #[arg(long)]
         save: bool,
     },
-    /// Keep the settings in use over power cuts
+    /// Save the settings in use, so that they survive a power cut
     Save,
-    /// Write the settings in use to a file that does not exist
+    /// Write the settings in use to a new file
     Export {
-        /// The file
+        /// File
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
     },
-    /// Use the settings of a file from now on; what it leaves out stays
+    /// Apply the settings of a file; settings that it leaves out stay as they are
     Import {
-        /// The file
+        /// File
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
-        /// Save them, too
+        /// Also save all settings
         #[arg(long)]
         save: bool,
     },
@@ -78,11 +77,11 @@ enum Action {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A wrong key, value or file; a board that does not answer, or refuses.
+/// A wrong key, value or file; a board that does not answer or rejects the settings.
 pub fn run(args: &Args) -> Outcome {
-    // What can be wrong without the board is told before it is asked.
+    // Report input errors before connecting to the board.
     let file = match &args.action {
-        Action::Import { file, .. } => Some(Source::read(file).map_err(|e| Failure::Input(e.to_string()))?),
+        Action::Import { file, .. } => Some(Source::read(file).map_err(Failure::input)?),
         Action::Set { values, .. } => {
             changed(values, &Settings::default())?;
             None
@@ -90,8 +89,8 @@ pub fn run(args: &Args) -> Outcome {
         _ => None,
     };
     let address = args.rig.find()?;
-    let mut session = Session::open(&address, Duration::from_secs_f64(args.timeout)).map_err(failed)?;
-    let (present, origin) = session.read_settings().map_err(failed)?;
+    let mut session = Session::open(&address, Duration::from_secs_f64(args.timeout)).map_err(Failure::failed)?;
+    let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
             print!("{}", to_toml(&present, &head(&session, origin)));
@@ -104,13 +103,13 @@ pub fn run(args: &Args) -> Outcome {
             send(&mut session, &present, &wanted, *save)
         }
         Action::Import { save, .. } => {
-            // It was read above.
+            // Read above.
             let Some(source) = file else { return Ok(()) };
-            let wanted = from_toml(&source, &present).map_err(|e| Failure::Input(e.to_string()))?;
+            let wanted = from_toml(&source, &present).map_err(Failure::input)?;
             let own = &session.identity.board;
             if let Some(other) = board_of(source.text()).filter(|other| *other != own.as_str()) {
                 eprintln!(
-                    "note: {} is of the board {other}, this is {own}: its sensors' scales come along",
+                    "note: {} is from the board {other}, this is {own}: the sensor calibration is imported too",
                     source.name()
                 );
             }
@@ -119,11 +118,7 @@ pub fn run(args: &Args) -> Outcome {
     }
 }
 
-fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::Failed(error.to_string())
-}
-
-/// The board that an exported file says it is of.
+/// The board named in the header of an exported file.
 fn board_of(text: &str) -> Option<&str> {
     text.lines().find_map(|line| line.strip_prefix("# Settings of ")?.split_once(", firmware ")).map(|(board, _)| board)
 }
@@ -135,17 +130,17 @@ fn head(session: &Session, origin: Origin) -> String {
 
 fn export(file: &Path, text: &str) -> Outcome {
     if file.symlink_metadata().is_ok() {
-        let message = format!("cannot write {}: it exists; move it away, or name another", file.display());
+        let message = format!("cannot write {}: it exists; move it away or give another name", file.display());
         return Err(Failure::Input(message));
     }
-    // Half a file would be imported without a word: what it leaves out stays.
-    write_new(file, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(failed)?;
+    // Written atomically: an incomplete file would import without an error.
+    write_new(file, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
     println!("written to {}", file.display());
     Ok(())
 }
 
 fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: bool) -> Outcome {
-    session.execute("use the settings", Ask::SetSettings(*wanted)).map_err(failed)?;
+    session.execute("use the settings", Ask::SetSettings(*wanted)).map_err(Failure::failed)?;
     let mut differences = 0;
     for ((place, before), (_, after)) in entries(present).iter().zip(entries(wanted)) {
         if *before != after {
@@ -154,20 +149,20 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
         }
     }
     if differences == 0 {
-        println!("nothing differs from what the board uses");
+        println!("no setting differs from those in use");
     }
     if and_save {
         return save(session);
     }
-    println!("in use; at power-off the board forgets them unless they are saved (`damprig settings save`)");
+    println!("in use; lost at power-off unless they are saved (`damprig settings save`)");
     Ok(())
 }
 
 fn save(session: &mut Session) -> Outcome {
-    session.execute("save its settings", Ask::SaveSettings).map_err(failed)?;
+    session.execute("save its settings", Ask::SaveSettings).map_err(Failure::failed)?;
     println!("saved");
     if session.name().starts_with("virtual") {
-        println!("note: the virtual rig ends with this command; a file for --rig virtual:BOARD.toml keeps settings");
+        println!("note: the virtual rig ends with this command; use a file with --rig virtual:BOARD.toml");
     }
     Ok(())
 }
@@ -184,7 +179,7 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
             return Err(Failure::Input(format!("{value:?}: write KEY=VALUE, for example spring.step_m=4e-6")));
         }
         if given.contains(&key) {
-            return Err(Failure::Input(format!("`{key}` is given twice: leave out one")));
+            return Err(Failure::Input(format!("`{key}` is given twice")));
         }
         given.push(key);
         if !names.iter().any(|name| name == key) {
@@ -194,7 +189,7 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
             candidates.extend(near(key, names.iter().map(String::as_str)));
             candidates.dedup();
             let help = if candidates.is_empty() {
-                "`damprig settings show` lists them".to_string()
+                "`damprig settings show` lists all settings".to_string()
             } else {
                 format!(
                     "did you mean {}?",
@@ -206,9 +201,9 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
         if !number.parse::<f32>().is_ok_and(f32::is_finite) {
             return Err(Failure::Input(format!("`{key}` = {number} is not allowed: must be a finite number")));
         }
-        // A number of Rust's may lack what TOML wants: digits around the point.
+        // TOML wants digits on both sides of the point.
         let number = number.parse::<f32>().map_or_else(|_| number.to_string(), decimal);
         text.push_str(&format!("{key} = {number}\n"));
     }
-    from_toml(&Source::new("command line", text), present).map_err(|e| Failure::Input(e.to_string()))
+    from_toml(&Source::new("command line", text), present).map_err(Failure::input)
 }

@@ -1,4 +1,4 @@
-//! `damprig simulate`: a case, from the file to the figures, the history and the picture.
+//! `damprig simulate`: simulates a case and writes its summary, time history and figure.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,50 +7,52 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 
-use super::progress::Bar;
-use super::{Failure, Outcome};
+use super::arguments::{not_negative, positive};
+use super::outcome::{Failure, Outcome};
+use super::progress::SimulationBar;
 use crate::motion_record::Quantity;
-use crate::report::figures::simulated_motion::COLUMNS;
-use crate::report::terminal::simulation as report;
+use crate::report::figures::simulated_motion::{self, COLUMNS};
+use crate::report::numbers::significant;
+use crate::report::terminal;
 use crate::simulation::analysis::Analysis;
-use crate::simulation::envelope::Outline;
-use crate::simulation::time_history::{History, TablePath};
-use crate::simulation::{Answer, Case, Request, cost, simulate};
+use crate::simulation::envelope::Envelope;
+use crate::simulation::time_history::{TablePath, TimeHistory};
+use crate::simulation::{Case, RunOptions, SimulationResult, cost, simulate};
 
-/// Simulates a case exactly: every impact, stick and slip at its instant.
+/// Simulates one case exactly: locates every impact, stick and slip.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Case file (TOML or JSON); host/cases shows what can be said
+    /// Case file (TOML or JSON); host/cases has examples
     #[arg(value_name = "CASE")]
     case: PathBuf,
 
-    /// Print the whole answer as one JSON object
+    /// Print the complete result as one JSON object
     #[arg(long)]
     json: bool,
 
-    /// Also say where the energy went, what the motion settles on and whether that is stable
+    /// Also print the energy balance, the steady state, the periodic orbit and its Floquet multipliers
     #[arg(long)]
     analyse: bool,
 
-    /// Write the time history to FILE.parquet or FILE.csv, and impacts and accumulations to FILE.impacts.… and
-    /// FILE.accumulations.… beside it
+    /// Write the time history to FILE (.parquet or .csv), impacts and accumulations to FILE.impacts.… and FILE.accumulations.…
     #[arg(long, value_name = "FILE")]
     out: Option<TablePath>,
 
-    /// Rows a second in the history [default: 200 per period of base or structure, whichever is shorter; a record's own]
+    /// Rows per second of the time history [default: 200 per drive or natural period, whichever is shorter; with a record at
+    /// least its sample rate]
     #[arg(long, value_name = "HZ", requires = "out", value_parser = positive)]
     rate: Option<f64>,
 
-    /// Draw displacements, walls and impacts to FILE.svg or FILE.png
+    /// Draw displacements, walls and impacts to FILE (.svg or .png)
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Start of the drawn time [default: 0, and the last ten cycles once more when the run is long]
+    /// Start of the drawn time [default: 0; a long run also shows its last ten cycles]
     #[arg(long, value_name = "SECONDS", requires = "plot", value_parser = not_negative)]
     plot_from: Option<f64>,
 
-    /// End of the drawn time [default: the end]
+    /// End of the drawn time [default: end of the run]
     #[arg(long, value_name = "SECONDS", requires = "plot", value_parser = positive)]
     plot_to: Option<f64>,
 }
@@ -63,52 +65,37 @@ Examples:
   damprig simulate host/cases/record.toml --json
   damprig simulate host/cases/spid.toml --analyse
 
-The first Ctrl-C ends the run where it is: files and figures up to there are complete. A second ends the program at once.
+The first Ctrl-C stops the run; the files and figures are complete up to there. The second ends the program at once.
 
 Exit codes:
-  0    done
+  0    success
   1    a file could not be written
   2    the command line or the case is wrong; nothing was written
-  130  interrupted (Ctrl-C); what was done is kept";
+  130  interrupted (Ctrl-C); the results so far are kept";
 
-/// The answer, and the analysis under its own key where it was asked for.
+/// The result, with the analysis under its own key if requested.
 #[derive(Serialize)]
 struct WithAnalysis<'a> {
     #[serde(flatten)]
-    answer: &'a Answer,
+    result: &'a SimulationResult,
     #[serde(skip_serializing_if = "Option::is_none")]
     analysis: Option<Analysis>,
 }
 
-/// Rows of a history in a period, unless a rate is given.
-const ROWS_A_PERIOD: f64 = 200.0;
+/// Default rows per period of a time history.
+const ROWS_PER_PERIOD: f64 = 200.0;
 
-/// Cycles from which on a picture shows the last ones by themselves.
+/// Cycles above which a figure shows the last ones in a panel of their own.
 const LONG_CYCLES: f64 = 30.0;
 
-/// How many of them.
+/// Cycles in that panel.
 const LAST_CYCLES: f64 = 10.0;
-
-fn number(text: &str, ok: impl Fn(f64) -> bool, allowed: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && ok(value) => Ok(value),
-        _ => Err(format!("must be a number {allowed}")),
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    number(text, |v| v > 0.0, "greater than 0")
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    number(text, |v| v >= 0.0, "0 or greater")
-}
 
 fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
         Some("svg" | "png") => Ok(path),
-        Some(other) => Err(format!("the extension .{other} is none of those allowed: .svg, .png")),
+        Some(other) => Err(format!("the extension .{other} is not supported; use .svg or .png")),
         None => Err("the file needs an extension: .svg or .png".into()),
     }
 }
@@ -116,74 +103,74 @@ fn picture(text: &str) -> Result<PathBuf, String> {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// Bad input, an unwritable file or an interrupted run.
+/// Bad input, an unwritable file, an interrupted run.
 pub fn run(args: &Args) -> Outcome {
-    let input = |e: &dyn std::fmt::Display| Failure::Input(e.to_string());
-    let failed = |e: &dyn std::fmt::Display| Failure::Failed(e.to_string());
-    let case = Case::read(&args.case).map_err(|e| input(&e))?;
+    let case = Case::read(&args.case).map_err(Failure::input)?;
     super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref())?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
-    let outlines = outlines(args, &case)?;
-    let cost = cost::estimate(&case).map_err(|e| input(&e))?;
-    let longest_part_s = cost::longest_part_s(&case, rate_hz).map_err(|e| input(&e))?;
+    let envelopes = envelopes(args, &case)?;
+    let cost = cost::estimate(&case).map_err(Failure::input)?;
+    let longest_part_s = cost::longest_part_s(&case, rate_hz).map_err(Failure::input)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    for warning in report::warnings(&case, &cost, args.out.as_ref().zip(rate_hz)) {
+    for warning in terminal::simulation::warnings(&case, &cost, args.out.as_ref().zip(rate_hz)) {
         eprintln!("warning: {warning}");
     }
     let mut history = match (&args.out, rate_hz) {
         (Some(path), Some(rate_hz)) => {
-            Some(History::create(path, rate_hz, case.set_up.particle.is_some()).map_err(|e| failed(&e))?)
+            Some(TimeHistory::create(path, rate_hz, case.set_up.particle.is_some()).map_err(Failure::failed)?)
         }
         _ => None,
     };
-    let mut seen = (&mut history, outlines);
-    let mut bar = Bar::new(&case.name, case.run.duration_s);
+    let mut viewer = (&mut history, envelopes);
+    let mut bar = SimulationBar::new(&case.name, case.run.duration_s);
     let mut go_on = |t_s: f64| {
         bar.reach(t_s);
         !stop.load(Ordering::Relaxed)
     };
-    let request = Request { keep: args.json, longest_part_s, go_on: &mut go_on };
-    let answer = simulate(&case, &mut seen, request).map_err(|e| input(&e));
+    let options = RunOptions { keep: args.json, longest_part_s, go_on: &mut go_on };
+    let result = simulate(&case, &mut viewer, options).map_err(Failure::input);
     bar.end();
-    let answer = answer?;
-    let (whole, last) = seen.1;
-    let rows = history.as_ref().map(History::rows);
-    let written = history.map_or(Ok(()), History::finish);
-    let drawn =
-        args.plot.as_ref().map_or(Ok(()), |path| report::figure(&case, whole.as_ref(), last.as_ref())?.save(path));
-    let analysis = if args.analyse && answer.stopped_at_s.is_none() { Analysis::of(&case) } else { None };
+    let result = result?;
+    let (whole, last) = viewer.1;
+    let rows = history.as_ref().map(TimeHistory::rows);
+    let written = history.map_or(Ok(()), TimeHistory::finish);
+    let drawn = args
+        .plot
+        .as_ref()
+        .map_or(Ok(()), |path| simulated_motion::of_case(&case, whole.as_ref(), last.as_ref())?.save(path));
+    let analysis = if args.analyse && result.stopped_at_s.is_none() { Analysis::of(&case) } else { None };
     if args.analyse && case.record.is_some() {
-        eprintln!("warning: --analyse needs an excitation in closed form; this case plays a record");
+        eprintln!("warning: --analyse does not support recorded base motions");
     }
     if args.json {
-        if answer.summary.impact_count > answer.impacts.len() as u64 {
-            let (kept, all) = (answer.impacts.len(), answer.summary.impact_count);
-            eprintln!("warning: the answer has the first {kept} of {all} impacts; --out writes them all");
+        if result.summary.impact_count > result.impacts.len() as u64 {
+            let (kept, all) = (result.impacts.len(), result.summary.impact_count);
+            eprintln!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
-        let both = WithAnalysis { answer: &answer, analysis };
-        println!("{}", serde_json::to_string(&both).map_err(|e| failed(&e))?);
+        let both = WithAnalysis { result: &result, analysis };
+        println!("{}", serde_json::to_string(&both).map_err(Failure::failed)?);
     } else {
-        println!("{}", report::summary(&case, &answer));
+        println!("{}", terminal::simulation::summary(&case, &result));
         if let Some(analysis) = &analysis {
-            println!("\n{}", crate::report::terminal::analysis::text(analysis));
+            println!("\n{}", terminal::analysis::text(analysis));
         }
     }
-    written.map_err(|e| failed(&e))?;
-    drawn.map_err(|e| failed(&e))?;
+    written.map_err(Failure::failed)?;
+    drawn.map_err(Failure::failed)?;
     if !args.json {
         if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
-            println!("History: {} ({rows} rows at {} Hz)", path.path().display(), report::digits(rate_hz, 6));
+            println!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
         }
         if let Some(path) = &args.plot {
-            println!("Picture: {}", path.display());
+            println!("Figure: {}", path.display());
         }
     }
-    match answer.stopped_at_s {
+    match result.stopped_at_s {
         Some(t_s) => Err(Failure::Interrupted(format!(
-            "interrupted at {} s of {} s; what was done up to there is kept",
-            report::digits(t_s, 9),
-            report::digits(case.run.duration_s, 9)
+            "interrupted at {} s of {} s; the results up to there are kept",
+            significant(t_s, 9),
+            significant(case.run.duration_s, 9)
         ))),
         None => Ok(()),
     }
@@ -191,13 +178,13 @@ pub fn run(args: &Args) -> Outcome {
 
 fn usual_rate_hz(case: &Case) -> f64 {
     match &case.record {
-        Some(record) => (1.0 / record.step_s).max(ROWS_A_PERIOD / case.natural_period_s()),
-        None => ROWS_A_PERIOD / case.cycle_s().min(case.natural_period_s()),
+        Some(record) => (1.0 / record.step_s).max(ROWS_PER_PERIOD / case.natural_period_s()),
+        None => ROWS_PER_PERIOD / case.cycle_s().min(case.natural_period_s()),
     }
 }
 
-/// The windows that will be drawn: the one asked for, or the whole run and its last cycles.
-fn outlines(args: &Args, case: &Case) -> Result<(Option<Outline>, Option<Outline>), Failure> {
+/// The windows to draw: the requested one, or the whole run and its last cycles.
+fn envelopes(args: &Args, case: &Case) -> Result<(Option<Envelope>, Option<Envelope>), Failure> {
     if args.plot.is_none() {
         return Ok((None, None));
     }
@@ -208,14 +195,14 @@ fn outlines(args: &Args, case: &Case) -> Result<(Option<Outline>, Option<Outline
             "--plot-from {from_s} s is not before the end of the drawn time, {to_s} s (the run lasts {duration_s} s)"
         )));
     }
-    // The base of an uncorrected acceleration drifts out of every picture.
+    // The base of an uncorrected acceleration record drifts, so x and y are drawn relative to it.
     let drifts = case.record.as_ref().is_some_and(|r| r.quantity == Quantity::Acceleration);
-    let outline = |from_s: f64, to_s: f64| {
-        let outline = Outline::new(from_s, to_s, COLUMNS);
-        if drifts { outline.relative_to_base() } else { outline }
+    let envelope = |from_s: f64, to_s: f64| {
+        let envelope = Envelope::new(from_s, to_s, COLUMNS);
+        if drifts { envelope.relative_to_base() } else { envelope }
     };
-    let is_asked_for = args.plot_from.is_some() || args.plot_to.is_some();
-    let is_long = !is_asked_for && !drifts && duration_s > LONG_CYCLES * case.cycle_s();
-    let last = is_long.then(|| outline(duration_s - LAST_CYCLES * case.cycle_s(), duration_s));
-    Ok((Some(outline(from_s, to_s)), last))
+    let is_requested = args.plot_from.is_some() || args.plot_to.is_some();
+    let is_long = !is_requested && !drifts && duration_s > LONG_CYCLES * case.cycle_s();
+    let last = is_long.then(|| envelope(duration_s - LAST_CYCLES * case.cycle_s(), duration_s));
+    Ok((Some(envelope(from_s, to_s)), last))
 }

@@ -1,23 +1,23 @@
-//! `damprig flash` and `damprig log` in a program that was built without the feature `probe`: how to come by them.
+//! `damprig flash` and `damprig log` in a build without the feature `probe`: says how to get them.
 
 use clap::Args as ClapArgs;
 
-use super::{Failure, Outcome};
+use super::outcome::{Failure, Outcome};
 
 /// Needs a program built with the feature `probe`.
 #[derive(Debug, ClapArgs)]
 pub struct Args {
-    /// What the subcommand would take
+    /// Ignored arguments
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
     rest: Vec<String>,
 }
 
-/// Says what is missing.
+/// Explains which build is needed.
 ///
 /// # Errors
 /// Always.
 pub fn run(name: &str, _: &Args) -> Outcome {
     Err(Failure::Input(format!(
-        "this damprig was built without its debug probe: `damprig {name}` needs `cargo install --path host --features probe` (no system library); `cargo run --release --features board-nucleo-g474re` in firmware/ flashes and shows the log with probe-rs's own command"
+        "this damprig was built without debug-probe support, which `damprig {name}` needs: install it with `cargo install --path host --features probe`; or flash and read the log with probe-rs by `cargo run --release --features board-nucleo-g474re` in firmware/"
     )))
 }

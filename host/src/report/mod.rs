@@ -1,8 +1,11 @@
-//! What people and other programs get from runs and simulations: figures, the report page, exports, terminal text.
+//! What people and other programs get from runs and simulations: figures, the report page, exports and terminal text.
 //!
-//! Modules import only those listed before them.
+//! `numbers` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! other.
 
+pub mod describe;
 pub mod exports;
 pub mod figures;
+pub mod numbers;
 pub mod page;
 pub mod terminal;

@@ -1,4 +1,4 @@
-//! The case file: a set-up, what excites it, where it starts and how long it runs. TOML or JSON, the same keys.
+//! Reads the case file (TOML or JSON, the same keys): set-up, excitation, initial state and run.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -6,27 +6,28 @@ use std::path::Path;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp, Wall};
 
-use super::excitation::{self, Loading};
+use super::excitation::{self, CaseExcitation};
 use super::json_case;
-use super::keys::case;
+use super::keys::{case, initial, run};
+use crate::input::section::Given;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared};
 
-/// A case as read and checked.
+/// A validated case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What plots call it.
+    /// Name, as figures show it.
     pub name: String,
     /// Structure and dampers.
     pub set_up: SetUp,
-    /// What moves it; nothing when there is a record.
+    /// Excitation in closed form; [`Excitation::Fixed`] with a record.
     pub excitation: Excitation,
-    /// The recorded base motion that it is played on.
+    /// Recorded base motion.
     pub record: Option<Record>,
-    /// Where it starts.
+    /// Initial state.
     pub initial: Initial,
-    /// How long, and what is wanted.
+    /// Duration and requested output.
     pub run: RunSpec,
 }
 
@@ -35,7 +36,7 @@ pub struct Case {
 pub struct RunSpec {
     /// Length of the run, s; greater than 0.
     pub duration_s: f64,
-    /// Instants at which the state is wanted, s, in rising order within the run.
+    /// Times at which the state is output, s, rising, within the run.
     pub sample_times_s: Vec<f64>,
     /// Length of a cycle, s.
     pub cycle_s: Option<f64>,
@@ -47,21 +48,21 @@ impl Case {
     /// Reads a file.
     ///
     /// # Errors
-    /// All problems of the file in one answer: file, line, key, value, what is allowed, the likely fix.
+    /// Lists all problems of the file: file, line, key, value, allowed values, likely fix.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
         let source = Source::read(path)?;
         let name = path.file_stem().map_or_else(|| "case".into(), |s| s.to_string_lossy().to_string());
         Self::parse(&source, &name)
     }
 
-    /// Reads a text that is at hand; `name` is used when the text gives none.
+    /// Parses a text; `name` is the default name.
     ///
     /// # Errors
     /// As [`Case::read`].
     pub fn parse(source: &Source, name: &str) -> Result<Self, Refusal> {
         let case = read(source, name);
         source.verdict()?;
-        // Readers return nothing only after noting why.
+        // A reader that returns `None` has reported why.
         case.ok_or_else(|| Refusal(format!("{name}: the case could not be read")))
     }
 
@@ -71,14 +72,14 @@ impl Case {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
     }
 
-    /// Whether the particle meets soft walls.
+    /// Whether the particle has soft walls.
     #[must_use]
     pub fn has_soft_wall(&self) -> bool {
         self.set_up.particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }))
     }
 
-    /// The length by which displacements are measured, and its sign for people: Z of a sine or a pulse, x0 of a free
-    /// vibration; none for a record, a force or a rest.
+    /// The reference length of displacement ratios and its symbol: Z of a sine or a pulse, x0 of a free vibration. `None`
+    /// for a record, a force or a structure at rest.
     #[must_use]
     pub fn reference_m(&self) -> Option<(f64, &'static str)> {
         let reference = match self.excitation {
@@ -91,7 +92,7 @@ impl Case {
         (reference.0 > 0.0).then_some(reference)
     }
 
-    /// The cycle by which the case is looked at: its own, the drive's, or the natural period, s.
+    /// Length of a cycle, s: as given, else the drive period, else the natural period.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
         self.run.cycle_s.unwrap_or_else(|| match self.excitation {
@@ -104,8 +105,9 @@ impl Case {
 
 fn read(source: &Source, name: &str) -> Option<Case> {
     if is_json(source) {
-        // JSON that is sound may still say what TOML has no word for: a number of 20 digits, a key twice.
-        return source.read_toml(&json_case::to_toml(source)?, "this cannot be taken", |root| read_root(root, name));
+        // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
+        return source
+            .read_toml(&json_case::to_toml(source)?, "this JSON cannot be read", |root| read_root(root, name));
     }
     source.read_toml(source.text(), "this is not TOML", |root| read_root(root, name))
 }
@@ -113,32 +115,32 @@ fn read(source: &Source, name: &str) -> Option<Case> {
 fn read_root(root: &Section, name: &str) -> Option<Case> {
     let name = root.text_of(&case::NAME).map_or_else(|| name.to_string(), |text| text.value);
     let stated_m = root.scalar(&BASE_AMPLITUDE);
-    let loading = read_loading(root, stated_m);
-    let record = match &loading {
-        Some(Loading::Recorded(record)) => Some(record),
+    let case_excitation = read_excitation(root, stated_m);
+    let record = match &case_excitation {
+        Some(CaseExcitation::Recorded(record)) => Some(record),
         _ => None,
     };
-    let base = loading.as_ref().map_or(BaseAmplitude::Unread, |loading| base_amplitude(loading, stated_m));
+    let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m));
     let spec = setup::read(root, &Shared::default(), base, record.map(|record| record.step_s));
     let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
     let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
     let initial_section = root.table_of(&case::INITIAL, None);
-    let initial = excitation::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
+    let initial = read_initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
     let run_section = root.table_of(&case::RUN, None);
-    let run = run_section.as_ref().and_then(|s| excitation::run(s, record.map(Record::duration_s)));
-    let (spec, loading, run) = (spec?, loading?, run?);
-    if stated_m.is_some() && !spec.is_relative() && loading.amplitude_m().is_none() {
-        let help = "write base = { kind = \"sine\", frequency_hz = … } for a base that moves by it, or leave it out";
-        root.reject(BASE_AMPLITUDE.name(), "nothing refers to it: no ratio, no moving base", Some(help.into()));
+    let run = run_section.as_ref().and_then(|s| read_run(s, record.map(Record::duration_s)));
+    let (spec, case_excitation, run) = (spec?, case_excitation?, run?);
+    if stated_m.is_some() && !spec.is_relative() && case_excitation.amplitude_m().is_none() {
+        let help = "write base = { kind = \"sine\", frequency_hz = … } to move the base by it, or leave it out";
+        root.reject(BASE_AMPLITUDE.name(), "is not used: the case has no ratio and no moving base", Some(help.into()));
     }
-    let (excitation, record) = match loading {
-        Loading::Closed(excitation) => (excitation, None),
-        Loading::Recorded(record) => (Excitation::Fixed, Some(record)),
+    let (excitation, record) = match case_excitation {
+        CaseExcitation::ClosedForm(excitation) => (excitation, None),
+        CaseExcitation::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
     let set_up = spec.at(z_m);
     for invalid in [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)] {
         let Err(invalid) = invalid else { continue };
-        // What only the model can tell: a particle outside its cavity.
+        // The model's own checks, for example a particle outside its cavity.
         let place = initial_section.as_ref().filter(|_| invalid.parameter == "initial.y_m");
         root.source().report(Problem {
             title: format!("`{}` = {} is not allowed", invalid.parameter, invalid.value),
@@ -154,38 +156,40 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     Some(case)
 }
 
-/// What moves it: a base or a force.
-fn read_loading(root: &Section, stated_m: Option<f64>) -> Option<Loading> {
+/// Reads `base` or `force`.
+fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitation> {
     let beside = |file: &str| resolve(Path::new(root.source().name()), file);
     let base = root.table_of(&case::BASE, None).map(|s| excitation::base(&s, stated_m, &beside));
     let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), excitation::force(&s)));
-    let fixed = Loading::Closed(Excitation::Fixed);
+    let fixed = CaseExcitation::ClosedForm(Excitation::Fixed);
     let Some((span, force)) = force else { return base.unwrap_or(Some(fixed)) };
     if base.is_some_and(|base| base.is_some_and(|base| base != fixed)) {
         root.source().report(Problem {
             title: "`force` and a moving `base` are both given".into(),
             span,
-            allowed: "one or the other: a force acts on the structure over a fixed base".into(),
+            allowed: "give one of them: a force acts on the structure over a fixed base".into(),
             help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
         });
     }
-    force.map(Loading::Closed)
+    force.map(CaseExcitation::ClosedForm)
 }
 
-/// Z: what the base moves by, or else what the set-up states.
-fn base_amplitude(loading: &Loading, stated_m: Option<f64>) -> BaseAmplitude {
-    match (loading.amplitude_m(), stated_m) {
+/// Z: the amplitude of the base motion, else the one stated in the set-up.
+fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>) -> BaseAmplitude {
+    match (excitation.amplitude_m(), stated_m) {
         (Some(0.0), _) => BaseAmplitude::Absent("the base's amplitude is 0"),
         (Some(z_m), _) | (None, Some(z_m)) => BaseAmplitude::Is(z_m),
-        (None, None) if matches!(loading, Loading::Recorded(_)) => BaseAmplitude::Absent("a record has no amplitude"),
+        (None, None) if matches!(excitation, CaseExcitation::Recorded(_)) => {
+            BaseAmplitude::Absent("a record has no amplitude")
+        }
         (None, None) => BaseAmplitude::Absent("the base of this case is fixed"),
     }
 }
 
-/// The shortest cycle that makes sense, as a share of the period of structure or drive.
+/// Shortest allowed cycle as a fraction of the shorter of natural and drive period.
 const LEAST_CYCLE: f64 = 1e-6;
 
-/// Refuses a cycle so short that closing empty cycles would be all the work.
+/// Rejects a cycle so short that the run would only close empty cycles.
 fn check_cycle(run: &Section, case: &Case) {
     let drive_s = TAU / case.excitation.angular_frequency_rad_per_s();
     let least_s = LEAST_CYCLE * case.natural_period_s().min(drive_s);
@@ -195,8 +199,70 @@ fn check_cycle(run: &Section, case: &Case) {
     }
 }
 
-/// Whether it is JSON, by how it begins; `[{` and `[]` head no table of TOML.
+/// Whether the text is JSON, by its first characters. No TOML table header starts with `[{` or `[]`.
 fn is_json(source: &Source) -> bool {
     let text = source.text().trim_start();
     text.starts_with('{') || text.strip_prefix('[').is_some_and(|rest| rest.trim_start().starts_with(['{', ']']))
+}
+
+/// Reads `initial`. Defaults: the structure starts at 0, or at the record's first base displacement; a second mass starts
+/// with the structure; a particle starts `particle_start_m` from the structure.
+fn read_initial(s: Option<&Section>, base_start_m: f64, particle_start_m: Option<f64>) -> Initial {
+    let or = |quantity, absent: f64| s.and_then(|s| s.scalar(quantity)).unwrap_or(absent);
+    let (x_m, v_m_per_s) = (or(&initial::X, base_start_m), or(&initial::V, 0.0));
+    let y_m = or(&initial::Y, x_m + particle_start_m.unwrap_or(0.0));
+    let read = Initial { x_m, v_m_per_s, y_m, u_m_per_s: or(&initial::U, v_m_per_s) };
+    if let Some(s) = s {
+        if particle_start_m.is_some() && s.is_given(&initial::Y) {
+            let help = Some("leave out `y_m`, or `start` and `start_m` of the particle".into());
+            s.reject(initial::Y.name(), "the particle's table gives its start too", help);
+        }
+        s.finish();
+    }
+    read
+}
+
+/// Reads `run`. The duration defaults to that of the record.
+fn read_run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
+    let duration = match record_s {
+        Some(length_s) if !s.is_given(&run::DURATION) => Some(length_s),
+        _ => s.scalar(&run::DURATION),
+    };
+    let times = match s.given(&run::SAMPLE_TIMES) {
+        Some((_, Given::Numbers(times))) => times,
+        _ => Vec::new(),
+    };
+    let cycle_s = s.scalar(&run::CYCLE);
+    let steady_from = s.scalar(&run::STEADY_FROM);
+    s.finish();
+    let duration_s = duration?;
+    for (i, time) in times.iter().enumerate() {
+        let early = i > 0 && time.value < times[i - 1].value;
+        if early || !(0.0..=duration_s * (1.0 + 1e-12)).contains(&time.value) {
+            let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
+            s.refuse(run::SAMPLE_TIMES.name(), &time.span, allowed, None);
+            return None;
+        }
+    }
+    if let Some(first) = steady_from {
+        let key = run::STEADY_FROM.name();
+        let Some(cycle_s) = cycle_s else {
+            let help = Some("give `cycle_s`, or leave out `steady_from_cycle`".into());
+            s.reject(key, "needs `cycle_s`, the length of a cycle", help);
+            return None;
+        };
+        if (first + 1.0) * cycle_s > duration_s * (1.0 + 1e-12) {
+            let cycles = (duration_s / cycle_s * (1.0 + 1e-12)).floor();
+            let allowed = format!("must leave one whole cycle: the run has {cycles}, counted from 0");
+            let help = Some("make `duration_s` longer, or `steady_from_cycle` smaller".into());
+            s.reject(key, allowed, help);
+            return None;
+        }
+    }
+    Some(RunSpec {
+        duration_s,
+        sample_times_s: times.iter().map(|time| time.value).collect(),
+        cycle_s,
+        steady_from_cycle: steady_from.map(|first| first as u64),
+    })
 }

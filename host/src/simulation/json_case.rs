@@ -1,12 +1,12 @@
-//! A JSON text as TOML, byte for byte at the same places, so that one reader serves both and answers point into
-//! the file as written.
+//! Converts a JSON case to TOML without moving a byte, so that one reader serves both and messages point into the file as
+//! written.
 //!
-//! Inside inline tables the two languages differ in `:` against `=` only; the outermost braces become blanks and
-//! the commas between top-level members line ends.
+//! Inside inline tables the formats differ only in `:` and `=`. The outermost braces become blanks, the commas between
+//! top-level members line ends.
 
 use crate::input::{Problem, Source};
 
-/// The same case as TOML; `None` when the text is not JSON, which is then noted.
+/// The case as TOML; `None`, after reporting why, if the text is not a JSON object.
 pub(super) fn to_toml(source: &Source) -> Option<String> {
     let text = source.text();
     if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
@@ -26,17 +26,17 @@ pub(super) fn to_toml(source: &Source) -> Option<String> {
         source.report(Problem {
             title: "this JSON is not an object".into(),
             span: start..text[start..].find('\n').map_or(text.len(), |end| start + end),
-            allowed: "a case is one object of tables, {\"structure\": {…}, \"run\": {…}}".into(),
-            help: text[start..].starts_with('[').then(|| "of a list of cases, put each in a file of its own".into()),
+            allowed: "must be one object of tables: {\"structure\": {…}, \"run\": {…}}".into(),
+            help: text[start..].starts_with('[').then(|| "put each case of a list in its own file".into()),
         });
         return None;
     }
     let nulls = nulls(text);
     for at in &nulls {
         source.report(Problem {
-            title: "`null` says nothing".into(),
+            title: "`null` is not allowed".into(),
             span: *at..at + NULL.len(),
-            allowed: "a key has a value or is left out".into(),
+            allowed: "must be a value".into(),
             help: Some("leave the key out".into()),
         });
     }
@@ -76,7 +76,7 @@ pub(super) fn to_toml(source: &Source) -> Option<String> {
 
 const NULL: &str = "null";
 
-/// Where each `null` of a JSON text begins: outside of strings no other word of JSON has an n in it.
+/// Offsets of each `null` in a JSON text. Outside strings, no other JSON word contains an n.
 fn nulls(text: &str) -> Vec<usize> {
     let (mut in_string, mut escaped) = (false, false);
     let mut found = Vec::new();
@@ -111,16 +111,16 @@ mod tests {
     }
 
     #[test]
-    fn a_null_is_answered_where_it_stands_and_a_word_that_has_one_is_none() {
+    fn a_null_is_reported_at_its_place_and_a_string_with_null_is_not() {
         let source = Source::new("case.json", "{\"null\": {\"a\": \"null \\\"null\"},\n \"b\": [1, null]}");
         assert!(to_toml(&source).is_none());
         let answer = source.verdict().expect_err("a null").to_string();
         assert!(answer.contains("case.json:2") && answer.contains("leave the key out"), "{answer}");
-        assert_eq!(answer.matches("`null` says nothing").count(), 1, "{answer}");
+        assert_eq!(answer.matches("`null` is not allowed").count(), 1, "{answer}");
     }
 
     #[test]
-    fn broken_json_is_answered_where_it_breaks() {
+    fn broken_json_is_reported_where_it_breaks() {
         let source = Source::new("case.json", "{\"a\": 1,\n \"b\" 2}");
         assert!(to_toml(&source).is_none());
         let answer = source.verdict().expect_err("broken").to_string();

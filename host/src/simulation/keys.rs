@@ -1,5 +1,4 @@
-//! The keys of a case beside its set-up's: what moves it, from where, and for how long. The one place where they are
-//! declared.
+//! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Optional, Required};
@@ -10,18 +9,18 @@ const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the an
 const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency");
 
 tables! {
-    "The tables of a case beside its set-up's, with all their keys."
+    "All tables of a case other than those of its set-up."
 
-    "The top of a case, where its set-up's keys stand too."
+    "The top level of a case, which also has the keys of its set-up."
     case("") {
-        NAME: Optional, [key("name", Kind::Text, "what plots call the case; else the file's name")];
-        BASE: Optional, [key("base", Kind::Table, "the motion of the base; fixed when left out")];
-        FORCE: Optional, [key("force", Kind::Table, "a force on the structure, over a fixed base")];
-        INITIAL: Optional, [key("initial", Kind::Table, "where the masses start, and how fast; at rest when left out")];
-        RUN: Required, [key("run", Kind::Table, "the table of the run: duration_s at least")];
+        NAME: Optional, [key("name", Kind::Text, "name of the case in figures; the file name when left out")];
+        BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
+        FORCE: Optional, [key("force", Kind::Table, "force on the structure, over a fixed base")];
+        INITIAL: Optional, [key("initial", Kind::Table, "initial displacements and velocities; at rest when left out")];
+        RUN: Required, [key("run", Kind::Table, "run = { duration_s = … }")];
     }
 
-    "A base that does not move."
+    "A fixed base."
     base_fixed("base", "fixed") {}
 
     "A sine: z = Z sin(Ωt + φ)."
@@ -56,19 +55,19 @@ tables! {
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse")];
     }
 
-    "Where the masses start, relative to the resting laboratory."
+    "Initial state, in the fixed frame."
     initial("initial") {
-        X: Optional, [number("x_m", Any, "x; else where the base starts")];
+        X: Optional, [number("x_m", Any, "x; default: the initial z")];
         V: Default(Number(0.0)), [number("v_m_per_s", Any, "x′")];
-        Y: Optional, [number("y_m", Any, "y of particle or tuned mass; else x, and a particle's `start` from there")];
-        U: Optional, [number("u_m_per_s", Any, "y′; else x′")];
+        Y: Optional, [number("y_m", Any, "y of particle or tuned mass; default: x, for a particle plus its `start`")];
+        U: Optional, [number("u_m_per_s", Any, "y′; default: x′")];
     }
 
-    "How long the case runs, and what is wanted of it."
+    "Duration and requested output of the run."
     run("run") {
-        DURATION: Required, [number("duration_s", Positive, "length of the run; of a record, its own when left out")];
-        SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers, "instants at which the state is wanted, rising")];
+        DURATION: Required, [number("duration_s", Positive, "duration of the run; default with a record: that of the record")];
+        SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers, "times at which the state is output, rising")];
         CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle")];
-        STEADY_FROM: Optional, [number("steady_from_cycle", Whole, "the first cycle that counts as steady, from 0")];
+        STEADY_FROM: Optional, [number("steady_from_cycle", Whole, "first cycle that counts as steady, from 0")];
     }
 }

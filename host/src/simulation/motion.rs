@@ -1,17 +1,17 @@
-//! A motion as it is watched, whichever driver makes it: smooth pieces, and the impacts between them.
+//! A simulated motion as pieces without events and the events between them, for either driver.
 //!
-//! Whatever is taken from a run (samples, a history in a file, a picture) is a [`Viewer`] and sees the exact driver's
-//! arcs and the sampled driver's flights alike. A viewer keeps nothing that grows with the run unless it says so.
+//! A [`Viewer`] takes output from a run (states, a time history, a figure). It sees the exact driver's arcs and the sampled
+//! driver's flights in the same way. Its memory does not grow with the run unless its description says so.
 
 use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::{self, series};
 use damprig_core::integrator::modes::{Contact, Grip, Mode};
 use serde::Serialize;
 
-/// Everything that moves, at an instant.
+/// State of structure, second mass and base at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Instant {
-    /// When, s.
+pub struct MotionState {
+    /// Time, s.
     pub t_s: f64,
     /// Structure and second mass.
     pub state: State,
@@ -21,52 +21,52 @@ pub struct Instant {
     pub base_velocity_m_per_s: f64,
 }
 
-/// A piece of motion without an event inside; pieces follow each other without gaps.
+/// A piece of motion without an event inside. Pieces follow each other without gaps.
 pub trait Piece {
-    /// When it starts, s.
+    /// Start, s.
     fn start_s(&self) -> f64;
-    /// How long it is, s.
+    /// Length, s.
     fn length_s(&self) -> f64;
-    /// What is where `after_s` from its start, 0 to its length.
-    fn at(&self, after_s: f64) -> Instant;
-    /// What sticks and slips all along it.
+    /// State at `after_s` from its start, 0 to its length.
+    fn at(&self, after_s: f64) -> MotionState;
+    /// Stick, slip and contact along it.
     fn phase(&self) -> Phase;
 }
 
-/// One impact, or the first touch of a soft wall.
+/// An impact, or the first touch of a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ImpactRecord {
-    /// When, s.
+    /// Time, s.
     pub t_s: f64,
     /// +1 where y − x = +d.
     pub side: i8,
-    /// |x′ − y′| just before, m/s.
+    /// |x′ − y′| before the impact, m/s.
     pub approach_speed_m_per_s: f64,
-    /// y then, m.
+    /// y at the impact, m.
     #[serde(skip)]
     pub y_m: f64,
 }
 
-/// A chatter that came to rest on a wall: the impacts of its tail are summed and not listed.
+/// A chatter that ended with the particle at rest on a wall. The impacts of its tail are summed, not listed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AccumulationRecord {
-    /// When it ended, s.
+    /// End of the chatter, s.
     pub t_s: f64,
     /// +1 where y − x = +d.
     pub side: i8,
 }
 
-/// What sticks and slips, for people and tables.
+/// Stick, slip and contact, as tables name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Phase {
-    /// The drivers' mode.
+    /// The driver's mode.
     pub mode: Mode,
-    /// The particle presses into a soft wall.
+    /// Whether the particle is in contact with a soft wall.
     pub pressing: bool,
 }
 
 impl Phase {
-    /// What the structure does on the friction damper, in a word.
+    /// State of the friction damper, as tables name it.
     #[must_use]
     pub fn structure(self) -> &'static str {
         match self.mode.grip {
@@ -76,7 +76,7 @@ impl Phase {
         }
     }
 
-    /// What the particle does, in a word; empty without one.
+    /// State of the particle, as tables name it; empty without one.
     #[must_use]
     pub fn particle(self) -> &'static str {
         match self.mode.contact {
@@ -89,29 +89,29 @@ impl Phase {
     }
 }
 
-/// Watches a motion. Every method may be left out.
+/// Receives a motion. Every method is optional.
 pub trait Viewer {
-    /// Whether pieces are wanted at all: making them costs time.
+    /// Whether it needs pieces, which take time to compute.
     fn wants_pieces(&self) -> bool {
         true
     }
 
-    /// The motion goes on by `piece`.
+    /// Next piece of the motion.
     fn piece(&mut self, piece: &impl Piece) {
         let _ = piece;
     }
 
-    /// The particle met a wall.
+    /// The particle hit a wall.
     fn impact(&mut self, impact: &ImpactRecord) {
         let _ = impact;
     }
 
-    /// A chatter ended in a particle resting on a wall.
+    /// A chatter ended with the particle at rest on a wall.
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
         let _ = accumulation;
     }
 
-    /// Nothing more can be taken (a disk is full): the run had better end.
+    /// Whether it can take no more (disk full), so that the run should stop.
     fn is_done(&self) -> bool {
         false
     }
@@ -123,7 +123,7 @@ impl Viewer for () {
     }
 }
 
-/// Both watch.
+/// Both receive the motion.
 impl<A: Viewer, B: Viewer> Viewer for (A, B) {
     fn wants_pieces(&self) -> bool {
         self.0.wants_pieces() || self.1.wants_pieces()
@@ -171,7 +171,7 @@ impl<V: Viewer> Viewer for &mut V {
     }
 }
 
-/// It watches if it is there.
+/// Receives the motion if it is there.
 impl<V: Viewer> Viewer for Option<V> {
     fn wants_pieces(&self) -> bool {
         self.as_ref().is_some_and(Viewer::wants_pieces)
@@ -200,11 +200,11 @@ impl<V: Viewer> Viewer for Option<V> {
     }
 }
 
-/// Shows the exact driver's motion to a viewer.
+/// Passes the exact driver's motion to a viewer.
 #[derive(Debug)]
-pub(super) struct Shown<V>(pub V);
+pub(super) struct ExactObserver<V>(pub V);
 
-impl<V: Viewer> exact::Observer for Shown<V> {
+impl<V: Viewer> exact::Observer for ExactObserver<V> {
     fn arc(&mut self, arc: &exact::Arc<'_>) {
         if self.0.wants_pieces() {
             self.0.piece(arc);
@@ -234,12 +234,12 @@ impl Piece for exact::Arc<'_> {
         self.length_s
     }
 
-    fn at(&self, after_s: f64) -> Instant {
+    fn at(&self, after_s: f64) -> MotionState {
         let span = self.span();
         let fraction = after_s / span.step_s;
         let (z_m, slope) = series::value_and_slope(&span.base, fraction);
         let base_velocity_m_per_s = slope / span.step_s;
-        Instant { t_s: self.start_s + after_s, state: span.state(fraction), z_m, base_velocity_m_per_s }
+        MotionState { t_s: self.start_s + after_s, state: span.state(fraction), z_m, base_velocity_m_per_s }
     }
 
     fn phase(&self) -> Phase {
@@ -247,28 +247,28 @@ impl Piece for exact::Arc<'_> {
     }
 }
 
-/// The states at given instants: asking for them changes nothing in the motion. Grows with the number asked for.
+/// States at given times. Memory grows with their number; the motion does not depend on them.
 #[derive(Clone, Debug, Default)]
-pub struct Samples {
+pub struct StateSamples {
     times_s: Vec<f64>,
-    /// The states so far, in the order of the times.
+    /// States so far, in order of time.
     pub states: Vec<State>,
 }
 
-impl Samples {
-    /// Wants the states at `times_s`, in rising order.
+impl StateSamples {
+    /// For `times_s`, in rising order.
     #[must_use]
     pub fn at(times_s: Vec<f64>) -> Self {
         Self { states: Vec::with_capacity(times_s.len()), times_s }
     }
 
-    /// The rest of the samples, which were asked for a rounding after the end.
+    /// Fills in the times that lie after the end of the run by rounding.
     pub(super) fn fill(&mut self, state: State) {
         self.states.resize(self.times_s.len(), state);
     }
 }
 
-impl Viewer for Samples {
+impl Viewer for StateSamples {
     fn wants_pieces(&self) -> bool {
         self.states.len() < self.times_s.len()
     }

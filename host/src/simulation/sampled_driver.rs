@@ -1,4 +1,4 @@
-//! A case on a recorded base motion: the sampled driver, one sample interval of the record after the other.
+//! Runs a case on a recorded base motion with the sampled driver, one sample interval after the other.
 
 use damprig_core::integrator::exact::flow::State;
 use damprig_core::integrator::exact::response::Wanted;
@@ -10,61 +10,66 @@ use damprig_core::io::Invalid;
 use damprig_core::model::Wall;
 
 use super::Case;
-use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
-use super::result::{Gathered, Request, Summary, parts};
-use super::statistics::Figures;
+use super::collector::{Collector, RunOptions, run_in_parts};
+use super::motion::{AccumulationRecord, ImpactRecord, MotionState, Phase, Piece, Viewer};
+use super::result::Summary;
+use super::statistics::MotionStatistics;
 use crate::motion_record::Record;
 
 /// Runs the case on its record.
 ///
 /// # Errors
-/// Names a value that is not physical, or a structure too fast for the record's sampling.
+/// Names a value that is not physical, or a natural frequency too high for the record's sample rate.
 pub(super) fn run<V: Viewer>(
     case: &Case,
     record: &Record,
     wanted: Wanted,
-    gathered: &mut Gathered<'_, V>,
-    request: Request,
+    collector: &mut Collector<'_, V>,
+    options: RunOptions,
 ) -> Result<(Summary, State), Invalid> {
     let steps = Sampled::<f64>::steps_per_sample(&case.set_up, record.step_s)?;
     let units = Units::metres(record.step_s / f64::from(steps));
     if case.has_soft_wall() || case.set_up.tmd.is_some() {
         let motion = Joined::<f64>::joined(&case.set_up, units, &case.initial)?;
-        Ok(play(case, record, (motion, steps), wanted, gathered, request))
+        Ok(play(case, record, (motion, steps), wanted, collector, options))
     } else {
         let motion = Sampled::<f64>::new(&case.set_up, units, &case.initial)?;
-        Ok(play(case, record, (motion, steps), wanted, gathered, request))
+        Ok(play(case, record, (motion, steps), wanted, collector, options))
     }
 }
 
-/// Sample intervals of a record between two looks up from the work; each is at most 255 steps.
-const INTERVALS_A_LOOK: u64 = 64;
+/// Sample intervals between two calls of `go_on`; each has at most 255 steps.
+const INTERVALS_PER_CHECK: u64 = 64;
 
 fn play<V: Viewer, J: Joint<f64>>(
     case: &Case,
     record: &Record,
     (mut motion, steps): (Sampled<f64, J>, u8),
     wanted: Wanted,
-    gathered: &mut Gathered<'_, V>,
-    request: Request,
+    collector: &mut Collector<'_, V>,
+    options: RunOptions,
 ) -> (Summary, State) {
     let step_s = motion.units().step_s;
-    let mut figures = Figures::new(wanted);
+    let mut figures = MotionStatistics::new(wanted);
     let mut play = record.play();
-    let mut at =
-        Place { step_s, duration_s: case.run.duration_s, wall: SoftWall::of(case, step_s), ..Place::default() };
+    let mut at = SampledRun {
+        step_s,
+        duration_s: case.run.duration_s,
+        wall: SoftWall::of(case, step_s),
+        ..SampledRun::default()
+    };
     let mut interval = 0_u64;
-    parts(case.run.duration_s, request, gathered, |until_s, gathered, go_on| {
-        let mut viewer = (&mut figures, gathered.viewer());
+    run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
+        let mut viewer = (&mut figures, collector.all());
         while interval as f64 * record.step_s < until_s {
-            if interval % INTERVALS_A_LOOK == INTERVALS_A_LOOK - 1 && !go_on(at.reached_s) {
+            if interval % INTERVALS_PER_CHECK == INTERVALS_PER_CHECK - 1 && !go_on(at.reached_s) {
                 break;
             }
             let segment = play.next_segment();
             for part in 0..steps {
                 at.step = interval * u64::from(steps) + u64::from(part);
-                let mut shown = ShownFlights { at: &mut at, viewer: &mut viewer };
-                motion.step(&segment.part(part, steps), &mut shown);
+                let mut observer = SampledObserver { at: &mut at, viewer: &mut viewer };
+                motion.step(&segment.part(part, steps), &mut observer);
             }
             interval += 1;
         }
@@ -91,17 +96,17 @@ fn play<V: Viewer, J: Joint<f64>>(
     (summary, at.state)
 }
 
-/// What a soft wall did.
+/// Force, duration and restitution of the contacts with a soft wall.
 #[derive(Clone, Copy, Debug)]
 struct SoftWall {
     clearance_m: f64,
     stiffness_n_per_m: f64,
-    /// c1 over the step, N/m.
+    /// c1 over the time step, N/m.
     damping_n_per_m: f64,
-    /// The side that the particle is in contact with.
+    /// Side of the present contact.
     pressing: Option<Sign>,
     peak_n: Option<f64>,
-    /// Time (s) and speed (m/s) of the first touch at speed.
+    /// Time (s) and approach speed (m/s) of the first touch.
     touch: Option<(f64, f64)>,
     /// Duration (s) and restitution of the first contact.
     first: Option<(f64, f64)>,
@@ -122,7 +127,7 @@ impl SoftWall {
         })
     }
 
-    /// Takes the largest force along a flight in contact.
+    /// Updates the largest force with that of a flight in contact.
     fn press(&mut self, flight: &Flight<f64>, length: f64) {
         let Some(side) = self.pressing else { return };
         let mut force = derivative(&flight.offset).map(|rate| signed(side, self.damping_n_per_m * rate));
@@ -147,7 +152,7 @@ impl SoftWall {
 
 /// Where the run is.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct SampledRun {
     step: u64,
     step_s: f64,
     duration_s: f64,
@@ -157,7 +162,7 @@ struct Place {
     wall: Option<SoftWall>,
 }
 
-impl Default for Place {
+impl Default for SampledRun {
     fn default() -> Self {
         Self {
             step: 0,
@@ -171,13 +176,13 @@ impl Default for Place {
     }
 }
 
-/// Shows the sampled driver's motion to a viewer, up to the end of the run.
-struct ShownFlights<'a, V> {
-    at: &'a mut Place,
+/// Passes the sampled driver's motion to a viewer, up to the end of the run.
+struct SampledObserver<'a, V> {
+    at: &'a mut SampledRun,
     viewer: &'a mut V,
 }
 
-impl<V: Viewer> sampled::Observer<f64> for ShownFlights<'_, V> {
+impl<V: Viewer> sampled::Observer<f64> for SampledObserver<'_, V> {
     fn mode(&mut self, mode: Mode) {
         self.at.mode = mode;
     }
@@ -241,7 +246,7 @@ impl<V: Viewer> sampled::Observer<f64> for ShownFlights<'_, V> {
     }
 }
 
-/// A flight on the clock of the run.
+/// A flight in simulated time.
 struct FlightPiece<'a> {
     start_s: f64,
     length_s: f64,
@@ -259,14 +264,14 @@ impl Piece for FlightPiece<'_> {
         self.length_s
     }
 
-    fn at(&self, after_s: f64) -> Instant {
+    fn at(&self, after_s: f64) -> MotionState {
         let after = after_s / self.step_s;
         let of =
             |p: &Polynomial<f64>| (p[0] + increment(p, after), (p[1] + derivative_increment(p, after)) / self.step_s);
         let (x_m, v_m_per_s) = of(&self.flight.x);
         let (offset_m, slide_m_per_s) = of(&self.flight.offset);
         let (stretch_m, slip_m_per_s) = of(&self.flight.stretch);
-        Instant {
+        MotionState {
             t_s: self.start_s + after_s,
             state: State { x_m, v_m_per_s, offset_m, slide_m_per_s },
             z_m: x_m - stretch_m,
@@ -282,10 +287,10 @@ impl Piece for FlightPiece<'_> {
 #[cfg(test)]
 mod tests {
     use crate::input::Source;
-    use crate::simulation::{Case, Request, simulate};
+    use crate::simulation::{Case, RunOptions, simulate};
 
     #[test]
-    fn a_run_on_a_record_is_stopped_within_a_part_too() {
+    fn a_run_on_a_record_is_stopped_within_a_part() {
         let folder = tempfile::tempdir().expect("a folder");
         let rows: String = (0..2001).map(|n| format!("{},{}\n", f64::from(n) * 0.005, 0.001)).collect();
         std::fs::write(folder.path().join("motion.csv"), format!("time_s,acceleration_g\n{rows}")).expect("a file");
@@ -300,9 +305,9 @@ mod tests {
             left -= 1;
             left > 0
         };
-        // One part: whoever looks between parts alone looks never.
-        let request = Request { keep: false, longest_part_s: 1e9, go_on: &mut go_on };
-        let answer = simulate(&case, &mut (), request).expect("it is physical");
+        // With a single part, a check between parts would never happen.
+        let options = RunOptions { keep: false, longest_part_s: 1e9, go_on: &mut go_on };
+        let answer = simulate(&case, &mut (), options).expect("it is physical");
         let stopped_at_s = answer.stopped_at_s.expect("it was stopped");
         assert!(stopped_at_s > 0.3 && stopped_at_s < 2.0, "{stopped_at_s}");
     }

@@ -1,11 +1,12 @@
-//! Figures of a motion from its pieces alone: true extrema, mean square, cycle maxima. Memory does not grow.
+//! Statistics of a motion: extrema, mean square, cycle maxima. Memory is constant.
 //!
-//! The exact driver's own [`damprig_core::integrator::exact::response::Response`] is faster, for it may skip arcs by
-//! their bounds; this serves the sampled driver, and the last cycles of any run ([`Trend`]).
+//! The sampled driver uses [`MotionStatistics`]. The exact driver uses
+//! [`damprig_core::integrator::exact::response::Response`], which is faster because it skips arcs by their bounds. Both use
+//! [`LastCyclesMeter`].
 
 use damprig_core::integrator::exact::response::Wanted;
 
-use super::motion::{AccumulationRecord, ImpactRecord, Instant, Piece, Viewer};
+use super::motion::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
 
 /// Gauss–Legendre on [0, 1], eight points: exact for the square of a flight of degree 7.
 const NODES: [(f64, f64); 4] = [
@@ -15,20 +16,20 @@ const NODES: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
 ];
 
-/// A quantity of an instant and its rate.
-type Quantity = fn(&Instant) -> (f64, f64);
+/// A quantity of a motion state and its rate.
+type ValueAndRate = fn(&MotionState) -> (f64, f64);
 
-fn x(at: &Instant) -> (f64, f64) {
+fn x(at: &MotionState) -> (f64, f64) {
     (at.state.x_m, at.state.v_m_per_s)
 }
 
-fn x_minus_z(at: &Instant) -> (f64, f64) {
+fn x_minus_z(at: &MotionState) -> (f64, f64) {
     (at.state.x_m - at.z_m, at.state.v_m_per_s - at.base_velocity_m_per_s)
 }
 
-/// The largest magnitude of a quantity between two instants of a piece, if above `least`. An extremum inside is where
-/// the rate changes its sign; `parts` is into how many stretches of at most one extremum the piece is divided.
-fn largest_abs(piece: &impl Piece, (from_s, to_s): (f64, f64), parts: u32, of: Quantity, least: f64) -> f64 {
+/// The largest of `least` and the quantity's magnitude between two times of a piece. The piece is divided into `parts`
+/// intervals with at most one extremum each, where the rate changes its sign.
+fn largest_abs(piece: &impl Piece, (from_s, to_s): (f64, f64), parts: u32, of: ValueAndRate, least: f64) -> f64 {
     let mut largest = least;
     let mut last = (from_s, of(&piece.at(from_s)));
     for part in 1..=parts {
@@ -43,14 +44,14 @@ fn largest_abs(piece: &impl Piece, (from_s, to_s): (f64, f64), parts: u32, of: Q
     largest
 }
 
-/// |value| where the rate passes zero between two instants: secant steps kept inside a bracket (Illinois).
-fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), of: Quantity) -> f64 {
+/// |value| where the rate is zero between two times, by bracketed secant steps (Illinois).
+fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), of: ValueAndRate) -> f64 {
     let mut largest = 0.0_f64;
     for _ in 0..40 {
         let at_s = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
         let (value, rate) = of(&piece.at(at_s));
         largest = largest.max(value.abs());
-        // What a further step could add is below rounding.
+        // A further step would change the value by less than rounding.
         if rate == 0.0 || (rate * (high.0 - low.0)).abs() <= 1e-16 * value.abs() {
             break;
         }
@@ -64,9 +65,9 @@ fn turning_point(piece: &impl Piece, mut low: (f64, f64), mut high: (f64, f64), 
     largest
 }
 
-/// Gathers the figures of a run from its pieces.
+/// Statistics of a run.
 #[derive(Clone, Debug)]
-pub(super) struct Figures {
+pub(super) struct MotionStatistics {
     wanted: Wanted,
     square_m2_s: f64,
     relative_square_m2_s: f64,
@@ -75,16 +76,16 @@ pub(super) struct Figures {
     pub max_abs_x_m: f64,
     /// Largest |x − z|, m.
     pub max_abs_x_minus_z_m: f64,
-    /// Impacts or first touches.
+    /// Impacts and first touches.
     pub impacts: u64,
-    /// Chatters that ended in a particle resting on a wall.
+    /// Chatters that ended with the particle at rest on a wall.
     pub accumulations: u64,
     cycle: u64,
     cycle_max_m: f64,
     steady: (f64, f64, u64),
 }
 
-impl Figures {
+impl MotionStatistics {
     pub fn new(wanted: Wanted) -> Self {
         Self {
             wanted,
@@ -117,7 +118,7 @@ impl Figures {
         (count > 0).then(|| (max, sum / count as f64))
     }
 
-    /// Ends a cycle that ended with the run.
+    /// Closes the last cycle if it ends with the run.
     pub fn finish(&mut self, end_s: f64) {
         if let Some(cycle_s) = self.wanted.cycle_s
             && end_s >= (self.cycle + 1) as f64 * cycle_s * (1.0 - 1e-12)
@@ -141,7 +142,7 @@ impl Figures {
     }
 }
 
-impl Viewer for Figures {
+impl Viewer for MotionStatistics {
     fn piece(&mut self, piece: &impl Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut from_s = 0.0;
@@ -180,21 +181,21 @@ impl Viewer for Figures {
     }
 }
 
-/// Cycles that are compared to tell whether a motion is steady.
+/// Cycles averaged at the end of a run; twice as many must agree for a steady motion.
 const COMPARED: usize = 10;
 
-/// The last cycles of a run: are they steady, and how many impacts have they?
+/// Measures the last cycles of a run: their maxima and impacts.
 #[derive(Clone, Debug)]
-pub struct Trend {
+pub struct LastCyclesMeter {
     cycle_s: f64,
     from_s: f64,
     maxima_m: [f64; 2 * COMPARED],
     impacts: u64,
 }
 
-/// What [`Trend`] found.
+/// The last cycles of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ending {
+pub struct LastCycles {
     /// Mean of the last ten cycles' largest |x|, m.
     pub mean_cycle_max_m: f64,
     /// Largest relative departure from that mean among the last twenty.
@@ -203,28 +204,28 @@ pub struct Ending {
     pub impacts_per_cycle: f64,
 }
 
-impl Trend {
-    /// For a run of `duration_s`; none when it is shorter than twenty cycles.
+impl LastCyclesMeter {
+    /// For a run of `duration_s`; `None` if it is shorter than twenty cycles.
     #[must_use]
     pub fn new(cycle_s: f64, duration_s: f64) -> Option<Self> {
         let from_s = duration_s - 2.0 * COMPARED as f64 * cycle_s;
         (from_s >= -1e-9 * duration_s).then_some(Self { cycle_s, from_s, maxima_m: [0.0; 2 * COMPARED], impacts: 0 })
     }
 
-    /// What was found; none before the end.
+    /// The result; `None` before the end of the run.
     #[must_use]
-    pub fn ending(&self) -> Option<Ending> {
+    pub fn last_cycles(&self) -> Option<LastCycles> {
         let last = &self.maxima_m[COMPARED..];
         let mean = last.iter().sum::<f64>() / COMPARED as f64;
         if *self.maxima_m.last()? == 0.0 {
             return None;
         }
         let spread = self.maxima_m.iter().fold(0.0_f64, |most, m| most.max((m / mean - 1.0).abs()));
-        Some(Ending { mean_cycle_max_m: mean, spread, impacts_per_cycle: self.impacts as f64 / COMPARED as f64 })
+        Some(LastCycles { mean_cycle_max_m: mean, spread, impacts_per_cycle: self.impacts as f64 / COMPARED as f64 })
     }
 }
 
-impl Viewer for Trend {
+impl Viewer for LastCyclesMeter {
     fn piece(&mut self, piece: &impl Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut at_s = (self.from_s - start_s).max(0.0);
@@ -267,12 +268,12 @@ mod tests {
             self.length_s
         }
 
-        fn at(&self, after_s: f64) -> Instant {
+        fn at(&self, after_s: f64) -> MotionState {
             let t_s = self.start_s + after_s;
             let (sine, cosine) = (3.0 * t_s + 0.4).sin_cos();
             let state = State { x_m: 2.0 * cosine, v_m_per_s: -6.0 * sine, ..State::default() };
             let (sine, cosine) = (3.0 * t_s).sin_cos();
-            Instant { t_s, state, z_m: 0.5 * cosine, base_velocity_m_per_s: -1.5 * sine }
+            MotionState { t_s, state, z_m: 0.5 * cosine, base_velocity_m_per_s: -1.5 * sine }
         }
 
         fn phase(&self) -> Phase {
@@ -290,7 +291,7 @@ mod tests {
     #[test]
     fn extrema_and_mean_square_of_a_cosine_are_its_own() {
         let cycle_s = Some(std::f64::consts::TAU / 3.0);
-        let mut figures = Figures::new(Wanted { cycle_s, steady_from_cycle: Some(5), whole_run: true });
+        let mut figures = MotionStatistics::new(Wanted { cycle_s, steady_from_cycle: Some(5), whole_run: true });
         show(&mut figures, 1_237);
         figures.finish(20.0 * std::f64::consts::TAU / 3.0);
         assert!((figures.max_abs_x_m - 2.0).abs() < 1e-14);
@@ -306,11 +307,11 @@ mod tests {
     #[test]
     fn a_steady_end_is_called_steady_and_needs_twenty_cycles() {
         let cycle_s = std::f64::consts::TAU / 3.0;
-        assert!(Trend::new(cycle_s, 19.0 * cycle_s).is_none());
-        let mut trend = Trend::new(cycle_s, 20.0 * cycle_s).expect("twenty");
-        assert!(trend.ending().is_none(), "nothing was seen yet");
+        assert!(LastCyclesMeter::new(cycle_s, 19.0 * cycle_s).is_none());
+        let mut trend = LastCyclesMeter::new(cycle_s, 20.0 * cycle_s).expect("twenty");
+        assert!(trend.last_cycles().is_none(), "before the first piece");
         show(&mut trend, 237);
-        let ending = trend.ending().expect("all was seen");
-        assert!((ending.mean_cycle_max_m - 2.0).abs() < 1e-12 && ending.spread < 1e-12, "{ending:?}");
+        let last_cycles = trend.last_cycles().expect("after the last piece");
+        assert!((last_cycles.mean_cycle_max_m - 2.0).abs() < 1e-12 && last_cycles.spread < 1e-12, "{last_cycles:?}");
     }
 }

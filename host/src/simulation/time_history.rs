@@ -1,8 +1,7 @@
-//! The time history of a run as a table in a file, written in chunks while it runs: memory does not grow.
+//! Writes the time history of a simulation to a CSV or Parquet file, in chunks while it runs. Memory is constant.
 //!
-//! A file is written beside its place and gets its name when it is whole; a run that is stopped is whole up to there.
-//! Impacts and accumulations have tables of their own beside it (`motion.csv`, `motion.impacts.csv`,
-//! `motion.accumulations.csv`).
+//! A file has the ending `.tmp` until it is complete. The file of a run that is stopped is complete up to there. Impacts and
+//! accumulations have tables of their own beside it (`motion.csv`, `motion.impacts.csv`, `motion.accumulations.csv`).
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -24,46 +23,46 @@ use crate::run_folder::write::parquet_file::properties;
 /// Rows in a chunk.
 const CHUNK: usize = 16_384;
 
-/// A file for a table; the extension says the format.
+/// Path of a table; the extension selects the format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TablePath {
     path: PathBuf,
-    format: Format,
+    format: TableFormat,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum TableFormat {
     Parquet,
     Csv,
 }
 
 impl TablePath {
-    /// Where it is.
+    /// The path.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Bytes that a row of a history takes, about: as measured on a forced impact damper at 500 Hz.
+    /// Approximate bytes per row of a time history, measured on a forced impact damper at 500 Hz.
     #[must_use]
-    pub fn bytes_a_row(&self) -> f64 {
-        if self.format == Format::Csv { 140.0 } else { 23.0 }
+    pub fn bytes_per_row(&self) -> f64 {
+        if self.format == TableFormat::Csv { 140.0 } else { 23.0 }
     }
 
-    /// The table of impacts beside it.
+    /// Path of the table of impacts.
     #[must_use]
     pub fn impacts(&self) -> Self {
         self.beside("impacts")
     }
 
-    /// The table of accumulations beside it.
+    /// Path of the table of accumulations.
     #[must_use]
     pub fn accumulations(&self) -> Self {
         self.beside("accumulations")
     }
 
     fn beside(&self, what: &str) -> Self {
-        let extension = if self.format == Format::Csv { "csv" } else { "parquet" };
+        let extension = if self.format == TableFormat::Csv { "csv" } else { "parquet" };
         Self { path: self.path.with_extension(format!("{what}.{extension}")), format: self.format }
     }
 }
@@ -75,47 +74,47 @@ impl FromStr for TablePath {
         let path = PathBuf::from(text);
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         let format = match extension.as_deref() {
-            Some("parquet") => Format::Parquet,
-            Some("csv") => Format::Csv,
-            Some(other) => return Err(format!("the extension .{other} is none of those allowed: .parquet, .csv")),
+            Some("parquet") => TableFormat::Parquet,
+            Some("csv") => TableFormat::Csv,
+            Some(other) => return Err(format!("the extension .{other} is not supported; use .parquet or .csv")),
             None => return Err("the file needs an extension: .parquet or .csv".into()),
         };
         Ok(Self { path, format })
     }
 }
 
-/// A table that is being written.
+/// A table being written.
 #[derive(Debug)]
-struct Table {
+struct TableFile {
     path: PathBuf,
     beside: PathBuf,
     schema: SchemaRef,
-    writer: Writer,
+    writer: FormatWriter,
 }
 
 #[derive(Debug)]
-enum Writer {
+enum FormatWriter {
     Parquet(Box<ArrowWriter<File>>),
     Csv(Box<csv::Writer<File>>),
 }
 
-impl Table {
+impl TableFile {
     fn create(to: &TablePath, fields: Vec<Field>) -> Result<Self, StorageError> {
         let beside = PathBuf::from(format!("{}.tmp", to.path.display()));
         let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
         let schema = Arc::new(Schema::new(fields));
         let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &beside, e);
         let writer = match to.format {
-            Format::Parquet => {
+            TableFormat::Parquet => {
                 let properties =
                     properties(&schema).into_builder().set_max_row_group_row_count(Some(8 * CHUNK)).build();
                 let writer = ArrowWriter::try_new(file, schema.clone(), Some(properties)).map_err(|e| failed(&e))?;
-                Writer::Parquet(Box::new(writer))
+                FormatWriter::Parquet(Box::new(writer))
             }
-            Format::Csv => {
+            TableFormat::Csv => {
                 let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(file);
                 writer.write_record(schema.fields().iter().map(|f| f.name())).map_err(|e| failed(&e))?;
-                Writer::Csv(Box::new(writer))
+                FormatWriter::Csv(Box::new(writer))
             }
         };
         Ok(Self { path: to.path.clone(), beside, schema, writer })
@@ -125,8 +124,8 @@ impl Table {
         let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.beside, e);
         let batch = RecordBatch::try_new(self.schema.clone(), columns).map_err(|e| failed(&e))?;
         match &mut self.writer {
-            Writer::Parquet(writer) => writer.write(&batch).map_err(|e| failed(&e)),
-            Writer::Csv(writer) => {
+            FormatWriter::Parquet(writer) => writer.write(&batch).map_err(|e| failed(&e)),
+            FormatWriter::Csv(writer) => {
                 let columns: Vec<_> = batch.columns().iter().filter_map(|c| values(c.as_ref())).collect();
                 for row in 0..batch.num_rows() {
                     writer.write_record(columns.iter().map(|c| c[row].to_string())).map_err(|e| failed(&e))?;
@@ -139,29 +138,29 @@ impl Table {
     fn finish(self) -> Result<(), StorageError> {
         let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.beside, e);
         match self.writer {
-            Writer::Parquet(writer) => drop(writer.close().map_err(|e| failed(&e))?),
-            Writer::Csv(mut writer) => writer.flush().map_err(|e| failed(&e))?,
+            FormatWriter::Parquet(writer) => drop(writer.close().map_err(|e| failed(&e))?),
+            FormatWriter::Csv(mut writer) => writer.flush().map_err(|e| failed(&e))?,
         }
         fs::rename(&self.beside, &self.path).map_err(|e| StorageError::new("name", &self.path, e))
     }
 }
 
-/// A table and what its next chunk holds.
-struct Motion {
-    table: Table,
+/// The table of the motion, with its next chunk.
+struct MotionTable {
+    table: TableFile,
     numbers: [Float64Builder; 6],
-    words: [StringDictionaryBuilder<Int32Type>; 2],
+    labels: [StringDictionaryBuilder<Int32Type>; 2],
     rows: usize,
 }
 
-impl Motion {
+impl MotionTable {
     fn create(to: &TablePath) -> Result<Self, StorageError> {
         let number = |name: &str, unit: &str, about: &str| described(field(name, DataType::Float64, unit), about);
         let word = |name: &str, about: &str| {
             let kind = DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
             described(field(name, kind, ""), about)
         };
-        let second = "of particle or tuned mass; without one the structure's own";
+        let second = "of the particle or tuned mass; that of the structure without one";
         let fields = vec![
             number("t_s", "s", "time"),
             number("x_m", "m", "displacement of the structure"),
@@ -172,8 +171,8 @@ impl Motion {
             word("structure", "free, or slipping or stuck on the friction damper"),
             word("particle", "between the walls, held by friction, resting on a wall, in the wall"),
         ];
-        let words = Default::default();
-        Ok(Self { table: Table::create(to, fields)?, numbers: Default::default(), words, rows: 0 })
+        let labels = Default::default();
+        Ok(Self { table: TableFile::create(to, fields)?, numbers: Default::default(), labels, rows: 0 })
     }
 
     fn flush(&mut self) -> Result<(), StorageError> {
@@ -182,22 +181,22 @@ impl Motion {
         }
         self.rows = 0;
         let mut columns: Vec<ArrayRef> = self.numbers.iter_mut().map(|b| Arc::new(b.finish()) as ArrayRef).collect();
-        columns.extend(self.words.iter_mut().map(|b| Arc::new(b.finish()) as ArrayRef));
+        columns.extend(self.labels.iter_mut().map(|b| Arc::new(b.finish()) as ArrayRef));
         self.table.write(columns)
     }
 }
 
-/// A table of what happened at a wall: impacts with their speed, or accumulations without one.
+/// A table of wall events: impacts with their speed, or accumulations.
 #[derive(Debug)]
-struct WallEvents {
-    table: Table,
+struct WallEventTable {
+    table: TableFile,
     time: Float64Builder,
     side: Int32Builder,
     speed: Option<Float64Builder>,
     rows: usize,
 }
 
-impl WallEvents {
+impl WallEventTable {
     fn impacts(to: &TablePath) -> Result<Self, StorageError> {
         let speed = described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before");
         Self::create(&to.impacts(), "time", Some(speed))
@@ -215,7 +214,7 @@ impl WallEvents {
         let has_speed = speed.is_some();
         fields.extend(speed);
         Ok(Self {
-            table: Table::create(to, fields)?,
+            table: TableFile::create(to, fields)?,
             time: Float64Builder::new(),
             side: Int32Builder::new(),
             speed: has_speed.then(Float64Builder::new),
@@ -255,26 +254,26 @@ fn described(field: Field, about: &str) -> Field {
     field.with_metadata(metadata)
 }
 
-/// Writes the motion at equal intervals, and every impact and accumulation.
-pub struct History {
+/// Writes the motion at a constant rate, and every impact and accumulation.
+pub struct TimeHistory {
     rate_hz: f64,
     next: u64,
     rows: u64,
-    motion: Motion,
-    impacts: Option<WallEvents>,
-    accumulations: Option<WallEvents>,
+    motion: MotionTable,
+    impacts: Option<WallEventTable>,
+    accumulations: Option<WallEventTable>,
     failure: Option<StorageError>,
 }
 
-impl History {
-    /// Begins the files: `rate_hz` rows a second from t = 0 on, and tables of impacts and accumulations if `has_walls`.
+impl TimeHistory {
+    /// Creates the files: `rate_hz` rows per second from t = 0, and tables of impacts and accumulations if `has_walls`.
     ///
     /// # Errors
     /// When a file cannot be created.
     pub fn create(to: &TablePath, rate_hz: f64, has_walls: bool) -> Result<Self, StorageError> {
-        let motion = Motion::create(to)?;
-        let impacts = has_walls.then(|| WallEvents::impacts(to)).transpose()?;
-        let accumulations = has_walls.then(|| WallEvents::accumulations(to)).transpose()?;
+        let motion = MotionTable::create(to)?;
+        let impacts = has_walls.then(|| WallEventTable::impacts(to)).transpose()?;
+        let accumulations = has_walls.then(|| WallEventTable::accumulations(to)).transpose()?;
         Ok(Self { rate_hz, next: 0, rows: 0, motion, impacts, accumulations, failure: None })
     }
 
@@ -284,10 +283,10 @@ impl History {
         self.rows
     }
 
-    /// Completes the files and gives them their names.
+    /// Completes and renames the files.
     ///
     /// # Errors
-    /// When anything since [`History::create`] could not be written; what could is in a file ending in `.tmp`.
+    /// When a write has failed since [`TimeHistory::create`]. What was written is in a file ending in `.tmp`.
     pub fn finish(mut self) -> Result<(), StorageError> {
         if let Some(failure) = self.failure {
             return Err(failure);
@@ -300,21 +299,21 @@ impl History {
         Ok(())
     }
 
-    fn note(&mut self, written: Result<(), StorageError>) {
+    fn keep_failure(&mut self, written: Result<(), StorageError>) {
         if let Err(failure) = written {
             self.failure.get_or_insert(failure);
         }
     }
 }
 
-impl Viewer for History {
+impl Viewer for TimeHistory {
     fn piece(&mut self, piece: &impl Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut phase: Option<Phase> = None;
         while self.failure.is_none() {
             let t_s = self.next as f64 / self.rate_hz;
             let after_s = t_s - start_s;
-            // A row that falls on the end of the run is not lost to rounding.
+            // Rounding must not lose a row at the end of the run.
             if after_s > length_s + 4.0 * f64::EPSILON * t_s {
                 return;
             }
@@ -324,14 +323,14 @@ impl Viewer for History {
             for (builder, value) in self.motion.numbers.iter_mut().zip(row) {
                 builder.append_value(value);
             }
-            self.motion.words[0].append_value(phase.structure());
-            self.motion.words[1].append_value(phase.particle());
+            self.motion.labels[0].append_value(phase.structure());
+            self.motion.labels[1].append_value(phase.particle());
             self.motion.rows += 1;
             self.next += 1;
             self.rows += 1;
             if self.motion.rows >= CHUNK {
                 let written = self.motion.flush();
-                self.note(written);
+                self.keep_failure(written);
             }
         }
     }
@@ -339,13 +338,13 @@ impl Viewer for History {
     fn impact(&mut self, impact: &ImpactRecord) {
         let Some(impacts) = self.impacts.as_mut().filter(|_| self.failure.is_none()) else { return };
         let written = impacts.take(impact.t_s, impact.side, impact.approach_speed_m_per_s);
-        self.note(written);
+        self.keep_failure(written);
     }
 
     fn accumulation(&mut self, accumulation: &AccumulationRecord) {
         let Some(accumulations) = self.accumulations.as_mut().filter(|_| self.failure.is_none()) else { return };
         let written = accumulations.take(accumulation.t_s, accumulation.side, 0.0);
-        self.note(written);
+        self.keep_failure(written);
     }
 
     fn is_done(&self) -> bool {

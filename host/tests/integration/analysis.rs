@@ -1,4 +1,4 @@
-//! `damprig simulate --analyse`, and what it rests on.
+//! `damprig simulate --analyse`: energy balance, periodic orbits, Floquet multipliers.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ fn a_record_has_no_analysis_in_closed_form() {
 }
 
 #[test]
-fn the_answer_carries_the_analysis_only_where_it_was_asked_for() {
+fn the_result_has_the_analysis_only_if_requested() {
     let answer = |analyse: bool| -> serde_json::Value {
         let mut command = Command::cargo_bin("damprig").expect("it is built");
         command.arg("simulate").arg(case("spid.toml")).arg("--json");
@@ -68,8 +68,8 @@ fn damper(clearance_m: f64, coefficient: f64) -> SetUp {
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.0, 2.5, ZETA)) }
 }
 
-/// The Floquet multipliers of the orbit with two impacts a cycle in closed form, Z = 1 m: half a cycle is the free motion
-/// and an impact, whose derivative holds what the shift of its instant does (the saltation matrix).
+/// Closed form of the Floquet multipliers of the orbit with two impacts per cycle, Z = 1 m: half a cycle is a free motion and
+/// an impact, whose derivative includes the shift of its time (saltation matrix).
 fn closed_form(orbit: &SymmetricOrbit, e: f64, turning: f64) -> Vec<Complex<f64>> {
     let (k, c) = (NATURAL * NATURAL, 2.0 * ZETA * NATURAL);
     let (decay, ringing, half_s) = (ZETA * NATURAL, NATURAL * (1.0 - ZETA * ZETA).sqrt(), PI / turning);
@@ -113,7 +113,7 @@ fn sine(turning: f64, phase_rad: f64) -> Excitation {
     Excitation::Sine { amplitude_m: 1.0, angular_frequency_rad_per_s: turning, phase_rad }
 }
 
-/// Set-ups whose stable orbit of two impacts a cycle has one of them at drive phase `phase_rad`, the other half a turn on.
+/// Set-ups whose stable orbit has two impacts per cycle, one at drive phase `phase_rad` and one half a cycle later.
 fn with_impact_at(phase_rad: f64) -> Vec<(SetUp, f64, f64, SymmetricOrbit)> {
     let mut found = vec![];
     for e in [0.3, 0.5, 0.7] {
@@ -150,7 +150,7 @@ fn with_impact_at(phase_rad: f64) -> Vec<(SetUp, f64, f64, SymmetricOrbit)> {
     found
 }
 
-/// The largest distance of a multiplier from the one expected next to it.
+/// The largest distance between a multiplier and the nearest expected one.
 fn apart(found: &[Complex<f64>], expected: &[Complex<f64>]) -> f64 {
     let mut left = expected.to_vec();
     found.iter().fold(0.0, |most, multiplier| {
@@ -161,7 +161,7 @@ fn apart(found: &[Complex<f64>], expected: &[Complex<f64>]) -> f64 {
 }
 
 #[test]
-fn multipliers_do_not_depend_on_how_near_an_impact_lies_to_the_drive_phase_of_the_guess() {
+fn multipliers_do_not_depend_on_the_distance_between_impact_and_section() {
     let mut tested = 0;
     for phase_rad in [0.0, 1e-7, -1e-7, 5e-6, -5e-6, 2e-5, -2e-5, 1e-3, -1.0] {
         for (set_up, e, turning, formula) in with_impact_at(phase_rad) {
@@ -171,7 +171,7 @@ fn multipliers_do_not_depend_on_how_near_an_impact_lies_to_the_drive_phase_of_th
             let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, motion.state(), 1).expect("it is there");
             let found: Vec<_> = orbit.multipliers.iter().map(|m| m.value).collect();
             let error = apart(&found, &closed_form(&formula, e, turning));
-            // Of what is not known of the matrix, an eigenvalue shows some multiple.
+            // The error of an eigenvalue is a multiple of the error of the matrix.
             let allowed = 100.0 * orbit.derivative_error;
             assert!(
                 allowed < 1e-4 && error <= allowed,
@@ -184,7 +184,7 @@ fn multipliers_do_not_depend_on_how_near_an_impact_lies_to_the_drive_phase_of_th
     assert!(tested > 30, "only {tested} orbits were tested");
 }
 
-/// A run that starts with an impact: the section at the drive phase of its start would catch it before or after by chance.
+/// A run that starts with an impact: rounding would decide on which side of a section at that phase the impact falls.
 #[test]
 fn a_run_that_starts_on_an_impact_of_its_orbit_repeats_every_period_and_is_stable() {
     let mut tested = 0;
@@ -229,10 +229,10 @@ fn a_run_that_starts_on_an_impact_of_its_orbit_repeats_every_period_and_is_stabl
     assert!(tested > 3, "only {tested} orbits were tested");
 }
 
-/// What nothing brings back stays where it is put: a particle that touches no wall, one that friction holds, a structure
-/// that sticks, a structure without damping.
+/// Motions without restoring forces or damping: a particle that touches no wall, one held by friction, a stuck structure, an
+/// undamped structure.
 #[test]
-fn disturbances_that_stay_are_neutral() {
+fn persistent_disturbances_are_neutral() {
     let far = damper(1e3, 0.5);
     let mut held = far;
     held.particle.as_mut().expect("a particle is mounted").friction_coefficient = 100.0;
@@ -245,7 +245,7 @@ fn disturbances_that_stay_are_neutral() {
         {
             let drive = sine(turning, 0.0);
             let mut motion = Exact::new(&set_up, &drive, &Default::default()).expect("physical");
-            // Until the transient has died out where there is damping.
+            // Long enough for the transient to decay where there is damping.
             motion.run(2000.0 * TAU / turning, &mut ());
             let guess = if name == "undamped" { State::default() } else { *motion.state() };
             let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, &guess, 1).unwrap_or_else(|e| panic!("{name}: {e}"));

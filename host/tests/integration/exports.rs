@@ -1,8 +1,7 @@
-//! `damprig runs export`: what the files hold, read with what users have, and what becomes of a failed or partial export.
+//! `damprig runs export`: contents of the files, read with users' software, and failed or partial exports.
 //!
-//! The readers are scipy, pandas and pyuff, driven by `tests/python/check_exports.py`. `DAMPRIG_PYTHON` names the Python
-//! that has them (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was
-//! left out.
+//! `tests/python/check_exports.py` reads them with scipy, pandas and pyuff. `DAMPRIG_PYTHON` names the Python with these
+//! packages (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was skipped.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -30,7 +29,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A Python with the readers; none when it may be left out.
+/// A Python with the readers; `None` if the test may be skipped.
 fn python() -> Option<PathBuf> {
     let own = root().join("target/python/bin/python");
     match std::env::var("DAMPRIG_PYTHON") {
@@ -43,7 +42,7 @@ fn python() -> Option<PathBuf> {
     }
 }
 
-/// Exports everything and lets the readers compare it with the Parquet files.
+/// Exports everything and compares it with the Parquet files.
 fn readers_agree(folder: &TempDir, run: &Path) {
     let files = ["samples.csv", "results.csv", "run.mat", "run.uff"];
     for (file, format, what) in [
@@ -72,7 +71,7 @@ fn readers_agree(folder: &TempDir, run: &Path) {
     println!("{}", said(&checked.stdout));
 }
 
-/// Takes rows out of the samples, as a link does that loses them.
+/// Removes rows from the samples, as a lossy link does.
 fn lose(run: &Path, is_kept: impl Fn(usize) -> bool) {
     let path = run.join("samples.parquet");
     let batches = read_parquet(path.clone());
@@ -87,16 +86,16 @@ fn lose(run: &Path, is_kept: impl Fn(usize) -> bool) {
 }
 
 #[test]
-fn what_users_read_is_what_was_recorded() {
+fn users_software_reads_the_recorded_values() {
     let (folder, run) = with_run();
     readers_agree(&folder, &run);
-    // Rows lost: at the very beginning, two gaps in one point, a lonely row between them.
+    // Rows lost: the first one, and two gaps in one point with a single row between them.
     lose(&run, |row| row != 0 && !(100..140).contains(&row) && row != 141);
     readers_agree(&folder, &run);
 }
 
 #[test]
-fn a_history_never_reaches_over_a_gap() {
+fn a_history_never_spans_a_gap() {
     let (folder, run) = with_run();
     let count = |file: &str| {
         export(&folder, &["uff", "--what", "samples", "--out", file]).success();
@@ -110,13 +109,13 @@ fn a_history_never_reaches_over_a_gap() {
 }
 
 #[test]
-fn an_unknown_format_is_answered_with_the_known_ones() {
+fn an_unknown_format_is_refused_with_the_known_ones() {
     let (folder, _) = with_run();
     export(&folder, &["matlab"]).code(2).stderr(contains("csv, mat, uff").and(contains("--format")));
 }
 
 #[test]
-fn a_place_that_cannot_be_written_is_named_and_nothing_is_left_there() {
+fn an_unwritable_path_is_named_and_no_file_is_left() {
     let (folder, _) = with_run();
     let before = std::fs::read_dir(folder.path()).unwrap().count();
     for format in ["csv", "mat", "uff"] {
@@ -129,11 +128,11 @@ fn a_place_that_cannot_be_written_is_named_and_nothing_is_left_there() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_disk_that_fills_up_leaves_no_file_that_looks_whole() {
+fn a_full_disk_leaves_no_partial_export() {
     let (folder, _) = with_run();
     let before = std::fs::read_dir(folder.path()).unwrap().count();
     for format in ["csv", "mat", "uff"] {
-        // A limit on the length of files: writes beyond it fail, as on a full disk.
+        // Writes beyond a file-size limit fail as on a full disk.
         let damprig = assert_cmd::cargo::cargo_bin("damprig");
         let line = format!(
             "trap '' XFSZ; ulimit -f 8; exec '{}' runs export out --format {format} --out full.x",
@@ -148,7 +147,7 @@ fn a_disk_that_fills_up_leaves_no_file_that_looks_whole() {
 }
 
 #[test]
-fn a_damaged_run_gives_what_can_be_read_and_names_the_rest() {
+fn an_export_of_a_damaged_run_names_the_missing_parts() {
     let (folder, run) = with_run();
     let path = run.join("samples.parquet");
     let bytes = std::fs::read(&path).unwrap();

@@ -1,5 +1,4 @@
-//! `damprig flash` and `damprig log` as far as they go without a probe: every image that the board must not get is refused
-//! before a probe is looked for.
+//! `damprig flash` and `damprig log` without a probe: invalid images are refused before a probe is searched.
 
 #![cfg(feature = "probe")]
 
@@ -9,13 +8,13 @@ use crate::common::{damprig, folder_with};
 use damprig_protocol::image::{LENGTH, to_bytes};
 use tempfile::TempDir;
 
-/// What the command says to an image, and its exit code.
+/// Exit code and messages of the command.
 fn answer(folder: &TempDir, arguments: &[&str]) -> (Option<i32>, String) {
     let output = damprig(folder).args(arguments).output().expect("the command");
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// Both commands refuse these bytes as an image, name the file, and say `words`.
+/// Both commands must refuse these bytes as an image, name the file, and print `words`.
 fn refused(bytes: &[u8], words: &[&str]) {
     let folder = folder_with("");
     std::fs::write(folder.path().join("image.elf"), bytes).expect("a file");
@@ -29,7 +28,7 @@ fn refused(bytes: &[u8], words: &[&str]) {
     }
 }
 
-/// An image that `tests/firmware` built; says so on the output if it has not.
+/// An image built by `tests/firmware`; `None` with a message if there is none.
 fn image(name: &str) -> Option<Vec<u8>> {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../firmware/target/images/{name}.elf"));
     if path.is_file() {
@@ -41,7 +40,7 @@ fn image(name: &str) -> Option<Vec<u8>> {
     None
 }
 
-/// Where the image says who it is.
+/// The identity section of the image.
 fn identity(image: &mut [u8]) -> &mut [u8] {
     let own = to_bytes("nucleo-g474re", env!("CARGO_PKG_VERSION"));
     let at = image.windows(LENGTH).position(|window| window == own).expect("an identity of this program's protocol");
@@ -49,13 +48,13 @@ fn identity(image: &mut [u8]) -> &mut [u8] {
 }
 
 #[test]
-fn a_text_file_is_no_image() {
-    refused(b"firmware\n", &["this is no ELF file", "no .bin, .hex or .uf2"]);
-    refused(b"", &["this is no ELF file"]);
+fn a_text_file_is_refused() {
+    refused(b"firmware\n", &["not an ELF file", "not .bin, .hex or .uf2"]);
+    refused(b"", &["not an ELF file"]);
 }
 
 #[test]
-fn a_program_of_this_machine_is_for_another_processor() {
+fn a_program_for_another_processor_is_refused() {
     let own = std::fs::read(std::env::current_exe().expect("this test")).expect("this test");
     refused(&own, &["the controller is an ARM Cortex-M4 (STM32G474RETx)"]);
 }
@@ -83,14 +82,14 @@ fn an_image_of_another_schema_is_refused_with_both_hashes() {
 }
 
 #[test]
-fn an_image_that_does_not_say_who_it_is_is_refused() {
+fn an_image_without_identity_is_refused() {
     let Some(mut image) = image("nucleo-g474re") else { return };
     identity(&mut image)[..4].fill(0);
     refused(&image, &["its section .damprig.identity", "another layout"]);
 }
 
 #[test]
-fn an_image_that_reaches_beyond_bank_1_is_refused_with_the_place() {
+fn an_image_beyond_bank_1_is_refused_with_its_address() {
     let Some(mut image) = image("nucleo-g474re") else { return };
     // The first program header's physical address, in a 32-bit ELF file.
     let headers = u32::from_le_bytes(image[28..32].try_into().expect("four bytes")) as usize;
@@ -107,7 +106,7 @@ fn a_truncated_image_is_refused_wherever_it_ends() {
 }
 
 #[test]
-fn without_a_probe_the_right_image_says_what_to_check() {
+fn a_missing_probe_is_reported_with_what_to_check() {
     let Some(image) = image("nucleo-g474re") else { return };
     let folder = folder_with("");
     let built = folder.path().join("firmware/target/images");
@@ -117,7 +116,7 @@ fn without_a_probe_the_right_image_says_what_to_check() {
         for command in ["flash", "log"] {
             let (code, said) = answer(&folder, &[command]);
             assert_eq!(code, Some(1), "{said}");
-            assert!(said.contains("no debug probe at this machine") && said.contains("plugged in"), "{said}");
+            assert!(said.contains("no debug probe found") && said.contains("connect the board"), "{said}");
         }
     } else {
         eprintln!("not tested: no probe (there is one at this machine, and it is left alone)");
@@ -125,11 +124,11 @@ fn without_a_probe_the_right_image_says_what_to_check() {
 }
 
 #[test]
-fn a_missing_image_says_where_it_was_looked_for_and_how_to_build_it() {
+fn a_missing_image_is_reported_with_its_path_and_how_to_build_it() {
     let folder = folder_with("");
     let (code, said) = answer(&folder, &["flash"]);
     assert_eq!(code, Some(2), "{said}");
-    for word in ["firmware/target/images/nucleo-g474re.elf", "folder above it", "`tests/firmware` builds"] {
+    for word in ["firmware/target/images/nucleo-g474re.elf", "parent folder", "`tests/firmware` builds"] {
         assert!(said.contains(word), "no {word:?} in: {said}");
     }
     let (code, said) = answer(&folder, &["log", "other.elf"]);
@@ -138,7 +137,7 @@ fn a_missing_image_says_where_it_was_looked_for_and_how_to_build_it() {
 }
 
 #[test]
-fn a_probe_that_is_none_is_refused_with_how_one_is_written() {
+fn an_invalid_probe_is_refused_with_the_format() {
     let (code, said) = answer(&folder_with(""), &["flash", "--probe", "stlink"]);
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("--probe") && said.contains("VID:PID:SERIAL"), "{said}");
@@ -146,7 +145,7 @@ fn a_probe_that_is_none_is_refused_with_how_one_is_written() {
 
 #[cfg(unix)]
 #[test]
-fn a_pipe_or_a_folder_is_no_image_and_is_not_waited_for() {
+fn a_pipe_or_a_folder_is_refused_as_an_image() {
     let folder = folder_with("");
     std::fs::create_dir(folder.path().join("folder.elf")).expect("a folder");
     let pipe = folder.path().join("pipe.elf");

@@ -192,7 +192,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values_before_anyth
     let equal = "wall_force_limit_n = 300\nhost_silent_s = 10\nhalf_cycles_ahead = 6\nstructure_limit_m = 0.078";
     std::fs::write(lab.folder.path().join("test.toml"), campaign(equal, SOFT)).unwrap();
     let dry = damprig(&lab.folder).args(["run", "test.toml", "--dry-run", "--rig", &lab.rig]).assert().success();
-    dry.stdout(contains("compared with a board's as delivered"));
+    dry.stdout(contains("compared with the default settings of a board"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A folder, a pipe or a device where a file is meant: told at once and by name, never waited for.
+//! A folder, a pipe or a device in place of a file is refused at once, by name.
 #![cfg(unix)]
 
 use std::path::Path;
@@ -10,7 +10,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-/// A command that would wait for ever fails the test.
+/// A command that waits forever fails the test.
 fn patient(folder: &TempDir, arguments: &[&str]) -> Command {
     let mut command = damprig(folder);
     command.args(arguments).timeout(PATIENCE);
@@ -22,7 +22,7 @@ fn pipe(path: &Path) {
 }
 
 #[test]
-fn a_pipe_a_folder_or_a_device_in_place_of_a_file_is_refused_by_name_in_every_command() {
+fn every_command_refuses_a_pipe_a_folder_or_a_device_as_a_file() {
     let folder = folder_with(&short());
     let at = |name: &str| folder.path().join(name);
     pipe(&at("pipe.toml"));
@@ -41,7 +41,7 @@ fn a_pipe_a_folder_or_a_device_in_place_of_a_file_is_refused_by_name_in_every_co
 }
 
 #[test]
-fn a_pipe_in_place_of_a_record_is_refused_where_the_campaign_or_the_case_names_it() {
+fn a_pipe_as_a_record_is_refused_in_campaigns_and_cases() {
     let folder = folder_with(&short());
     pipe(&folder.path().join("quake.csv"));
     let shipped = |name: &str| {
@@ -58,7 +58,7 @@ fn a_pipe_in_place_of_a_record_is_refused_where_the_campaign_or_the_case_names_i
 }
 
 #[test]
-fn a_run_folder_in_place_of_a_campaign_leads_to_the_campaign_in_it() {
+fn a_run_folder_as_a_campaign_names_the_campaign_in_it() {
     let folder = folder_with(&short());
     std::fs::create_dir(folder.path().join("out")).unwrap();
     std::fs::write(folder.path().join("out/campaign.toml"), short()).unwrap();
@@ -69,9 +69,9 @@ fn a_run_folder_in_place_of_a_campaign_leads_to_the_campaign_in_it() {
 }
 
 #[test]
-fn a_file_far_too_large_is_refused_before_it_fills_the_memory() {
+fn a_file_that_is_too_large_is_refused_before_reading() {
     let folder = folder_with(&short());
-    // It takes no room on the disk.
+    // A sparse file.
     let file = std::fs::File::create(folder.path().join("large.toml")).unwrap();
     file.set_len(1 << 40).unwrap();
     patient(&folder, &["run", "large.toml"]).assert().code(2).stderr(contains("it holds more than the 256 MiB"));

@@ -1,5 +1,5 @@
-//! `report.html` in a run folder and `damprig runs report`: what the page says of complete, broken off, damaged and
-//! maliciously named runs.
+//! The report page (`report.html`, `damprig runs report`) of complete, interrupted and damaged runs, and of runs with hostile
+//! names.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ fn page(run: &Path) -> String {
 }
 
 #[test]
-fn a_complete_run_has_a_page_that_needs_nothing_else_and_can_be_made_again() {
+fn the_page_of_a_complete_run_is_self_contained_and_reproducible() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let run = folder.path().join("out");
@@ -22,7 +22,7 @@ fn a_complete_run_has_a_page_that_needs_nothing_else_and_can_be_made_again() {
     let said =
         ["6 of 6 points", "Hybrid (SPID + FD)", "e = 0.47", "<svg", "Phase of x relative to z", "x_m (m)", "complete"];
     said.iter().for_each(|words| assert!(page.contains(words), "{words}"));
-    // Nothing is fetched and nothing runs: the only address is the name of SVG itself.
+    // The page fetches and runs nothing: its only address is the SVG namespace.
     let foreign = page.replace("http://www.w3.org/2000/svg", "");
     for word in ["http:", "https:", "src=", "href=", "<script", "@import", "url("] {
         assert!(!foreign.contains(word), "{word}");
@@ -36,7 +36,7 @@ fn a_complete_run_has_a_page_that_needs_nothing_else_and_can_be_made_again() {
 }
 
 #[test]
-fn a_run_that_was_broken_off_says_why_and_where_and_the_page_is_right_again_once_it_is_complete() {
+fn the_page_of_an_interrupted_run_says_why_and_is_complete_after_resuming() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let broken = page(&run);
@@ -45,14 +45,14 @@ fn a_run_that_was_broken_off_says_why_and_where_and_the_page_is_right_again_once
     }
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     let whole = page(&run);
-    assert!(whole.contains("6 of 6 points") && whole.contains("taken up again 1 times"));
-    // The history stays.
+    assert!(whole.contains("6 of 6 points") && whole.contains("resumed 1 times"));
+    // The earlier interruption stays on the page.
     assert!(whole.contains("Ended early"));
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
 }
 
 #[test]
-fn lost_samples_are_told_with_their_place() {
+fn lost_samples_are_reported_with_their_place() {
     let folder = folder_with(&short());
     let mut telemetry = 0;
     let board = Served::start(move |message| {
@@ -69,9 +69,9 @@ fn lost_samples_are_told_with_their_place() {
     assert!(page.contains(&format!("<td>{lost}</td>")), "one gap of {lost} rows");
 }
 
-/// A board whose x sensor is wired the wrong way round, and clipped.
+/// A board whose x sensor has the wrong sign and is clipped.
 #[test]
-fn a_sensor_of_the_wrong_sign_and_one_that_was_clipped_are_pointed_out() {
+fn a_sensor_of_wrong_sign_and_a_clipped_sensor_are_reported() {
     let folder = folder_with(&short());
     let board = Served::start(move |message| {
         let FromDevice::Event { seq, tick, event: Happening::Point(mut point) } = *message else { return Fate::Pass };
@@ -81,18 +81,16 @@ fn a_sensor_of_the_wrong_sign_and_one_that_was_clipped_are_pointed_out() {
     });
     damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
     let turned = page(&folder.path().join("out"));
-    for words in
-        ["points x leads z", "at 6 points a sensor&#39;s signal reached an end of its span and is cut there: x"]
-    {
-        assert!(turned.contains(words) || turned.contains(&words.replace("&#39;", "'")), "{words}");
+    for words in ["x leads z at", "a sensor was clipped at the end of its range at 6 points: x"] {
+        assert!(turned.contains(words), "{words}");
     }
     damprig(&folder).args(["run", "test.toml", "--out", "sound"]).assert().success();
     let sound = page(&folder.path().join("sound"));
-    assert!(!sound.contains("x leads z") && !sound.contains("end of its span"));
+    assert!(!sound.contains("x leads z") && !sound.contains("end of its range"));
 }
 
 #[test]
-fn a_name_that_looks_like_markup_stays_a_name() {
+fn markup_in_a_name_is_escaped() {
     let label = "<script>alert(1)</script> & </svg>";
     let folder = folder_with(&short().replace("Bare structure", label));
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
@@ -103,7 +101,7 @@ fn a_name_that_looks_like_markup_stays_a_name() {
 }
 
 #[test]
-fn what_cannot_be_read_is_named_on_the_page_and_the_rest_is_there() {
+fn the_page_names_unreadable_files_and_shows_the_rest() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let text = std::fs::read_to_string(run.join("journal.jsonl")).unwrap();

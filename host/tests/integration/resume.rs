@@ -156,7 +156,7 @@ fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
     let manifest = manifest(&run);
     assert_eq!((manifest["resumed"].as_u64(), manifest["status"].as_str()), (Some(1), Some("complete")));
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
-    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("Taken up again 1 times"));
+    damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("Resumed 1 times"));
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
     let lost = taken(&run).sealed[0].rows;
     let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     resumed.stdout(
-        contains("WRONG  samples.parts/000001.parquet: changed since it was closed")
+        contains("warning: samples.parts/000001.parquet: changed since it was closed")
             .and(contains(format!("{lost} lost (dropped 0)"))),
     );
     assert_eq!(manifest(&run)["counters"]["lost_rows"], lost);

@@ -1,4 +1,4 @@
-//! `damprig runs`: sound and damaged run folders, and exports. Damaged means real files, cut or changed.
+//! `damprig runs`: intact and damaged run folders, and exports. Damaged runs have truncated or changed files.
 
 use std::path::{Path, PathBuf};
 
@@ -22,15 +22,15 @@ fn cut_in_half(path: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn a_sound_run_is_listed_shown_and_found_sound() {
+fn an_intact_run_is_listed_shown_and_verified() {
     let (folder, _) = with_run();
     damprig(&folder).args(["runs", "."]).assert().success().stdout(contains("6/6").and(contains("complete")));
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("x_m (m)"));
-    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("WRONG").not());
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("FAILED").not());
 }
 
 #[test]
-fn every_damage_is_named_and_the_rest_is_called_good() {
+fn every_damaged_file_is_named_and_the_others_pass() {
     let (folder, run) = with_run();
     let half = cut_in_half(&run.join("samples.parquet"));
     let verify = || damprig(&folder).args(["runs", "verify", "out"]).assert();
@@ -47,7 +47,7 @@ fn every_damage_is_named_and_the_rest_is_called_good() {
 }
 
 #[test]
-fn a_single_flipped_bit_is_found() {
+fn a_single_flipped_bit_is_detected() {
     let (folder, run) = with_run();
     let path = run.join("figure.png");
     let mut bytes = std::fs::read(&path).unwrap();
@@ -58,7 +58,7 @@ fn a_single_flipped_bit_is_found() {
 }
 
 #[test]
-fn what_is_no_run_is_refused() {
+fn a_folder_that_is_not_a_run_is_refused() {
     let folder = folder_with(&short());
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     damprig(&folder).args(["runs", "verify", "empty"]).assert().code(1).stderr(contains("this folder is no run"));
@@ -66,7 +66,7 @@ fn what_is_no_run_is_refused() {
 }
 
 #[test]
-fn csv_holds_every_chosen_row_with_units_and_an_earlier_file_is_kept() {
+fn csv_has_every_selected_row_with_units_and_never_overwrites() {
     let (folder, run) = with_run();
     let export = ["runs", "export", "out", "--format", "csv", "--out", "all.csv"];
     damprig(&folder).args(export).assert().success();
@@ -83,12 +83,12 @@ fn csv_holds_every_chosen_row_with_units_and_an_earlier_file_is_kept() {
 }
 
 #[test]
-fn runs_are_listed_by_the_instant_of_their_start_whatever_the_zone() {
+fn runs_are_listed_by_start_time_across_time_zones() {
     let (folder, run) = with_run();
     let manifest = std::fs::read_to_string(run.join("manifest.json")).unwrap();
     let value: serde_json::Value = serde_json::from_str(&manifest).unwrap();
     let started = value["started"].as_str().unwrap();
-    // As text the first comes last; as times the others follow it.
+    // The latest start comes first; sorted as text it would come last.
     let times = [
         ("late", "2026-11-21T01:00:00-05:00[America/New_York]"),
         ("early", "2026-11-21T05:00:00+02:00[Europe/Athens]"),

@@ -1,4 +1,4 @@
-//! `damprig settings` as a user has it, against a simulated board that lives on between the commands.
+//! `damprig settings` with a simulated board that keeps running between the commands.
 
 use crate::common::{Fate, Served, damprig, folder_with, manifest, short};
 use assert_cmd::assert::Assert;
@@ -32,7 +32,7 @@ fn err(assert: Assert) -> String {
 }
 
 #[test]
-fn a_changed_setting_is_in_use_at_once_and_says_that_it_is_not_saved() {
+fn a_changed_setting_acts_at_once_and_is_reported_as_unsaved() {
     let board = Board::new();
     assert!(board.shown().contains("as delivered"), "{}", board.shown());
     let told = out(board.settings(&["set", "spring.step_m=4e-6", "safety.wall_force_n=300"]).success());
@@ -63,9 +63,9 @@ fn an_exported_file_is_imported_by_another_board() {
     assert_eq!(body(other.shown()), body(one.shown()));
 }
 
-/// The laser's middle is 2 mm off: at 78 mm on that side it would read its rail.
+/// The laser's zero is off by 2 mm, so 78 mm on that side is at the rail.
 #[test]
-fn a_limit_that_the_calibrated_sensor_cannot_see_is_refused() {
+fn a_limit_outside_the_calibrated_sensor_range_is_refused() {
     let board = Board::new();
     let refused = err(board.settings(&["set", "calibration.x.zero_counts=32000.5"]).code(2));
     assert!(refused.contains("structure_m` = 0.078") && refused.contains("inside the usable span"), "{refused}");
@@ -73,7 +73,7 @@ fn a_limit_that_the_calibrated_sensor_cannot_see_is_refused() {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_what_is_near_or_allowed_and_nothing_changes() {
+fn wrong_settings_are_refused_with_what_is_allowed_and_change_nothing() {
     let board = Board::new();
     for (arguments, words) in [
         (&["set", "step_m=1e-6"][..], &["no setting `step_m`", "`spring.step_m`"][..]),

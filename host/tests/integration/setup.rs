@@ -1,6 +1,6 @@
-//! A set-up says the same in a case and in a campaign, and the table of its keys is what the parser applies.
+//! A set-up means the same in a case and in a campaign, and the parser applies the declared keys.
 //!
-//! Files are written from the table itself, at random with fixed seeds.
+//! The files are generated from the declarations, at random with fixed seeds.
 
 use std::collections::BTreeSet;
 
@@ -13,14 +13,14 @@ use fastrand::Rng;
 
 use crate::common::{damprig, folder_with};
 
-/// A change to one table of a file that is written.
+/// A change to one table of a generated file.
 #[derive(Clone)]
 struct Edit {
     path: &'static str,
     kind: Option<&'static str>,
-    /// The key that is changed; one that the table does not have is added.
+    /// Key to change or add.
     key: &'static str,
-    /// What it is written as; none to leave it out.
+    /// New value; `None` removes the key.
     value: Option<String>,
 }
 
@@ -30,12 +30,12 @@ impl Edit {
     }
 }
 
-/// Writes files that say what the tables allow.
+/// Generates files from the declared tables.
 struct Writer<'t> {
     tables: &'t [Table],
     rng: Rng,
     edit: Option<Edit>,
-    /// Path, kind and key of what was written.
+    /// Path, kind and key of the generated entries.
     written: Vec<(&'static str, Option<&'static str>, &'static str)>,
 }
 
@@ -46,7 +46,7 @@ impl<'t> Writer<'t> {
         Self { tables, rng: Rng::with_seed(seed), edit: None, written: Vec::new() }
     }
 
-    /// Keys and values of the table at `path`, of a kind chosen at random where there are several.
+    /// Keys and values of the table at `path`; the kind is chosen at random if there are several.
     fn table(&mut self, path: &'static str) -> Lines {
         let mut tables: Vec<&Table> = self.tables.iter().filter(|table| table.path == path).collect();
         let mut lines = Lines::new();
@@ -68,7 +68,7 @@ impl<'t> Writer<'t> {
         lines
     }
 
-    /// The key under which a quantity is written, beside the `lines` there are.
+    /// The key for a quantity, given the `lines` so far.
     fn choose(&mut self, quantity: &Quantity, lines: &Lines) -> Option<&'static Key> {
         let mut need = quantity.need;
         while let Need::If(_, name, then, otherwise) = need {
@@ -99,7 +99,7 @@ impl<'t> Writer<'t> {
         }
     }
 
-    /// A number of the magnitude that rigs have, such that any together are a set-up.
+    /// A number of realistic magnitude, so that any combination is a valid set-up.
     fn number(&mut self, key: &str) -> f64 {
         let (low, high) = match (key, Unit::of(key).map_or("", |unit| unit.symbol)) {
             ("start_m", _) => (-4e-5, 4e-5),
@@ -123,19 +123,19 @@ fn case(text: &str) -> Result<Case, String> {
     Case::parse(&Source::new("case.toml", text), "case").map_err(|refusal| refusal.to_string())
 }
 
-/// A campaign with these tables at its top, and one set-up.
+/// A campaign with these top-level tables and one set-up.
 fn campaign(shared: &str, set_up: &str) -> Result<Campaign, String> {
     let experiment = "kind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"from_rest\"\ndwell_s = 4\n";
     let text = format!("name = \"t\"\n{shared}[[experiment]]\n{experiment}[[set_up]]\nname = \"s\"\n{set_up}");
     Campaign::parse(Source::new("campaign.toml", text)).map_err(|refusal| refusal.to_string())
 }
 
-/// Every table of a case: its set-up's, and those beside.
+/// All tables of a case.
 fn tables() -> Vec<Table> {
     [setup::TABLES, simulation::TABLES, motion_record::TABLES].concat()
 }
 
-/// The case of a seed, changed.
+/// The case of a seed with a change.
 fn written(seed: u64, edit: Option<Edit>) -> String {
     let all = tables();
     let mut writer = Writer::new(&all, seed);
@@ -143,7 +143,7 @@ fn written(seed: u64, edit: Option<Edit>) -> String {
     text(&writer.table(""))
 }
 
-/// The first seed whose case has the table, with the key if one is asked for, and is as wanted.
+/// The first seed whose case has the table and key and satisfies the condition.
 fn seed_with(table: &Table, key: Option<&str>, wanted: impl Fn(u64) -> bool) -> u64 {
     let all = tables();
     let seed = (0..50_000).find(|seed| {
@@ -174,7 +174,7 @@ fn a_set_up_written_in_a_case_and_in_a_campaign_gives_the_same_model() {
         let alone = text(&set_up);
         let case = case(&format!("{alone}{at_top}{sine}")).unwrap_or_else(|refusal| panic!("seed {seed}: {refusal}"));
 
-        // Some of it may stand at the top of a campaign, for all its set-ups.
+        // A campaign may have some keys at its top level, for all set-ups.
         let (mut shared, mut own) = (Lines::new(), Lines::new());
         for (key, value) in set_up {
             let is_shared = writer.rng.bool();
@@ -228,13 +228,13 @@ fn a_number_is_refused_outside_its_declared_range_and_read_within() {
                 Range::Whole => (0.0, 9e15),
             };
             let below = if range == Range::NotZero { 0.0 } else { low - 0.1 * low.abs().max(1e-3) };
-            // Beside a Z at the top the base's own is refused, whatever it is.
+            // With a top-level Z the base's own amplitude is refused.
             let is_alone = |seed| key.name == "base_amplitude_m" || !written(seed, None).contains("base_amplitude_m");
             let seed = seed_with(table, Some(key.name), is_alone);
             let answer_to = |value: f64| {
                 let answer = case(&written(seed, Some(Edit::new(table, key.name, Some(format!("{value:?}"))))));
                 let refused = format!("{}` = {value:?} is not allowed", key.name);
-                // What else the model has to say of such a value is none of the range's.
+                // Ignore other checks of the model.
                 let is_range = |text: &str| {
                     text.contains("in magnitude") || range.refusal(value).is_some_and(|r| text.contains(&r))
                 };
@@ -251,7 +251,7 @@ fn a_number_is_refused_outside_its_declared_range_and_read_within() {
 }
 
 #[test]
-fn a_default_that_is_written_changes_nothing() {
+fn writing_a_default_changes_nothing() {
     let mut defaults = 0;
     for table in tables() {
         for quantity in table.quantities {
@@ -281,7 +281,7 @@ const RUN: &str = "run = { duration_s = 1 }\n";
 const RATIOS: &str = "particle = { mass_ratio = 0.1, clearance_ratio = 5, wall = { kind = \"restitution\", coefficient = 0.5 } }\n\
                       friction_damper = { friction_ratio = 0.4 }\n";
 
-/// The answer must have all of `words`.
+/// The message must contain all of `words`.
 fn refused<T: std::fmt::Debug>(answer: Result<T, String>, words: &[&str]) {
     let answer = answer.expect_err("it is refused");
     for word in words {
@@ -319,10 +319,10 @@ fn a_ratio_without_a_base_amplitude_is_refused_with_the_key_to_write() {
 }
 
 #[test]
-fn a_base_amplitude_is_stated_once_and_not_in_vain() {
+fn a_base_amplitude_is_given_once_and_only_if_it_is_used() {
     let twice = ["`base.amplitude_m` = 0.003", "`base_amplitude_m` is given too"];
     refused(case(&format!("{STRUCTURE}{SINE}{RUN}base_amplitude_m = 0.003\n")), &twice);
-    let vain = ["`base_amplitude_m` = 0.003", "nothing refers to it", "write base = { kind = \"sine\""];
+    let vain = ["`base_amplitude_m` = 0.003", "is not used", "write base = { kind = \"sine\""];
     refused(case(&format!("{STRUCTURE}{RUN}base_amplitude_m = 0.003\n")), &vain);
 }
 
@@ -339,7 +339,7 @@ fn a_case_may_say_how_its_friction_spring_is_tuned_and_where_its_particle_starts
     let both = initial.replace("0.001", "0.001, y_m = 0.002");
     refused(
         case(&format!("{STRUCTURE}{SINE}{RUN}{at_wall}{both}")),
-        &["`initial.y_m` = 0.002", "the particle's own table says where it starts"],
+        &["`initial.y_m` = 0.002", "the particle's table gives its start too"],
     );
 }
 
@@ -351,7 +351,7 @@ fn a_wall_without_its_kind_is_answered_with_the_kinds() {
 }
 
 #[test]
-fn what_a_set_up_says_itself_counts_before_what_it_inherits_under_another_key() {
+fn own_keys_of_a_set_up_override_inherited_ones() {
     let shared = format!("{STRUCTURE}tmd = {{ mass_ratio = 0.1, stiffness_n_per_m = 30, damping_ratio = 0.1 }}\n");
     for own in ["frequency_ratio = 0.9, damping_n_s_per_m = 0.5", "tuning = \"warburton\""] {
         let set_up = format!("base_amplitude_m = 0.003\ntmd = {{ {own} }}\n");

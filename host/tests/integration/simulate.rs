@@ -1,4 +1,4 @@
-//! `damprig simulate` for its user: the shipped cases, histories, pictures, interruption.
+//! `damprig simulate`: shipped cases, time histories, figures, interruption.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn folder(case: &str) -> TempDir {
     folder
 }
 
-/// The answer to the case of the folder.
+/// The result of the case in the folder.
 fn answer(folder: &TempDir, more: &[&str]) -> Value {
     let output = damprig(folder).args(["simulate", "case.toml", "--json"]).args(more).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -59,7 +59,7 @@ fn csv_columns(path: &Path) -> Vec<(String, Vec<String>)> {
 }
 
 #[test]
-fn every_shipped_case_runs_and_is_summarised_drawn_and_recorded() {
+fn every_shipped_case_has_a_summary_a_figure_and_a_time_history() {
     let cases = shipped();
     assert!(cases.len() >= 6, "{cases:?}");
     for case in cases {
@@ -82,7 +82,7 @@ fn every_shipped_case_runs_and_is_summarised_drawn_and_recorded() {
 }
 
 #[test]
-fn a_history_holds_the_answers_own_values_and_every_impact() {
+fn a_time_history_has_the_values_of_the_result_and_every_impact() {
     let folder = folder(&spid("{ duration_s = 16, sample_times_s = [0, 3.7, 9.99, 16] }"));
     let answer = answer(&folder, &["--out", "motion.csv", "--rate", "100"]);
     let columns = csv_columns(&folder.path().join("motion.csv"));
@@ -100,7 +100,7 @@ fn a_history_holds_the_answers_own_values_and_every_impact() {
     assert!(times.len() > 20);
     assert_eq!(impacts[0].1.len(), times.len());
     for (impact, (t, side)) in times.iter().zip(impacts[0].1.iter().zip(&impacts[1].1)) {
-        // The JSON reader's last digit is its own.
+        // The JSON reader may round the last digit differently.
         let (told, written): (f64, f64) = (impact["t_s"].as_f64().unwrap(), t.parse().unwrap());
         assert!((told / written - 1.0).abs() < 1e-15, "{told} {written}");
         assert_eq!(impact["side"].as_i64(), side.parse().ok());
@@ -109,7 +109,7 @@ fn a_history_holds_the_answers_own_values_and_every_impact() {
 }
 
 #[test]
-fn a_parquet_history_is_the_csv_one_with_units() {
+fn parquet_and_csv_time_histories_are_equal_and_parquet_has_units() {
     let folder = folder(&spid("{ duration_s = 200 }"));
     for file in ["motion.csv", "motion.parquet"] {
         answer(&folder, &["--out", file, "--rate", "500"]);
@@ -128,7 +128,7 @@ fn a_parquet_history_is_the_csv_one_with_units() {
 }
 
 #[test]
-fn asking_for_a_history_changes_nothing_in_the_motion() {
+fn writing_a_time_history_does_not_change_the_motion() {
     let folder = folder(&spid("{ duration_s = 40, sample_times_s = [40] }"));
     let plain = answer(&folder, &[]);
     let with = answer(&folder, &["--out", "motion.parquet", "--plot", "motion.png"]);
@@ -136,7 +136,7 @@ fn asking_for_a_history_changes_nothing_in_the_motion() {
 }
 
 #[test]
-fn an_extension_that_is_no_format_is_refused_with_those_that_are() {
+fn an_unsupported_extension_is_refused_with_the_supported_ones() {
     let folder = folder(&spid("{ duration_s = 1 }"));
     for (flag, file, words) in
         [("--out", "motion.mat", [".mat", ".parquet", ".csv"]), ("--plot", "motion.pdf", [".pdf", ".svg", ".png"])]
@@ -150,7 +150,7 @@ fn an_extension_that_is_no_format_is_refused_with_those_that_are() {
 }
 
 #[test]
-fn a_history_that_cannot_be_written_is_named_before_the_run_starts() {
+fn an_unwritable_time_history_is_reported_before_the_run() {
     let folder = folder(&spid("{ duration_s = 1e9 }"));
     let output = damprig(&folder).args(["simulate", "case.toml", "--out", "nowhere/motion.csv"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
@@ -158,7 +158,7 @@ fn a_history_that_cannot_be_written_is_named_before_the_run_starts() {
 }
 
 #[test]
-fn a_drawn_window_that_is_empty_is_refused() {
+fn an_empty_time_window_is_refused() {
     let folder = folder(&spid("{ duration_s = 4 }"));
     let args = ["simulate", "case.toml", "--plot", "p.svg", "--plot-from", "5"];
     let output = damprig(&folder).args(args).output().unwrap();
@@ -167,7 +167,7 @@ fn a_drawn_window_that_is_empty_is_refused() {
 }
 
 #[test]
-fn a_picture_is_the_one_its_extension_says() {
+fn the_extension_selects_the_figure_format() {
     let folder = folder(&spid("{ duration_s = 4 }"));
     for (file, magic) in [("p.png", &b"\x89PNG"[..]), ("p.svg", &b"<svg"[..])] {
         damprig(&folder).args(["simulate", "case.toml", "--plot", file]).assert().success();
@@ -176,7 +176,7 @@ fn a_picture_is_the_one_its_extension_says() {
 }
 
 #[test]
-fn a_stiff_wall_is_warned_about_with_its_cost() {
+fn a_stiff_wall_gives_a_warning_with_its_cost() {
     let case = spid("{ duration_s = 0.5 }").replace(
         "{ kind = \"restitution\", coefficient = 0.5 }",
         "{ kind = \"voigt\", stiffness_n_per_m = 1e10, damping_n_s_per_m = 0, release = \"zero_force\" }",
@@ -188,7 +188,7 @@ fn a_stiff_wall_is_warned_about_with_its_cost() {
     assert!(told.contains("warning: the wall is stiff") && told.contains("arcs"), "{told}");
 }
 
-/// Starts a run without end, interrupts it once it has said what it will cost, and gives its standard output.
+/// Starts an endless run, interrupts it after its warning about the computing time, and returns its standard output.
 fn interrupted(folder: &TempDir, out: &str) -> Value {
     let mut process = Process::new(assert_cmd::cargo::cargo_bin("damprig"))
         .current_dir(folder.path())
@@ -199,7 +199,7 @@ fn interrupted(folder: &TempDir, out: &str) -> Value {
         .unwrap();
     let mut told = BufReader::new(process.stderr.take().unwrap());
     let mut line = String::new();
-    while !line.contains("Ctrl-C keeps what is done") {
+    while !line.contains("Ctrl-C stops the run") {
         line.clear();
         assert!(told.read_line(&mut line).unwrap() > 0, "it ended before it warned");
     }
@@ -214,7 +214,7 @@ fn interrupted(folder: &TempDir, out: &str) -> Value {
 }
 
 #[test]
-fn an_interrupted_run_keeps_its_history_its_impacts_and_its_figures() {
+fn an_interrupted_run_keeps_its_time_history_impacts_and_summary() {
     let folder = folder(&spid("{ duration_s = 1e9 }"));
     let answer = interrupted(&folder, "motion.csv");
     let stopped_at_s = answer["stopped_at_s"].as_f64().expect("where it was stopped");

@@ -1,5 +1,5 @@
-//! What a case may say: equal words give equal motions, forces and records give their closed forms, and what cannot be is
-//! refused with key, value, what is allowed and the likely fix.
+//! Keys of a case: equivalent keys give equal motions, forces and records match closed forms, invalid values are refused with
+//! key, value, allowed range and likely fix.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -13,7 +13,7 @@ const STRUCTURE: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5
 const SINE: &str = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.3 }\n";
 const RUN: &str = "run = { duration_s = 8, sample_times_s = [0.4, 1.7, 3.1, 5.03, 8], cycle_s = 0.4 }\n";
 
-/// A folder in which cases and records can be put.
+/// A folder for cases and records.
 struct Bench(TempDir);
 
 impl Bench {
@@ -52,7 +52,7 @@ fn numbers(list: &Value) -> Vec<f64> {
     list.as_array().expect("a list").iter().map(|v| v.as_f64().expect("a number")).collect()
 }
 
-/// The largest difference of x and y, in parts of the largest |x|.
+/// The largest difference of x and y, relative to the largest |x|.
 fn apart(a: &Value, b: &Value) -> f64 {
     let scale = a["summary"]["max_abs_x_m"].as_f64().unwrap();
     let differ = |key: &str| {
@@ -90,7 +90,7 @@ fn a_wall_may_be_given_by_its_material_its_modulus_or_its_spring() {
 }
 
 #[test]
-fn a_walls_impossible_words_are_refused() {
+fn contradictory_keys_of_a_wall_are_refused() {
     let bench = Bench::new();
     let near = ["`particle.wall.material` = \"ruber\" is not allowed", "did you mean \"rubber\"?"];
     bench.refused(&voigt("material = \"ruber\", release = \"zero_force\""), &near);
@@ -236,7 +236,7 @@ fn an_at2_file_is_the_same_record_as_its_values_in_g() {
 }
 
 #[test]
-fn columns_are_found_by_place_and_by_name() {
+fn columns_are_found_by_number_and_by_name() {
     let table = "n;time;a;b\n1;0.0;9;0.1\n2;0.1;9;0.2\n3;0.2;9;-0.1\n";
     let bench = Bench::new().with("t.csv", table).with("b.csv", "0.1\n0.2\n-0.1\n");
     let base = |keys: &str| {
@@ -257,7 +257,7 @@ fn columns_are_found_by_place_and_by_name() {
 }
 
 #[test]
-fn a_record_that_cannot_be_is_refused_with_file_line_and_value() {
+fn an_invalid_record_is_refused_with_file_line_and_value() {
     let base = |file: &str| {
         format!(
             "{STRUCTURE}{RUN}base = {{ kind = \"record\", file = \"{file}\", quantity = \"acceleration\", unit = \"g\" }}\n"
@@ -301,7 +301,7 @@ fn a_structure_too_fast_for_its_record_is_refused() {
 }
 
 #[test]
-fn wrong_keys_and_impossible_values_are_answered_with_what_is_allowed() {
+fn wrong_keys_and_values_are_refused_with_what_is_allowed() {
     let bench = Bench::new();
     let spid = |particle: &str| {
         format!(
@@ -349,7 +349,7 @@ fn a_chatter_that_ends_in_rest_is_reported_in_text_json_and_a_table() {
     let end_s = (2.0 * d / pull).sqrt() * (1.0 + e) / (1.0 - e);
     let particle =
         format!("[particle]\nclearance_m = {d}\nwall = {{ kind = \"restitution\", coefficient = {e} }}\nmass_kg = ");
-    // So heavy that the particle does not matter, so soft that the spring does not, so slow that the force is even.
+    // The structure is so heavy, soft and slow that its acceleration is constant.
     let heavy =
         "structure = { mass_kg = 1e9, stiffness_n_per_m = 1e-6, damping_n_s_per_m = 0 }\nrun = { duration_s = 1.5 }\n";
     let force = format!(
@@ -358,7 +358,7 @@ fn a_chatter_that_ends_in_rest_is_reported_in_text_json_and_a_table() {
         TAU / 4.0
     );
     check_bouncing_ball(&Bench::new(), &format!("{heavy}{force}{particle}1e-9\n"), end_s, 1e-9);
-    // On a record, carried by a damper that never slips.
+    // On a record, with a friction damper that never slips.
     let mut rows = String::from("time_s,acceleration_m_per_s2\n");
     for n in 0..=400 {
         let _ = writeln!(rows, "{},{pull}", f64::from(n) * 0.005);
@@ -366,7 +366,7 @@ fn a_chatter_that_ends_in_rest_is_reported_in_text_json_and_a_table() {
     let carried = "structure = { mass_kg = 1e6, natural_frequency_hz = 1, damping_ratio = 0 }\n\
          friction_damper = { force_n = 1e12 }\nrun = { duration_s = 1.5 }\n\
          base = { kind = \"record\", file = \"even.csv\", quantity = \"acceleration\", unit = \"m/s2\" }\n";
-    // The last bounce that the driver can tell from rest: 10⁻⁷ s before the end.
+    // The last bounce that the driver distinguishes from rest: 1e-7 s before the end.
     let bench = Bench::new().with("even.csv", &rows);
     check_bouncing_ball(&bench, &format!("{carried}{particle}1e-9\n"), end_s, 1e-6);
 }
@@ -383,7 +383,7 @@ fn an_impact_at_the_start_gives_the_structure_its_share_of_the_momentum() {
 }
 
 #[test]
-fn a_particle_at_rest_on_a_soft_wall_makes_no_impact_of_no_speed() {
+fn a_particle_at_rest_on_a_soft_wall_has_no_impacts() {
     for (sign, base) in [
         ("", "base = { kind = \"versine\", amplitude_m = 0.02, duration_s = 0.3 }\n"),
         ("-", "base = { kind = \"versine\", amplitude_m = 0.02, duration_s = 0.3 }\n"),

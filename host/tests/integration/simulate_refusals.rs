@@ -1,4 +1,4 @@
-//! What `damprig simulate` must not do: destroy what it reads, misread a unit, drop a wish in silence, run without end.
+//! What `damprig simulate` must not do: overwrite its inputs, misread a unit, ignore an option, run without end.
 
 use std::process::Output;
 
@@ -24,7 +24,7 @@ fn simulate(folder: &TempDir, arguments: &[&str]) -> Output {
     damprig(folder).arg("simulate").args(arguments).output().unwrap()
 }
 
-/// The command must be refused with all of `words`, and every file be as it was.
+/// The command must be refused with all of `words` and change no file.
 fn refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
     let folder = folder(files);
     let output = simulate(&folder, arguments);
@@ -40,21 +40,21 @@ fn refused(files: &[(&str, &str)], arguments: &[&str], words: &[&str]) {
 }
 
 #[test]
-fn an_output_never_takes_the_place_of_what_is_read_or_of_another_output() {
+fn an_output_never_overwrites_an_input_or_another_output() {
     let case = format!("{STRUCTURE}{RECORD}{PARTICLE}");
     let with_run = format!("{case}run = {{ duration_s = 1 }}\n");
     let impacts = with_run.replace("shake.csv", "motion.impacts.csv");
     let record = ("shake.csv", SHAKE);
-    let of_the_record = ["--out", "shake.csv", "the record that the case plays"];
+    let of_the_record = ["--out", "shake.csv", "the record of the case"];
     refused(&[("case.toml", &with_run), record], &["case.toml", "--out", "shake.csv"], &of_the_record);
-    refused(&[("case.csv", &with_run), record], &["case.csv", "--out", "./case.csv"], &["the case itself"]);
-    let of_impacts = ["the table of impacts of --out", "motion.impacts.csv", "the record that the case plays"];
+    refused(&[("case.csv", &with_run), record], &["case.csv", "--out", "./case.csv"], &["the case file"]);
+    let of_impacts = ["the table of impacts of --out", "motion.impacts.csv", "the record of the case"];
     refused(
         &[("case.toml", &impacts), ("motion.impacts.csv", SHAKE)],
         &["case.toml", "--out", "motion.csv"],
         &of_impacts,
     );
-    refused(&[("case.svg", &with_run), record], &["case.svg", "--plot", "case.svg"], &["--plot", "the case itself"]);
+    refused(&[("case.svg", &with_run), record], &["case.svg", "--plot", "case.svg"], &["--plot", "the case file"]);
 }
 
 #[cfg(unix)]
@@ -118,14 +118,14 @@ fn steady_cycles_that_the_run_does_not_have_are_refused() {
 }
 
 #[test]
-fn a_list_of_json_is_called_json() {
+fn a_json_list_is_reported_as_json() {
     let told = |text: &str, expected: &[&str]| refused(&[("case.json", text)], &["case.json"], expected);
     told("[{\"structure\": {}}]", &["this JSON is not an object", "a file of its own"]);
     told(" [ ]", &["this JSON is not an object"]);
 }
 
 #[test]
-fn values_beyond_any_rig_are_refused_with_the_range_of_their_unit() {
+fn values_outside_the_range_of_their_unit_are_refused() {
     let run = "run = { duration_s = 1 }\n";
     let told = |case: &str, expected: &[&str]| refused(&[("case.toml", case)], &["case.toml"], expected);
     let force = ["`friction_damper.force_n` = 1e300 is not allowed", "at most 1e12 N in magnitude"];
@@ -144,9 +144,9 @@ fn values_beyond_any_rig_are_refused_with_the_range_of_their_unit() {
     told(&format!("{STRUCTURE}run = {{ duration_s = 1, cycle_s = 1e-10 }}\n"), &cycle);
 }
 
-/// The ends of the ranges taken together.
+/// All values at the ends of their ranges.
 #[test]
-fn values_at_the_bounds_still_come_to_an_end_with_finite_figures() {
+fn runs_with_values_at_the_bounds_end_with_finite_results() {
     for more in [
         "friction_damper = { force_n = 1e12 }\nbase = { kind = \"sine\", amplitude_m = 1e6, frequency_hz = 2.3 }\n",
         "initial = { x_m = 1e6 }\nfriction_damper = { force_n = 1e-300 }\n",
@@ -161,7 +161,7 @@ fn values_at_the_bounds_still_come_to_an_end_with_finite_figures() {
     }
 }
 
-/// A case whose impacts are so many that simulated time hardly passes.
+/// A case with so many impacts that simulated time hardly advances.
 const FLOOD: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n\
      particle = { mass_ratio = 0.1, clearance_m = 1e-12, wall = { kind = \"restitution\", coefficient = 1 } }\n\
      initial = { x_m = 0.01, y_m = 0.01, v_m_per_s = 0, u_m_per_s = 1 }\n\
@@ -169,7 +169,7 @@ const FLOOD: &str = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, da
 
 #[cfg(unix)]
 #[test]
-fn a_flood_of_impacts_is_announced_and_obeys_ctrl_c() {
+fn a_run_with_very_many_impacts_warns_and_obeys_ctrl_c() {
     use std::io::{BufRead, BufReader};
     use std::process::{Command, Stdio};
 
@@ -195,7 +195,7 @@ fn a_flood_of_impacts_is_announced_and_obeys_ctrl_c() {
 }
 
 #[test]
-fn arcs_that_stay_short_after_a_pulse_are_in_the_cost() {
+fn the_estimated_cost_includes_short_arcs_after_a_pulse() {
     use damprig::input::Source;
     use damprig::simulation::{Case, cost};
 

@@ -1,5 +1,5 @@
-//! What goes wrong at a desk: a reader that goes away, a disk that fills, a file that is not what it is taken for. Each ends
-//! in words that say what to do, and never in a rig that goes on.
+//! Everyday mishaps: a closed pipe, a full disk, a wrong file. Each ends with a message that says what to do, and with the rig
+//! stopped.
 
 use std::io::Read;
 use std::process::{Command as Program, Stdio};
@@ -16,7 +16,7 @@ fn with(experiment: &str) -> TempDir {
     ))
 }
 
-/// What a dry run says to an experiment, refused.
+/// The messages of a refused dry run.
 fn refused(experiment: &str, record: &[u8]) -> String {
     let folder = with(experiment);
     std::fs::write(folder.path().join("r.csv"), record).unwrap();
@@ -28,7 +28,7 @@ fn refused(experiment: &str, record: &[u8]) -> String {
 
 #[cfg(unix)]
 #[test]
-fn a_run_whose_words_nobody_reads_any_more_goes_on_to_its_end() {
+fn a_run_continues_when_its_output_pipe_is_closed() {
     let folder = folder_with(&short());
     let mut run = Program::new(assert_cmd::cargo::cargo_bin("damprig"))
         .args(["run", "test.toml", "--out", "out"])
@@ -37,7 +37,7 @@ fn a_run_whose_words_nobody_reads_any_more_goes_on_to_its_end() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // As `| head -c 1` does: one letter, then the pipe is closed.
+    // Like `| head -c 1`: reads one character, then closes the pipe.
     run.stdout.take().unwrap().read_exact(&mut [0]).unwrap();
     drop(run.stderr.take());
     assert_eq!(run.wait().unwrap().code(), Some(0));
@@ -46,11 +46,11 @@ fn a_run_whose_words_nobody_reads_any_more_goes_on_to_its_end() {
 
 #[cfg(unix)]
 #[test]
-fn settings_that_the_disk_has_no_room_for_leave_no_half_of_a_file() {
+fn a_full_disk_leaves_no_partial_settings_file() {
     let folder = folder_with("");
     let binary = assert_cmd::cargo::cargo_bin("damprig");
     let command = format!("ulimit -f 1; exec {} settings export rig.toml", binary.display());
-    // The shell's blocks are 512 or 1024 bytes: the file is larger than either.
+    // Shell blocks have 512 or 1024 bytes; the file is larger.
     let output = Program::new("sh").args(["-c", &command]).current_dir(folder.path()).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
@@ -59,7 +59,7 @@ fn settings_that_the_disk_has_no_room_for_leave_no_half_of_a_file() {
 }
 
 #[test]
-fn settings_of_another_board_are_taken_with_a_word_about_it() {
+fn importing_settings_of_another_board_gives_a_note() {
     let folder = folder_with("");
     damprig(&folder).args(["settings", "export", "rig.toml"]).assert().success();
     let path = folder.path().join("rig.toml");
@@ -67,18 +67,18 @@ fn settings_of_another_board_are_taken_with_a_word_about_it() {
         .args(["settings", "import", "rig.toml"])
         .assert()
         .success()
-        .stderr(contains("is of the board").not());
+        .stderr(contains("is from the board").not());
     let other = std::fs::read_to_string(&path).unwrap().replace("Settings of virtual,", "Settings of nucleo-g474re,");
     std::fs::write(&path, other).unwrap();
     damprig(&folder)
         .args(["settings", "import", "rig.toml"])
         .assert()
         .success()
-        .stderr(contains("note: rig.toml is of the board nucleo-g474re, this is virtual"));
+        .stderr(contains("note: rig.toml is from the board nucleo-g474re, this is virtual"));
 }
 
 #[test]
-fn settings_that_say_nothing_or_the_same_twice_are_refused() {
+fn empty_or_duplicate_settings_are_refused() {
     let folder = folder_with("");
     std::fs::write(folder.path().join("empty.toml"), "# later\n").unwrap();
     let cases: [(&[&str], &str); 3] = [
@@ -99,12 +99,12 @@ fn a_table_that_a_format_cannot_hold_is_refused_and_no_empty_file_is_written() {
         .args(["runs", "export", "out", "--format", "uff", "--what", "transients"])
         .assert()
         .code(2)
-        .stderr(contains("--format uff --what transients").and(contains("csv and mat hold them")));
+        .stderr(contains("--format uff --what transients").and(contains("use csv or mat")));
     assert!(!folder.path().join("out-transients.uff").exists());
 }
 
 #[test]
-fn a_record_that_is_none_is_told_what_it_lacks() {
+fn an_invalid_record_is_refused_with_what_it_lacks() {
     let spec = "kind = \"playback\"\nfile = \"r.csv\"\nquantity = \"displacement\"\nunit = \"mm\"";
     let step = |s: &str| format!("{spec}\ntime_step_s = {s}");
     let cases: [(&str, &[u8], &str); 9] = [
@@ -132,7 +132,7 @@ fn a_record_that_is_none_is_told_what_it_lacks() {
 }
 
 #[test]
-fn names_of_columns_do_not_reach_the_terminal_as_they_are() {
+fn column_names_are_escaped_on_the_terminal() {
     let record = format!("a\x1b[2J,b,{}\n0,1,2\n", "c".repeat(5000));
     let said = refused(
         "kind = \"playback\"\nfile = \"r.csv\"\nquantity = \"displacement\"\nunit = \"mm\"\ntime_step_s = 0.1",
@@ -142,20 +142,20 @@ fn names_of_columns_do_not_reach_the_terminal_as_they_are() {
 }
 
 #[test]
-fn an_unknown_kind_is_answered_alone_with_the_likely_one() {
+fn an_unknown_kind_is_refused_with_the_likely_one() {
     let said = refused("kind = \"free_vibrations\"\nstart_m = 0.03\nmeasure_s = 5", b"");
     assert!(said.contains("did you mean \"free_vibration\"?"), "{said}");
     assert!(!said.contains("is missing") && !said.contains("unknown key"), "{said}");
 }
 
 #[test]
-fn a_pulse_of_years_is_refused_where_its_length_stands() {
+fn a_pulse_of_years_is_refused_at_its_duration() {
     let said = refused("kind = \"impulse\"\nshape = \"versine\"\namplitude_m = 0.01\nduration_s = 1e9", b"");
     assert!(said.contains("`experiment[1].duration_s` = 1e9") && said.contains("at most 204790"), "{said}");
 }
 
 #[test]
-fn a_free_vibration_within_the_noise_or_within_a_tick_is_refused_before_it_waits_for_ever() {
+fn a_free_vibration_below_the_noise_or_a_tick_is_refused() {
     let said = refused("kind = \"free_vibration\"\nstart_m = 1e-4\nmeasure_s = 5", b"");
     assert!(said.contains("a hundred times sensor_noise_rms_m"), "{said}");
     let said = refused("kind = \"free_vibration\"\nstart_m = 0.03\nmeasure_s = 1e-4", b"");

@@ -10,7 +10,7 @@ use damprig::run_folder::journal;
 use damprig::run_folder::read::columns::{numbers, texts};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::transients::TransientRow;
-use damprig::simulation::{Case, Request, simulate};
+use damprig::simulation::{Case, RunOptions, simulate};
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
 use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
 use predicates::prelude::*;
@@ -131,7 +131,7 @@ fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
         let source = Source::new(folder.path().join("case.toml").display().to_string(), text);
         let case = Case::parse(&source, "case").unwrap();
         let answer =
-            simulate(&case, &mut (), Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
+            simulate(&case, &mut (), RunOptions { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
         // Counts of peak/32767 round by half of one: at resonance, if they conspired, 1/(2ζ) = 132 of that. The mean over
         // a block flattens a peak by (Ωh)²/24. Before its first sample the spline has (z1 − 0)/2 of velocity to make.
         let peak_z = f64::from(played.z_peak_m);
@@ -305,8 +305,12 @@ fn a_record_that_is_too_long_is_refused_with_the_limit_and_a_rate_that_fits() {
 
 #[test]
 fn a_record_that_would_leave_the_limits_is_refused_with_the_peak_that_fits() {
-    let words =
-        ["would leave the displacement limit", "max|x|", "`target_peak_m` is too large", "write target_peak_m = 0.0"];
+    let words = [
+        "would leave the displacement limit",
+        "max|x|",
+        "`target_peak_m` makes it too high",
+        "write target_peak_m = 0.0",
+    ];
     refused(&edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.03"), &words);
     let words = ["max|z|", "write amplitude_m = 0.0"];
     refused(&edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.3"), &words);
@@ -325,7 +329,7 @@ fn a_pulse_or_a_record_that_the_drive_cannot_deliver_is_refused_before_anything_
     refused(&edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.01"), &words);
     refused(
         &edited(PLAYBACK, "tail_s = 2", "target_peak_m = 0.0045"),
-        &["exceeds the drive's range", "write target_peak_m = 0.0043"],
+        &["goes too far", "write target_peak_m = 0.0043"],
     );
 }
 

@@ -1,25 +1,25 @@
-//! A new file that appears under its name only when it is whole: a full disk or a kill leaves no half of it that could be
-//! taken for the whole, and an earlier file is never replaced.
+//! Writes a new file atomically: it gets its name only when complete, and never replaces an existing file. A full disk or a
+//! kill leaves no partial file under the name.
 
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
-use super::Exported;
+use super::ExportSummary;
 use crate::run_folder::ReadError;
 
 fn failed(out: &Path, why: &dyn std::fmt::Display) -> ReadError {
     ReadError(format!("cannot write {}: {why}", out.display()))
 }
 
-/// Lets an exporter fill a file beside `out`, then gives it its name.
+/// Writes an export as [`write_new`] does.
 ///
 /// # Errors
-/// As [`write_new`]; when nothing could be read.
-pub(super) fn write_whole(
+/// As [`write_new`], and when nothing could be read.
+pub(super) fn write_export(
     out: &Path,
-    write: impl FnOnce(&mut NamedTempFile) -> Result<Exported, ReadError>,
-) -> Result<Exported, ReadError> {
+    write: impl FnOnce(&mut NamedTempFile) -> Result<ExportSummary, ReadError>,
+) -> Result<ExportSummary, ReadError> {
     write_new(out, |file| {
         let exported = write(file)?;
         if exported.rows == 0 && !exported.missing.is_empty() {
@@ -29,10 +29,10 @@ pub(super) fn write_whole(
     })
 }
 
-/// Lets `write` fill a file beside `out`, then gives it its name.
+/// Lets `write` fill a temporary file in the folder of `out`, then renames it to `out`.
 ///
 /// # Errors
-/// When `out` exists or its folder cannot be written; what `write` gives.
+/// When `out` exists or its folder cannot be written; the error of `write`.
 pub(crate) fn write_new<T>(
     out: &Path,
     write: impl FnOnce(&mut NamedTempFile) -> Result<T, ReadError>,
@@ -45,11 +45,11 @@ pub(crate) fn write_new<T>(
         _ => PathBuf::from("."),
     };
     if !folder.is_dir() {
-        return Err(failed(out, &format!("there is no folder {}; make it or give another place", folder.display())));
+        return Err(failed(out, &format!("there is no folder {}; create it or give another path", folder.display())));
     }
     let mut builder = Builder::new();
     builder.prefix(".damprig-").suffix(".tmp");
-    // As any new file; temporary ones are private otherwise.
+    // Temporary files are private by default.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut beside = builder.tempfile_in(&folder).map_err(|e| failed(out, &e))?;
@@ -59,7 +59,7 @@ pub(crate) fn write_new<T>(
     Ok(written)
 }
 
-/// The failure of a write to `out`, in the user's words: the temporary name is none of theirs.
+/// Makes errors that name `out` instead of the temporary file.
 pub(crate) fn to_failure(out: &Path) -> impl Fn(&dyn std::fmt::Display) -> ReadError {
     move |why| failed(out, why)
 }

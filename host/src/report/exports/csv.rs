@@ -1,20 +1,20 @@
-//! CSV after RFC 4180: a header of `name [unit]`, then a row a line, numbers in the shortest text that reads
-//! back to the same value.
+//! Exports to CSV (RFC 4180): a header of `name [unit]`, then one row per line. Numbers have the fewest digits that read back
+//! to the same value.
 
 use std::path::Path;
 
-use super::atomic_file::{to_failure, write_whole};
-use super::{Exported, Exporter, Part, Table};
+use super::atomic_file::{to_failure, write_export};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{unit, values};
 use crate::run_folder::{ReadError, RunFolder};
 
-/// The exporter. Of any length: rows are written as they are read.
+/// The CSV exporter. Rows are written as they are read, so the length is unlimited.
 #[derive(Clone, Copy, Debug)]
 pub struct Csv;
 
 impl Exporter for Csv {
-    fn usual_tables(&self) -> &'static [Table] {
-        &[Table::Samples]
+    fn usual_tables(&self) -> &'static [RunTable] {
+        &[RunTable::Samples]
     }
 
     fn holds_one_table(&self) -> bool {
@@ -25,13 +25,13 @@ impl Exporter for Csv {
         "csv"
     }
 
-    fn export(&self, run: &RunFolder, part: &Part, out: &Path) -> Result<Exported, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
         let failed = to_failure(out);
-        let table = part.tables.first().copied().unwrap_or(Table::Samples);
-        write_whole(out, |file| {
+        let table = part.tables.first().copied().unwrap_or(RunTable::Samples);
+        write_export(out, |file| {
             let mut writer =
                 csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(file.as_file_mut());
-            let (mut exported, mut has_header) = (Exported::default(), false);
+            let (mut exported, mut has_header) = (ExportSummary::default(), false);
             part.each(run, table, &mut exported, |batch| {
                 let schema = batch.schema();
                 if !has_header {
@@ -42,7 +42,7 @@ impl Exporter for Csv {
                     writer.write_record(header).map_err(|e| failed(&e))?;
                     has_header = true;
                 }
-                let wrong_type = || ReadError("a column has a type that no run has".into());
+                let wrong_type = || ReadError("a column has an unknown type".into());
                 let columns = batch.columns().iter().map(|c| values(c.as_ref()).ok_or_else(wrong_type));
                 let columns = columns.collect::<Result<Vec<_>, _>>()?;
                 (0..batch.num_rows()).try_for_each(|row| {

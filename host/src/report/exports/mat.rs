@@ -1,12 +1,12 @@
-//! MATLAB's `.mat` (version 7, as MATLAB, Octave and `scipy.io.loadmat` read it).
+//! Exports to MATLAB's `.mat` (version 7, readable by MATLAB, Octave and `scipy.io.loadmat`).
 //!
-//! Three variables: `run` (what the manifest tells), `samples` and `results` (and `transients` where a run has any): structs
-//! with a field per column, numbers as double column vectors, names as cell arrays of char. `samples.set_up` and `samples.experiment` are places, from 1, in
-//! the cell arrays `samples.set_up_names` and `samples.experiment_names`: a char array per row of telemetry would be most
-//! of the file. `units.samples` and `units.results` have the unit of each field as char.
+//! Variables: `run` (from the manifest), `samples`, `results` and, if the run has any, `transients`. Each is a struct with a
+//! field per column: numbers as double column vectors, names as cell arrays of char. `samples.set_up` and
+//! `samples.experiment` are indices, from 1, into the cell arrays `samples.set_up_names` and `samples.experiment_names`,
+//! because a char array per row would dominate the file. `units.samples` and `units.results` have the unit of each field.
 //!
-//! The format's writer holds all of it in memory and passes over failing writes: so there is a limit, and the file is
-//! read back and compared before it gets its name.
+//! The library keeps the whole file in memory and ignores write errors. Hence the limit on its size, and the check that reads
+//! the file back before it gets its name.
 
 use std::collections::hash_map::DefaultHasher;
 use std::fs::File;
@@ -18,73 +18,72 @@ use arrow_array::RecordBatch;
 use indexmap::IndexMap;
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
-use super::atomic_file::{to_failure, write_whole};
-use super::{Exported, Exporter, Part, Table};
+use super::atomic_file::{to_failure, write_export};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{Value, unit, values};
 use crate::run_folder::{ReadError, RunFolder};
 
-/// Numbers in one file: 320 MB as doubles in memory (at most 400 MB were measured). MATLAB's
-/// own limit is 2 GiB a variable.
-pub const MOST_NUMBERS: usize = 40_000_000;
+/// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
+pub const MAX_NUMBERS: usize = 40_000_000;
 
-/// The longest name of a field that MATLAB takes.
+/// Longest field name in MATLAB.
 const LONGEST_NAME: usize = 63;
 
-/// The exporter.
+/// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
 pub struct Mat;
 
-/// A column as it is gathered.
+/// A column of the export.
 #[derive(Debug)]
-enum Column {
+enum MatColumn {
     Numbers(Vec<f64>),
     Texts(Vec<String>),
-    /// Places from 1 in a list of names.
+    /// Indices from 1 into a list of names.
     Places(Vec<f64>, Vec<String>),
 }
 
-type Columns = IndexMap<String, (Column, String)>;
+type MatColumns = IndexMap<String, (MatColumn, String)>;
 
 impl Exporter for Mat {
-    fn usual_tables(&self) -> &'static [Table] {
-        &[Table::Results, Table::Samples, Table::Transients]
+    fn usual_tables(&self) -> &'static [RunTable] {
+        &[RunTable::Results, RunTable::Samples, RunTable::Transients]
     }
 
     fn extension(&self) -> &'static str {
         "mat"
     }
 
-    fn export(&self, run: &RunFolder, part: &Part, out: &Path) -> Result<Exported, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
         let failed = to_failure(out);
-        write_whole(out, |file| {
+        write_export(out, |file| {
             let path = file.path().to_str().ok_or_else(|| failed(&"the name is not UTF-8; give another with --out"))?;
-            let mut exported = Exported::default();
+            let mut exported = ExportSummary::default();
             let mut mat = MatFile::new();
-            mat.insert("run", facts(run));
+            mat.insert("run", run_struct(run));
             let (mut units, mut count) = (IndexMap::new(), 0);
             let mut sums = Vec::new();
             for &table in &part.tables {
-                let mut columns = Columns::new();
+                let mut columns = MatColumns::new();
                 part.each(run, table, &mut exported, |batch| {
                     count += batch.num_rows() * batch.num_columns();
-                    if count > MOST_NUMBERS {
+                    if count > MAX_NUMBERS {
                         return Err(failed(&format!(
-                            "more than {MOST_NUMBERS} numbers, the most that a .mat file gets; choose fewer with \
-                             --set-up, --from-s and --to-s, or take --format csv, which has no limit"
+                            "more than {MAX_NUMBERS} numbers, the limit of a .mat export; select fewer with --set-up, --from-s \
+                             and --to-s, or use --format csv, which has no limit"
                         )));
                     }
                     gather(&mut columns, &batch, table)
                 })?;
-                if table == Table::Transients && columns.is_empty() {
-                    // Most runs have none.
+                if table == RunTable::Transients && columns.is_empty() {
+                    // Most runs have no transients.
                     continue;
                 }
                 units.insert(
-                    table.word().to_string(),
+                    table.name().to_string(),
                     structure(columns.iter().map(|(n, (_, u))| (n.clone(), text(u)))),
                 );
                 sums.push((table, columns.iter().map(|(n, (c, _))| (n.clone(), c.sum())).collect::<Vec<_>>()));
-                mat.insert(table.word(), to_variable(columns));
+                mat.insert(table.name(), to_variable(columns));
             }
             mat.insert("units", structure(units));
             save_matfile_v7(path, mat, false).map_err(|e| failed(&e))?;
@@ -94,7 +93,7 @@ impl Exporter for Mat {
     }
 }
 
-/// A name that MATLAB takes for a field: a letter, then letters, digits and underscores, at most 63.
+/// A valid MATLAB field name: a letter, then letters, digits and underscores, at most 63 characters.
 fn field_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
     let mut plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if !plain.starts_with(|c: char| c.is_ascii_alphabetic()) {
@@ -106,33 +105,33 @@ fn field_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
     std::iter::once(plain.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
 }
 
-fn gather(columns: &mut Columns, batch: &RecordBatch, table: Table) -> Result<(), ReadError> {
+fn gather(columns: &mut MatColumns, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
     let schema = batch.schema();
     let is_first = columns.is_empty();
     for (index, (field, array)) in schema.fields().iter().zip(batch.columns()).enumerate() {
         let kind = array.data_type();
         let read = values(array.as_ref())
-            .ok_or_else(|| ReadError(format!("column `{}` has the type {kind}, which no run has", field.name())))?;
+            .ok_or_else(|| ReadError(format!("column `{}` has the unknown type {kind}", field.name())))?;
         if is_first {
             let is_text = matches!(read.first(), Some(Value::Text(_)))
                 || ["set_up", "experiment"].contains(&field.name().as_str());
             let column = match (is_text, table) {
-                (false, _) => Column::Numbers(Vec::new()),
-                (true, Table::Results | Table::Transients) => Column::Texts(Vec::new()),
-                (true, Table::Samples) => Column::Places(Vec::new(), Vec::new()),
+                (false, _) => MatColumn::Numbers(Vec::new()),
+                (true, RunTable::Results | RunTable::Transients) => MatColumn::Texts(Vec::new()),
+                (true, RunTable::Samples) => MatColumn::Places(Vec::new(), Vec::new()),
             };
             let name = field_name(field.name(), |n| columns.contains_key(n));
             columns.insert(name, (column, unit(field).to_string()));
         }
         let Some((_, (column, _))) = columns.get_index_mut(index) else {
-            return Err(ReadError(format!("column `{}` is in some files of the run only", field.name())));
+            return Err(ReadError(format!("column `{}` is missing in some files of the run", field.name())));
         };
         column.extend(read);
     }
     Ok(())
 }
 
-impl Column {
+impl MatColumn {
     fn extend(&mut self, read: Vec<Value>) {
         match self {
             Self::Numbers(all) => all.extend(read.iter().map(|v| v.number().unwrap_or(f64::NAN))),
@@ -148,7 +147,7 @@ impl Column {
         }
     }
 
-    /// Length and digest of the numbers; names have none.
+    /// Length and digest of the numbers; `None` for names.
     fn sum(&self) -> Option<(usize, u64)> {
         match self {
             Self::Numbers(all) | Self::Places(all, _) => Some(sum(all)),
@@ -167,7 +166,7 @@ fn structure(fields: impl IntoIterator<Item = (String, MatVariable)>) -> MatVari
     MatVariable::Structure(Structure::new(fields.into_iter().collect()))
 }
 
-/// An array with as many values as `dim` says; the constructors fail on nothing else.
+/// An array of dimension `dim`. The constructor fails only if the number of values differs from it.
 fn array(dim: [usize; 2], values: MatlabType) -> MatVariable {
     NumericArray::new(dim.to_vec(), values, None).map_or(MatVariable::Unsupported, MatVariable::NumericArray)
 }
@@ -180,7 +179,7 @@ fn number(value: f64) -> MatVariable {
     numbers(vec![value])
 }
 
-/// The format's writer counts characters where bytes are meant: what is not ASCII is written as `\u{…}`.
+/// A char array. The library counts characters instead of bytes, so non-ASCII characters are written as `\u{…}`.
 fn text(value: &str) -> MatVariable {
     let plain: Vec<char> = value
         .chars()
@@ -195,14 +194,14 @@ fn cells(values: &[String]) -> MatVariable {
     CellArray::new(vec![values.len(), 1], texts).map_or(MatVariable::Unsupported, MatVariable::CellArray)
 }
 
-fn to_variable(columns: Columns) -> MatVariable {
+fn to_variable(columns: MatColumns) -> MatVariable {
     let mut fields = IndexMap::new();
     let mut lists = Vec::new();
     for (name, (column, _)) in columns {
         let value = match column {
-            Column::Numbers(all) => numbers(all),
-            Column::Texts(all) => cells(&all),
-            Column::Places(all, names) => {
+            MatColumn::Numbers(all) => numbers(all),
+            MatColumn::Texts(all) => cells(&all),
+            MatColumn::Places(all, names) => {
                 lists.push((format!("{name}_names"), cells(&names)));
                 numbers(all)
             }
@@ -213,8 +212,8 @@ fn to_variable(columns: Columns) -> MatVariable {
     structure(fields)
 }
 
-/// What the manifest tells.
-fn facts(run: &RunFolder) -> MatVariable {
+/// The struct `run`, from the manifest.
+fn run_struct(run: &RunFolder) -> MatVariable {
     let m = run.manifest();
     let set_ups = |get: fn(&crate::run_folder::schema::manifest::SetUpRecord) -> &String| {
         cells(&m.set_ups.iter().map(|s| get(s).clone()).collect::<Vec<_>>())
@@ -246,11 +245,11 @@ fn facts(run: &RunFolder) -> MatVariable {
     structure(facts.into_iter().map(|(name, value)| (name.to_string(), value)))
 }
 
-type Sums = [(Table, Vec<(String, Option<(usize, u64)>)>)];
+type Sums = [(RunTable, Vec<(String, Option<(usize, u64)>)>)];
 
-/// Whether the variables' lengths, in the tags of 8 bytes before them, lead from the end of the header of 128 bytes to
-/// that of the file.
-fn is_whole(path: &str) -> std::io::Result<bool> {
+/// Whether the file is complete: the lengths of the variables, in tags of 8 bytes, add up from the header of 128 bytes to
+/// the end of the file.
+fn is_complete(path: &str) -> std::io::Result<bool> {
     let mut file = File::open(path)?;
     let length = file.metadata()?.len();
     let mut place = 128;
@@ -263,17 +262,17 @@ fn is_whole(path: &str) -> std::io::Result<bool> {
     Ok(place == length)
 }
 
-/// Whether the file holds the numbers that were to be written.
+/// Checks that the file holds the expected numbers.
 fn compare(path: &str, expected: &Sums) -> Result<(), String> {
-    // First of all: the reader panics on a file that was cut.
-    if !is_whole(path).map_err(|e| format!("it could not be read back: {e}"))? {
-        return Err("it was cut short; is the disk full?".into());
+    // The reader panics on a truncated file.
+    if !is_complete(path).map_err(|e| format!("it could not be read back: {e}"))? {
+        return Err("the file is truncated; is the disk full?".into());
     }
     let mut mat = load_matfile(path).map_err(|e| format!("it could not be read back: {e}"))?;
     for (table, columns) in expected {
-        let table = table.word();
+        let table = table.name();
         let Some(MatVariable::Structure(mut fields)) = mat.take(table) else {
-            return Err(format!("read back, it lacks `{table}`; is the disk full?"));
+            return Err(format!("the written file lacks `{table}`; is the disk full?"));
         };
         for (name, expected) in columns {
             let read = fields.take(name);
@@ -285,7 +284,7 @@ fn compare(path: &str, expected: &Sums) -> Result<(), String> {
                 _ => false,
             };
             if !is_same {
-                return Err(format!("read back, `{table}.{name}` is not what was written; is the disk full?"));
+                return Err(format!("`{table}.{name}` differs in the written file; is the disk full?"));
             }
         }
     }
@@ -297,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_of_a_field_is_one_that_matlab_takes() {
+    fn field_names_are_valid_in_matlab() {
         assert_eq!(field_name("x_m", |_| false), "x_m");
         assert_eq!(field_name("2nd force (N)", |_| false), "x_2nd_force__N_");
         assert_eq!(field_name("", |_| false), "x_");
@@ -307,11 +306,11 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_was_cut_or_changed_is_not_taken_for_whole() {
+    fn a_truncated_or_changed_file_is_detected() {
         let path = tempfile::NamedTempFile::new().unwrap().into_temp_path();
         let place = path.to_str().unwrap();
         let columns = vec![("x".to_string(), Some(sum(&[1.0, f64::NAN, -0.0])))];
-        let expected = [(Table::Samples, columns)];
+        let expected = [(RunTable::Samples, columns)];
         let mut mat = MatFile::new();
         mat.insert("samples", structure([("x".to_string(), numbers(vec![1.0, f64::NAN, -0.0]))]));
         save_matfile_v7(place, mat, false).unwrap();

@@ -1,7 +1,8 @@
-//! Runs in other formats. One exporter a file, behind [`Exporter`]; reading the run is [`crate::run_folder`]'s.
+//! Exports runs to other formats: CSV, MATLAB, UFF. Each format is a file that implements [`Exporter`].
 //!
-//! A file appears under its name only when it is whole (`atomic_file.rs`). What cannot be read of a damaged run does not hold
-//! up the rest: it is told in [`Exported::missing`].
+//! To add a format: implement [`Exporter`] and add it to `Format` in `cli/runs.rs`. An export gets its name only when it is
+//! complete (`atomic_file.rs`). Unreadable parts of a damaged run are listed in [`ExportSummary::missing`]; the rest is
+//! exported.
 
 pub(crate) mod atomic_file;
 pub mod csv;
@@ -20,19 +21,19 @@ use crate::run_folder::{ReadError, RunFolder};
 
 /// A table of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Table {
+pub enum RunTable {
     /// Telemetry
     Samples,
-    /// One row a point
+    /// One row per point
     Results,
-    /// One row a record, pulse or free vibration
+    /// One row per playback, impulse or free vibration
     Transients,
 }
 
-impl Table {
-    /// Its name.
+impl RunTable {
+    /// Name of the table.
     #[must_use]
-    pub fn word(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Self::Samples => "samples",
             Self::Results => "results",
@@ -41,11 +42,11 @@ impl Table {
     }
 }
 
-/// Which part of a run.
+/// The part of a run to export.
 #[derive(Clone, Debug)]
-pub struct Part {
-    /// The tables, at least one. Formats that hold one take the first.
-    pub tables: Vec<Table>,
+pub struct ExportSelection {
+    /// Tables, at least one. A format that holds one table takes the first.
+    pub tables: Vec<RunTable>,
     /// Only this set-up.
     pub set_up: Option<String>,
     /// Samples from this time of their experiment on, s.
@@ -54,37 +55,37 @@ pub struct Part {
     pub to_s: f64,
 }
 
-/// What an export wrote, and what it could not.
+/// What an export wrote.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Exported {
-    /// Rows written, of all tables.
+pub struct ExportSummary {
+    /// Rows written, all tables together.
     pub rows: u64,
-    /// What of the run could not be read and is not in the file, one text a file of the run.
+    /// Files of the run that could not be read and are missing, with the reason.
     pub missing: Vec<String>,
-    /// What the format could not hold as it is, in words.
+    /// Notes on what the format changed.
     pub notes: Vec<String>,
 }
 
-impl Part {
-    /// Hands the chosen rows of a table to `take`, batch by batch, in the order they were taken. What cannot be read is
-    /// put into `exported.missing`, and the rest is read.
+impl ExportSelection {
+    /// Passes the selected rows of a table to `take`, batch by batch, in order. Unreadable parts are added to
+    /// `exported.missing`.
     ///
     /// # Errors
-    /// What `take` gives.
+    /// The error of `take`.
     fn each(
         &self,
         run: &RunFolder,
-        table: Table,
-        exported: &mut Exported,
+        table: RunTable,
+        exported: &mut ExportSummary,
         mut take: impl FnMut(RecordBatch) -> Result<(), ReadError>,
     ) -> Result<(), ReadError> {
-        let mut take_chosen = |batch: &RecordBatch, exported: &mut Exported| {
+        let mut take_chosen = |batch: &RecordBatch, exported: &mut ExportSummary| {
             let chosen = self.choose(batch, table)?;
             exported.rows += chosen.num_rows() as u64;
             take(chosen)
         };
-        if table != Table::Samples {
-            match if table == Table::Results { run.results() } else { run.transients() } {
+        if table != RunTable::Samples {
+            match if table == RunTable::Results { run.results() } else { run.transients() } {
                 Ok(batches) => batches.iter().try_for_each(|batch| take_chosen(batch, exported))?,
                 Err(error) => exported.missing.push(error.to_string()),
             }
@@ -115,12 +116,12 @@ impl Part {
         Ok(())
     }
 
-    fn choose(&self, batch: &RecordBatch, table: Table) -> Result<RecordBatch, ReadError> {
+    fn choose(&self, batch: &RecordBatch, table: RunTable) -> Result<RecordBatch, ReadError> {
         let mut is_chosen = vec![true; batch.num_rows()];
         if let Some(wanted) = &self.set_up {
             is_chosen = texts(batch, "set_up")?.iter().map(|s| s == wanted).collect();
         }
-        if table == Table::Samples {
+        if table == RunTable::Samples {
             for (chosen, t_s) in is_chosen.iter_mut().zip(numbers(batch, "t_s")?) {
                 *chosen &= t_s >= self.from_s && t_s < self.to_s;
             }
@@ -131,27 +132,26 @@ impl Part {
 
 /// Writes a part of a run in one format.
 pub trait Exporter {
-    /// The tables that are written when none is asked for.
-    fn usual_tables(&self) -> &'static [Table];
+    /// Tables written by default.
+    fn usual_tables(&self) -> &'static [RunTable];
 
-    /// Whether a file holds one table only.
+    /// Whether a file holds a single table.
     fn holds_one_table(&self) -> bool {
         false
     }
 
-    /// Why a table has no place in the format, if it has none.
-    fn cannot_hold(&self, table: Table) -> Option<&'static str> {
+    /// Why the format cannot hold a table; `None` if it can.
+    fn cannot_hold(&self, table: RunTable) -> Option<&'static str> {
         let _ = table;
         None
     }
 
-    /// The end of the file's name, without the dot.
+    /// Extension of the file, without the dot.
     fn extension(&self) -> &'static str;
 
-    /// Writes it to a new file.
+    /// Writes a new file.
     ///
     /// # Errors
-    /// When nothing of what is asked for can be read, it is more than the format can hold, or the file cannot be written;
-    /// with the file's name. There is no file then.
-    fn export(&self, run: &RunFolder, part: &Part, out: &Path) -> Result<Exported, ReadError>;
+    /// Nothing selected can be read, the data exceed the format's limit, or the file cannot be written. No file is left then.
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError>;
 }

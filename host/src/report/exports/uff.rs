@@ -1,68 +1,70 @@
-//! Universal files (UFF, UNV) with dataset 58, what modal-analysis software reads: time histories and frequency responses.
-//! How a record is written is `uff_dataset`'s.
+//! Exports to universal files (UFF, UNV), dataset 58, for modal-analysis software: time histories and frequency responses.
+//! `uff_dataset` writes the records.
 //!
-//! - A **time response** per signal and stretch of even spacing: of one set-up, experiment, segment and point, cut where
-//!   rows are missing or a value is no number. Rows keep single precision (12 digits are printed).
-//! - A **frequency response** x/z per set-up and experiment from the results: lock-in amplitudes and the phase of x
-//!   relative to z, as complex numbers, with the abscissa. A sweep that turns is cut at its turns, and a falling branch
-//!   is written in rising order and says so.
-//! - **Degrees of freedom**: structure (x) node 1, base (z) node 2, other signals from node 11 on in the order of the
-//!   manifest, all +X; what is no motion and no force has direction 0.
-//! - **ID lines**: function; run; date and time; set-up, experiment and frequency; segment, point and the exact ticks:
-//!   the format gives the abscissa six digits. The z axis has the drive frequency, Hz.
+//! - A **time response** per signal and evenly spaced stretch: one set-up, experiment, segment and point, split where rows are
+//!   missing or a value is not finite. Values have single precision (12 digits are printed).
+//! - A **frequency response** x/z per set-up and experiment, from the results: lock-in amplitudes and the phase of x relative
+//!   to z, as complex numbers with the abscissa. A sweep is split where its direction changes; a falling branch is written in
+//!   rising order and marked.
+//! - **Degrees of freedom**: structure (x) node 1, base (z) node 2, other signals from node 11 in the order of the manifest,
+//!   all +X. Signals that are neither motion nor force have direction 0.
+//! - **ID lines**: function; run; date and time; set-up, experiment and frequency; segment, point and exact ticks (the format
+//!   has only six digits for the abscissa). The z axis has the drive frequency, Hz.
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::atomic_file::{to_failure, write_whole};
-use super::uff_dataset::{Axis, Dof, Function, Ordinate, header, real, si_units};
-use super::{Exported, Exporter, Part, Table};
+use super::atomic_file::{to_failure, write_export};
+use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
+use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;
 use crate::run_folder::{ReadError, RunFolder};
 
-/// The exporter. Memory holds one point's samples.
+/// The UFF exporter. Memory holds the samples of one point.
 #[derive(Clone, Copy, Debug)]
 pub struct Uff;
 
 impl Exporter for Uff {
-    fn usual_tables(&self) -> &'static [Table] {
-        &[Table::Results, Table::Samples]
+    fn usual_tables(&self) -> &'static [RunTable] {
+        &[RunTable::Results, RunTable::Samples]
     }
 
     fn extension(&self) -> &'static str {
         "uff"
     }
 
-    fn cannot_hold(&self, table: Table) -> Option<&'static str> {
-        let why = "the figures of records and free vibrations are no functions; csv and mat hold them";
-        (table == Table::Transients).then_some(why)
+    fn cannot_hold(&self, table: RunTable) -> Option<&'static str> {
+        let why = "the format has no place for results of playbacks and free vibrations; use csv or mat";
+        (table == RunTable::Transients).then_some(why)
     }
 
-    fn export(&self, run: &RunFolder, part: &Part, out: &Path) -> Result<Exported, ReadError> {
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
         let failed = to_failure(out);
-        write_whole(out, |file| {
-            let mut exported = Exported::default();
+        write_export(out, |file| {
+            let mut exported = ExportSummary::default();
             let mut file = BufWriter::new(file.as_file_mut());
             let m = run.manifest();
             header(&mut file, &m.campaign, "damper rig: time and frequency responses", &m.damprig, &date_time(run))
                 .and_then(|()| si_units(&mut file))
                 .map_err(|e| failed(&e))?;
-            let mut writer = Writer { run, file, functions: 0, rounded: 0, left_out: 0 };
-            if part.tables.contains(&Table::Results) {
+            let mut writer = UffWriter { run, file, functions: 0, rounded: 0, left_out: 0 };
+            if part.tables.contains(&RunTable::Results) {
                 let mut batches = Vec::new();
-                part.each(run, Table::Results, &mut exported, |batch| {
+                part.each(run, RunTable::Results, &mut exported, |batch| {
                     batches.push(batch);
                     Ok(())
                 })?;
                 let points = points(&batches)?;
                 writer.responses(points).map_err(|e| failed(&e))?;
             }
-            if part.tables.contains(&Table::Samples) {
+            if part.tables.contains(&RunTable::Samples) {
                 let mut stretch = None;
-                part.each(run, Table::Samples, &mut exported, |batch| writer.samples(&batch, &mut stretch, &failed))?;
+                part.each(run, RunTable::Samples, &mut exported, |batch| {
+                    writer.samples(&batch, &mut stretch, &failed)
+                })?;
                 if let Some(last) = stretch {
                     writer.histories(&last).map_err(|e| failed(&e))?;
                 }
@@ -70,13 +72,11 @@ impl Exporter for Uff {
             writer.file.flush().map_err(|e| failed(&e))?;
             exported.notes.push(format!("{} functions (dataset 58)", writer.functions));
             if writer.rounded > 0 {
-                let text = "the format gives an abscissa six digits, which rounded that of";
-                let advice = "the exact ticks are in ID line 5";
-                exported.notes.push(format!("{text} {} functions; {advice}", writer.rounded));
+                let text = "have a rounded abscissa (the format has six digits); the exact ticks are in ID line 5";
+                exported.notes.push(format!("{} functions {text}", writer.rounded));
             }
             if writer.left_out > 0 {
-                let text =
-                    "values are no numbers, which the format cannot hold; they are left out and histories cut there";
+                let text = "values are not finite; they are left out and the histories split there";
                 exported.notes.push(format!("{} {text}", writer.left_out));
             }
             Ok(exported)
@@ -84,7 +84,7 @@ impl Exporter for Uff {
     }
 }
 
-/// When the run began, as the format writes it; blank when the manifest's time cannot be read.
+/// Start of the run in the format's notation; empty if the manifest's time cannot be read.
 fn date_time(run: &RunFolder) -> String {
     let started = run.manifest().started.parse::<jiff::Zoned>();
     started.map_or_else(|_| String::new(), |t| t.strftime("%d-%b-%y %H:%M:%S").to_string())
@@ -92,7 +92,7 @@ fn date_time(run: &RunFolder) -> String {
 
 /// A point of a frequency response.
 #[derive(Clone, Debug, PartialEq)]
-struct Point {
+struct FrfPoint {
     set_up: String,
     experiment: String,
     frequency_hz: f64,
@@ -100,7 +100,7 @@ struct Point {
     imaginary: f64,
 }
 
-fn points(batches: &[RecordBatch]) -> Result<Vec<Point>, ReadError> {
+fn points(batches: &[RecordBatch]) -> Result<Vec<FrfPoint>, ReadError> {
     let mut points = Vec::new();
     for batch in batches {
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
@@ -110,15 +110,16 @@ fn points(batches: &[RecordBatch]) -> Result<Vec<Point>, ReadError> {
             let (sine, cosine) = phase[i].sin_cos();
             let ratio = x[i] / z[i];
             let (real, imaginary) = (ratio * cosine, ratio * sine);
-            points.push(Point { set_up, experiment, frequency_hz: f[i], real, imaginary });
+            points.push(FrfPoint { set_up, experiment, frequency_hz: f[i], real, imaginary });
         }
     }
     Ok(points)
 }
 
-/// Points of one set-up and experiment whose frequency only rises, or only falls (`true`; put in rising order).
-fn branches(points: Vec<Point>) -> Vec<(Vec<Point>, bool)> {
-    let mut all: Vec<(Vec<Point>, bool)> = Vec::new();
+/// Splits points into branches of one set-up and experiment with rising or falling (`true`) frequency. Falling branches are
+/// reversed.
+fn branches(points: Vec<FrfPoint>) -> Vec<(Vec<FrfPoint>, bool)> {
+    let mut all: Vec<(Vec<FrfPoint>, bool)> = Vec::new();
     for point in points {
         if let Some((branch, is_falling)) = all.last_mut()
             && let Some(before) = branch.last()
@@ -140,9 +141,9 @@ fn branches(points: Vec<Point>) -> Vec<(Vec<Point>, bool)> {
     all
 }
 
-/// What the rows of a stretch have in common.
+/// What all rows of a stretch share.
 #[derive(Clone, Debug, PartialEq)]
-struct Label {
+struct StretchLabel {
     set_up: String,
     experiment: String,
     segment: u32,
@@ -150,21 +151,21 @@ struct Label {
     frequency_hz: f64,
 }
 
-/// Rows of even spacing.
+/// Evenly spaced rows.
 #[derive(Clone, Debug)]
-struct Stretch {
-    label: Label,
+struct EvenStretch {
+    label: StretchLabel,
     first_tick: f64,
     first_t_s: f64,
     last_tick: f64,
     last_t_s: f64,
-    /// Ticks from row to row; of a single row that of the run.
+    /// Ticks between rows.
     every: f64,
-    /// Per signal.
+    /// Values per signal.
     values: Vec<Vec<f32>>,
 }
 
-struct Writer<'r, W: Write> {
+struct UffWriter<'r, W: Write> {
     run: &'r RunFolder,
     file: W,
     functions: usize,
@@ -172,18 +173,18 @@ struct Writer<'r, W: Write> {
     left_out: usize,
 }
 
-/// Whether six digits say it exactly enough to be read back to the same value.
+/// Whether six digits change the value.
 fn is_rounded(value: f64) -> bool {
     real(value, 13, 5).trim().parse::<f64>().is_ok_and(|read| read != value)
 }
 
-impl<W: Write> Writer<'_, W> {
+impl<W: Write> UffWriter<'_, W> {
     fn id(&self, function: String, load_case: String, detail: String) -> [String; 5] {
         let run = format!("run {}, campaign {}", self.run.id(), self.run.manifest().campaign);
         [function, run, date_time(self.run), load_case, detail]
     }
 
-    fn responses(&mut self, points: Vec<Point>) -> std::io::Result<()> {
+    fn responses(&mut self, points: Vec<FrfPoint>) -> std::io::Result<()> {
         let all = points.len();
         let mut points = points;
         points.retain(|p| p.real.is_finite() && p.imaginary.is_finite() && p.frequency_hz.is_finite());
@@ -196,34 +197,34 @@ impl<W: Write> Writer<'_, W> {
             let id = self.id("x/z".into(), format!("{}, {}", first.set_up, first.experiment), detail);
             self.functions += 1;
             self.rounded += usize::from(values.iter().any(|v| is_rounded(v.0)));
-            let function = Function {
+            let function = FunctionRecord {
                 id,
                 kind: 4,
                 number: self.functions,
                 version: 0,
                 response: Dof { node: 1, direction: 1 },
                 reference: Dof { node: 2, direction: 1 },
-                ordinate: Ordinate::Uneven(&values),
-                abscissa: Axis::new(18, "frequency", "Hz"),
-                numerator: Axis::new(8, "x", "m"),
-                denominator: Axis::new(8, "z", "m"),
-                z_axis: (Axis::none(), 0.0),
+                ordinate: OrdinateData::Uneven(&values),
+                abscissa: AxisRecord::new(18, "frequency", "Hz"),
+                numerator: AxisRecord::new(8, "x", "m"),
+                denominator: AxisRecord::new(8, "z", "m"),
+                z_axis: (AxisRecord::none(), 0.0),
             };
             function.write(&mut self.file)?;
         }
         Ok(())
     }
 
-    /// Adds rows to the stretch that goes on; writes it when another begins.
+    /// Adds rows to the current stretch; writes it when another begins.
     fn samples(
         &mut self,
         batch: &RecordBatch,
-        stretch: &mut Option<Stretch>,
+        stretch: &mut Option<EvenStretch>,
         failed: &impl Fn(&dyn std::fmt::Display) -> ReadError,
     ) -> Result<(), ReadError> {
         let count = batch.num_rows();
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
-        // The first runs have none of these.
+        // The earliest runs lack these columns.
         let or_zero = |name: &str| match batch.column_by_name(name) {
             Some(_) => numbers(batch, name),
             None => Ok(vec![0.0; count]),
@@ -235,7 +236,7 @@ impl<W: Write> Writer<'_, W> {
         let columns = signals.iter().map(|s| numbers(batch, &s.name)).collect::<Result<Vec<_>, _>>()?;
         let every = self.run.manifest().every_ticks().map_or(1.0, |every| every as f64);
         for row in 0..count {
-            let label = Label {
+            let label = StretchLabel {
                 set_up: set_ups[row].clone(),
                 experiment: experiments[row].clone(),
                 segment: segments[row] as u32,
@@ -246,7 +247,7 @@ impl<W: Write> Writer<'_, W> {
             if !goes_on && let Some(whole) = stretch.take() {
                 self.histories(&whole).map_err(|e| failed(&e))?;
             }
-            let stretch = stretch.get_or_insert_with(|| Stretch {
+            let stretch = stretch.get_or_insert_with(|| EvenStretch {
                 label,
                 first_tick: ticks[row],
                 first_t_s: times[row],
@@ -263,8 +264,8 @@ impl<W: Write> Writer<'_, W> {
         Ok(())
     }
 
-    /// Writes the histories of all signals.
-    fn histories(&mut self, stretch: &Stretch) -> std::io::Result<()> {
+    /// Writes the time histories of all signals.
+    fn histories(&mut self, stretch: &EvenStretch) -> std::io::Result<()> {
         let signals = &self.run.manifest().signals;
         for (place, (signal, values)) in signals.iter().zip(&stretch.values).enumerate() {
             let mut begin = 0;
@@ -281,7 +282,7 @@ impl<W: Write> Writer<'_, W> {
 
     fn history(
         &mut self,
-        stretch: &Stretch,
+        stretch: &EvenStretch,
         (place, signal): (usize, &SampleColumn),
         begin: usize,
         values: &[f32],
@@ -289,7 +290,7 @@ impl<W: Write> Writer<'_, W> {
         let label = &stretch.label;
         let tick_hz = self.run.manifest().device.as_ref().map(|d| d.tick_hz);
         let first_tick = stretch.first_tick + begin as f64 * stretch.every;
-        // Without a device in the manifest the rows themselves tell the clock.
+        // Without a device in the manifest the time step follows from the rows.
         let rows = stretch.values.first().map_or(0, Vec::len);
         let step = match tick_hz {
             Some(hz) => stretch.every / hz,
@@ -306,24 +307,24 @@ impl<W: Write> Writer<'_, W> {
         let id = self.id(signal.name.clone(), load_case, detail);
         self.functions += 1;
         self.rounded += usize::from(is_rounded(start) || is_rounded(step));
-        let function = Function {
+        let function = FunctionRecord {
             id,
             kind: 1,
             number: self.functions,
             version: label.segment,
             response: degree_of_freedom(place, signal),
             reference: Dof { node: 0, direction: 0 },
-            ordinate: Ordinate::Even { start, step, values },
-            abscissa: Axis::new(17, "time", "s"),
-            numerator: Axis::new(quantity(&signal.unit), &signal.name, &signal.unit),
-            denominator: Axis::none(),
-            z_axis: (Axis::new(18, "drive frequency", "Hz"), label.frequency_hz),
+            ordinate: OrdinateData::Even { start, step, values },
+            abscissa: AxisRecord::new(17, "time", "s"),
+            numerator: AxisRecord::new(quantity(&signal.unit), &signal.name, &signal.unit),
+            denominator: AxisRecord::none(),
+            z_axis: (AxisRecord::new(18, "drive frequency", "Hz"), label.frequency_hz),
         };
         function.write(&mut self.file)
     }
 }
 
-/// Specific data type of a unit; 0 for what the format has no word for.
+/// Specific data type of a unit; 0 for unknown.
 fn quantity(unit: &str) -> u8 {
     match unit {
         "m" => 8,
@@ -348,14 +349,19 @@ mod tests {
     use super::*;
 
     fn sweep(frequencies_hz: &[f64]) -> Vec<(Vec<f64>, bool)> {
-        let point =
-            |f: &f64| Point { set_up: "a".into(), experiment: "e".into(), frequency_hz: *f, real: 1.0, imaginary: 0.0 };
+        let point = |f: &f64| FrfPoint {
+            set_up: "a".into(),
+            experiment: "e".into(),
+            frequency_hz: *f,
+            real: 1.0,
+            imaginary: 0.0,
+        };
         let all = branches(frequencies_hz.iter().map(point).collect());
         all.into_iter().map(|(b, falls)| (b.iter().map(|p| p.frequency_hz).collect(), falls)).collect()
     }
 
     #[test]
-    fn a_sweep_is_cut_where_it_turns_and_every_branch_rises() {
+    fn a_sweep_is_split_where_it_turns_and_every_branch_rises() {
         assert_eq!(sweep(&[1.0, 2.0, 3.0]), [(vec![1.0, 2.0, 3.0], false)]);
         assert_eq!(sweep(&[1.0, 2.0, 1.5, 1.0]), [(vec![1.0, 2.0], false), (vec![1.0, 1.5], true)]);
         assert_eq!(sweep(&[2.0, 2.0]), [(vec![2.0], false), (vec![2.0], false)]);
@@ -363,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn an_abscissa_of_more_than_six_digits_is_noticed() {
+    fn an_abscissa_of_more_than_six_digits_is_detected() {
         assert!(!is_rounded(0.001) && !is_rounded(2.45) && !is_rounded(0.0));
         assert!(is_rounded(1.0 / 3.0) && is_rounded(2.400_001));
     }

@@ -1,7 +1,7 @@
-//! A pair of axes with round ticks, linear or logarithmic, and the way from values to points on the page.
+//! Linear and logarithmic axes with round ticks, and the mapping from values to points of the figure.
 //!
-//! The library's own mesh leaves a logarithmic axis of two decades with hardly a label; here ticks are
-//! chosen for the reader: 1, 2, 5 in every decade, or round steps.
+//! The drawing library labels a logarithmic axis of two decades too sparsely. Here the ticks are 1, 2, 5 in every decade, or
+//! round steps.
 
 use plotters::element::{PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -9,30 +9,30 @@ use plotters::style::{Color, FontTransform};
 
 use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
 
-/// How values are spread over an axis.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// In proportion.
+    /// Linear.
     Linear,
-    /// By their logarithm; values must be greater than 0.
+    /// Logarithmic; values must be greater than 0.
     Log,
 }
 
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// Quantity and unit, as written beside the axis.
+    /// Label: quantity and unit.
     pub label: String,
     /// Value at the lower or left end.
     pub from: f64,
     /// Value at the upper or right end; greater than `from`.
     pub to: f64,
-    /// How values are spread.
+    /// Linear or logarithmic.
     pub scale: Scale,
 }
 
 impl Axis {
-    /// An axis that holds all finite `values` with a margin; from 0 to 1 when there are none.
+    /// An axis that covers all finite `values` with a margin; 0.5 to 2 without values.
     pub fn around(label: impl Into<String>, scale: Scale, values: impl IntoIterator<Item = f64>) -> Self {
         let usable = |v: &f64| v.is_finite() && (scale == Scale::Linear || *v > 0.0);
         let (low, high) = values
@@ -50,7 +50,7 @@ impl Axis {
         Self { label: label.into(), from, to, scale }
     }
 
-    /// Place of a value on the axis, 0 at `from`, 1 at `to`.
+    /// Position of a value on the axis, 0 at `from`, 1 at `to`.
     #[must_use]
     pub fn place(&self, value: f64) -> f64 {
         match self.scale {
@@ -59,7 +59,7 @@ impl Axis {
         }
     }
 
-    /// Values at which the axis is labelled, and those that only get a line.
+    /// Major ticks, with a label, and minor ticks, with a line only.
     #[must_use]
     pub fn ticks(&self) -> (Vec<f64>, Vec<f64>) {
         let inside = |v: &f64| *v >= self.from * (1.0 - 1e-9) - 1e-300 && *v <= self.to + 1e-9 * self.to.abs();
@@ -82,7 +82,7 @@ impl Axis {
         }
     }
 
-    /// A tick's label, with as many decimals as the ticks differ in.
+    /// Label of a tick, with the decimals that the tick spacing needs.
     fn tick_label(&self, value: f64) -> String {
         let decimals = match self.scale {
             Scale::Log => (-value.log10().floor()).max(0.0) as usize,
@@ -92,32 +92,32 @@ impl Axis {
     }
 }
 
-/// The next of 1, 2, 5 times a power of ten from `at_least` up.
+/// The smallest of 1, 2, 5 times a power of ten that is at least `at_least`.
 fn round_step(at_least: f64) -> f64 {
     let power = 10f64.powf(at_least.log10().floor());
     [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|s| *s >= at_least * (1.0 - 1e-9)).unwrap_or(10.0 * power)
 }
 
-/// A plotting frame on a page: two axes and the rectangle between them.
+/// Two axes and the rectangle between them.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Horizontal.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Vertical.
+    /// Vertical axis.
     pub y: Axis,
-    /// Left, top, right, bottom, in points of the page.
+    /// Left, top, right, bottom, in points of the figure.
     pub bounds: (i32, i32, i32, i32),
 }
 
 impl Frame {
-    /// The page's point for a pair of values.
+    /// Point of the figure for a pair of values.
     #[must_use]
     pub fn point(&self, x: f64, y: f64) -> (i32, i32) {
         let (across, up) = self.place(x, y);
         (across.round() as i32, up.round() as i32)
     }
 
-    /// The same in the finer steps of a layer.
+    /// The same in the finer steps of an overlay.
     #[must_use]
     pub fn fine_point(&self, x: f64, y: f64) -> (i32, i32) {
         let ((across, up), fine) = (self.place(x, y), f64::from(FINE));
@@ -133,7 +133,7 @@ impl Frame {
     /// Draws grid, frame, ticks and labels.
     ///
     /// # Errors
-    /// What the drawing library says.
+    /// The drawing library's error.
     pub fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
         let (left, top, right, bottom) = self.bounds;
         let line = |points: Vec<(i32, i32)>, style: plotters::style::ShapeStyle| {
@@ -170,11 +170,11 @@ impl Frame {
         canvas.draw(&Text::new(self.y.label.clone(), beside, upright)).map_err(FigureError::of)
     }
 
-    /// Draws a dashed vertical line at `x` with a word at its top.
+    /// Draws a dashed vertical line at `x` with a label at its top.
     ///
     /// # Errors
-    /// What the drawing library says.
-    pub fn mark_x(&self, canvas: &Canvas, x: f64, word: &str) -> Result<(), FigureError> {
+    /// The drawing library's error.
+    pub fn mark_x(&self, canvas: &Canvas, x: f64, label: &str) -> Result<(), FigureError> {
         if !(self.x.from..=self.x.to).contains(&x) {
             return Ok(());
         }
@@ -185,7 +185,7 @@ impl Frame {
             canvas.draw(&dash).map_err(FigureError::of)?;
         }
         let style = text(13.0, GREY).pos(Pos::new(HPos::Center, VPos::Bottom));
-        canvas.draw(&Text::new(word.to_string(), (across, top - 4), style)).map_err(FigureError::of)
+        canvas.draw(&Text::new(label.to_string(), (across, top - 4), style)).map_err(FigureError::of)
     }
 }
 
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn all_values_stay_inside_and_none_at_all_is_no_panic() {
+    fn an_axis_covers_all_values_and_may_have_none() {
         let values = [3.2, f64::NAN, 118.0, 0.7, 0.0];
         let axis = Axis::around("", Scale::Log, values);
         for v in [3.2, 118.0, 0.7] {

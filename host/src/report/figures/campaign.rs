@@ -1,14 +1,23 @@
-//! The figures of a campaign: its set-ups' curves, with what is special about each and how they were measured.
+//! The figures of a campaign: X/Z and phase over frequency, x over time.
+
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::axis::Scale;
-use super::frequency_response::{Curve, CurvePoint, Notes, Quantity, draw};
+use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
+use super::time_histories::{self, HistoryCurve, HistoryPanel};
 use super::{FigureError, Picture};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
+use crate::report::describe;
+use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
+use crate::run_folder::RunFolder;
+use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::transients::TransientRow;
 
-/// What the figures show of a point.
+/// A measured point, as figures show it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shown {
+pub struct PlottedPoint {
     /// Name of the set-up.
     pub set_up: String,
     /// Drive frequency, Hz.
@@ -17,11 +26,11 @@ pub struct Shown {
     pub x_over_z: f64,
     /// Phase of x relative to z, rad.
     pub phase_rad: f64,
-    /// Whether the point counts as steady.
+    /// Whether the motion was steady.
     pub steady: bool,
 }
 
-impl From<&ResultRow> for Shown {
+impl From<&ResultRow> for PlottedPoint {
     fn from(row: &ResultRow) -> Self {
         Self {
             set_up: row.set_up.clone(),
@@ -33,61 +42,45 @@ impl From<&ResultRow> for Shown {
     }
 }
 
-/// Up to `decimals`, without trailing zeros.
-#[must_use]
-pub fn trimmed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
-}
-
-/// What is special about a set-up: `d/Z = 10, γF = 0.6, Z = 1.5 mm`.
-#[must_use]
-pub fn describe(set_up: &CampaignSetUp) -> String {
-    let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
-    let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
-    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-/// X/Z over frequency, all set-ups.
+/// X/Z over frequency of all set-ups.
 ///
 /// # Errors
-/// What the drawing library says.
-pub fn response(campaign: &Campaign, points: &[Shown]) -> Result<Picture, FigureError> {
-    let quantity = Quantity { label: "Vibration amplitude ratio X/Z", scale: Scale::Log };
-    let about = "X: mean over the cycles of max|x|; Z: amplitude of the base";
+/// The drawing library's error.
+pub fn response(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, FigureError> {
+    let quantity = Ordinate { label: "Vibration amplitude ratio X/Z", scale: Scale::Log };
+    let about = "X: mean of the cycle maxima of |x|; Z: base amplitude";
     curves(campaign, points, &quantity, about, |p| p.x_over_z)
 }
 
-/// Phase of x relative to z over frequency, all set-ups.
+/// Phase of x relative to z over frequency of all set-ups.
 ///
 /// # Errors
-/// What the drawing library says.
-pub fn phase(campaign: &Campaign, points: &[Shown]) -> Result<Picture, FigureError> {
-    // Beyond resonance x lags by half a turn: the scale must not break there.
+/// The drawing library's error.
+pub fn phase(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, FigureError> {
+    // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
-    let quantity = Quantity { label: "Phase of x relative to z (°)", scale: Scale::Linear };
-    let about = "Phase: lock-in at the drive frequency, over the whole dwell";
+    let quantity = Ordinate { label: "Phase of x relative to z (°)", scale: Scale::Linear };
+    let about = "Phase: lock-in at the drive frequency over the dwell";
     curves(campaign, points, &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
 }
 
 fn curves(
     campaign: &Campaign,
-    points: &[Shown],
-    quantity: &Quantity,
+    points: &[PlottedPoint],
+    quantity: &Ordinate,
     about: &str,
-    value: impl Fn(&Shown) -> f64,
+    value: impl Fn(&PlottedPoint) -> f64,
 ) -> Result<Picture, FigureError> {
-    let curve = |set_up: &CampaignSetUp| Curve {
+    let curve = |set_up: &CampaignSetUp| ResponseCurve {
         label: set_up.label.clone(),
-        detail: describe(set_up),
+        detail: describe::set_up(set_up),
         points: points
             .iter()
             .filter(|p| p.set_up == set_up.name)
-            .map(|p| CurvePoint { frequency_hz: p.frequency_hz, value: value(p), steady: p.steady })
+            .map(|p| ResponsePoint { frequency_hz: p.frequency_hz, value: value(p), steady: p.steady })
             .collect(),
     };
-    let curves: Vec<Curve> = campaign.set_ups.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
+    let curves: Vec<ResponseCurve> = campaign.set_ups.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
     let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
     let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
     let how: Vec<String> = campaign
@@ -95,10 +88,71 @@ fn curves(
         .iter()
         .filter_map(Experiment::stepped_sine)
         .map(|e| {
-            let start = if e.start == Start::FromRest { "from rest" } else { "carried over" };
+            let start = if e.start == Start::FromRest { "from rest" } else { "motion carried over" };
             format!("{} s at each frequency, {start}", trimmed(e.dwell_s, 3))
         })
         .collect();
     let caption = format!("{about}. {}.", how.join("; "));
-    draw(&curves, quantity, &Notes { natural_frequency_hz: common, caption })
+    draw(&curves, quantity, &ResponseNotes { natural_frequency_hz: common, caption })
+}
+
+type Histories = BTreeMap<(String, String), Vec<(f64, f64)>>;
+
+/// x over time of all playbacks, impulses and free vibrations; `None` if x was not recorded.
+///
+/// # Errors
+/// The drawing library's error, or unreadable samples.
+pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> Result<Option<Picture>, FigureError> {
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let run = RunFolder::open(folder).map_err(FigureError::of)?;
+    let wanted: BTreeMap<(&str, &str), (String, u64, u64)> = rows
+        .iter()
+        .map(|r| ((r.set_up.as_str(), r.experiment.as_str()), (r.segment.to_string(), r.start_tick, r.end_tick)))
+        .collect();
+    let (mut x, mut z) = (Histories::new(), Histories::new());
+    for batch in run.samples() {
+        let batch = batch.map_err(FigureError::of)?;
+        let names = (texts(&batch, "set_up"), texts(&batch, "experiment"), texts(&batch, "segment"));
+        let (Ok(set_ups), Ok(experiments), Ok(segments)) = names else { continue };
+        let (Ok(ticks), Ok(times)) = (numbers(&batch, "tick"), numbers(&batch, "t_s")) else { continue };
+        for (column, into) in [("x_m", &mut x), ("z_m", &mut z)] {
+            let Ok(values) = numbers(&batch, column) else { continue };
+            for n in 0..values.len() {
+                let Some((segment, start, end)) = wanted.get(&(set_ups[n].as_str(), experiments[n].as_str())) else {
+                    continue;
+                };
+                if segments[n] == *segment && (*start as f64..*end as f64).contains(&ticks[n]) {
+                    let key = (set_ups[n].clone(), experiments[n].clone());
+                    into.entry(key).or_default().push((times[n], values[n]));
+                }
+            }
+        }
+    }
+    let panels: Vec<HistoryPanel> = campaign
+        .experiments
+        .iter()
+        .filter(|e| e.stepped_sine().is_none())
+        .filter_map(|experiment| {
+            // Time from the start of the experiment.
+            let history = |all: &Histories, name: &str| -> Option<Vec<(f64, f64)>> {
+                let points = all.get(&(name.to_string(), experiment.name.clone()))?;
+                let from = points.first()?.0;
+                Some(points.iter().map(|(t, value)| (t - from, *value)).collect())
+            };
+            let set_ups: Vec<_> = experiment.set_ups.iter().filter_map(|i| campaign.set_ups.get(*i)).collect();
+            let curves: Vec<HistoryCurve> = set_ups
+                .iter()
+                .filter_map(|s| Some(HistoryCurve { label: s.label.clone(), points: history(&x, &s.name)? }))
+                .collect();
+            let base = experiment.playback().and(set_ups.first()).and_then(|s| history(&z, &s.name));
+            let about = match &experiment.kind {
+                Kind::Playback(playback) => playback.about.clone(),
+                _ => "free vibration".into(),
+            };
+            (!curves.is_empty()).then(|| HistoryPanel { title: format!("{}: {about}", experiment.name), curves, base })
+        })
+        .collect();
+    if panels.is_empty() { Ok(None) } else { time_histories::draw(&panels).map(Some) }
 }

@@ -1,5 +1,4 @@
-//! Curves over frequency, one a set-up: the figure that the research is about is X/Z. What the curves are of is
-//! [`super::campaign`]'s.
+//! Draws curves over frequency, one per set-up, for example X/Z. [`super::campaign`] supplies the curves.
 
 use plotters::element::{PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -10,41 +9,41 @@ use super::{Canvas, FigureError, GREY, INK, Picture, colour, text, width};
 
 /// One point of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurvePoint {
+pub struct ResponsePoint {
     /// Hz.
     pub frequency_hz: f64,
     /// The quantity's value.
     pub value: f64,
-    /// Whether the value is a steady one.
+    /// Whether the motion was steady.
     pub steady: bool,
 }
 
 /// The curve of one set-up.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve {
-    /// The set-up's name for people.
+pub struct ResponseCurve {
+    /// Label of the set-up.
     pub label: String,
-    /// What is special about it, for the legend's second line ("d/Z = 10, Z = 1.5 mm").
+    /// Second line of the legend: "d/Z = 10, Z = 1.5 mm".
     pub detail: String,
-    /// In the order they were run.
-    pub points: Vec<CurvePoint>,
+    /// Points in the order of the run.
+    pub points: Vec<ResponsePoint>,
 }
 
-/// What the figure shows besides the curves.
+/// Labels of the figure.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Notes {
-    /// Frequency at which a line marks fn, Hz.
+pub struct ResponseNotes {
+    /// fn, marked by a line, Hz.
     pub natural_frequency_hz: Option<f64>,
-    /// Drawn below the axis; explains what X is and how long was measured.
+    /// Text below the axis: definition of X, measurement time.
     pub caption: String,
 }
 
-/// What the ordinate shows.
+/// The ordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quantity {
-    /// Quantity and unit, as written beside the axis.
+pub struct Ordinate {
+    /// Ordinate and unit, as written beside the axis.
     pub label: &'static str,
-    /// How values are spread; on a logarithmic one values that are not greater than 0 are left out.
+    /// Linear or logarithmic; a logarithmic one leaves out values of 0 and below.
     pub scale: Scale,
 }
 
@@ -55,11 +54,11 @@ const TOP: i32 = 34;
 const BOTTOM: i32 = HEIGHT - 88;
 const LEGEND_LINE: i32 = 19;
 
-/// Draws the quantity over frequency; points that are not steady are hollow.
+/// Draws the quantity over frequency. Points that are not steady are hollow.
 ///
 /// # Errors
-/// What the drawing library says.
-pub fn draw(curves: &[Curve], quantity: &Quantity, notes: &Notes) -> Result<Picture, FigureError> {
+/// The drawing library's error.
+pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes) -> Result<Picture, FigureError> {
     let widest = curves.iter().flat_map(|c| [width(&text(14.0, INK), &c.label), width(&text(12.0, GREY), &c.detail)]);
     let legend_width = widest.chain([width(&text(12.0, GREY), NOT_STEADY.0)]).max().unwrap_or(0) + 52;
     let values = || curves.iter().flat_map(|c| &c.points);
@@ -82,17 +81,17 @@ pub fn draw(curves: &[Curve], quantity: &Quantity, notes: &Notes) -> Result<Pict
     })
 }
 
-fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &Curve, index: usize) -> Result<(), FigureError> {
-    let can_be_drawn = |p: &&CurvePoint| p.value.is_finite() && (frame.y.scale == Scale::Linear || p.value > 0.0);
-    let mut points: Vec<&CurvePoint> = curve.points.iter().filter(can_be_drawn).collect();
+fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &ResponseCurve, index: usize) -> Result<(), FigureError> {
+    let can_be_drawn = |p: &&ResponsePoint| p.value.is_finite() && (frame.y.scale == Scale::Linear || p.value > 0.0);
+    let mut points: Vec<&ResponsePoint> = curve.points.iter().filter(can_be_drawn).collect();
     points.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
-    let at = |p: &CurvePoint| frame.point(p.frequency_hz, p.value);
+    let at = |p: &ResponsePoint| frame.point(p.frequency_hz, p.value);
     let path = points.iter().map(|p| at(p)).collect::<Vec<_>>();
     canvas.draw(&PathElement::new(path, colour(index).stroke_width(2))).map_err(FigureError::of)?;
     points.iter().try_for_each(|p| marker(canvas, at(p), index, p.steady))
 }
 
-/// Each curve has a shape of its own besides its colour.
+/// Draws a marker; curves differ in its shape and colour.
 fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Result<(), FigureError> {
     const SHAPES: [&[(i32, i32)]; 6] = [
         &[(5, 0), (4, 3), (3, 4), (0, 5), (-3, 4), (-4, 3), (-5, 0), (-4, -3), (-3, -4), (0, -5), (3, -4), (4, -3)],
@@ -114,7 +113,7 @@ fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Re
 const STEADY: (&str, bool) = ("steady", true);
 const NOT_STEADY: (&str, bool) = ("not steady within the dwell", false);
 
-fn legend(canvas: &Canvas, left: i32, curves: &[Curve]) -> Result<(), FigureError> {
+fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve]) -> Result<(), FigureError> {
     let at = |style: plotters::style::TextStyle<'static>| style.pos(Pos::new(HPos::Left, VPos::Center));
     let mut y = TOP + 8;
     for (i, curve) in curves.iter().enumerate() {

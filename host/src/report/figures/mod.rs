@@ -1,8 +1,8 @@
-//! Figures: one look for all of them, as SVG and, from the very same drawing, as PNG.
+//! Figures as SVG and, rendered from it, as PNG.
 //!
-//! This module holds what every figure shares: the page, the fonts, the colours and markers, the axes. A
-//! kind of figure is a file of its own ([`frequency_response`]). The font is shipped, so a figure looks the same on
-//! every machine and needs no font service.
+//! This module has what all figures share: drawing surface, font, colours. Each kind of figure is a file of its own
+//! ([`frequency_response`], [`time_histories`], [`simulated_motion`]); [`campaign`] supplies the data of a run. The font is
+//! built in, so a figure looks the same on every machine.
 
 pub mod axis;
 pub mod campaign;
@@ -22,36 +22,36 @@ use resvg::{tiny_skia, usvg};
 /// A drawing surface, in points of the SVG.
 pub type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Why a figure could not be made.
+/// Why a figure could not be drawn.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("cannot draw the figure: {0}")]
 pub struct FigureError(pub String);
 
 impl FigureError {
-    /// Of any failure of the drawing library.
+    /// From any error of the drawing library.
     pub fn of(error: impl std::fmt::Display) -> Self {
         Self(error.to_string())
     }
 }
 
-/// The font's own name, then what an SVG viewer without it should take.
+/// Name of the built-in font, then alternatives for an SVG viewer without it.
 const FAMILY: &str = "DejaVu Sans, Verdana, Arial, sans-serif";
 static FONT: &[u8] = include_bytes!("../../../fonts/DejaVuSans.ttf");
 
-/// Steps of a layer ([`Picture::overlay`]) in a point.
+/// Steps of an overlay ([`Picture::overlay`]) per point.
 pub const FINE: i32 = 10;
 
-/// Pixels of the PNG for a point of the SVG.
+/// Pixels of the PNG per point of the SVG.
 const PNG_SCALE: f32 = 2.0;
 
 /// Text, axes and frames.
 pub const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
-/// What stands back: grids, second lines.
+/// Grid lines.
 pub const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
-/// Explanations.
+/// Captions and secondary text.
 pub const GREY: RGBColor = RGBColor(0x66, 0x66, 0x66);
 
-/// Colours that stay apart for colour-blind readers and in print (Okabe & Ito), repeated after eight.
+/// Colours that are distinct for colour-blind readers and in print (Okabe & Ito), repeated after eight.
 #[must_use]
 pub fn colour(index: usize) -> RGBColor {
     const COLOURS: [(u8, u8, u8); 8] = [
@@ -68,7 +68,7 @@ pub fn colour(index: usize) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// A text style of the shipped font, `size` in points.
+/// A text style of the built-in font, `size` in points.
 pub fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
     register_font();
     let mut style = (FontFamily::Name(FAMILY), size).into_text_style(&(1u32, 1u32));
@@ -76,18 +76,18 @@ pub fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
     style
 }
 
-/// Width of a text in points, as the shipped font sets it.
+/// Width of a text in the built-in font, in points.
 #[must_use]
 pub fn width(text_style: &TextStyle<'static>, text: &str) -> i32 {
     text_style.font.box_size(text).map_or(0, |(width, _)| i32::try_from(width).unwrap_or(0))
 }
 
-/// The drawing library keeps its fonts in a table of its own.
+/// Registers the font with the drawing library, once.
 fn register_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for style in [FontStyle::Normal, FontStyle::Bold, FontStyle::Italic, FontStyle::Oblique] {
-            // It fails only for bytes that are no font.
+            // Fails only for invalid font data.
             let _ = plotters::style::register_font(FAMILY, style, FONT);
         }
     });
@@ -100,10 +100,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Draws on a white page of `width` × `height` points.
+    /// Draws on a white background of `width` × `height` points.
     ///
     /// # Errors
-    /// What the drawing library says.
+    /// The drawing library's error.
     pub fn draw(
         width: u32,
         height: u32,
@@ -120,14 +120,14 @@ impl Picture {
         Ok(Self { svg })
     }
 
-    /// Draws a layer over it, in tenths of a point: curves want finer steps than the page's whole points.
+    /// Draws an overlay in tenths of a point, because curves need finer steps than whole points.
     ///
     /// # Errors
-    /// What the drawing library says.
+    /// The drawing library's error.
     pub fn overlay(mut self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
         let mut svg = String::new();
         {
-            // The layer is cut out of a page of its own, which need only be large enough.
+            // The overlay is cut out of an SVG of its own, which only has to be large enough.
             let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
             draw(&canvas)?;
             canvas.present().map_err(FigureError::of)?;
@@ -135,31 +135,32 @@ impl Picture {
         let inside =
             |svg: &str| Some((svg.find("<svg")? + svg[svg.find("<svg")?..].find('>')? + 1, svg.rfind("</svg>")?));
         let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
-            return Err(FigureError("a layer that is no SVG".into()));
+            return Err(FigureError("the overlay is not SVG".into()));
         };
         let layer = format!("<g transform=\"scale({})\">{}</g>\n", 1.0 / f64::from(FINE), &svg[from..to]);
         self.svg.insert_str(end, &layer);
         Ok(self)
     }
 
-    /// The drawing as SVG.
+    /// The figure as SVG.
     #[must_use]
     pub fn svg(&self) -> &str {
         &self.svg
     }
 
-    /// The drawing as PNG, two pixels to a point.
+    /// The figure as PNG, two pixels per point.
     ///
     /// # Errors
-    /// When the picture is too large for memory.
+    /// When the figure is too large for memory.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
         let mut fonts = usvg::fontdb::Database::new();
         fonts.load_font_data(FONT.to_vec());
         let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
         let tree = usvg::Tree::from_str(&self.svg, &options).map_err(FigureError::of)?;
-        let size = tree.size().to_int_size().scale_by(PNG_SCALE).ok_or_else(|| FigureError("an empty page".into()))?;
-        let mut pixels =
-            tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| FigureError("an empty page".into()))?;
+        let size =
+            tree.size().to_int_size().scale_by(PNG_SCALE).ok_or_else(|| FigureError("the figure is empty".into()))?;
+        let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height())
+            .ok_or_else(|| FigureError("the figure is empty".into()))?;
         resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
         pixels.encode_png().map_err(FigureError::of)
     }
@@ -173,7 +174,7 @@ impl Picture {
         self.save(&folder.join(format!("{stem}.png")))
     }
 
-    /// Writes one file: PNG if its extension says so, else SVG.
+    /// Writes one file: PNG for the extension `.png`, else SVG.
     ///
     /// # Errors
     /// Names the file when it cannot be written.
@@ -181,7 +182,7 @@ impl Picture {
         let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
         let bytes = if png { &self.png()? } else { self.svg.as_bytes() };
         std::fs::write(path, bytes).map_err(|e| {
-            // Half a picture is none.
+            // Leave no incomplete file.
             let _ = std::fs::remove_file(path);
             FigureError(format!("{}: {e}", path.display()))
         })

@@ -1,6 +1,6 @@
-//! The figure of a simulated motion: displacements of structure, particle and base over time, walls and impacts.
+//! Draws a simulated motion: displacements of structure, particle and base over time, walls and impacts.
 //!
-//! A long run has two panels: all of it, and its last cycles in detail.
+//! A long run has two panels: the whole run and its last cycles.
 
 use plotters::element::{PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -8,22 +8,26 @@ use plotters::style::{Color, RGBColor};
 
 use super::axis::{Axis, Frame, Scale};
 use super::{Canvas, FINE, FigureError, INK, Picture, colour, text};
-use crate::simulation::envelope::{Column, Outline, Stretch};
+use damprig_core::integrator::exact::Excitation;
 
-/// Columns that a panel has: as many as points across it.
+use crate::report::describe;
+use crate::simulation::Case;
+use crate::simulation::envelope::{Envelope, EnvelopeColumn, ValueRange};
+
+/// Columns of a panel, one per point of its width.
 pub const COLUMNS: usize = 760;
 
-/// What the figure says besides the curves.
+/// Labels of the figure.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Notes {
-    /// d, m, when there are walls.
-    pub clearance_m: Option<f64>,
-    /// What y is called, when there is a second mass.
-    pub second_mass: Option<&'static str>,
+struct MotionNotes {
+    /// Clearance d, m, if there are walls.
+    clearance_m: Option<f64>,
+    /// Name of the second mass.
+    second_mass: Option<&'static str>,
     /// Whether the base moves.
-    pub base_moves: bool,
-    /// Above the axes.
-    pub title: String,
+    base_moves: bool,
+    /// Title above the axes.
+    title: String,
 }
 
 const WIDTH: i32 = 1040;
@@ -52,21 +56,47 @@ fn impact_colour() -> RGBColor {
 
 const WALL: RGBColor = RGBColor(0xaa, 0xaa, 0xaa);
 
-/// Draws one panel for each outline, from top to bottom.
+/// Draws a simulated case: the whole run, the last cycles, or both.
 ///
 /// # Errors
-/// What the drawing library says.
-pub fn draw(outlines: &[&Outline], notes: &Notes) -> Result<Picture, FigureError> {
-    let panels = i32::try_from(outlines.len()).unwrap_or(1).max(1);
+/// The drawing library's error; a run stopped before the drawn time.
+pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -> Result<Picture, FigureError> {
+    let envelopes: Vec<&Envelope> = [whole, last].into_iter().flatten().filter(|o| !o.is_empty()).collect();
+    if envelopes.is_empty() {
+        return Err(FigureError("the run was stopped before the start of the drawn time".into()));
+    }
+    let set_up = &case.set_up;
+    let second_mass = match (set_up.particle, set_up.tmd) {
+        (Some(_), _) => Some("particle"),
+        (None, Some(_)) => Some("tuned mass"),
+        (None, None) => None,
+    };
+    let base_moves = envelopes.iter().all(|o| !o.is_relative()) && case.record.is_some()
+        || matches!(
+            case.excitation,
+            Excitation::Sine { .. } | Excitation::HalfSine { .. } | Excitation::Versine { .. }
+        );
+    let notes = MotionNotes {
+        clearance_m: set_up.particle.map(|p| p.clearance_m),
+        second_mass,
+        base_moves,
+        title: format!("{}: {}", case.name, describe::excitation(case)),
+    };
+    draw(&envelopes, &notes)
+}
+
+/// Draws one panel per envelope, from top to bottom.
+fn draw(envelopes: &[&Envelope], notes: &MotionNotes) -> Result<Picture, FigureError> {
+    let panels = i32::try_from(envelopes.len()).unwrap_or(1).max(1);
     let right = LEFT + COLUMNS as i32;
     let high = if panels == 1 { SINGLE } else { PANEL };
     let height = TOP + panels * high + (panels - 1) * GAP + 64;
-    let panels: Vec<Panel> = outlines
+    let panels: Vec<MotionPanel> = envelopes
         .iter()
         .zip(0..)
-        .map(|(outline, place)| {
+        .map(|(envelope, place)| {
             let top = TOP + place * (high + GAP);
-            Panel::new(outline, notes, (LEFT, top, right, top + high))
+            MotionPanel::new(envelope, notes, (LEFT, top, right, top + high))
         })
         .collect();
     let page = Picture::draw(WIDTH as u32, height as u32, |canvas| {
@@ -75,12 +105,12 @@ pub fn draw(outlines: &[&Outline], notes: &Notes) -> Result<Picture, FigureError
         for panel in &panels {
             panel.frame.draw(canvas)?;
         }
-        legend(canvas, right + 20, notes, outlines)
+        legend(canvas, right + 20, notes, envelopes)
     })?;
     page.overlay(|canvas| panels.iter().try_for_each(|panel| panel.draw(canvas, notes)))
 }
 
-/// Displacements in a unit that leaves few digits: its name and how many make a metre.
+/// Unit for displacements up to `largest_m`: its name and the number of units per metre.
 fn unit(largest_m: f64) -> (&'static str, f64) {
     match largest_m {
         m if m >= 1.0 => ("m", 1.0),
@@ -90,23 +120,23 @@ fn unit(largest_m: f64) -> (&'static str, f64) {
 }
 
 /// A window of the run in its frame.
-struct Panel<'a> {
-    outline: &'a Outline,
+struct MotionPanel<'a> {
+    envelope: &'a Envelope,
     frame: Frame,
     scale: f64,
 }
 
-impl<'a> Panel<'a> {
-    fn new(outline: &'a Outline, notes: &Notes, bounds: (i32, i32, i32, i32)) -> Self {
+impl<'a> MotionPanel<'a> {
+    fn new(envelope: &'a Envelope, notes: &MotionNotes, bounds: (i32, i32, i32, i32)) -> Self {
         let wall = notes.clearance_m.unwrap_or(0.0);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut hold = |stretch: Option<Stretch>, beside: f64| {
+        let mut hold = |stretch: Option<ValueRange>, beside: f64| {
             if let Some(s) = stretch {
                 low = low.min(s.low.1 - beside);
                 high = high.max(s.high.1 + beside);
             }
         };
-        for column in outline.columns() {
+        for column in envelope.columns() {
             hold(column.x_m, wall);
             hold(column.z_m, 0.0);
             if notes.second_mass.is_some() {
@@ -114,14 +144,14 @@ impl<'a> Panel<'a> {
             }
         }
         let (name, scale) = unit(low.abs().max(high.abs()));
-        let (from_s, to_s) = outline.window_s();
-        let from = if outline.is_relative() { " from the base" } else { "" };
+        let (from_s, to_s) = envelope.window_s();
+        let from = if envelope.is_relative() { " relative to the base" } else { "" };
         let y = Axis::around(format!("Displacement{from} ({name})"), Scale::Linear, [low * scale, high * scale]);
         let x = Axis { label: "Time (s)".into(), from: from_s, to: to_s, scale: Scale::Linear };
-        Self { outline, frame: Frame { x, y, bounds }, scale }
+        Self { envelope, frame: Frame { x, y, bounds }, scale }
     }
 
-    fn draw(&self, canvas: &Canvas, notes: &Notes) -> Result<(), FigureError> {
+    fn draw(&self, canvas: &Canvas, notes: &MotionNotes) -> Result<(), FigureError> {
         if let Some(wall) = notes.clearance_m {
             self.curve(canvas, |c| c.x_m, wall, (WALL, 10))?;
             self.curve(canvas, |c| c.x_m, -wall, (WALL, 10))?;
@@ -133,7 +163,7 @@ impl<'a> Panel<'a> {
             self.curve(canvas, |c| c.y_m, 0.0, (y_colour(), 12))?;
         }
         self.curve(canvas, |c| c.x_m, 0.0, (x_colour(), 18))?;
-        for column in self.outline.columns() {
+        for column in self.envelope.columns() {
             for (impact, side) in column.impacts.iter().zip([-1, 1]) {
                 if let Some((t_s, y_m)) = impact {
                     mark(canvas, self.frame.fine_point(*t_s, y_m * self.scale), side, FINE)?;
@@ -146,11 +176,11 @@ impl<'a> Panel<'a> {
     fn curve(
         &self,
         canvas: &Canvas,
-        of: impl Fn(&Column) -> Option<Stretch>,
+        of: impl Fn(&EnvelopeColumn) -> Option<ValueRange>,
         beside: f64,
         (tint, width): (RGBColor, u32),
     ) -> Result<(), FigureError> {
-        let stretches = self.outline.columns().iter().filter_map(of);
+        let stretches = self.envelope.columns().iter().filter_map(of);
         let point = |(t_s, value): (f64, f64)| self.frame.fine_point(t_s, (value + beside) * self.scale);
         let mut points: Vec<_> = stretches.flat_map(|s| s.in_order()).map(point).collect();
         points.dedup();
@@ -158,13 +188,13 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// A triangle that points at the wall, `size` steps to a point.
+/// Draws a triangle that points at the wall; `size` is steps per point.
 fn mark(canvas: &Canvas, (x, y): (i32, i32), side: i32, size: i32) -> Result<(), FigureError> {
     let outline = vec![(x, y), (x - 4 * size, y + 7 * side * size), (x + 4 * size, y + 7 * side * size)];
     canvas.draw(&Polygon::new(outline, impact_colour().filled())).map_err(FigureError::of)
 }
 
-fn legend(canvas: &Canvas, left: i32, notes: &Notes, outlines: &[&Outline]) -> Result<(), FigureError> {
+fn legend(canvas: &Canvas, left: i32, notes: &MotionNotes, envelopes: &[&Envelope]) -> Result<(), FigureError> {
     let style = |tint: RGBColor| text(13.0, tint).pos(Pos::new(HPos::Left, VPos::Center));
     let mut y = TOP + 8;
     let mut entry = |word: String, tint: RGBColor, width: Option<u32>| {
@@ -179,7 +209,7 @@ fn legend(canvas: &Canvas, left: i32, notes: &Notes, outlines: &[&Outline]) -> R
         y += LINE;
         Ok::<(), FigureError>(())
     };
-    let less = if outlines.iter().any(|o| o.is_relative()) { " − z" } else { "" };
+    let less = if envelopes.iter().any(|o| o.is_relative()) { " − z" } else { "" };
     entry(format!("x{less} structure"), x_colour(), Some(2))?;
     if let Some(word) = notes.second_mass {
         entry(format!("y{less} {word}"), y_colour(), Some(1))?;
@@ -189,7 +219,7 @@ fn legend(canvas: &Canvas, left: i32, notes: &Notes, outlines: &[&Outline]) -> R
     }
     if notes.clearance_m.is_some() {
         entry("walls, ± d".into(), WALL, Some(1))?;
-        if outlines.iter().any(|o| o.impacts() > 0) {
+        if envelopes.iter().any(|o| o.impacts() > 0) {
             entry("impact".into(), impact_colour(), None)?;
         }
     }

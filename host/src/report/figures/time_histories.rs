@@ -1,4 +1,4 @@
-//! The figure of records, pulses and free vibrations: x over time, a panel for each experiment, a curve for each set-up.
+//! Draws playbacks, impulses and free vibrations: x over time, a panel per experiment, a curve per set-up.
 
 use plotters::element::{PathElement, Text};
 use plotters::style::Color;
@@ -7,26 +7,26 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::axis::{Axis, Frame, Scale};
 use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text, width};
 
-/// Columns across a panel: of a longer history each shows its lowest and highest value.
+/// Columns of a panel. A longer history shows the lowest and highest value per column.
 pub const COLUMNS: usize = 760;
 
 /// x over time on one set-up.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve {
-    /// Its name for people.
+pub struct HistoryCurve {
+    /// Label of the set-up.
     pub label: String,
-    /// Time (s) and displacement (m) in rising order of time.
+    /// Time (s) and displacement (m), in rising order of time.
     pub points: Vec<(f64, f64)>,
 }
 
-/// An experiment.
+/// The panel of an experiment.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
-    /// Above the panel.
+pub struct HistoryPanel {
+    /// Title above the panel.
     pub title: String,
-    /// x on each set-up.
-    pub curves: Vec<Curve>,
-    /// z, of the first set-up, where it was recorded and moves.
+    /// x of each set-up.
+    pub curves: Vec<HistoryCurve>,
+    /// z of the first set-up, if it was recorded and moves.
     pub base: Option<Vec<(f64, f64)>>,
 }
 
@@ -41,8 +41,8 @@ const MILLIMETRES: f64 = 1e3;
 /// Draws the panels from top to bottom.
 ///
 /// # Errors
-/// What the drawing library says.
-pub fn draw(panels: &[Panel]) -> Result<Picture, FigureError> {
+/// The drawing library's error.
+pub fn draw(panels: &[HistoryPanel]) -> Result<Picture, FigureError> {
     let count = i32::try_from(panels.len()).unwrap_or(1).max(1);
     let names = panels.iter().flat_map(|p| &p.curves).map(|c| width(&text(13.0, INK), &c.label));
     let legend = names.chain([width(&text(13.0, INK), BASE)]).max().unwrap_or(0) + 60;
@@ -63,7 +63,7 @@ pub fn draw(panels: &[Panel]) -> Result<Picture, FigureError> {
 
 const BASE: &str = "base z";
 
-fn frame(panel: &Panel, place: i32, right: i32) -> Frame {
+fn frame(panel: &HistoryPanel, place: i32, right: i32) -> Frame {
     let points = || panel.curves.iter().flat_map(|c| &c.points).chain(panel.base.iter().flatten());
     let top = TOP + place * (HIGH + GAP);
     let y = Axis::around("Displacement (mm)", Scale::Linear, points().map(|p| p.1 * MILLIMETRES));
@@ -76,7 +76,7 @@ fn frame(panel: &Panel, place: i32, right: i32) -> Frame {
     }
 }
 
-fn curves(canvas: &Canvas, panel: &Panel, frame: &Frame) -> Result<(), FigureError> {
+fn curves(canvas: &Canvas, panel: &HistoryPanel, frame: &Frame) -> Result<(), FigureError> {
     let draw = |points: &[(f64, f64)], style: plotters::style::ShapeStyle| {
         let path = thinned(points).into_iter().map(|(t, v)| frame.fine_point(t, v * MILLIMETRES)).collect::<Vec<_>>();
         canvas.draw(&PathElement::new(path, style)).map_err(FigureError::of)
@@ -86,7 +86,7 @@ fn curves(canvas: &Canvas, panel: &Panel, frame: &Frame) -> Result<(), FigureErr
     panel.base.as_ref().map_or(Ok(()), |base| draw(base, GREY.stroke_width(thick)))
 }
 
-fn legend_of(canvas: &Canvas, panel: &Panel, (left, top): (i32, i32)) -> Result<(), FigureError> {
+fn legend_of(canvas: &Canvas, panel: &HistoryPanel, (left, top): (i32, i32)) -> Result<(), FigureError> {
     let own = panel.curves.iter().enumerate().map(|(i, c)| (c.label.as_str(), colour(i)));
     let all = own.chain(panel.base.as_ref().map(|_| (BASE, GREY)));
     for ((label, tint), line) in all.zip(0..) {
@@ -99,7 +99,7 @@ fn legend_of(canvas: &Canvas, panel: &Panel, (left, top): (i32, i32)) -> Result<
     Ok(())
 }
 
-/// Of many points, the lowest and the highest of each column, in their order.
+/// Reduces many points to the lowest and highest per column, in order of time.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if points.len() <= 2 * COLUMNS {
         return points.to_vec();
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_history_keeps_its_peaks_when_it_is_thinned() {
+    fn a_thinned_history_keeps_its_peaks() {
         let mut points: Vec<(f64, f64)> = (0..100_000).map(|n| (f64::from(n), (f64::from(n) * 0.01).sin())).collect();
         points[77_777].1 = 5.0;
         points[3].1 = -4.0;
@@ -130,8 +130,8 @@ mod tests {
     }
 
     #[test]
-    fn panels_without_points_are_drawn_all_the_same() {
-        let panel = Panel { title: "nothing".into(), curves: vec![], base: None };
+    fn panels_without_points_are_drawn() {
+        let panel = HistoryPanel { title: "nothing".into(), curves: vec![], base: None };
         assert!(draw(&[panel]).unwrap().svg().contains("nothing"));
         assert!(draw(&[]).is_ok());
     }

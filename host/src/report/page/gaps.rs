@@ -1,4 +1,4 @@
-//! Where samples are missing: the rows of the samples that stand after a gap, and what never came at the end of a start.
+//! Finds gaps in the samples: rows after a gap, and rows missing at the end of a segment.
 
 use std::path::Path;
 
@@ -12,47 +12,47 @@ use crate::run_folder::read::sample_files::{is_open_part, read_samples, sample_f
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ReadError, RunFolder};
 
-/// Gaps that are listed; the rest is counted.
-const MOST_LISTED: usize = 40;
+/// Most gaps listed; further ones are counted.
+const MAX_LISTED: usize = 40;
 
-/// A place where rows are missing.
+/// A gap in the samples.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Gap {
+pub(super) struct SampleGap {
     pub(super) set_up: String,
     pub(super) experiment: String,
     pub(super) segment: u64,
-    /// Device time of the first row after it, s; none when the rest of the start is missing.
+    /// Device time of the first row after the gap, s; `None` if the rest of the segment is missing.
     pub(super) until_s: Option<f64>,
     pub(super) rows: u64,
 }
 
-/// All of them.
+/// All gaps of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Gaps {
-    /// The first ones, in the order of the samples.
-    pub(super) list: Vec<Gap>,
-    /// How many there are.
+pub(super) struct SampleGaps {
+    /// The first gaps, in the order of the samples.
+    pub(super) list: Vec<SampleGap>,
+    /// Number of gaps.
     pub(super) count: usize,
-    /// Files that could not be looked through.
+    /// Files that could not be read.
     pub(super) unreadable: Vec<String>,
 }
 
-impl Gaps {
-    fn add(&mut self, gap: Gap) {
+impl SampleGaps {
+    fn add(&mut self, gap: SampleGap) {
         self.count += 1;
-        if self.list.len() < MOST_LISTED {
+        if self.list.len() < MAX_LISTED {
             self.list.push(gap);
         }
     }
 }
 
-/// Looks the samples through, if the journal says that any are missing, or there is none to say so.
-pub(super) fn find(run: &RunFolder, taken: &JournalState) -> Gaps {
-    let mut gaps = Gaps::default();
+/// Searches the samples if the journal counts missing rows, or if there is no journal.
+pub(super) fn find(run: &RunFolder, taken: &JournalState) -> SampleGaps {
+    let mut gaps = SampleGaps::default();
     let every_ticks = run.manifest().every_ticks().unwrap_or(1).max(1);
     let is_whole = !taken.begun.is_empty() && taken.sealed.iter().all(|s| s.lost_rows == 0);
     for file in sample_files(run.path()) {
-        // Of a part that was open nobody has counted anything.
+        // Missing rows of a file that was still open have not been counted.
         if is_whole && !is_open_part(&file) {
             continue;
         }
@@ -63,14 +63,14 @@ pub(super) fn find(run: &RunFolder, taken: &JournalState) -> Gaps {
     for end in taken.finished.iter().filter(|f| f.lost_rows > 0) {
         let (set_up, experiment) = (end.id.set_up.clone(), end.id.experiment.clone());
         let segment = u64::from(end.id.segment);
-        gaps.add(Gap { set_up, experiment, segment, until_s: None, rows: end.lost_rows });
+        gaps.add(SampleGap { set_up, experiment, segment, until_s: None, rows: end.lost_rows });
     }
     gaps
 }
 
 const COLUMNS: [&str; 5] = ["set_up", "experiment", "segment", "gap_before_ticks", "t_s"];
 
-/// Only the columns that tell of gaps: the signals of a night need not be read for them.
+/// Reads only the columns that describe gaps, since the signals may be large.
 fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), ReadError>) -> Result<(), ReadError> {
     if is_open_part(file) {
         return read_samples(file)?.try_for_each(|batch| take(&batch?));
@@ -83,7 +83,7 @@ fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), ReadErr
     reader.into_iter().try_for_each(|batch| take(&batch.map_err(|e| failed(&e))?))
 }
 
-fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut Gaps) -> Result<(), ReadError> {
+fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut SampleGaps) -> Result<(), ReadError> {
     let lost = numbers(batch, "gap_before_ticks")?;
     if lost.iter().all(|ticks| *ticks == 0.0) {
         return Ok(());
@@ -91,7 +91,7 @@ fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut Gaps) -> Result<(), 
     let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
     let (segments, t_s) = (numbers(batch, "segment")?, numbers(batch, "t_s")?);
     for (n, ticks) in lost.iter().enumerate().filter(|(_, ticks)| **ticks > 0.0) {
-        gaps.add(Gap {
+        gaps.add(SampleGap {
             set_up: set_ups[n].clone(),
             experiment: experiments[n].clone(),
             segment: segments[n] as u64,

@@ -1,11 +1,9 @@
-//! `report.html`: a run on one page for people, complete in itself (no network, figures inlined), for the screen in light
-//! and dark and for A4.
+//! The report page of a run, `report.html`: one self-contained file (no network, figures inlined) for screen and print.
 //!
-//! It holds nothing that is not in the run folder, and nothing of when or where it was made: made again from the same
-//! folder it is the same page. What it tells is gathered by [`facts`](self), text is escaped by the template. The terminal's
-//! words are [`crate::cli`]'.
+//! The page depends on the run folder alone, so making it again gives the same page. `data` gathers its contents; the
+//! template escapes all text.
 
-mod facts;
+mod data;
 mod gaps;
 mod health;
 mod set_ups;
@@ -14,35 +12,35 @@ mod tables;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::campaign::Campaign;
-use crate::report::figures::campaign::{Shown, phase, response};
+use crate::report::figures::campaign::{PlottedPoint, phase, response};
 use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
-use facts::Facts;
+use data::PageData;
 
 const STYLE: &str = include_str!("style.css");
 
-/// A finished page.
+/// A report page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Page {
-    /// The file's text.
+    /// The HTML text.
     pub html: String,
-    /// What of the run cannot be read, as the page says too.
+    /// Unreadable parts of the run, which the page lists too.
     pub unreadable: Vec<String>,
 }
 
-/// The page of a run, as far as it can be read: what cannot is named on it.
+/// Makes the page of a run. It names the parts that cannot be read.
 #[must_use]
 pub fn page(run: &RunFolder) -> Page {
-    let facts = Facts::of(run);
-    let m = &facts.manifest;
-    let title = format!("{} – {}", m.campaign, facts.id);
+    let data = PageData::of(run);
+    let m = &data.manifest;
+    let title = format!("{} – {}", m.campaign, data.id);
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                // Nothing is fetched, nothing is run, whatever a name in the run may look like.
+                // The browser fetches and runs nothing, whatever the names in the run contain.
                 meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
@@ -51,47 +49,47 @@ pub fn page(run: &RunFolder) -> Page {
                 main {
                     header {
                         h1 { (m.campaign) }
-                        p.under { (facts.id) " · started " (tables::moment(&m.started)) }
-                        (health::state(&facts))
+                        p.under { (data.id) " · started " (tables::moment(&m.started)) }
+                        (health::state(&data))
                     }
-                    (health::warnings(&facts))
-                    section { h2 { "What came of it" } (figures(&facts)) (tables::peaks(&facts)) (tables::transients(&facts)) }
-                    section { h2 { "What was run" } (set_ups::set_ups(&facts)) (set_ups::experiments(&facts)) (set_ups::acting(&facts)) }
-                    @if !facts.points.is_empty() {
-                        section { h2 { "Results" } (tables::results(&facts)) }
+                    (health::warnings(&data))
+                    section { h2 { "Results" } (figures(&data)) (tables::peaks(&data)) (tables::transients(&data)) }
+                    section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
+                    @if !data.points.is_empty() {
+                        section { h2 { "All points" } (tables::results(&data)) }
                     }
-                    section { h2 { "Samples, link and losses" } (health::link(&facts)) }
-                    section { h2 { "Rig and program" } (health::versions(&facts)) }
+                    section { h2 { "Samples, link and losses" } (health::link(&data)) }
+                    section { h2 { "Rig and program" } (health::versions(&data)) }
                     footer {
-                        (crate::VERSION_LINE) ". Made from the run folder alone; "
-                        code { "damprig runs verify" } " checks its files, "
+                        "Made by " (crate::VERSION_LINE) " from the run folder. "
+                        code { "damprig runs verify" } " checks the files, "
                         code { "damprig runs report" } " makes this page again."
                     }
                 }
             }
         }
     };
-    Page { html: markup.into_string(), unreadable: facts.all_unreadable() }
+    Page { html: markup.into_string(), unreadable: data.all_unreadable() }
 }
 
-type Drawing = fn(&Campaign, &[Shown]) -> Result<Picture, FigureError>;
+type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;
 
-fn figures(facts: &Facts) -> Markup {
-    let Ok(campaign) = &facts.campaign else {
-        return html! { p.note { "There is no figure: the campaign cannot be read." } };
+fn figures(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else {
+        return html! { p.note { "No figure: the campaign cannot be read." } };
     };
-    if facts.points.is_empty() {
-        return html! { @if facts.taken.transients().is_empty() { p { "No point was taken." } } };
+    if data.points.is_empty() {
+        return html! { @if data.taken.transients().is_empty() { p { "No point was measured." } } };
     }
-    let shown = facts.shown();
-    let drawings: [(Drawing, &str); 2] = [
-        (response, "Vibration amplitude ratio over frequency. Hollow: not steady within the dwell."),
-        (phase, "Phase of the structure relative to the base."),
+    let points = data.plotted_points();
+    let drawings: [(DrawFigure, &str); 2] = [
+        (response, "Amplitude ratio X/Z over frequency. Hollow markers: not steady within the dwell."),
+        (phase, "Phase of x relative to z over frequency."),
     ];
     html! {
         @for (draw, caption) in drawings {
-            @match draw(campaign, &shown) {
-                // Its texts are escaped where it is drawn.
+            @match draw(campaign, &points) {
+                // The drawing escapes its own text.
                 Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) figcaption { (caption) } },
                 Err(error) => p.note.bad { (error) },
             }
@@ -99,7 +97,7 @@ fn figures(facts: &Facts) -> Markup {
     }
 }
 
-/// An SVG within a page has no declaration of its own.
+/// The SVG without its XML declaration.
 fn without_prolog(svg: &str) -> &str {
     svg.find("<svg").map_or("", |start| &svg[start..])
 }

@@ -1,18 +1,18 @@
-//! What was run: set-ups and experiments with their units.
+//! Section of the report page on set-ups, experiments and limits.
 
 use damprig_core::control::stepped_sine::Drive;
 use damprig_core::model::Wall;
 use maud::{Markup, html};
 
-use super::facts::Facts;
+use super::data::PageData;
 use super::tables::{label, largest, number, optional, short};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SpringTarget, Start};
 
-/// A row a set-up.
-pub(super) fn set_ups(facts: &Facts) -> Markup {
-    let Ok(campaign) = &facts.campaign else { return from_manifest(facts) };
+/// Table of set-ups, a row each.
+pub(super) fn set_ups(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return from_manifest(data) };
     let predicted = |s: &CampaignSetUp| {
-        facts.manifest.set_ups.iter().find(|record| record.name == s.name).map_or(f64::NAN, |r| r.predicted_max_x_m)
+        data.manifest.set_ups.iter().find(|record| record.name == s.name).map_or(f64::NAN, |r| r.predicted_max_x_m)
     };
     html! {
         div.wide { table {
@@ -22,13 +22,13 @@ pub(super) fn set_ups(facts: &Facts) -> Markup {
                 th { "Particle" small { "kg" } } th { "d" small { "mm" } } th { "d/Z" }
                 th.word { "Walls" } th { "μ" small { "internal" } }
                 th { "Friction" small { "N" } } th { "γF" } th.word { "Spring" }
-                th { "max|x|" small { "mm, foreseen" } } th { "max|x|" small { "mm, measured" } }
+                th { "max|x|" small { "mm, predicted" } } th { "max|x|" small { "mm, measured" } }
             } }
             tbody {
                 @for set_up in &campaign.set_ups {
                     @let model = set_up.model();
                     tr {
-                        td.word { (label(facts, &set_up.name)) }
+                        td.word { (label(data, &set_up.name)) }
                         td { (short(set_up.base_amplitude_m * 1e3, 4)) }
                         td { (short(model.structure.mass_kg, 4)) }
                         td { (short(set_up.natural_frequency_hz(), 4)) }
@@ -42,7 +42,7 @@ pub(super) fn set_ups(facts: &Facts) -> Markup {
                         td { (optional(set_up.friction_ratio(), 3)) }
                         td.word { (spring(set_up)) }
                         td { (number(predicted(set_up) * 1e3, 2)) }
-                        td { (number(largest(facts, &set_up.name) * 1e3, 2)) }
+                        td { (number(largest(data, &set_up.name) * 1e3, 2)) }
                     }
                 }
             }
@@ -68,17 +68,17 @@ fn spring(set_up: &CampaignSetUp) -> String {
     }
 }
 
-/// What the manifest alone knows.
-fn from_manifest(facts: &Facts) -> Markup {
+/// Table of set-ups from the manifest alone.
+fn from_manifest(data: &PageData) -> Markup {
     html! {
         div.wide { table {
             thead { tr { th.word { "Set-up" } th { "Z" small { "mm" } } th { "max|x|" small { "mm, measured" } } } }
             tbody {
-                @for set_up in &facts.manifest.set_ups {
+                @for set_up in &data.manifest.set_ups {
                     tr {
-                        td.word { (label(facts, &set_up.name)) }
+                        td.word { (label(data, &set_up.name)) }
                         td { (short(set_up.base_amplitude_m * 1e3, 4)) }
-                        td { (number(largest(facts, &set_up.name) * 1e3, 2)) }
+                        td { (number(largest(data, &set_up.name) * 1e3, 2)) }
                     }
                 }
             }
@@ -86,16 +86,16 @@ fn from_manifest(facts: &Facts) -> Markup {
     }
 }
 
-/// A row an experiment, and the rig that they share.
-pub(super) fn experiments(facts: &Facts) -> Markup {
-    let Ok(campaign) = &facts.campaign else { return html! {} };
+/// Table of experiments, and the rig.
+pub(super) fn experiments(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
     let [range_m, _] = campaign.rig.sensor_range_m();
     html! {
         div.wide { table {
             thead { tr {
                 th.word { "Experiment" } th.word { "Frequencies" small { "Hz" } } th { "Points" }
-                th.word { "Each begins" } th.word { "Held" }
-                th { "Settle" small { "s" } } th { "Dwell" small { "s" } } th.word { "On" }
+                th.word { "Start" } th.word { "Controlled" }
+                th { "Settle" small { "s" } } th { "Dwell" small { "s" } } th.word { "Set-ups" }
             } }
             tbody {
                 @for experiment in &campaign.experiments {
@@ -104,8 +104,8 @@ pub(super) fn experiments(facts: &Facts) -> Markup {
                         td.word { (range(experiment)) }
                         td { (experiment.points()) }
                         @if let Some(sine) = experiment.stepped_sine() {
-                            td.word { (if sine.start == Start::FromRest { "from rest" } else { "with the motion before" }) }
-                            td.word { (if sine.drive == Drive::Constant { "the drive" } else { "the base (closed loop)" }) }
+                            td.word { (if sine.start == Start::FromRest { "from rest" } else { "motion carried over" }) }
+                            td.word { (if sine.drive == Drive::Constant { "drive (constant)" } else { "base (closed loop)" }) }
                             td { (short(sine.settle_s, 3)) }
                             td { (short(sine.dwell_s, 3)) }
                         } @else {
@@ -118,28 +118,28 @@ pub(super) fn experiments(facts: &Facts) -> Markup {
         } }
         dl {
             dt { "Sensors" }
-            dd { "±" (short(f64::from(range_m) * 1e3, 3)) " mm, steps of "
+            dd { "±" (short(f64::from(range_m) * 1e3, 3)) " mm, resolution "
                 (short(campaign.rig.sensor_resolution_m * 1e6, 3)) " µm, noise "
-                (short(campaign.rig.sensor_noise_rms_m * 1e6, 3)) " µm RMS (simulated rigs)" }
+                (short(campaign.rig.sensor_noise_rms_m * 1e6, 3)) " µm RMS (simulated rig)" }
             dt { "Base" }
-            dd { (if campaign.rig.shaker.is_some() { "a shaker that feels its load" } else { "follows the drive" }) }
+            dd { (if campaign.rig.shaker.is_some() { "shaker with load feedback" } else { "follows the drive" }) }
         }
     }
 }
 
-/// The limits and spring properties that acted, each with its origin.
-pub(super) fn acting(facts: &Facts) -> Markup {
-    let list = &facts.manifest.acting_settings;
+/// Table of the limits and spring properties in force, with their origin.
+pub(super) fn acting(data: &PageData) -> Markup {
+    let list = &data.manifest.acting_settings;
     html! {
         @if !list.is_empty() {
             h3 { "Limits and spring properties in force" }
             div.wide { table {
-                thead { tr { th.word { "Setting" } th.word { "Set-up" } th { "Value" } th.word { "Set by" } th { "The board's" } } }
+                thead { tr { th.word { "Setting" } th.word { "Set-up" } th { "Value" } th.word { "Set by" } th { "Board's value" } } }
                 tbody {
                     @for acting in list {
                         tr {
                             td.word { (acting.setting) }
-                            td.word { (acting.set_up.as_deref().unwrap_or("every")) }
+                            td.word { (acting.set_up.as_deref().unwrap_or("all")) }
                             td { (acting.value) }
                             td.word { (acting.origin) }
                             td { (acting.board_value.map_or("–".into(), |value| value.to_string())) }
@@ -166,7 +166,7 @@ fn range(experiment: &Experiment) -> String {
 
 fn on(campaign: &Campaign, experiment: &Experiment) -> String {
     if experiment.set_ups.len() == campaign.set_ups.len() {
-        return "every set-up".into();
+        return "all".into();
     }
     let name = |i: &usize| campaign.set_ups.get(*i).map(|s| s.name.clone());
     experiment.set_ups.iter().filter_map(name).collect::<Vec<_>>().join(", ")

@@ -1,11 +1,11 @@
-//! The tables of results, and how numbers and times are written on the page.
+//! Tables of results on the report page, and its number and time formats.
 
 use maud::{Markup, html};
 
-use super::facts::{Facts, Point};
-use crate::report::figures::campaign::trimmed;
+use super::data::{PageData, PagePoint};
+use crate::report::numbers::trimmed;
 
-/// A date and time with its zone, without what a reader does not need.
+/// Date, time and UTC offset.
 pub(super) fn moment(text: &str) -> String {
     match text.parse::<jiff::Zoned>() {
         Ok(time) => time.strftime("%Y-%m-%d %H:%M:%S %:z").to_string(),
@@ -13,12 +13,12 @@ pub(super) fn moment(text: &str) -> String {
     }
 }
 
-/// A number, or a dash where there is none.
+/// A number with fixed decimals, or a dash for NaN.
 pub(super) fn number(value: f64, decimals: usize) -> String {
     if value.is_finite() { format!("{value:.decimals$}").replace('-', "−") } else { "–".into() }
 }
 
-/// The same without trailing zeros.
+/// A number without trailing zeros, or a dash for NaN.
 pub(super) fn short(value: f64, decimals: usize) -> String {
     if value.is_finite() { trimmed(value, decimals).replace('-', "−") } else { "–".into() }
 }
@@ -31,28 +31,28 @@ fn yes_no(value: bool) -> &'static str {
     if value { "yes" } else { "no" }
 }
 
-/// Each set-up's highest X/Z.
-pub(super) fn peaks(facts: &Facts) -> Markup {
-    let names = set_ups(facts);
+/// Peak of X/Z per set-up.
+pub(super) fn peaks(data: &PageData) -> Markup {
+    let names = set_ups(data);
     html! {
-        @if !facts.points.is_empty() {
+        @if !data.points.is_empty() {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" }
                     th { "Peak X/Z" } th { "at" small { "Hz" } } th { "Steady" }
-                    th { "Largest |x|" small { "mm" } } th { "Points" } th { "of them steady" }
+                    th { "Largest |x|" small { "mm" } } th { "Points" } th { "Steady points" }
                 } }
                 tbody {
                     @for name in &names {
-                        @if let Some(peak) = peak(facts, name) {
+                        @if let Some(peak) = peak(data, name) {
                             tr {
-                                td.word { (label(facts, name)) }
+                                td.word { (label(data, name)) }
                                 td { (number(peak.shown.x_over_z, 2)) }
                                 td { (short(peak.shown.frequency_hz, 4)) }
                                 td.odd[!peak.shown.steady] { (yes_no(peak.shown.steady)) }
-                                td { (number(largest(facts, name) * 1e3, 2)) }
-                                td { (facts.points_of(name).count()) }
-                                td { (facts.points_of(name).filter(|p| p.shown.steady).count()) }
+                                td { (number(largest(data, name) * 1e3, 2)) }
+                                td { (data.points_of(name).count()) }
+                                td { (data.points_of(name).filter(|p| p.shown.steady).count()) }
                             }
                         }
                     }
@@ -62,19 +62,19 @@ pub(super) fn peaks(facts: &Facts) -> Markup {
     }
 }
 
-fn peak<'a>(facts: &'a Facts, name: &'a str) -> Option<&'a Point> {
-    facts.points_of(name).max_by(|a, b| a.shown.x_over_z.total_cmp(&b.shown.x_over_z))
+fn peak<'a>(data: &'a PageData, name: &'a str) -> Option<&'a PagePoint> {
+    data.points_of(name).max_by(|a, b| a.shown.x_over_z.total_cmp(&b.shown.x_over_z))
 }
 
-/// Largest |x| that a set-up came to, m; NaN without a point.
-pub(super) fn largest(facts: &Facts, name: &str) -> f64 {
-    facts.points_of(name).map(|p| p.x_max_m).fold(f64::NAN, f64::max)
+/// Largest |x| of a set-up, m; NaN without points.
+pub(super) fn largest(data: &PageData, name: &str) -> f64 {
+    data.points_of(name).map(|p| p.x_max_m).fold(f64::NAN, f64::max)
 }
 
-/// The set-ups that have points, in the order in which those were run.
-fn set_ups(facts: &Facts) -> Vec<String> {
+/// Set-ups with points, in the order of the run.
+fn set_ups(data: &PageData) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for point in &facts.points {
+    for point in &data.points {
         if !names.contains(&point.shown.set_up) {
             names.push(point.shown.set_up.clone());
         }
@@ -82,30 +82,30 @@ fn set_ups(facts: &Facts) -> Vec<String> {
     names
 }
 
-/// A set-up's name for people, with the one of the tables where that is another.
-pub(super) fn label(facts: &Facts, name: &str) -> String {
-    let found = facts.manifest.set_ups.iter().find(|s| s.name == name).map(|s| s.label.as_str());
+/// Label of a set-up, with its name if they differ.
+pub(super) fn label(data: &PageData, name: &str) -> String {
+    let found = data.manifest.set_ups.iter().find(|s| s.name == name).map(|s| s.label.as_str());
     match found {
         Some(label) if !label.is_empty() && label != name => format!("{label} ({name})"),
         _ => name.to_string(),
     }
 }
 
-/// A row a point.
-pub(super) fn results(facts: &Facts) -> Markup {
-    let place = |p: &Point| (p.shown.set_up.clone(), p.experiment.clone());
-    let is_first = |n: usize| n > 0 && place(&facts.points[n]) != place(&facts.points[n - 1]);
+/// Table of all points, a row each.
+pub(super) fn results(data: &PageData) -> Markup {
+    let place = |p: &PagePoint| (p.shown.set_up.clone(), p.experiment.clone());
+    let is_first = |n: usize| n > 0 && place(&data.points[n]) != place(&data.points[n - 1]);
     html! {
         div.wide { table {
             thead { tr {
                 th.word { "Set-up" } th.word { "Experiment" }
                 th { "f" small { "Hz" } } th { "X/Z" }
-                th { "X" small { "mm, mean cycle max" } } th { "Z" small { "mm, lock-in" } }
+                th { "X" small { "mm, mean cycle maximum" } } th { "Z" small { "mm, lock-in" } }
                 th { "Phase" small { "°" } } th { "max|x|" small { "mm" } }
                 th { "Cycles" } th { "Steady" } th { "Segment" }
             } }
             tbody {
-                @for (n, point) in facts.points.iter().enumerate() {
+                @for (n, point) in data.points.iter().enumerate() {
                     tr.first[is_first(n)] {
                         td.word { (point.shown.set_up) }
                         td.word { (point.experiment) }
@@ -122,14 +122,14 @@ pub(super) fn results(facts: &Facts) -> Markup {
                 }
             }
         } }
-        p.under { "Segment: how many times the experiment had been started on the set-up before. "
+        p.under { "Segment: number of earlier starts of the experiment on the set-up. "
             code { "results.parquet" } " has all columns in full precision." }
     }
 }
 
-/// A row a record, pulse or free vibration; nothing when there are none.
-pub(super) fn transients(facts: &Facts) -> Markup {
-    let rows = facts.taken.transients();
+/// Table of playbacks, impulses and free vibrations, a row each.
+pub(super) fn transients(data: &PageData) -> Markup {
+    let rows = data.taken.transients();
     let mm = |metres: f32| number(f64::from(metres) * 1e3, 3);
     html! {
         @if !rows.is_empty() {
@@ -139,13 +139,13 @@ pub(super) fn transients(facts: &Facts) -> Markup {
                     th { "max|x|" small { "mm" } } th { "predicted" small { "mm" } }
                     th { "RMS x" small { "mm" } } th { "max|z|" small { "mm" } }
                     th { "max|x−z|" small { "mm" } } th { "Base error" small { "% of the demand" } }
-                    th { "Impacts" } th { "x0" small { "mm" } } th { "ζ" small { "of its decay" } }
+                    th { "Impacts" } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
                     th { "f" small { "Hz" } } th { "Cycles" }
                 } }
                 tbody {
                     @for row in rows {
                         tr {
-                            td.word { (label(facts, &row.set_up)) }
+                            td.word { (label(data, &row.set_up)) }
                             td.word { (row.experiment) }
                             td.word { (row.kind.replace('_', " ")) }
                             td { (mm(row.x_peak_m)) }
@@ -163,7 +163,7 @@ pub(super) fn transients(facts: &Facts) -> Markup {
                     }
                 }
             } }
-            p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " x over time." }
+            p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " shows x over time." }
         }
     }
 }

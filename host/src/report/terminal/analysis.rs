@@ -1,65 +1,66 @@
-//! `damprig simulate --analyse` for people.
+//! Text of `damprig simulate --analyse`: energy balance, steady state, orbit and stability.
 
-use super::simulation::digits;
-use crate::simulation::analysis::{Analysis, Driven};
+use crate::report::numbers::{millimetres, significant};
+use crate::simulation::analysis::{Analysis, ForcedResponse};
 
-/// The lines below a simulation's summary.
+/// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
     let e = &analysis.energy;
-    let joule = |value: f64| format!("{} J", digits(value, 5));
-    let mut lines = vec![("energy in", joule(e.input_j)), ("energy stored", joule(e.stored_j))];
-    for (name, taken) in [
+    let joule = |value: f64| format!("{} J", significant(value, 5));
+    let by_mechanism = [
         ("  by dashpot", e.structure_damping_j),
         ("  by impacts", e.impacts_j),
-        ("  by friction", e.internal_friction_j),
-        ("  by damper", e.friction_damper_j),
-        ("  by link", e.link_damping_j),
-    ] {
-        if taken != 0.0 {
-            lines.push((name, joule(taken)));
-        }
-    }
-    lines.push(("  left open", format!("{} J (rounding)", digits(e.residual_j, 2))));
+        ("  by particle friction", e.internal_friction_j),
+        ("  by friction damper", e.friction_damper_j),
+        ("  by soft wall or TMD", e.link_damping_j),
+    ];
+    let mut lines = vec![
+        ("energy input", joule(e.input_j)),
+        ("energy stored", joule(e.stored_j)),
+        ("energy dissipated", joule(by_mechanism.iter().map(|(_, energy_j)| energy_j).sum())),
+    ];
+    let dissipated = by_mechanism.iter().filter(|(_, energy_j)| *energy_j != 0.0);
+    lines.extend(dissipated.map(|(name, energy_j)| (*name, joule(*energy_j))));
+    lines.push(("energy residual", format!("{} J (rounding)", significant(e.residual_j, 2))));
     if let Some(driven) = &analysis.driven {
         lines.extend(steady(driven));
     }
     let mut text = String::from("Analysis");
     for (name, value) in lines {
-        text.push_str(&format!("\n  {name:<16} {value}"));
+        text.push_str(&format!("\n  {name:<23} {value}"));
     }
     text
 }
 
-fn steady(driven: &Driven) -> Vec<(&'static str, String)> {
-    let mm = |value_m: f64| format!("{} mm", digits(value_m * 1e3, 6));
+fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
     let n = driven.periods;
     let mut lines = vec![
         (
             "lock-in",
             format!(
-                "{} at {}° of the drive, over the last {n} periods",
-                mm(driven.amplitude_m),
-                digits(driven.phase_rad.to_degrees(), 5)
+                "amplitude {}, phase {}° relative to the drive, over the last {n} periods",
+                millimetres(driven.amplitude_m),
+                significant(driven.phase_rad.to_degrees(), 5)
             ),
         ),
-        ("cycle maxima", format!("{} on average, same periods", mm(driven.mean_cycle_max_abs_x_m))),
+        ("cycle maxima", format!("mean {} over the same periods", millimetres(driven.mean_cycle_max_abs_x_m))),
         (
-            "section",
+            "period",
             match driven.repeats_after {
-                Some(1) => "repeats every period".to_string(),
-                Some(k) => format!("repeats every {k} periods"),
-                None => format!("does not repeat within {} periods: transient, long-periodic or chaotic", n / 2),
+                Some(1) => "1 drive period".to_string(),
+                Some(k) => format!("{k} drive periods"),
+                None => format!("none up to {} drive periods: transient, long-periodic or chaotic", n / 2),
             },
         ),
     ];
     if let Some(orbit) = &driven.two_impact_orbit {
         lines.push((
-            "two impacts",
+            "two-impact orbit",
             format!(
-                "closed form: approach speed {} m/s, particle {} m/s, x at impact {}",
-                digits(orbit.approach_speed_m_per_s, 9),
-                digits(orbit.particle_speed_m_per_s, 9),
-                mm(orbit.impact_displacement_m)
+                "closed form: approach speed {} m/s, particle speed {} m/s, x at impact {}",
+                significant(orbit.approach_speed_m_per_s, 9),
+                significant(orbit.particle_speed_m_per_s, 9),
+                millimetres(orbit.impact_displacement_m)
             ),
         ));
     }
@@ -69,14 +70,15 @@ fn steady(driven: &Driven) -> Vec<(&'static str, String)> {
             .iter()
             .zip(&orbit.neutral)
             .map(|([re, im], neutral)| {
-                let value = if *im == 0.0 { digits(*re, 5) } else { format!("{} {:+.5}i", digits(*re, 5), im) };
+                let value =
+                    if *im == 0.0 { significant(*re, 5) } else { format!("{} {:+.5}i", significant(*re, 5), im) };
                 if *neutral { format!("{value} (neutral)") } else { value }
             })
             .collect();
         lines.push((
             "periodic orbit",
             format!(
-                "of {} drive period{}, {}; Floquet multipliers {}",
+                "{} drive period{}, {}; Floquet multipliers {}",
                 orbit.periods,
                 if orbit.periods == 1 { "" } else { "s" },
                 orbit.stability,

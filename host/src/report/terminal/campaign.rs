@@ -1,22 +1,13 @@
-//! What a run says to people: the plan with its prediction, the table of results, the summary.
+//! Text of `damprig run`: the plan with its prediction, the table of results, the summary.
 
-use comfy_table::presets::UTF8_FULL_CONDENSED;
-use comfy_table::{CellAlignment, Table};
+use comfy_table::Table;
 
+use super::table;
 use crate::campaign::Campaign;
 use crate::prediction::Prediction;
-use crate::report::figures::campaign::trimmed;
+use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
-
-pub(super) fn table(header: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_style(UTF8_FULL_CONDENSED).set_header(header.to_vec());
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
-    table
-}
 
 fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
@@ -24,7 +15,8 @@ fn ratio(value: Option<f64>) -> String {
 
 /// The set-ups with their predicted displacements.
 pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
-    let mut table = table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the range (%)"]);
+    let mut table =
+        table(&["set-up", "Z (mm)", "d/Z", "γF", "predicted max|x| (mm)", "at (Hz)", "of the sensor range (%)"]);
     let range_m = f64::from(campaign.rig.sensor_range_m()[0]);
     for prediction in predictions {
         let set_up = &campaign.set_ups[prediction.set_up];
@@ -42,10 +34,10 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     table
 }
 
-/// Per set-up: the peak of X/Z, and the value at fn.
+/// Peak of X/Z and X/Z at fn per set-up.
 pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
     let mut table =
-        table(&["set-up", "peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "of them steady"]);
+        table(&["set-up", "peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "steady points"]);
     for set_up in &campaign.set_ups {
         let own: Vec<&ResultRow> = rows.iter().filter(|r| r.set_up == set_up.name).collect();
         let Some(peak) = own.iter().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) else { continue };
@@ -66,18 +58,18 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
     table
 }
 
-/// One line on the run itself.
+/// One line: points, times, samples, losses.
 pub fn summary(manifest: &Manifest) -> String {
     let clock = manifest.clock;
     let tick_hz = manifest.device.as_ref().map_or(0.0, |d| d.tick_hz);
     let counters = manifest.counters;
     let late = manifest.controller.map_or(0, |c| c.overruns);
-    let late = if late > 0 { format!("; {late} ticks of the board came too late") } else { String::new() };
+    let late = if late > 0 { format!("; {late} ticks of the board were late") } else { String::new() };
     let speed = clock.rig_s / clock.wall_s;
-    // Nothing was timed: a run whose end could not be noted.
+    // Not finite for a run whose end was not recorded.
     let speed = if speed.is_finite() { format!(" ({speed:.0} times real time)") } else { String::new() };
     format!(
-        "{} of {} points; {:.0} s of rig time in {:.2} s{speed} at a tick of {tick_hz} Hz; {} sample rows, {} lost (dropped {}); bad frames {}{late}",
+        "{} of {} points; {:.0} s of rig time in {:.2} s{speed}, tick {tick_hz} Hz; {} sample rows, {} lost ({} dropped); {} bad frames{late}",
         manifest.points_taken,
         manifest.points_planned,
         clock.rig_s,

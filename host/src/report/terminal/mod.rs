@@ -3,4 +3,7 @@
 pub mod analysis;
 pub mod campaign;
 pub mod simulation;
+mod table;
 pub mod transients;
+
+pub use table::{plain_table, table};

@@ -1,8 +1,10 @@
-//! Periodic orbits of the exact engine and their stability. Closed forms, sections and energy are in
-//! [`damprig_core::analysis`]; this part needs linear algebra.
+//! Analysis of a simulated case: energy balance, steady state, periodic orbit and its stability.
+//!
+//! Closed forms, Poincaré sections and the energy meter are in [`damprig_core::analysis`]. This module adds the linear
+//! algebra of Floquet multipliers.
 
 mod periodic_orbit;
 mod steady_state;
 
-pub use periodic_orbit::{Multiplier, NotFound, PeriodicOrbit, Stability};
-pub use steady_state::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};
+pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
+pub use steady_state::{Analysis, Energy, ForcedResponse, OrbitSummary, SectionState, TwoImpactOrbit};

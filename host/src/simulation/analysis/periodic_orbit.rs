@@ -1,10 +1,8 @@
-//! Newton's method on the map from one drive phase to the same phase k periods on, impacts and all, and the Floquet
-//! multipliers of the orbit that it finds.
+//! Periodic orbits by Newton's method on the Poincaré map (k drive periods, impacts included), and their Floquet multipliers.
 //!
-//! The multipliers do not depend on the phase at which the orbit is cut (the section), but the differences that they are
-//! computed from do: across an impact the map's states jump. So the section lies in the middle of the longest stretch of
-//! the orbit without an event, and differences count only if every disturbed motion meets the same walls in the same
-//! order.
+//! The multipliers do not depend on the drive phase of the section, but the finite differences that they are computed from
+//! do: the states of the map jump across an impact. The section therefore lies in the middle of the longest interval of the
+//! orbit without an event, and differences are used only if every disturbed motion hits the same walls in the same order.
 
 use std::f64::consts::TAU;
 
@@ -14,16 +12,16 @@ use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// Newton steps before giving up.
+/// Most Newton steps.
 const MOST_STEPS: u32 = 40;
 
-/// Sections that are tried.
+/// Most sections tried.
 const MOST_SECTIONS: usize = 6;
 
-/// Points looked at between a multiplier and the unit circle: two separate ones are not taken for one.
+/// Points checked between a multiplier and the unit circle, so that two separate eigenvalues are not merged.
 const WAYPOINTS: u32 = 16;
 
-/// Rounding of the map, relative to the motion and its own magnification.
+/// Rounding error of the map, relative to the motion and the map's norm.
 const ROUNDING: f64 = 1e-14;
 
 /// A motion that repeats after a whole number of drive periods.
@@ -31,41 +29,41 @@ const ROUNDING: f64 = 1e-14;
 pub struct PeriodicOrbit {
     /// The state at the section.
     pub start: State,
-    /// Drive phase Ωt (of z = Z sin Ωt) of the section, rad, 0 to 2π: far from impacts.
+    /// Drive phase Ωt (of z = Z sin Ωt) of the section, rad, 0 to 2π, far from impacts.
     pub section_phase_rad: f64,
     /// Drive periods after which it repeats.
     pub periods: u32,
     /// Floquet multipliers, largest magnitude first: two for a structure alone, four with a second mass.
     pub multipliers: Vec<Multiplier>,
-    /// Norm of what is not known of the map's derivative, of which these are the eigenvalues: from differences with two
-    /// steps, and rounding.
+    /// Error of the map's derivative, whose eigenvalues these are, as a norm: from differences with two step sizes, and
+    /// rounding.
     pub derivative_error: f64,
-    /// How far from itself the state comes back, relative to the motion.
+    /// Distance between the state and its image, relative to the motion.
     pub residual: f64,
 }
 
-/// A Floquet multiplier: what a period makes of a small disturbance.
+/// A Floquet multiplier: the growth of a small disturbance in one period of the orbit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Multiplier {
     /// Its value.
     pub value: Complex<f64>,
-    /// It cannot be told from one of magnitude 1: some map within [`PeriodicOrbit::derivative_error`] has one there.
+    /// Its magnitude is 1 within the error: some map within [`PeriodicOrbit::derivative_error`] has such a multiplier.
     pub is_neutral: bool,
 }
 
-/// What becomes of small disturbances of an orbit.
+/// Stability of an orbit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stability {
-    /// They die out: every multiplier is inside the unit circle.
+    /// Small disturbances decay: every multiplier is inside the unit circle.
     Stable,
-    /// Some neither grow nor die out (a particle that never touches a wall stays wherever it is put), none grows.
+    /// Some disturbances persist (a particle that never hits a wall stays where it is put), none grows.
     Neutral,
-    /// One grows.
+    /// A disturbance grows.
     Unstable,
 }
 
 impl Stability {
-    /// As reports spell it.
+    /// Name in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -77,7 +75,7 @@ impl Stability {
 }
 
 impl PeriodicOrbit {
-    /// What becomes of small disturbances.
+    /// The stability.
     #[must_use]
     pub fn stability(&self) -> Stability {
         if self.multipliers.iter().any(|m| !m.is_neutral && m.value.norm() > 1.0) {
@@ -89,27 +87,27 @@ impl PeriodicOrbit {
         }
     }
 
-    /// The orbit near `guess`, a state at drive phase 0, that repeats after `periods` periods of a base that moves with
+    /// Finds the orbit near `guess`, a state at drive phase 0, that repeats after `periods` periods of the base motion
     /// `amplitude_m` sin Ωt.
     ///
     /// # Errors
-    /// An unphysical set-up, no convergence, a particle that rests on a wall all the time, or an orbit that grazes a wall,
-    /// where the map has no derivative.
+    /// An unphysical set-up, no convergence, a particle always at rest on a wall, or an orbit that grazes a wall, where the
+    /// map has no derivative.
     pub fn near(
         set_up: &SetUp,
         amplitude_m: f64,
         angular_frequency_rad_per_s: f64,
         guess: &State,
         periods: u32,
-    ) -> Result<Self, NotFound> {
+    ) -> Result<Self, OrbitError> {
         let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad: 0.0 };
         let mut motion = Exact::new(set_up, &sine, &initial(guess))?;
         let whole_s = f64::from(periods) * TAU / angular_frequency_rad_per_s;
-        let mut course = Course::default();
+        let mut course = EventTimes::default();
         motion.clone().run(whole_s, &mut course);
         let mut sections = course.sections(whole_s);
         sections.truncate(MOST_SECTIONS);
-        let mut not_found = NotFound::Resting;
+        let mut not_found = OrbitError::Resting;
         for at_s in sections {
             motion.reset(0.0, &initial(guess));
             motion.run(at_s, &mut ());
@@ -129,52 +127,50 @@ fn initial(state: &State) -> Initial {
     Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 
-/// Why there is no orbit to show.
+/// Why no orbit was found.
 #[derive(Clone, Debug, thiserror::Error)]
-pub enum NotFound {
-    /// The set-up itself is wrong.
+pub enum OrbitError {
+    /// The set-up is not physical.
     #[error("{0}")]
     Invalid(Invalid),
-    /// Newton's method does not come nearer.
-    #[error("no periodic orbit found: the state comes back no nearer than {distance:.1e} of the motion")]
+    /// Newton's method does not converge.
+    #[error("no periodic orbit found: Newton's method stopped at a relative residual of {distance:.1e}")]
     NoConvergence {
-        /// How far from itself the state comes back, relative to the motion.
+        /// Distance between the state and its image, relative to the motion.
         distance: f64,
     },
-    /// The particle rests on a wall all the time.
-    #[error("the particle rests on a wall all the time: no multipliers")]
+    /// The particle is always at rest on a wall.
+    #[error("no multipliers: the particle is always at rest on a wall")]
     Resting,
-    /// Small disturbances change which walls are met.
-    #[error(
-        "the orbit grazes a wall: disturbances of {step:.0e} of the motion add or remove an impact; no multipliers"
-    )]
+    /// Small disturbances change the sequence of impacts.
+    #[error("no multipliers: the orbit grazes a wall (a relative disturbance of {step:.0e} adds or removes an impact)")]
     Grazing {
         /// The smallest disturbance tried, relative to the motion.
         step: f64,
     },
 }
 
-impl From<Invalid> for NotFound {
+impl From<Invalid> for OrbitError {
     fn from(invalid: Invalid) -> Self {
         Self::Invalid(invalid)
     }
 }
 
-/// When something happens along an orbit.
+/// Event times along an orbit.
 #[derive(Default)]
-struct Course {
-    /// Instants of events, s, and whether the particle rests on a wall from there on.
+struct EventTimes {
+    /// Time of each event, s, and whether the particle rests on a wall after it.
     events: Vec<(f64, bool)>,
     rests: bool,
 }
 
-impl Course {
+impl EventTimes {
     fn take(&mut self, time_s: f64) {
         self.events.push((time_s, self.rests));
     }
 
-    /// Instants to cut an orbit of `whole_s` at: in the middle of the longest stretches without an event first, then at
-    /// their quarters; none while the particle rests on a wall.
+    /// Candidate sections of an orbit of `whole_s`, s: the middles of the longest intervals without an event, then their
+    /// quarters; none while the particle rests on a wall.
     fn sections(&self, whole_s: f64) -> Vec<f64> {
         let mut stretches: Vec<(f64, f64)> = self
             .events
@@ -195,7 +191,7 @@ impl Course {
     }
 }
 
-impl Observer for Course {
+impl Observer for EventTimes {
     const ARCS: bool = false;
 
     fn impact(&mut self, impact: &Impact) {
@@ -208,18 +204,18 @@ impl Observer for Course {
 
     fn mode(&mut self, time_s: f64, mode: Mode) {
         self.rests = matches!(mode.contact, Contact::Held(side) if side != 0);
-        // The mode of the start is no event.
+        // The initial mode is not an event.
         if time_s > 0.0 {
             self.take(time_s);
         }
     }
 }
 
-/// Which walls a motion meets, in order; a chatter that comes to rest is one entry, however many bounces it has.
+/// Sequence of walls hit. An accumulation is one entry, however many impacts it has.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Walls(Vec<Sign>);
+struct ImpactSequence(Vec<Sign>);
 
-impl Observer for Walls {
+impl Observer for ImpactSequence {
     const ARCS: bool = false;
 
     fn impact(&mut self, impact: &Impact) {
@@ -234,14 +230,14 @@ impl Observer for Walls {
     }
 }
 
-/// The map's derivative, and what is not known of it.
+/// The map's derivative.
 struct Derivative {
     matrix: DMatrix<f64>,
-    /// Every disturbed motion meets the walls of the undisturbed one.
+    /// Whether every disturbed motion has the undisturbed sequence of impacts.
     is_smooth: bool,
 }
 
-/// The map, in units of the motion: displacements over its size, velocities over size × Ω.
+/// The Poincaré map, scaled: displacements by the size of the motion, velocities by size × Ω.
 struct Map {
     motion: Exact,
     end_s: f64,
@@ -260,7 +256,7 @@ impl Map {
         phase_rad: f64,
         periods: u32,
         guess: &State,
-    ) -> Result<Self, NotFound> {
+    ) -> Result<Self, OrbitError> {
         let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad };
         let motion = Exact::new(set_up, &sine, &Initial::default())?;
         let clearance_m = set_up.particle.map_or(f64::INFINITY, |p| p.clearance_m);
@@ -281,25 +277,25 @@ impl Map {
         })
     }
 
-    fn orbit_near(&self, guess: &State) -> Result<PeriodicOrbit, NotFound> {
+    fn orbit_near(&self, guess: &State) -> Result<PeriodicOrbit, OrbitError> {
         let step = f64::EPSILON.cbrt();
         let mut at = self.vector(guess);
         let mut image = self.of(&at).0;
         let mut distance = (&image - &at).norm();
         for _ in 0..MOST_STEPS {
-            let derivative = self.derivative(&at, step).ok_or(NotFound::Resting)?;
-            // Rounding grows by the map's own magnification.
+            let derivative = self.derivative(&at, step).ok_or(OrbitError::Resting)?;
+            // The map magnifies rounding by its norm.
             let magnification = 1.0 + derivative.matrix.norm();
             let rounding = ROUNDING * magnification;
             if distance <= rounding {
                 return self.orbit(&at, distance);
             }
-            // Neutral directions cannot be solved for and need not be: singular values of rounding are left out.
+            // Neutral directions have singular values of the size of rounding, which are left out.
             let newton = (&derivative.matrix - DMatrix::identity(self.size, self.size))
                 .svd(true, true)
                 .solve(&(&at - &image), rounding / step)
-                .map_err(|_| NotFound::NoConvergence { distance })?;
-            // A step that leads away is shortened: across an impact the map is only piecewise smooth.
+                .map_err(|_| OrbitError::NoConvergence { distance })?;
+            // The map is only piecewise smooth, so a step that increases the residual is shortened.
             let better = (0..12).map(|n| 0.5_f64.powi(n)).find_map(|share| {
                 let next = self.inside(&(&at + share * &newton));
                 let image = self.of(&next).0;
@@ -310,12 +306,12 @@ impl Map {
                 Some((next, image_there, distance_there)) => {
                     (at, image, distance) = (next, image_there, distance_there);
                 }
-                // As near as rounding lets it come.
+                // The residual is as small as rounding allows.
                 None if distance <= 1e3 * rounding => return self.orbit(&at, distance),
-                None => return Err(NotFound::NoConvergence { distance }),
+                None => return Err(OrbitError::NoConvergence { distance }),
             }
         }
-        Err(NotFound::NoConvergence { distance })
+        Err(OrbitError::NoConvergence { distance })
     }
 
     fn vector(&self, s: &State) -> DVector<f64> {
@@ -328,7 +324,7 @@ impl Map {
         State { x_m: value(0), v_m_per_s: value(1), offset_m: value(2), slide_m_per_s: value(3) }
     }
 
-    /// The same with the particle inside its cavity.
+    /// The vector with the particle moved inside its cavity.
     fn inside(&self, at: &DVector<f64>) -> DVector<f64> {
         let mut at = at.clone();
         if self.size == 4 {
@@ -338,15 +334,15 @@ impl Map {
         at
     }
 
-    fn of(&self, at: &DVector<f64>) -> (DVector<f64>, Walls) {
+    fn of(&self, at: &DVector<f64>) -> (DVector<f64>, ImpactSequence) {
         let mut motion = self.motion.clone();
         motion.reset(0.0, &initial(&self.state(at)));
-        let mut walls = Walls::default();
+        let mut walls = ImpactSequence::default();
         motion.run(self.end_s, &mut walls);
         (self.vector(motion.state()), walls)
     }
 
-    /// Central differences over ±`step`; none where the particle has no room on both sides.
+    /// Central differences over ±`step`; `None` where the particle has no room on both sides.
     fn derivative(&self, at: &DVector<f64>, step: f64) -> Option<Derivative> {
         let undisturbed = self.of(at).1;
         let mut derivative = Derivative { matrix: DMatrix::zeros(self.size, self.size), is_smooth: true };
@@ -364,15 +360,15 @@ impl Map {
         Some(derivative)
     }
 
-    /// The orbit through `at`, with the largest step of the differences at which the map is smooth.
-    fn orbit(&self, at: &DVector<f64>, residual: f64) -> Result<PeriodicOrbit, NotFound> {
+    /// The orbit through `at`, differentiated with the largest step at which the map is smooth.
+    fn orbit(&self, at: &DVector<f64>, residual: f64) -> Result<PeriodicOrbit, OrbitError> {
         let mut step = f64::EPSILON.cbrt();
         for _ in 0..4 {
-            let derivative = self.derivative(at, step).ok_or(NotFound::Resting)?;
+            let derivative = self.derivative(at, step).ok_or(OrbitError::Resting)?;
             if derivative.is_smooth {
-                let finer = self.derivative(at, 0.5 * step).ok_or(NotFound::Resting)?;
+                let finer = self.derivative(at, 0.5 * step).ok_or(OrbitError::Resting)?;
                 let matrix = derivative.matrix;
-                // The difference of both is ¾ of the coarser one's truncation, and rounding.
+                // Truncation falls fourfold with half the step, so the difference is 3/4 of it, plus rounding.
                 let rounding = ROUNDING * (1.0 + matrix.norm()) / step;
                 let error = 4.0 / 3.0 * (&matrix - finer.matrix).norm() + rounding;
                 return Ok(PeriodicOrbit {
@@ -386,15 +382,16 @@ impl Map {
             }
             step *= 0.1;
         }
-        Err(NotFound::Grazing { step: 10.0 * step })
+        Err(OrbitError::Grazing { step: 10.0 * step })
     }
 }
 
-/// The eigenvalues of a matrix that is known to `error` in its norm, largest first.
+/// Eigenvalues of a matrix known within `error` (a norm), largest magnitude first.
 ///
-/// A point is an eigenvalue of some matrix within that error exactly if the smallest singular value of `matrix − point` is
-/// no larger. So an eigenvalue is neutral if all points from it to the nearest one of the unit circle are, also where it
-/// is defective, as that of a particle in free flight is: there an error ε moves it by √ε.
+/// A point is an eigenvalue of some matrix within that error if and only if the smallest singular value of
+/// `matrix − point` is at most the error. An eigenvalue is neutral if this holds for all points from it to the nearest point
+/// of the unit circle. The criterion also holds for defective eigenvalues, which an error ε moves by √ε (a particle in free
+/// flight).
 fn multipliers(matrix: &DMatrix<f64>, error: f64) -> Vec<Multiplier> {
     let size = matrix.nrows();
     let complex = matrix.map(|value| Complex::new(value, 0.0));
@@ -463,7 +460,7 @@ mod tests {
         for (ratio, e, d, stable) in [(1.0, 0.5, 10.0, true), (1.1, 0.5, 5.0, true), (1.0, 0.5, 20.0, false)] {
             let (set_up, turning) = (damper(d, e), ratio * NATURAL);
             let formula = SymmetricOrbit::new(&set_up, 1.0, turning).expect("it exists");
-            // The formula's orbit, taken on to the next drive phase 0.
+            // The formula's orbit, advanced to the next drive phase 0.
             let sine = Excitation::Sine {
                 amplitude_m: 1.0,
                 angular_frequency_rad_per_s: turning,

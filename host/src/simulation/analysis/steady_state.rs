@@ -1,4 +1,4 @@
-//! What a simulated case settles on: energy, section and period, lock-in, the orbit and its stability.
+//! Analyses a simulated case (`damprig simulate --analyse`): energy balance, lock-in, period, orbit and stability.
 
 use std::f64::consts::TAU;
 
@@ -13,23 +13,23 @@ use serde::Serialize;
 use super::periodic_orbit::{PeriodicOrbit, Stability};
 use crate::simulation::Case;
 
-/// Drive periods at the end that are looked at.
-const LOOKED_AT: u64 = 64;
+/// Most drive periods at the end of the run that are analysed.
+const ANALYSED_PERIODS: u64 = 64;
 
-/// The states of a section that count as the same, relative to the motion.
+/// Relative difference below which two states of a section count as equal.
 const SAME: f64 = 1e-6;
 
-/// The section keeps this share of a drive period from impacts: states that are the [`SAME`] but for a small shift of an
-/// impact must lie on the same side of it.
+/// Least distance of the section from an impact, as a fraction of the drive period: a small shift of an impact must not
+/// move it across the section.
 const CLEAR_OF_IMPACTS: f64 = 1e-3;
 
-/// What was found.
+/// Analysis of a case.
 #[derive(Clone, Debug, Serialize)]
 pub struct Analysis {
-    /// Where the energy of the whole run came from and went.
+    /// Energy balance of the whole run.
     pub energy: Energy,
-    /// What a steady drive makes of it; none without a sine.
-    pub driven: Option<Driven>,
+    /// Response to a sinusoidal excitation; `None` for others.
+    pub driven: Option<ForcedResponse>,
 }
 
 /// Energy by mechanism over the whole run, J.
@@ -37,19 +37,19 @@ pub struct Analysis {
 pub struct Energy {
     /// Work of the base or the force.
     pub input_j: f64,
-    /// Kinetic and elastic energy at the end less that at the start.
+    /// Kinetic and elastic energy at the end minus that at the start.
     pub stored_j: f64,
-    /// Taken by the structure's dashpot.
+    /// Dissipated by the structure's dashpot.
     pub structure_damping_j: f64,
-    /// Taken by impacts on hard walls.
+    /// Dissipated by impacts on hard walls.
     pub impacts_j: f64,
-    /// Taken by friction between particle and structure.
+    /// Dissipated by friction between particle and structure.
     pub internal_friction_j: f64,
-    /// Taken by the friction damper.
+    /// Dissipated by the friction damper.
     pub friction_damper_j: f64,
-    /// Taken by the dashpot of a soft wall or tuned mass.
+    /// Dissipated by the dashpot of a soft wall or tuned mass.
     pub link_damping_j: f64,
-    /// What the balance leaves open: rounding.
+    /// Residual of the balance: rounding.
     pub residual_j: f64,
 }
 
@@ -68,33 +68,33 @@ impl From<Balance> for Energy {
     }
 }
 
-/// The end of a run under a sine.
+/// The last periods of a run under a sine.
 #[derive(Clone, Debug, Serialize)]
-pub struct Driven {
-    /// Drive periods looked at, the last of the run.
+pub struct ForcedResponse {
+    /// Number of drive periods analysed.
     pub periods: u64,
     /// Amplitude of x at the drive frequency, m.
     pub amplitude_m: f64,
-    /// Its phase against the drive, rad, −π to π.
+    /// Phase of x relative to the drive, rad, −π to π.
     pub phase_rad: f64,
-    /// Mean of these periods' largest |x|, m.
+    /// Mean over these periods of the largest |x|, m.
     pub mean_cycle_max_abs_x_m: f64,
-    /// Drive periods after which the section repeats to 10⁻⁶; none if it does not.
+    /// Drive periods after which the section repeats within 1e-6; `None` if it does not.
     pub repeats_after: Option<usize>,
-    /// Drive phase at which the section is taken, rad, 0 to 2π: that of the run's start, or one clear of impacts if the
-    /// motion repeats and they fall there.
+    /// Drive phase of the section, rad, 0 to 2π: that of the run's start, or one away from impacts if a periodic motion has
+    /// impacts there.
     pub section_phase_rad: f64,
-    /// The last states there, oldest first.
+    /// The last states at the section, oldest first.
     pub section: Vec<SectionState>,
-    /// The orbit of two equispaced impacts a cycle in closed form, where it exists.
+    /// Closed form of the orbit with two equispaced impacts per cycle, where it exists.
     pub two_impact_orbit: Option<TwoImpactOrbit>,
-    /// The periodic orbit that the end is on, by Newton's method.
-    pub orbit: Option<Orbit>,
-    /// Why there is none.
+    /// Periodic orbit at the end of the run, by Newton's method.
+    pub orbit: Option<OrbitSummary>,
+    /// Why no orbit was found.
     pub no_orbit: Option<String>,
 }
 
-/// A state of the section.
+/// A state at the section.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SectionState {
     /// x, m.
@@ -113,37 +113,37 @@ impl From<&State> for SectionState {
     }
 }
 
-/// The closed form (Masri and Caughey).
+/// The two-impact orbit in closed form (Masri and Caughey).
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct TwoImpactOrbit {
     /// Speed of the particle, m/s.
     pub particle_speed_m_per_s: f64,
-    /// |x′ − y′| just before an impact, m/s.
+    /// |x′ − y′| before an impact, m/s.
     pub approach_speed_m_per_s: f64,
     /// Displacement at the impact on the + wall, m.
     pub impact_displacement_m: f64,
 }
 
-/// An orbit found by Newton's method.
+/// A periodic orbit found by Newton's method.
 #[derive(Clone, Debug, Serialize)]
-pub struct Orbit {
+pub struct OrbitSummary {
     /// Drive periods after which it repeats.
     pub periods: u32,
-    /// Drive phase at which it was cut to find it, rad, 0 to 2π: far from impacts.
+    /// Drive phase of its section, rad, 0 to 2π: far from impacts.
     pub section_phase_rad: f64,
     /// Floquet multipliers, real and imaginary part, largest first.
     pub multipliers: Vec<[f64; 2]>,
-    /// Which of them cannot be told from one of magnitude 1: small disturbances in that direction neither grow nor die out.
+    /// Which multipliers are 1 in magnitude within the error: disturbances in that direction neither grow nor decay.
     pub neutral: Vec<bool>,
-    /// Norm of what is not known of the matrix whose eigenvalues they are.
+    /// Error of the matrix whose eigenvalues they are, as a norm.
     pub derivative_error: f64,
-    /// Whether small disturbances all die out ("stable"), some stay and none grows ("neutral"), or one grows ("unstable").
+    /// "stable": all small disturbances decay; "neutral": some persist, none grows; "unstable": one grows.
     pub stability: &'static str,
-    /// Whether all multipliers lie inside the unit circle: the stability is "stable".
+    /// Whether all multipliers lie inside the unit circle.
     pub stable: bool,
 }
 
-impl From<&PeriodicOrbit> for Orbit {
+impl From<&PeriodicOrbit> for OrbitSummary {
     fn from(orbit: &PeriodicOrbit) -> Self {
         let stability = orbit.stability();
         Self {
@@ -158,11 +158,11 @@ impl From<&PeriodicOrbit> for Orbit {
     }
 }
 
-/// When the velocity jumps, s.
+/// Times at which the velocity jumps, s.
 #[derive(Default)]
-struct Jumps(Vec<f64>);
+struct VelocityJumps(Vec<f64>);
 
-impl Observer for Jumps {
+impl Observer for VelocityJumps {
     const ARCS: bool = false;
 
     fn impact(&mut self, impact: &Impact) {
@@ -172,10 +172,10 @@ impl Observer for Jumps {
     }
 }
 
-/// How much later the sections each `period_s` of a motion, which is at one of them at `start_s`, are taken so that they keep
-/// clear of its jumps: none if they do.
+/// Delay that moves the sections of a motion away from its velocity jumps, s; `None` if none is near. The sections are
+/// `period_s` apart, the first at `start_s`.
 fn delay_s(motion: &Exact, start_s: f64, length_s: f64, period_s: f64) -> Option<f64> {
-    let mut jumps = Jumps::default();
+    let mut jumps = VelocityJumps::default();
     motion.clone().run(start_s + length_s, &mut jumps);
     let mut at: Vec<f64> = jumps.0.iter().map(|time_s| (time_s - start_s).rem_euclid(period_s)).collect();
     at.sort_by(f64::total_cmp);
@@ -190,7 +190,7 @@ fn delay_s(motion: &Exact, start_s: f64, length_s: f64, period_s: f64) -> Option
 }
 
 impl Analysis {
-    /// Of a case in closed form; none for one that plays a record.
+    /// Analyses a case with an excitation in closed form; `None` for a recorded base motion.
     #[must_use]
     pub fn of(case: &Case) -> Option<Self> {
         if case.record.is_some() {
@@ -201,7 +201,7 @@ impl Analysis {
         let driven = match case.excitation {
             Excitation::Sine { angular_frequency_rad_per_s, .. }
             | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => {
-                Driven::of(case, motion, angular_frequency_rad_per_s, &mut meter)
+                ForcedResponse::of(case, motion, angular_frequency_rad_per_s, &mut meter)
             }
             _ => {
                 let mut motion = motion;
@@ -213,7 +213,7 @@ impl Analysis {
     }
 }
 
-impl Driven {
+impl ForcedResponse {
     fn of(case: &Case, motion: Exact, turning: f64, meter: &mut EnergyMeter) -> Option<Self> {
         let period_s = TAU / turning;
         let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor() as u64;
@@ -222,7 +222,7 @@ impl Driven {
             motion.run(case.run.duration_s, meter);
             return None;
         }
-        let periods = LOOKED_AT.min(whole.div_ceil(2));
+        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2));
         let start_s = (whole - periods) as f64 * period_s;
         motion.run(start_s, meter);
         let mut lock_in = LockIn::new(turning);
@@ -238,7 +238,7 @@ impl Driven {
         response.finish(whole as f64 * period_s);
         let mut repeats_after = period(&states, SAME);
         let mut delayed_s = 0.0;
-        // Impacts at the section fall before or after it by chance: a motion that repeats is cut where there are none.
+        // Rounding decides on which side of the section an impact falls, so a periodic motion is cut away from impacts.
         if let Some(delay_s) = delay_s(&motion, start_s, periods as f64 * period_s, period_s) {
             motion.run(start_s + delay_s, &mut ());
             let mut later = Section::new(motion, period_s);
@@ -256,7 +256,7 @@ impl Driven {
         };
         let phase = lock_in.phase_rad() - phase_of_drive;
         let found = base_amplitude_m.map(|amplitude_m| {
-            // The orbit is looked for at drive phase 0, so the last state is carried there.
+            // The search for the orbit starts at drive phase 0.
             let mut there = Exact::clone(&motion);
             let mut late_s = (whole as f64 * period_s) + (TAU - phase_of_drive.rem_euclid(TAU)) / turning;
             if late_s < there.time_s() {
@@ -267,7 +267,7 @@ impl Driven {
             PeriodicOrbit::near(&case.set_up, amplitude_m, turning, there.state(), periods)
         });
         let (orbit, no_orbit) = match found {
-            Some(Ok(orbit)) => (Some(Orbit::from(&orbit)), None),
+            Some(Ok(orbit)) => (Some(OrbitSummary::from(&orbit)), None),
             Some(Err(why)) => (None, Some(why.to_string())),
             None => (None, None),
         };

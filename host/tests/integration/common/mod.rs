@@ -210,6 +210,6 @@ pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
         .args(arguments)
         .assert()
         .code(1)
-        .stderr(predicates::str::contains("`damprig run --resume out` goes on"));
+        .stderr(predicates::str::contains("continue with `damprig run --resume out`"));
     (folder, rig)
 }

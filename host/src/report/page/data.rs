@@ -1,13 +1,13 @@
-//! What a report page tells, gathered from a run folder: whatever of it can be read.
+//! Gathers the contents of the report page from a run folder, as far as it can be read.
 
 use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::gaps::{self, Gaps};
+use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
 use crate::input::Source;
-use crate::report::figures::campaign::Shown;
+use crate::report::figures::campaign::PlottedPoint;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::schema::device::BoardSettings;
@@ -16,44 +16,44 @@ use crate::run_folder::schema::manifest::Manifest;
 use crate::run_folder::schema::results;
 use crate::run_folder::{ReadError, RunFolder};
 
-/// A measured point, as far as the page shows it.
+/// A measured point, as the page shows it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Point {
+pub(super) struct PagePoint {
     pub(super) experiment: String,
-    pub(super) shown: Shown,
-    /// Base: lock-in amplitude, m.
+    pub(super) shown: PlottedPoint,
+    /// Lock-in amplitude of z, m.
     pub(super) z_m: f64,
-    /// Mean over the cycles of max|x|, m.
+    /// Mean of the cycle maxima of |x|, m.
     pub(super) x_m: f64,
     /// Largest |x|, m.
     pub(super) x_max_m: f64,
     pub(super) cycles: u64,
     pub(super) saturated: bool,
-    /// Names of the sensors that were clipped.
+    /// Names of the clipped sensors.
     pub(super) clipped: String,
     pub(super) segment: u64,
 }
 
-/// The run.
+/// The contents of the page.
 #[derive(Debug)]
-pub(super) struct Facts {
-    /// Name of its folder.
+pub(super) struct PageData {
+    /// Name of the run folder.
     pub(super) id: String,
     pub(super) manifest: Manifest,
-    /// The campaign as run; why it cannot be read otherwise.
+    /// The campaign as run, or why it cannot be read.
     pub(super) campaign: Result<Campaign, String>,
-    /// In the order of the campaign.
-    pub(super) points: Vec<Point>,
-    /// What the journal adds up to; nothing of a run without one.
+    /// Points in the order of the campaign.
+    pub(super) points: Vec<PagePoint>,
+    /// State of the journal; empty for a run without one.
     pub(super) taken: JournalState,
-    /// Links that went and came, and when.
+    /// Times and texts of link events.
     pub(super) link: Vec<(String, String)>,
-    pub(super) gaps: Gaps,
-    /// What cannot be read, in words.
+    pub(super) gaps: SampleGaps,
+    /// Parts that cannot be read.
     pub(super) unreadable: Vec<String>,
 }
 
-impl Facts {
+impl PageData {
     pub(super) fn of(run: &RunFolder) -> Self {
         let path = run.path();
         let mut unreadable = Vec::new();
@@ -98,19 +98,19 @@ impl Facts {
         }
     }
 
-    /// Everything that cannot be read, in words.
+    /// All parts that cannot be read.
     pub(super) fn all_unreadable(&self) -> Vec<String> {
         let campaign = self.campaign.as_ref().err();
         campaign.into_iter().chain(&self.unreadable).chain(&self.gaps.unreadable).cloned().collect()
     }
 
-    /// Shown of each point.
-    pub(super) fn shown(&self) -> Vec<Shown> {
+    /// The points for the figures.
+    pub(super) fn plotted_points(&self) -> Vec<PlottedPoint> {
         self.points.iter().map(|p| p.shown.clone()).collect()
     }
 
     /// Points of a set-up.
-    pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a Point> {
+    pub(super) fn points_of<'a>(&'a self, set_up: &'a str) -> impl Iterator<Item = &'a PagePoint> {
         self.points.iter().filter(move |p| p.shown.set_up == set_up)
     }
 }
@@ -119,26 +119,26 @@ fn read_campaign(path: &Path, board: Option<&BoardSettings>) -> Result<Campaign,
     let source = Source::read(&path.join("campaign.toml")).map_err(|e| e.to_string())?;
     let mut campaign = Campaign::parse(source.recorded()).map_err(|e| e.to_string())?;
     if let Some(board) = board {
-        // What was refused did not run.
+        // Experiments that the board rejects did not run.
         let _ = campaign.on_board(&board.settings, false);
     }
     Ok(campaign)
 }
 
-fn points(batch: &RecordBatch) -> Result<Vec<Point>, ReadError> {
+fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
     let number = |name: &str| numbers(batch, name);
     let (f, ratio, phase) = (number("frequency_hz")?, number("x_over_z")?, number("phase_rad")?);
     let (z, x, x_max) = (number("z_amplitude_m")?, number("x_mean_cycle_max_m")?, number("x_max_m")?);
     let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
-    // Columns that older runs lack.
+    // Older runs lack these columns.
     let saturated = column(batch, "drive_saturated").unwrap_or_default();
     let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
-    let point = |n: usize| Point {
+    let point = |n: usize| PagePoint {
         experiment: experiments[n].clone(),
-        shown: Shown {
+        shown: PlottedPoint {
             set_up: set_ups[n].clone(),
             frequency_hz: f[n],
             x_over_z: ratio[n],

@@ -1,0 +1,76 @@
+//! Values of command-line options that several subcommands share: `--rig` and durations.
+
+use std::str::FromStr;
+use std::time::Duration;
+
+use super::outcome::Failure;
+use crate::client::devices::{only, ports, query};
+use crate::client::link::Address;
+use crate::settings::read_board;
+
+/// The value of `--rig`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Rig {
+    /// `auto`: the only connected board.
+    Auto,
+    /// An address.
+    At(Address),
+}
+
+impl FromStr for Rig {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        text.parse().map(Self::At).map_err(|e: String| e.replace("must be virtual,", "must be auto, virtual,"))
+    }
+}
+
+impl Rig {
+    /// The address of the rig. Reads the settings file of a virtual board to check it.
+    ///
+    /// # Errors
+    /// `auto` without exactly one board; unreadable settings of a virtual board.
+    pub fn find(&self) -> Result<Address, Failure> {
+        match self {
+            Self::At(address) => {
+                if let Address::Virtual { board: Some(board), .. } = address {
+                    read_board(board).map_err(Failure::input)?;
+                }
+                Ok(address.clone())
+            }
+            Self::Auto => {
+                only(&query(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
+            }
+        }
+    }
+}
+
+/// Parses a timeout of at least 0.1 s.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    number(text, |s| (0.1..=86_400.0).contains(&s), "of seconds from 0.1 to 86400")
+}
+
+/// Parses a duration that may be 0.
+pub(super) fn seconds_or_zero(text: &str) -> Result<f64, String> {
+    number(text, |s| (0.0..=864_000.0).contains(&s), "of seconds from 0 to 864000")
+}
+
+/// Parses a number greater than 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    number(text, |v| v > 0.0, "greater than 0")
+}
+
+/// Parses a number of at least 0.
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, |v| v >= 0.0, "0 or greater")
+}
+
+fn number(text: &str, is_allowed: impl Fn(f64) -> bool, allowed: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && is_allowed(value) => Ok(value),
+        _ => Err(format!("must be a number {allowed}")),
+    }
+}

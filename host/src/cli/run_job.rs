@@ -1,0 +1,207 @@
+//! Runs a checked campaign for `damprig run` and completes the run folder.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use super::arguments::Rig;
+use super::outcome::{Failure, Outcome};
+use super::progress::Progress;
+use crate::campaign::Campaign;
+use crate::client::link::Address;
+use crate::client::session::Session;
+use crate::prediction::Prediction;
+use crate::prediction::transient::Expected;
+use crate::report::figures::campaign::{self as figures, PlottedPoint};
+use crate::report::page::page;
+use crate::report::terminal;
+use crate::run_folder::RunFolder;
+use crate::run_folder::checksum;
+use crate::run_folder::journal::{Begin, Ended, Entry, Journal};
+use crate::run_folder::schema::acting_settings::acting_settings;
+use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
+use crate::run_folder::write::writer::{Layout, Writer};
+use crate::run_folder::write::{OutputFolder, Recorder};
+use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
+
+/// Journal entry for the start or resumption of a run.
+pub(super) fn begin_entry(campaign: &Campaign, session: &Session, selection: &Selection, now: &jiff::Zoned) -> Begin {
+    Begin {
+        at: now.to_string(),
+        damprig: crate::VERSION_LINE.to_string(),
+        device: device_record(session),
+        signals: selection.signals.clone(),
+        every_ticks: campaign.telemetry.every_ticks(),
+        campaign: campaign.source.text().to_string(),
+    }
+}
+
+/// Largest predicted |x| of each set-up in use, m.
+pub(super) fn largest_predicted(predictions: &[Prediction], expected: &[Expected]) -> BTreeMap<usize, f64> {
+    let swings = predictions.iter().map(|p| (p.set_up, p.swing.max_x_m));
+    let mut all = BTreeMap::new();
+    for (set_up, x_m) in swings.chain(expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
+        let most: &mut f64 = all.entry(set_up).or_default();
+        *most = most.max(x_m);
+    }
+    all
+}
+
+/// A checked campaign, ready to run.
+pub(super) struct Job<'a> {
+    /// Value of `--rig`, searched again when a lost link is opened.
+    pub given_rig: Option<&'a Rig>,
+    pub timeout: Duration,
+    /// How long to try to reconnect; zero for never.
+    pub reconnect_within: Duration,
+    pub mount_without_asking: bool,
+    pub rig: Address,
+    pub campaign: &'a Campaign,
+    /// Largest predicted |x| of each set-up in use, m.
+    pub largest_predicted_m: BTreeMap<usize, f64>,
+    pub folder: OutputFolder,
+    /// State of a resumed run.
+    pub taken: JournalState,
+}
+
+impl Job<'_> {
+    /// Runs the campaign, then writes manifest, figures and report page.
+    pub(super) fn run(
+        &self,
+        session: &mut Session,
+        selection: Selection,
+        begin: Begin,
+        journal: Journal,
+        stop: &AtomicBool,
+    ) -> Outcome {
+        let device = &begin.device;
+        say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
+        let mut manifest = self.manifest(&begin);
+        let layout = Layout {
+            signals: begin.signals.clone(),
+            every_ticks: begin.every_ticks,
+            tick_hz: device.tick_hz,
+            order: self.campaign.in_order(),
+        };
+        let waits_for_room = session.is_granted();
+        let mut writer =
+            Writer::new(self.folder.path(), journal, layout, self.taken.clone()).map_err(Failure::failed)?;
+        writer.note(&Entry::Begin(Box::new(begin))).map_err(Failure::failed)?;
+        manifest.note(writer.state(), writer.rows());
+        self.folder.write_manifest(&manifest).map_err(Failure::failed)?;
+        let taken = writer.state().clone();
+
+        let wall = Instant::now();
+        let mut progress = Progress::new(self.campaign, self.mount_without_asking);
+        let mut recorder = Recorder::start(writer, waits_for_room);
+        let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
+        let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        progress.end();
+        let accepted = recorder.accepted_rows();
+        let (writer, stored) = recorder.finish();
+        let Some(mut writer) = writer else {
+            return Err(Failure::failed("the recorder thread has stopped; the run is incomplete"));
+        };
+        let closed = stored.and(writer.close());
+        let unwritten = writer.unwritten_rows(accepted);
+        tally.counters.dropped_rows_host += unwritten;
+        tally.counters.lost_rows += unwritten;
+        self.end(writer, manifest, tally, result.and(closed.map_err(RunError::from)), wall.elapsed())
+    }
+
+    fn reconnect(&self) -> Option<Reconnect<'_>> {
+        let (within, timeout) = (self.reconnect_within, self.timeout);
+        let open = Box::new(move || {
+            // A board that was plugged in again may have another port.
+            let found = self.given_rig.filter(|rig| **rig == Rig::Auto).and_then(|rig| rig.find().ok());
+            Session::open(found.as_ref().unwrap_or(&self.rig), timeout)
+        });
+        (!within.is_zero()).then_some(Reconnect { within, open })
+    }
+
+    fn manifest(&self, begin: &Begin) -> Manifest {
+        let record = |(set_up, x_m): (&usize, &f64)| SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m);
+        let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
+        let mut manifest =
+            Manifest::begin(self.campaign, self.largest_predicted_m.iter().map(record).collect(), started);
+        manifest.device = Some(begin.device.clone());
+        manifest.acting_settings = acting_settings(self.campaign, begin.device.settings.as_ref());
+        manifest.signals = begin.signals.clone();
+        manifest
+    }
+
+    /// Joins the samples, draws the figures, writes page and manifest, and prints the results.
+    fn end(
+        &self,
+        mut writer: Writer,
+        mut manifest: Manifest,
+        tally: Tally,
+        result: Result<(), RunError>,
+        wall: Duration,
+    ) -> Outcome {
+        let result = result.and_then(|()| Ok(writer.join()?));
+        let reason = result.as_ref().err().map(ToString::to_string);
+        let ended = Ended {
+            at: jiff::Zoned::now().to_string(),
+            reason: reason.clone(),
+            counters: tally.counters,
+            controller: tally.controller,
+            wall_s: wall.as_secs_f64(),
+        };
+        let ended = Entry::Ended(ended);
+        let noted = writer.note(&ended);
+        let mut taken = writer.state().clone();
+        if noted.is_err() {
+            // Keep the ending in memory although the journal could not be written.
+            taken.add(&ended);
+        }
+        let rows = writer.results();
+        manifest.clock = Durations { rig_s: tally.rig_s, wall_s: taken.wall_s() };
+        manifest.counters = taken.losses();
+        manifest.note(&taken, writer.rows());
+        manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
+        let path = self.folder.path();
+        let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
+        let drawn = if has_sines {
+            let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
+            figures::response(self.campaign, &points).and_then(|picture| picture.write(path, "figure"))
+        } else {
+            Ok(())
+        };
+        let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {
+            Some(picture) => picture.write(path, "transients"),
+            None => Ok(()),
+        });
+        let page_written = self.folder.write_page(&page(&RunFolder::with_manifest(path, manifest.clone())).html);
+        let sums = checksum::of_folder(path);
+        manifest.files = sums.clone().unwrap_or_default();
+        let written = noted.and(page_written).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
+        if has_sines {
+            say!("{}", terminal::campaign::results(self.campaign, &rows));
+        }
+        terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
+        say!("{}", terminal::campaign::summary(&manifest));
+        say!("Run folder: {}", path.display());
+        if let Err(error) = &result {
+            let (taken, planned) = (manifest.points_taken, manifest.points_planned);
+            let shown = path.display();
+            let kept = format!(
+                "\n  {taken} of {planned} points are kept in {shown}; continue with `damprig run --resume {shown}`"
+            );
+            return Err(failure(error, &kept));
+        }
+        written.map_err(Failure::failed)?;
+        drawn.map_err(Failure::failed)
+    }
+}
+
+/// The failure of a run, with a note on the recorded data.
+pub(super) fn failure(error: &RunError, kept: &str) -> Failure {
+    let message = format!("{error}{kept}");
+    match error {
+        RunError::Refused(_) => Failure::Input(message),
+        RunError::Interrupted => Failure::Interrupted(message),
+        _ => Failure::Failed(message),
+    }
+}

@@ -1,0 +1,54 @@
+//! One-line descriptions of a set-up and of an excitation, for legends, titles and prompts.
+
+use std::f64::consts::TAU;
+
+use damprig_core::integrator::exact::Excitation;
+
+use super::numbers::{millimetres, significant, trimmed};
+use crate::campaign::CampaignSetUp;
+use crate::motion_record::Quantity;
+use crate::simulation::Case;
+
+/// The parameters in which set-ups differ: `d/Z = 10, γF = 0.6, Z = 1.5 mm`.
+#[must_use]
+pub fn set_up(set_up: &CampaignSetUp) -> String {
+    let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
+    let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
+    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
+    [clearance, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.
+#[must_use]
+pub fn excitation(case: &Case) -> String {
+    if let Some(record) = &case.record {
+        let file = record.file.file_name().unwrap_or_default().to_string_lossy();
+        let peak = match record.quantity {
+            Quantity::Acceleration => format!("acceleration, peak {} m/s²", significant(record.peak(), 4)),
+            Quantity::Displacement => format!("displacement, peak {}", millimetres(record.peak())),
+        };
+        let (duration_s, rate_hz) = (significant(record.duration_s(), 5), significant(1.0 / record.step_s, 5));
+        return format!("{file}: {peak}, {duration_s} s at {rate_hz} Hz");
+    }
+    let hz = |omega: f64| significant(omega / TAU, 5);
+    match case.excitation {
+        Excitation::Fixed => format!("free vibration from x0 = {}", millimetres(case.initial.x_m)),
+        Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
+            let r = angular_frequency_rad_per_s / case.set_up.structure.angular_frequency_rad_per_s();
+            let (z, f) = (millimetres(amplitude_m), hz(angular_frequency_rad_per_s));
+            format!("base Z = {z}, {f} Hz (f/fn = {})", significant(r, 4))
+        }
+        Excitation::HalfSine { amplitude_m, duration_s } => {
+            format!("half-sine pulse of the base, Z = {}, {} s", millimetres(amplitude_m), significant(duration_s, 4))
+        }
+        Excitation::Versine { amplitude_m, duration_s } => {
+            format!("versine pulse of the base, Z = {}, {} s", millimetres(amplitude_m), significant(duration_s, 4))
+        }
+        Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, .. } => {
+            format!("force {} N at {} Hz", significant(amplitude_n, 4), hz(angular_frequency_rad_per_s))
+        }
+        Excitation::ForceHalfSine { amplitude_n, duration_s } => {
+            format!("half-sine force, {} N, {} s", significant(amplitude_n, 4), significant(duration_s, 4))
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Runs a case with the exact driver: excitation in closed form, every event at its instant.
+
+use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::{self, Exact};
+use damprig_core::io::Invalid;
+
+use super::Case;
+use super::collector::{Collector, RunOptions, run_in_parts};
+use super::motion::{ExactObserver, Viewer};
+use super::result::Summary;
+
+/// Arcs between two calls of `go_on`.
+const ARCS_PER_CHECK: u32 = 4_096;
+
+/// Stops a part from inside, however many events it has.
+struct StopCheck<'a> {
+    arcs: u32,
+    is_over: bool,
+    go_on: &'a mut dyn FnMut(f64) -> bool,
+}
+
+impl exact::Observer for StopCheck<'_> {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, time_s: f64) -> bool {
+        self.arcs += 1;
+        if self.arcs >= ARCS_PER_CHECK && !self.is_over {
+            self.arcs = 0;
+            self.is_over = !(self.go_on)(time_s);
+        }
+        !self.is_over
+    }
+}
+
+/// Runs the case.
+///
+/// # Errors
+/// Names a value that is not physical.
+pub(super) fn run<V: Viewer>(
+    case: &Case,
+    wanted: Wanted,
+    collector: &mut Collector<'_, V>,
+    options: RunOptions,
+) -> Result<(Summary, State), Invalid> {
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
+    let mut response = Response::new(wanted);
+    run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
+        let stop_check = StopCheck { arcs: 0, is_over: false, go_on };
+        motion.run(until_s, &mut ((&mut response, ExactObserver(collector.all())), stop_check));
+        motion.time_s()
+    });
+    response.finish(motion.time_s());
+    let steady = response.steady_m();
+    let contact = if response.peak_contact_force_n().is_some() { response.first_contact() } else { None };
+    let summary = Summary {
+        simulated_s: motion.time_s(),
+        rms_x_m: response.rms_x_m(),
+        rms_x_minus_z_m: None,
+        max_abs_x_m: response.max_abs_x_m(),
+        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+        impact_count: response.impact_count(),
+        accumulation_count: response.accumulation_count(),
+        steady_max_abs_x_m: steady.map(|s| s.0),
+        steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
+        unresolved: motion.unresolved(),
+        peak_contact_force_n: response.peak_contact_force_n(),
+        first_contact_duration_s: contact.map(|c| c.0),
+        first_contact_restitution: contact.map(|c| c.1),
+    };
+    Ok((summary, *motion.state()))
+}

@@ -1,0 +1,41 @@
+//! Simulates a case: chooses the driver and gathers the result.
+
+use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::response::Wanted;
+use damprig_core::io::Invalid;
+
+use super::collector::{Collector, RunOptions};
+use super::motion::Viewer;
+use super::result::SimulationResult;
+use super::statistics::LastCyclesMeter;
+use super::{Case, exact_driver, sampled_driver};
+
+/// Simulates a case. `viewer` sees the motion too.
+///
+/// # Errors
+/// Names a value that is not physical.
+pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> Result<SimulationResult, Invalid> {
+    let mut collector = Collector::new(case, options.keep, viewer);
+    let wanted = Wanted { cycle_s: case.run.cycle_s, steady_from_cycle: case.run.steady_from_cycle, whole_run: true };
+    let (summary, end) = match &case.record {
+        Some(record) => sampled_driver::run(case, record, wanted, &mut collector, options)?,
+        None => exact_driver::run(case, wanted, &mut collector, options)?,
+    };
+    let is_complete = summary.simulated_s >= case.run.duration_s;
+    if is_complete {
+        collector.samples.fill(end);
+    }
+    let states = &collector.samples.states;
+    let column = |value: fn(&State) -> f64| states.iter().map(value).collect();
+    Ok(SimulationResult {
+        x_m: column(|s| s.x_m),
+        v_m_per_s: column(|s| s.v_m_per_s),
+        y_m: column(State::y_m),
+        u_m_per_s: column(State::u_m_per_s),
+        impacts: collector.events.impacts.take().unwrap_or_default(),
+        accumulations: std::mem::take(&mut collector.events.accumulations),
+        stopped_at_s: (!is_complete).then_some(summary.simulated_s),
+        last_cycles: collector.last_cycles.as_ref().filter(|_| is_complete).and_then(LastCyclesMeter::last_cycles),
+        summary,
+    })
+}
