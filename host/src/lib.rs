@@ -2,18 +2,15 @@
 //!
 //! Every decision about how the rig moves is in `damprig-core`, the byte formats are in `damprig-protocol`.
 
-pub mod analysis;
 #[cfg(feature = "probe")]
 pub mod board;
 pub mod campaign;
+pub mod cli;
 pub mod client;
-pub mod commands;
-pub mod export;
-pub mod figure;
 pub mod input;
 pub mod motion_record;
-pub mod page;
 pub mod prediction;
+pub mod report;
 pub mod run_folder;
 pub mod runner;
 pub mod settings;

@@ -1,7 +1,7 @@
-//! The `damprig` command; everything in it is [`damprig::commands`].
+//! The `damprig` command; everything in it is [`damprig::cli`].
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    damprig::commands::main()
+    damprig::cli::main()
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use damprig_core::rig::TICK_HZ;
+use damprig_core::io::TICK_HZ;
 use damprig_protocol::{Ask, ClockSource, PlantKind};
 
 use super::watcher::Watcher;

@@ -6,9 +6,9 @@ use std::path::Path;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp, Wall};
 
-use super::from_json;
+use super::excitation::{self, Loading};
+use super::json_case;
 use super::keys::case;
-use super::loading::{self, Loading};
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared};
@@ -105,7 +105,7 @@ impl Case {
 fn read(source: &Source, name: &str) -> Option<Case> {
     if is_json(source) {
         // JSON that is sound may still say what TOML has no word for: a number of 20 digits, a key twice.
-        return source.read_toml(&from_json::to_toml(source)?, "this cannot be taken", |root| read_root(root, name));
+        return source.read_toml(&json_case::to_toml(source)?, "this cannot be taken", |root| read_root(root, name));
     }
     source.read_toml(source.text(), "this is not TOML", |root| read_root(root, name))
 }
@@ -123,9 +123,9 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
     let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
     let initial_section = root.table_of(&case::INITIAL, None);
-    let initial = loading::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
+    let initial = excitation::initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
     let run_section = root.table_of(&case::RUN, None);
-    let run = run_section.as_ref().and_then(|s| loading::run(s, record.map(Record::duration_s)));
+    let run = run_section.as_ref().and_then(|s| excitation::run(s, record.map(Record::duration_s)));
     let (spec, loading, run) = (spec?, loading?, run?);
     if stated_m.is_some() && !spec.is_relative() && loading.amplitude_m().is_none() {
         let help = "write base = { kind = \"sine\", frequency_hz = … } for a base that moves by it, or leave it out";
@@ -157,8 +157,8 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
 /// What moves it: a base or a force.
 fn read_loading(root: &Section, stated_m: Option<f64>) -> Option<Loading> {
     let beside = |file: &str| resolve(Path::new(root.source().name()), file);
-    let base = root.table_of(&case::BASE, None).map(|s| loading::base(&s, stated_m, &beside));
-    let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), loading::force(&s)));
+    let base = root.table_of(&case::BASE, None).map(|s| excitation::base(&s, stated_m, &beside));
+    let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), excitation::force(&s)));
     let fixed = Loading::Closed(Excitation::Fixed);
     let Some((span, force)) = force else { return base.unwrap_or(Some(fixed)) };
     if base.is_some_and(|base| base.is_some_and(|base| base != fixed)) {

@@ -7,7 +7,7 @@ use damprig_core::io::Invalid;
 
 use super::Case;
 use super::motion::{Piece, Viewer};
-use super::run::{Request, simulate};
+use super::result::{Request, simulate};
 
 /// How long the trial may take.
 const TRIAL: Duration = Duration::from_millis(30);

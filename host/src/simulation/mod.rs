@@ -2,8 +2,8 @@
 //!
 //! The motion is core's: [`damprig_core::integrator::exact`] when the excitation is known in closed form,
 //! [`damprig_core::integrator::sampled`] on a record. Here are the file ([`case`]), the run and its
-//! figures ([`run`]), and what may watch it ([`motion`]): a history in a file ([`history`]), an outline for a picture
-//! ([`outline`]).
+//! figures ([`result`]), and what may watch it ([`motion`]): a history in a file ([`time_history`]), an outline for a picture
+//! ([`envelope`]).
 //!
 //! ```
 //! use damprig::input::Source;
@@ -19,19 +19,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod analysis;
 pub mod case;
 pub mod cost;
-pub mod figures;
-mod from_json;
-pub mod history;
+pub mod envelope;
+mod excitation;
+mod json_case;
 mod keys;
-mod loading;
 pub mod motion;
-pub mod outline;
-mod playback;
-pub mod run;
+pub mod result;
+mod sampled_driver;
+pub mod statistics;
+pub mod time_history;
 
 pub use case::Case;
 pub use keys::TABLES;
 pub use motion::{AccumulationRecord, ImpactRecord, Samples, Viewer};
-pub use run::{Answer, Request, simulate};
+pub use result::{Answer, Request, simulate};

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use assert_cmd::Command;
-use damprig::analysis::{Analysis, PeriodicOrbit, Stability};
 use damprig::input::Source;
 use damprig::simulation::Case;
+use damprig::simulation::analysis::{Analysis, PeriodicOrbit, Stability};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};

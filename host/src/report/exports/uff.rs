@@ -1,5 +1,5 @@
 //! Universal files (UFF, UNV) with dataset 58, what modal-analysis software reads: time histories and frequency responses.
-//! How a record is written is `uff_record`'s.
+//! How a record is written is `uff_dataset`'s.
 //!
 //! - A **time response** per signal and stretch of even spacing: of one set-up, experiment, segment and point, cut where
 //!   rows are missing or a value is no number. Rows keep single precision (12 digits are printed).
@@ -16,8 +16,8 @@ use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::uff_record::{Axis, Dof, Function, Ordinate, header, real, si_units};
-use super::whole::{to_failure, write_whole};
+use super::atomic_file::{to_failure, write_whole};
+use super::uff_dataset::{Axis, Dof, Function, Ordinate, header, real, si_units};
 use super::{Exported, Exporter, Part, Table};
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;

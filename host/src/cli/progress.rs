@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
-use crate::figure::campaign::describe;
+use crate::report::figures::campaign::describe;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunError, Watcher};

@@ -2,7 +2,7 @@
 //! [`damprig_core::analysis`]; this part needs linear algebra.
 
 mod periodic_orbit;
-mod steady;
+mod steady_state;
 
 pub use periodic_orbit::{Multiplier, NotFound, PeriodicOrbit, Stability};
-pub use steady::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};
+pub use steady_state::{Analysis, Driven, Energy, Orbit, SectionState, TwoImpactOrbit};

@@ -11,8 +11,8 @@ use damprig_protocol::Ask;
 use super::devices::Rig;
 use super::{Failure, Outcome};
 use crate::client::session::Session;
-use crate::export::whole::{to_failure, write_new};
 use crate::input::{Source, near};
+use crate::report::exports::atomic_file::{to_failure, write_new};
 use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
 
 /// Shows, changes, saves and copies a board's settings: sensor scales, limits, spring and impact constants.

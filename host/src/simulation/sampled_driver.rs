@@ -10,9 +10,9 @@ use damprig_core::io::Invalid;
 use damprig_core::model::Wall;
 
 use super::Case;
-use super::figures::Figures;
 use super::motion::{AccumulationRecord, ImpactRecord, Instant, Phase, Piece, Viewer};
-use super::run::{Gathered, Request, Summary, parts};
+use super::result::{Gathered, Request, Summary, parts};
+use super::statistics::Figures;
 use crate::motion_record::Record;
 
 /// Runs the case on its record.

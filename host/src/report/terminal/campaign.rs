@@ -4,8 +4,8 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{CellAlignment, Table};
 
 use crate::campaign::Campaign;
-use crate::figure::campaign::trimmed;
 use crate::prediction::Prediction;
+use crate::report::figures::campaign::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
 

@@ -5,13 +5,13 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
-use crate::figure::motion::{Notes, draw};
-use crate::figure::{FigureError, Picture};
 use crate::motion_record::Quantity;
+use crate::report::figures::simulated_motion::{Notes, draw};
+use crate::report::figures::{FigureError, Picture};
 use crate::simulation::cost::Cost;
-use crate::simulation::history::TablePath;
-use crate::simulation::outline::Outline;
-use crate::simulation::run::FEW_ACCUMULATIONS;
+use crate::simulation::envelope::Outline;
+use crate::simulation::result::FEW_ACCUMULATIONS;
+use crate::simulation::time_history::TablePath;
 use crate::simulation::{Answer, Case};
 
 /// Runs that take longer are warned about, s.

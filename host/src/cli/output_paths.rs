@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::Failure;
 use crate::simulation::Case;
-use crate::simulation::history::TablePath;
+use crate::simulation::time_history::TablePath;
 
 /// Refuses outputs that are the case, its record, or one another.
 ///

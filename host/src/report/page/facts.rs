@@ -6,8 +6,8 @@ use arrow_array::RecordBatch;
 
 use super::gaps::{self, Gaps};
 use crate::campaign::Campaign;
-use crate::figure::campaign::Shown;
 use crate::input::Source;
+use crate::report::figures::campaign::Shown;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::schema::device::BoardSettings;

@@ -3,7 +3,7 @@
 //!
 //! It holds nothing that is not in the run folder, and nothing of when or where it was made: made again from the same
 //! folder it is the same page. What it tells is gathered by [`facts`](self), text is escaped by the template. The terminal's
-//! words are [`crate::commands`]'.
+//! words are [`crate::cli`]'.
 
 mod facts;
 mod gaps;
@@ -14,8 +14,8 @@ mod tables;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::campaign::Campaign;
-use crate::figure::campaign::{Shown, phase, response};
-use crate::figure::{FigureError, Picture};
+use crate::report::figures::campaign::{Shown, phase, response};
+use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
 use facts::Facts;
 

@@ -12,14 +12,15 @@ use damprig_protocol::{ClockSource, PlantKind};
 
 use super::devices::Rig;
 use super::progress::Progress;
-use super::{Failure, Outcome, report, transient_report};
+use super::{Failure, Outcome};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
-use crate::figure::campaign::{Shown, response};
-use crate::page::page;
 use crate::prediction::transient::Expected;
 use crate::prediction::{self, Prediction};
+use crate::report::figures::campaign::{Shown, response};
+use crate::report::page::page;
+use crate::report::terminal::{campaign as report, transients as transient_report};
 use crate::run_folder::RunFolder;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{self, Begin, Ended, Entry, Journal};

@@ -8,13 +8,13 @@ use clap::Args as ClapArgs;
 use serde::Serialize;
 
 use super::progress::Bar;
-use super::simulate_report as report;
 use super::{Failure, Outcome};
-use crate::analysis::Analysis;
-use crate::figure::motion::COLUMNS;
 use crate::motion_record::Quantity;
-use crate::simulation::history::{History, TablePath};
-use crate::simulation::outline::Outline;
+use crate::report::figures::simulated_motion::COLUMNS;
+use crate::report::terminal::simulation as report;
+use crate::simulation::analysis::Analysis;
+use crate::simulation::envelope::Outline;
+use crate::simulation::time_history::{History, TablePath};
 use crate::simulation::{Answer, Case, Request, cost, simulate};
 
 /// Simulates a case exactly: every impact, stick and slip at its instant.
@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> Outcome {
     let input = |e: &dyn std::fmt::Display| Failure::Input(e.to_string());
     let failed = |e: &dyn std::fmt::Display| Failure::Failed(e.to_string());
     let case = Case::read(&args.case).map_err(|e| input(&e))?;
-    super::simulate_files::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref())?;
+    super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref())?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
     let outlines = outlines(args, &case)?;
     let cost = cost::estimate(&case).map_err(|e| input(&e))?;
@@ -166,7 +166,7 @@ pub fn run(args: &Args) -> Outcome {
     } else {
         println!("{}", report::summary(&case, &answer));
         if let Some(analysis) = &analysis {
-            println!("\n{}", super::analysis_report::text(analysis));
+            println!("\n{}", crate::report::terminal::analysis::text(analysis));
         }
     }
     written.map_err(|e| failed(&e))?;

@@ -8,7 +8,7 @@ use plotters::style::{Color, RGBColor};
 
 use super::axis::{Axis, Frame, Scale};
 use super::{Canvas, FINE, FigureError, INK, Picture, colour, text};
-use crate::simulation::outline::{Column, Outline, Stretch};
+use crate::simulation::envelope::{Column, Outline, Stretch};
 
 /// Columns that a panel has: as many as points across it.
 pub const COLUMNS: usize = 760;

@@ -1,13 +1,13 @@
 //! Runs in other formats. One exporter a file, behind [`Exporter`]; reading the run is [`crate::run_folder`]'s.
 //!
-//! A file appears under its name only when it is whole (`whole.rs`). What cannot be read of a damaged run does not hold
+//! A file appears under its name only when it is whole (`atomic_file.rs`). What cannot be read of a damaged run does not hold
 //! up the rest: it is told in [`Exported::missing`].
 
+pub(crate) mod atomic_file;
 pub mod csv;
 pub mod mat;
 pub mod uff;
-mod uff_record;
-pub(crate) mod whole;
+mod uff_dataset;
 
 use std::path::Path;
 

@@ -7,9 +7,9 @@ use damprig_core::io::Invalid;
 use serde::Serialize;
 
 use super::Case;
-use super::figures::{Ending, Trend};
 use super::motion::{AccumulationRecord, ImpactRecord, Samples, Shown, Viewer};
-use super::playback;
+use super::sampled_driver;
+use super::statistics::{Ending, Trend};
 
 /// Impacts, and accumulations, kept in an answer; the counts go on.
 pub const MOST_IMPACTS: usize = 1_000_000;
@@ -157,7 +157,7 @@ pub fn simulate<V: Viewer>(case: &Case, also: &mut V, request: Request) -> Resul
     let mut gathered = Gathered::new(case, request.keep, also);
     let wanted = Wanted { cycle_s: case.run.cycle_s, steady_from_cycle: case.run.steady_from_cycle, whole_run: true };
     let (summary, end) = match &case.record {
-        Some(record) => playback::run(case, record, wanted, &mut gathered, request)?,
+        Some(record) => sampled_driver::run(case, record, wanted, &mut gathered, request)?,
         None => closed_form(case, wanted, &mut gathered, request)?,
     };
     let is_whole = summary.simulated_s >= case.run.duration_s;

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use comfy_table::Table;
 
-use super::report::table;
+use super::campaign::table;
 use crate::campaign::{Campaign, Kind};
-use crate::figure::transient::{Curve, Panel, draw};
-use crate::figure::{FigureError, Picture};
 use crate::prediction::transient::Expected;
+use crate::report::figures::time_histories::{Curve, Panel, draw};
+use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::transients::TransientRow;

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::whole::{to_failure, write_whole};
+use super::atomic_file::{to_failure, write_whole};
 use super::{Exported, Exporter, Part, Table};
 use crate::run_folder::read::columns::{unit, values};
 use crate::run_folder::{ReadError, RunFolder};

@@ -1,7 +1,7 @@
 //! `damprig simulate --analyse` for people.
 
-use super::simulate_report::digits;
-use crate::analysis::{Analysis, Driven};
+use super::simulation::digits;
+use crate::simulation::analysis::{Analysis, Driven};
 
 /// The lines below a simulation's summary.
 pub fn text(analysis: &Analysis) -> String {

@@ -1,14 +1,14 @@
 //! Figures: one look for all of them, as SVG and, from the very same drawing, as PNG.
 //!
 //! This module holds what every figure shares: the page, the fonts, the colours and markers, the axes. A
-//! kind of figure is a file of its own ([`response`]). The font is shipped, so a figure looks the same on
+//! kind of figure is a file of its own ([`frequency_response`]). The font is shipped, so a figure looks the same on
 //! every machine and needs no font service.
 
 pub mod axis;
 pub mod campaign;
-pub mod motion;
-pub mod response;
-pub mod transient;
+pub mod frequency_response;
+pub mod simulated_motion;
+pub mod time_histories;
 
 use std::path::Path;
 use std::sync::{Arc, Once};
@@ -36,7 +36,7 @@ impl FigureError {
 
 /// The font's own name, then what an SVG viewer without it should take.
 const FAMILY: &str = "DejaVu Sans, Verdana, Arial, sans-serif";
-static FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
+static FONT: &[u8] = include_bytes!("../../../fonts/DejaVuSans.ttf");
 
 /// Steps of a layer ([`Picture::overlay`]) in a point.
 pub const FINE: i32 = 10;

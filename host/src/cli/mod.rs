@@ -19,21 +19,17 @@ macro_rules! warn {
     }};
 }
 
-mod analysis_report;
 mod devices;
 #[cfg(feature = "probe")]
 mod flash;
 #[cfg(feature = "probe")]
 mod log;
+mod output_paths;
 mod progress;
-mod report;
 mod run;
 mod runs;
 mod settings;
 mod simulate;
-mod simulate_files;
-mod simulate_report;
-mod transient_report;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::facts::{Facts, Point};
-use crate::figure::campaign::trimmed;
+use crate::report::figures::campaign::trimmed;
 
 /// A date and time with its zone, without what a reader does not need.
 pub(super) fn moment(text: &str) -> String {

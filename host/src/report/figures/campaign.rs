@@ -1,7 +1,7 @@
 //! The figures of a campaign: its set-ups' curves, with what is special about each and how they were measured.
 
 use super::axis::Scale;
-use super::response::{Curve, CurvePoint, Notes, Quantity, draw};
+use super::frequency_response::{Curve, CurvePoint, Notes, Quantity, draw};
 use super::{FigureError, Picture};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start};
 use crate::run_folder::ResultRow;

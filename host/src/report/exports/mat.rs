@@ -18,7 +18,7 @@ use arrow_array::RecordBatch;
 use indexmap::IndexMap;
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
-use super::whole::{to_failure, write_whole};
+use super::atomic_file::{to_failure, write_whole};
 use super::{Exported, Exporter, Part, Table};
 use crate::run_folder::read::columns::{Value, unit, values};
 use crate::run_folder::{ReadError, RunFolder};
