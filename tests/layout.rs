@@ -40,6 +40,26 @@ const CORE_LAYERS: [&str; 13] = [
     "plant",
 ];
 
+/// The modules of the host from the lowest layer to the highest.
+const HOST_LAYERS: [&str; 16] = [
+    "input",
+    "settings",
+    "setup",
+    "motion_record",
+    "campaign",
+    "client",
+    "run_folder",
+    "prediction",
+    "runner",
+    "simulation",
+    "analysis",
+    "board",
+    "figure",
+    "page",
+    "export",
+    "commands",
+];
+
 fn workspace() -> Metadata {
     MetadataCommand::new().manifest_path(project().join("Cargo.toml")).other_options(locked()).exec().unwrap()
 }
@@ -189,6 +209,11 @@ fn assert_layered(crate_folder: &str, layers: &[&str]) {
 #[test]
 fn a_module_of_the_core_imports_only_lower_ones() {
     assert_layered("shared/core", &CORE_LAYERS);
+}
+
+#[test]
+fn a_module_of_the_host_imports_only_lower_ones() {
+    assert_layered("host", &HOST_LAYERS);
 }
 
 #[test]

@@ -40,7 +40,7 @@ impl Link for VirtualRig {
     }
 
     fn receive(&mut self, into: &mut Vec<u8>, _: Duration) -> io::Result<()> {
-        // The board runs until it has said something; standing, it has nothing to say, however long one waits.
+        // Runs until the board sends something. Without ticks to run it sends nothing, so waiting would not help.
         let before = into.len();
         while self.board.run(TICKS_PER_TURN, &mut |bytes| into.extend_from_slice(bytes)) == Progress::Running
             && into.len() == before

@@ -90,7 +90,7 @@ fn no_run(path: &Path) -> ReadError {
 }
 
 impl RunFolder {
-    /// Reads the manifest; the tables are read when asked for.
+    /// Reads the manifest; tables are read on demand.
     ///
     /// # Errors
     /// No run, a missing or damaged manifest, or a format of a later version.

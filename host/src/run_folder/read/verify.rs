@@ -266,7 +266,7 @@ type PerSegment = BTreeMap<(String, String, String), Vec<f64>>;
 
 fn gather_ticks(batch: &arrow_array::RecordBatch, into: &mut PerSegment) -> Result<(), ReadError> {
     let (set_ups, experiments, ticks) = (texts(batch, "set_up")?, texts(batch, "experiment")?, numbers(batch, "tick")?);
-    // Older runs have no segments: they were never taken up again.
+    // Older runs have no segments: they could not be resumed.
     let has_segments = batch.schema().field_with_name("segment").is_ok();
     let segments = if has_segments { texts(batch, "segment")? } else { vec!["0".into(); ticks.len()] };
     for (((set_up, experiment), segment), tick) in set_ups.into_iter().zip(experiments).zip(segments).zip(ticks) {

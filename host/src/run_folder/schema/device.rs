@@ -4,7 +4,7 @@ use damprig_core::settings::Settings;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// What the device said about itself. Keys that older runs lack have defaults.
+/// Description of the device. Keys that older runs lack have defaults.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Device {
     /// The link it was reached by, as given to `--rig`.

@@ -265,7 +265,7 @@ mod tests {
             let entries: Vec<Entry> = lines.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
             JournalState::of(&entries).controller().map(|c| (c.overruns, c.longest_tick_us))
         };
-        // A run that ended, one that was killed, one that never asked.
+        // A run that ended, one that was killed, one without counters.
         let parts = [
             begin.clone(),
             finished(&told(1, 90)),

@@ -75,7 +75,7 @@ pub struct ResultRow {
     pub d_over_z: f64,
     /// Place in the experiment's frequency list, from 0.
     pub point_index: u32,
-    /// How many times the experiment had been taken up again on this set-up when the point was measured; ticks count
+    /// How many times the experiment had been started on this set-up before the point was measured; ticks count
     /// from 0 in each segment.
     pub segment: u32,
 }

@@ -9,8 +9,8 @@ use super::table::TableBuilder;
 /// The file's name in a run folder.
 pub const TRANSIENTS: &str = "transients.parquet";
 
-/// What was measured of one record, pulse or free vibration. Figures of nothing (a decay of a record, a demand of a free
-/// vibration) are NaN.
+/// What was measured of one record, pulse or free vibration. Quantities that an experiment does not have (a decay of a
+/// record, a demand of a free vibration) are NaN.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransientRow {
     /// Name of the set-up.
@@ -59,7 +59,7 @@ pub struct TransientRow {
     /// max |x| after `cycles`, m.
     #[serde(with = "json_float")]
     pub end_m: f64,
-    /// Whole cycles over which the decay is told.
+    /// Whole cycles over which the decay is measured.
     pub cycles: u32,
     /// ln(start/end)/cycles.
     #[serde(with = "json_float")]
