@@ -10,15 +10,16 @@ use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::PlantConfig;
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
 use damprig_core::twin::TwinConfig;
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated};
+use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::upload::{CHUNK_BYTES, checksum};
 use damprig_protocol::{Answer, Ask, FromDevice, Happening, Request, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::PlantConfig;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
 use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::find;
 
@@ -33,7 +34,7 @@ trait Board {
     fn answer(&mut self, message: &ToDevice) -> Vec<u8>;
 }
 
-impl Board for Simulated<f32> {
+impl Board for SimulatedDevice<f32> {
     fn answer(&mut self, message: &ToDevice) -> Vec<u8> {
         let mut received = vec![];
         self.receive(&bytes(message));
@@ -123,7 +124,7 @@ fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
     let mut until_tick = 0;
     for asks in [
         vec![
-            Ask::SetPlant(config),
+            set_plant(config),
             Ask::SetSpring(SpringSetUp {
                 stiffness_n_per_m: None,
                 friction_coefficient: None,
@@ -167,7 +168,7 @@ fn every_byte_of_an_experiment_is_the_virtual_rigs() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run(&mut connect(&emulator), 1);
-    let here = run(&mut Simulated::<f32>::new(Name::new("test", "test")), 1);
+    let here = run(&mut SimulatedDevice::<f32>::new(DeviceInfo::new("test", "test")), 1);
 
     let points: Vec<_> = messages(&here)
         .into_iter()
@@ -213,7 +214,7 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
         index: 0,
     };
     let free = FreeVibration { level_m: 0.02, hold_s: 0.2, timeout_s: 9.0, measure_s: 3.0, cycles: 5, index: 0 };
-    let plant = |structure_start_m| Ask::SetPlant(PlantConfig { structure_start_m, spring: None, ..hybrid() });
+    let plant = |structure_start_m| set_plant(PlantConfig { structure_start_m, spring: None, ..hybrid() });
     let begin = Ask::BeginUpload { bytes: record.len() as u32, crc32 };
     let chunks: Vec<Ask> = record.chunks(CHUNK_BYTES).enumerate().map(chunk).collect();
     let upload = [vec![plant(0.0), begin], chunks].concat();
@@ -240,7 +241,7 @@ fn every_byte_of_an_upload_a_playback_and_a_release_is_the_virtual_rigs() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run_transients(&mut connect(&emulator));
-    let here = run_transients(&mut Simulated::<f32>::new(Name::new("test", "test")));
+    let here = run_transients(&mut SimulatedDevice::<f32>::new(DeviceInfo::new("test", "test")));
     let result = |message: &FromDevice| match message {
         FromDevice::Event { event: Happening::Transient(result), .. } => Some(*result),
         _ => None,

@@ -8,7 +8,7 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use damprig_device::crash::Record;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 
-use crate::board::nucleo_g474re::settings;
+use crate::boards::nucleo_g474re::settings;
 use crate::{callers, tick};
 
 /// The words, and the last tick.

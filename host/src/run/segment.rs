@@ -12,6 +12,7 @@ use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::State;
 use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
+use damprig_simulator::messages::set_plant;
 
 use super::convert::{self, fault_error};
 use super::track::Track;
@@ -140,7 +141,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let session = &mut *self.run.session;
         if session.description.plant != PlantKind::Real {
             let plant = convert::plant(rig, set_up, experiment);
-            session.tell("take the simulated set-up", Ask::SetPlant(plant))?;
+            session.tell("take the simulated set-up", set_plant(plant))?;
         }
         session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
         let ask = match &experiment.kind {

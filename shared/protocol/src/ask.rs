@@ -1,9 +1,4 @@
-//! What a host asks of a device.
-//!
-//! Generic over what a simulated plant is made of: a board with a real structure refuses [`Ask::SetPlant`] whatever it says, so it
-//! reads [`PassedOver`] and is spared the kilobyte that takes the rest apart. Everybody else uses the names at the crate's top.
-
-use core::fmt;
+//! The messages from the host to a device: requests, and the ticks granted to an emulated or virtual board.
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp};
 use damprig_core::control::safety::ExperimentLimits;
@@ -13,19 +8,20 @@ use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use heapless::Vec;
 use postcard_schema::Schema;
-use serde::de::{Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::MOST_SIGNALS;
-use crate::frame::LONGEST_BODY;
 use crate::upload::CHUNK_BYTES;
+
+/// Longest message to the simulator, bytes.
+pub const SIMULATOR_BYTES: usize = 480;
 
 /// From the host.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
-pub enum ToDevice<P> {
+pub enum ToDevice {
     /// Asks for something; gets exactly one reply.
-    Request(Request<P>),
+    Request(Request),
     /// A simulated board may run its clock up to (not including) this tick.
     Grant {
         /// The first tick that may not run yet.
@@ -35,19 +31,19 @@ pub enum ToDevice<P> {
 
 /// A question or a command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Request<P> {
+pub struct Request {
     /// Returned with the reply; a repeated number is the same request again.
     pub seq: u16,
     /// On a simulated board: the tick before which it is carried out; at once if none is given.
     pub at_tick: Option<u32>,
     /// What is asked.
-    pub ask: Ask<P>,
+    pub ask: Ask,
 }
 
 /// What a host may ask.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
-pub enum Ask<P> {
+pub enum Ask {
     /// Who is there? Never changes its place in this list.
     Identify,
     /// What are your signals and bounds?
@@ -57,8 +53,8 @@ pub enum Ask<P> {
     /// Tighten limits of the board for the configured experiment, from its start until the rig is idle again without a
     /// latched fault. A limit looser than the board's is refused. Configuring an experiment ends earlier ones.
     SetLimits(ExperimentLimits),
-    /// Set the simulated plant (simulated boards only).
-    SetPlant(P),
+    /// A message to the simulator behind a simulated board, as `damprig-simulator` encodes it. A real board rejects it.
+    Simulator(Vec<u8, SIMULATOR_BYTES>),
     /// Set the experiment.
     Configure(SteppedSine),
     /// Send one row of telemetry every so many ticks, and say when impacts happen.
@@ -125,57 +121,4 @@ pub enum Ask<P> {
     ConfigureFreeVibration(FreeVibration),
     /// The result of the last record or free vibration, if it did not arrive.
     Transient,
-}
-
-/// The rest of a message, whatever it is: stands for the body of its last field where that is not looked at.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PassedOver;
-
-impl<'de> Deserialize<'de> for PassedOver {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Rest;
-
-        impl<'de> Visitor<'de> for Rest {
-            type Value = PassedOver;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("anything")
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut bytes: A) -> Result<PassedOver, A::Error> {
-                // The end of the message is an error to it, and what is waited for here.
-                while let Ok(Some(_)) = bytes.next_element::<u8>() {}
-                Ok(PassedOver)
-            }
-        }
-
-        deserializer.deserialize_tuple(LONGEST_BODY, Rest)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frame::{self, LONGEST, Reader};
-    use damprig_core::model::{SetUp, Structure};
-    use damprig_core::plant::PlantConfig;
-
-    fn read<P: serde::de::DeserializeOwned>(message: &ToDevice<PlantConfig>) -> Option<ToDevice<P>> {
-        let mut frame = [0; LONGEST];
-        let length = frame::encode(message, &mut frame).unwrap();
-        let mut reader = Reader::default();
-        frame[..length].iter().find_map(|&byte| reader.push(byte)).and_then(Result::ok)
-    }
-
-    #[test]
-    fn a_board_that_passes_plants_over_reads_that_one_was_sent_and_every_other_question() {
-        let plant = PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)));
-        let request = |ask| ToDevice::Request(Request { seq: 7, at_tick: None, ask });
-        let sent = read::<PassedOver>(&request(Ask::SetPlant(plant)));
-        assert_eq!(sent, Some(ToDevice::Request(Request { seq: 7, at_tick: None, ask: Ask::SetPlant(PassedOver) })));
-        let start = read::<PassedOver>(&request(Ask::Start));
-        assert_eq!(start, Some(ToDevice::Request(Request { seq: 7, at_tick: None, ask: Ask::Start })));
-        assert_eq!(read::<PassedOver>(&ToDevice::Grant { until_tick: 9 }), Some(ToDevice::Grant { until_tick: 9 }));
-        assert_eq!(read::<PlantConfig>(&request(Ask::SetPlant(plant))), Some(request(Ask::SetPlant(plant))));
-    }
 }

@@ -47,28 +47,19 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod ask;
+mod ask;
 pub mod frame;
 pub mod image;
 mod message;
 mod refused;
 pub mod upload;
 
-use damprig_core::plant::PlantConfig;
+pub use ask::{Ask, Request, SIMULATOR_BYTES, ToDevice};
 pub use message::*;
 pub use refused::*;
 
-/// From the host.
-pub type ToDevice = ask::ToDevice<PlantConfig>;
-
-/// A question or a command.
-pub type Request = ask::Request<PlantConfig>;
-
-/// What a host may ask.
-pub type Ask = ask::Ask<PlantConfig>;
-
 /// Changes when an older or newer other side could misread something that the schema does not show.
-pub const VERSION: u16 = 4;
+pub const VERSION: u16 = 5;
 
 /// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
 pub const SCHEMA: [u8; 8] = schema();

@@ -11,12 +11,13 @@ use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig, Shaker};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::frame::LONGEST_BODY;
 use damprig_protocol::{Ask, FromDevice, Request, ToDevice};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 
 use crate::messages::every_choice;
 use crate::{Piece, join, said};
@@ -109,7 +110,7 @@ fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Ask]) -> Vec<Piec
         frequencies_hz: [9.0, 10.0].into_iter().collect(),
     };
     let telemetry = Ask::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
-    let mut asks = vec![Ask::Identify, Ask::Describe, Ask::Signals { from: 0 }, Ask::SetPlant(plant)];
+    let mut asks = vec![Ask::Identify, Ask::Describe, Ask::Signals { from: 0 }, set_plant(plant)];
     let limits = ExperimentLimits { wall_force_n: Some(300.0), ..ExperimentLimits::default() };
     asks.extend([Ask::SetTwin(twin.map(TwinConfig::new)), Ask::Configure(sine), Ask::SetLimits(limits)]);
     asks.extend_from_slice(more);

@@ -11,10 +11,10 @@ use std::time::Duration;
 
 use arrow_array::RecordBatch;
 use assert_cmd::Command;
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated};
+use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, Reader};
 use damprig_protocol::{Ask, FromDevice, Happening, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tempfile::TempDir;
 
@@ -138,11 +138,15 @@ impl Served {
     }
 }
 
-fn board() -> Box<Simulated<f32>> {
-    Box::new(Simulated::new(Name::new("0.0.0", "test")))
+fn board() -> Box<SimulatedDevice<f32>> {
+    Box::new(SimulatedDevice::new(DeviceInfo::new("0.0.0", "test")))
 }
 
-fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl FnMut(&FromDevice) -> Fate) -> Heard {
+fn serve(
+    mut stream: TcpStream,
+    board: &mut Box<SimulatedDevice<f32>>,
+    fate: &mut impl FnMut(&FromDevice) -> Fate,
+) -> Heard {
     let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
     let mut heard = Heard::default();
     let mut muted = false;

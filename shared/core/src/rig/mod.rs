@@ -51,6 +51,7 @@ pub struct Rig {
     largest_drive_m: f32,
     fault: Option<Fault>,
     finishing: bool,
+    begins_from_rest: Option<u16>,
     host_heard: bool,
     drive: DriveRange,
     /// In the last tick.
@@ -85,6 +86,7 @@ impl Rig {
             largest_drive_m: 0.0,
             fault: None,
             finishing: false,
+            begins_from_rest: None,
             host_heard: false,
             drive: DriveScale::default().range(),
             emergency_stop: false,
@@ -120,6 +122,12 @@ impl Rig {
     #[must_use]
     pub fn state(&self) -> State {
         self.state
+    }
+
+    /// The place of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
+    #[must_use]
+    pub fn begins_from_rest(&self) -> Option<u16> {
+        self.begins_from_rest
     }
 
     /// The tick that comes next, counted from the last start.
@@ -187,12 +195,11 @@ impl Rig {
         }
     }
 
-    /// Carries out a command. An experiment is taken out of it, which is cheaper than copying it; a twin is copied, which is cheaper
-    /// than moving it about.
+    /// Carries out a command.
     ///
     /// # Errors
-    /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
-    pub fn handle(&mut self, command: &mut Command) -> Result<(), Refusal> {
+    /// A parameter is out of range, or the command is not allowed in this state; the rig is unchanged.
+    pub fn handle(&mut self, command: Command) -> Result<(), Refusal> {
         match command {
             Command::SetLimits(limits) => {
                 self.must_be_idle()?;
@@ -200,24 +207,27 @@ impl Rig {
                     let advice = "configure an experiment first";
                     return Err(Refusal::WrongState { state: self.state, advice });
                 }
-                self.settings.safety.tightened(limits)?;
-                self.limits = *limits;
+                self.settings.safety.tightened(&limits)?;
+                self.limits = limits;
             }
             Command::SetSpring(set_up) => {
                 self.must_be_idle()?;
-                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(set_up))?;
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(&set_up))?;
             }
-            Command::SetTwin(twin) => {
+            Command::SetTwin(config) => {
                 self.must_be_idle()?;
-                self.dampers.twin = twin.as_ref().map(Twin::of);
+                self.dampers.twin = config.as_ref().map(Twin::new).transpose()?;
             }
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
-                if let Some(experiment) = experiment.as_ref() {
-                    self.check_drive(experiment, None)?;
-                }
-                self.experiment = experiment.take();
+                self.check_drive(&experiment, None)?;
+                self.experiment = Some(experiment);
                 self.limits = ExperimentLimits::default();
+            }
+            Command::SetSettings(settings) => self.set_settings(&settings)?,
+            Command::ReplaceSpring => {
+                self.must_be_idle()?;
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
             }
             Command::Start => self.start()?,
             Command::Stop => {
@@ -229,7 +239,7 @@ impl Rig {
                 }
             }
             Command::ClearFault => self.clear_fault()?,
-            Command::Spring(command) => self.ask_spring(*command)?,
+            Command::Spring(command) => self.ask_spring(command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),
         }
         Ok(())
@@ -247,32 +257,18 @@ impl Rig {
         }
     }
 
-    /// Takes settings of the board over. A friction damper's drive with other settings has to be homed again.
-    ///
-    /// # Errors
-    /// The rig is neither idle nor faulted with its drive off: a limit that was set wrong may be what latched a fault.
-    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+    fn set_settings(&mut self, settings: &Settings) -> Result<(), Refusal> {
+        let prepared = Prepared::new(settings)?;
         if self.state != State::Faulted || self.runner.is_some() {
             self.must_be_idle()?;
         }
-        self.drive = prepared.settings.calibration.drive.range();
+        self.drive = settings.calibration.drive.range();
         self.safety.adopt(&prepared.safety);
-        if prepared.settings.spring != self.settings.spring {
+        if settings.spring != self.settings.spring {
             self.dampers.spring = prepared.spring;
         }
         self.dampers.meter.adopt(&prepared.impacts);
-        self.settings = prepared.settings;
-        Ok(())
-    }
-
-    /// The friction damper's drive is another one, as on a simulated plant that has been set: nothing is known of its
-    /// position.
-    ///
-    /// # Errors
-    /// As [`Rig::must_be_idle`].
-    pub fn replace_spring(&mut self) -> Result<(), Refusal> {
-        self.must_be_idle()?;
-        self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
+        self.settings = *settings;
         Ok(())
     }
 
@@ -364,7 +360,7 @@ impl Rig {
         let mut actuators = Actuators { motor, ..Actuators::default() };
         self.run_experiment(&readings, record, &allowed, &mut actuators);
         self.dampers.update_twin(tick, &readings);
-        if actuators.put_plant_back.is_some() {
+        if self.begins_from_rest.is_some() {
             self.dampers.put_back(tick);
         }
         self.fill_signals(&readings, &actuators, frequency_hz);
@@ -399,12 +395,13 @@ impl Rig {
 
     /// The experiment's tick: the drive, within what the interlocks allow.
     fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
+        self.begins_from_rest = None;
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
         let now = Now { tick: self.tick, readings, impacts, clipped };
         let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
         let (drive_m, outcome) = if let State::Running(_) = self.state {
             let driven = runner.tick(experiment, record, &now);
-            actuators.put_plant_back = runner.wants_plant_put_back();
+            self.begins_from_rest = runner.begins_from_rest();
             self.state = State::Running(runner.stage());
             driven
         } else {

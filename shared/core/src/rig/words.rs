@@ -9,7 +9,8 @@ use crate::io::{AboveLimit, Invalid, TICK_HZ};
 use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
-use crate::twin::TwinPlan;
+use crate::settings::Settings;
+use crate::twin::TwinConfig;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -42,8 +43,7 @@ impl State {
     }
 }
 
-/// What a host may ask of the rig. Settings come checked and made, so that taking them is a move: the tick that takes one
-/// has no time to look at it.
+/// A command to the rig.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Command {
@@ -53,9 +53,14 @@ pub enum Command {
     /// only.
     SetSpring(SpringSetUp),
     /// Let a twin run along, or none. Idle only.
-    SetTwin(Option<TwinPlan>),
-    /// Set the experiment, or none; it starts under the board's limits unless some are tightened. Idle only.
-    Configure(Option<Experiment>),
+    SetTwin(Option<TwinConfig>),
+    /// Set the experiment; it starts under the board's limits unless some are tightened. Idle only.
+    Configure(Experiment),
+    /// Use these settings of the board. Idle only, or faulted with the drive off: a limit that was set wrong may have latched the
+    /// fault. A friction damper's drive with other settings has to be homed again.
+    SetSettings(Settings),
+    /// The friction damper's drive was replaced, as on a simulated plant that was set: its position is unknown. Idle only.
+    ReplaceSpring,
     /// Begin the configured experiment at tick 0. Idle only.
     Start,
     /// End the experiment: the drive fades out.

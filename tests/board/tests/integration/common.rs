@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
 use escargot::CargoBuild;

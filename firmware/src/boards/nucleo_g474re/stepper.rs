@@ -1,0 +1,77 @@
+//! Step, direction and enable of the friction damper's motor. TIM16 makes a tick's steps by itself: so many pulses, evenly
+//! over the tick, then it stops.
+
+use damprig_core::io::Motor;
+use embassy_stm32::gpio::{AfType, Flex, Level, Output, OutputType, Speed};
+use embassy_stm32::pac::timer::vals::Ocm;
+use embassy_stm32::{Peri, pac, peripherals, rcc};
+
+use super::clock::CORE_HZ;
+
+/// The timer's count, Hz.
+const COUNT_HZ: u32 = 1_000_000;
+
+/// Length of a pulse, counts: drivers ask for 1 µs to 2.5 µs.
+const PULSE: u16 = 5;
+
+/// Of a tick, counts, less a little: the last pulse is over when the next tick asks for more.
+const TICK: u16 = 990;
+
+/// The motor's driver.
+pub struct Stepper {
+    _step: Flex<'static>,
+    direction: Output<'static>,
+    /// Low is on, as drivers have it: without power or program a pull-up switches the motor off.
+    off: Output<'static>,
+}
+
+impl Stepper {
+    /// The motor is off.
+    pub fn new(
+        step: Peri<'static, peripherals::PB4>,
+        direction: Peri<'static, peripherals::PB5>,
+        off: Peri<'static, peripherals::PB10>,
+        _timer: Peri<'static, peripherals::TIM16>,
+    ) -> Self {
+        rcc::enable_and_reset::<peripherals::TIM16>();
+        let timer = pac::TIM16;
+        timer.psc().write_value((CORE_HZ / COUNT_HZ - 1) as u16);
+        timer.cr1().modify(|control| control.set_opm(true));
+        // Low until the compare value, high to the end.
+        timer.ccmr_output(0).modify(|mode| mode.set_ocm(0, Ocm::PWM_MODE2));
+        timer.ccer().modify(|enable| enable.set_cce(0, true));
+        timer.bdtr().modify(|output| output.set_moe(true));
+        let mut step = Flex::new(step);
+        // TIM16_CH1 on PB4 (DS12288, table 13).
+        step.set_as_af_unchecked(1, AfType::output(OutputType::PushPull, Speed::Low));
+        Self {
+            _step: step,
+            direction: Output::new(direction, Level::Low, Speed::Low),
+            off: Output::new(off, Level::High, Speed::Low),
+        }
+    }
+
+    /// Makes this tick's steps. A motor that is not enabled is switched off and gets no pulse, not even one that is under way.
+    pub fn go(&mut self, motor: Motor) {
+        if !motor.enabled {
+            self.off.set_high();
+            pac::TIM16.cr1().modify(|control| control.set_cen(false));
+            return;
+        }
+        self.off.set_low();
+        let steps = motor.steps.unsigned_abs();
+        if steps == 0 {
+            return;
+        }
+        // At least 50 µs before the first pulse.
+        self.direction.set_level(if motor.steps > 0 { Level::High } else { Level::Low });
+        let timer = pac::TIM16;
+        let period = TICK / u16::from(steps);
+        timer.arr().write(|reload| reload.set_arr(period - 1));
+        timer.ccr(0).write(|compare| compare.set_ccr(period - PULSE));
+        timer.rcr().write(|repetitions| repetitions.set_rep(steps - 1));
+        // Takes the values over.
+        timer.egr().write(|event| event.set_ug(true));
+        timer.cr1().modify(|control| control.set_cen(true));
+    }
+}
