@@ -1,6 +1,8 @@
 //! Who may depend on whom: the layout is the architecture.
 
 use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
@@ -21,6 +23,23 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
 /// What the crates under `shared/` never reach, directly or through others: what belongs to one side alone.
 const ONE_SIDED: [&str; 9] =
     ["embassy", "cortex-m", "defmt", "tokio", "async-std", "std_detect", "clap", "arrow", "serialport"];
+
+/// The modules of the core from the lowest layer to the highest: each imports only those before it.
+const CORE_LAYERS: [&str; 13] = [
+    "scalar",
+    "sine",
+    "io",
+    "model",
+    "integrator",
+    "fixed_point",
+    "analysis",
+    "measure",
+    "control",
+    "settings",
+    "twin",
+    "rig",
+    "plant",
+];
 
 fn workspace() -> Metadata {
     MetadataCommand::new().manifest_path(project().join("Cargo.toml")).other_options(locked()).exec().unwrap()
@@ -90,4 +109,105 @@ fn what_both_sides_share_reaches_nothing_of_one_side() {
             assert!(wrong.is_none(), "{name} reaches {package}");
         }
     }
+}
+
+/// The top-level modules of its crate that a source file names: `crate::a::…`, `crate::{a, b::…}`. Comments do not count.
+fn named_modules(source: &str) -> BTreeSet<String> {
+    let code: String = source.lines().map(|line| line.split("//").next().unwrap_or("").to_owned() + "\n").collect();
+    let mut modules = BTreeSet::new();
+    for path in code.split("crate::").skip(1) {
+        let Some(group) = path.strip_prefix('{') else {
+            modules.insert(first_word(path));
+            continue;
+        };
+        let mut depth = 0;
+        let mut item = String::new();
+        for character in group.chars() {
+            match character {
+                '}' if depth == 0 => break,
+                ',' if depth == 0 => drop(modules.insert(first_word(&std::mem::take(&mut item)))),
+                _ => {
+                    depth += i32::from(character == '{') - i32::from(character == '}');
+                    item.push(character);
+                }
+            }
+        }
+        modules.insert(first_word(&item));
+    }
+    modules.remove("");
+    modules
+}
+
+fn first_word(path: &str) -> String {
+    path.trim().chars().take_while(|character| character.is_alphanumeric() || *character == '_').collect()
+}
+
+/// Every source file below a folder.
+fn sources(folder: &Path) -> Vec<(String, String)> {
+    let mut files = vec![];
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push((path.display().to_string(), fs::read_to_string(&path).unwrap()));
+        }
+    }
+    files
+}
+
+/// The imports of a crate that point upwards, and the modules without a layer. `layers` run from the lowest to the highest.
+fn upward_imports(files: &[(String, String)], src: &Path, layers: &[&str]) -> Vec<String> {
+    let layer = |module: &str| layers.iter().position(|name| *name == module);
+    let mut wrong = vec![];
+    for (path, source) in files {
+        let below = Path::new(path).strip_prefix(src).unwrap().with_extension("");
+        let own = below.iter().next().unwrap().to_string_lossy().into_owned();
+        if own == "lib" || own == "main" {
+            continue;
+        }
+        let Some(own_layer) = layer(&own) else {
+            wrong.push(format!("{path}: the module {own} has no layer"));
+            continue;
+        };
+        for module in named_modules(source) {
+            if layer(&module).is_some_and(|layer| layer > own_layer) {
+                wrong.push(format!("{path}: {own} imports the higher module {module}"));
+            }
+        }
+    }
+    wrong
+}
+
+fn assert_layered(crate_folder: &str, layers: &[&str]) {
+    let src = project().join(crate_folder).join("src");
+    let files = sources(&src);
+    assert!(files.len() > layers.len() / 2, "{crate_folder}: the walk found {} files", files.len());
+    let wrong = upward_imports(&files, &src, layers);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn a_module_of_the_core_imports_only_lower_ones() {
+    assert_layered("shared/core", &CORE_LAYERS);
+}
+
+#[test]
+fn an_import_of_a_higher_module_is_found_in_every_form() {
+    let layers = ["low", "middle", "high"];
+    let upward = |path: &str, source: &str| {
+        upward_imports(&[(format!("src/{path}"), source.into())], Path::new("src"), &layers).len()
+    };
+    for source in [
+        "use crate::high::Name;",
+        "use crate::{low::Name, high::{A, B}};",
+        "    fn f() -> crate::high::Name {}",
+        "#[cfg(test)]\nmod tests {\n    use crate::high;\n}",
+    ] {
+        assert_eq!(upward("middle/part.rs", source), 1, "{source}");
+        assert_eq!(upward("high.rs", source), 0, "{source}");
+    }
+    assert_eq!(upward("middle.rs", "// use crate::high::Name;\nuse crate::low::{Name, high};"), 0);
+    assert_eq!(upward("low.rs", "use crate::{middle, high};"), 2);
+    assert_eq!(upward("other.rs", ""), 1, "a module without a layer");
 }
