@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
-    Answer, Ask, Clock, ClockSource, Counters, Description, FromDevice, Happening, Identity, Request, Reset, SCHEMA,
-    Signal, Telemetry, ToDevice, VERSION,
+    Clock, ClockSource, Counters, Description, Event, FromDevice, Identity, NumberedRequest, Reply, Request, Reset,
+    SCHEMA, Signal, Telemetry, ToDevice, VERSION,
 };
 
 use crate::link::{Address, Closed, Link, Unreachable};
@@ -117,7 +117,7 @@ pub enum Report {
         /// The tick.
         tick: u32,
         /// What happened.
-        event: Happening,
+        event: Event,
     },
     /// Rows of signals.
     Telemetry(Box<Telemetry>),
@@ -145,7 +145,7 @@ pub struct Session {
     reader: Reader,
     bytes: Vec<u8>,
     reports: VecDeque<Report>,
-    replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
+    replies: VecDeque<(u16, Result<Reply, damprig_protocol::Rejected>)>,
     seq: u16,
     /// The board's latest counters, and the number of the question that they answered.
     counters: Option<(u16, Counters)>,
@@ -222,13 +222,13 @@ impl Session {
         };
         // Ends whatever half a frame an earlier host may have left in the device's reader.
         session.send_bytes(&[0])?;
-        session.identity = match session.ask("say who it is", Ask::Identify)? {
-            Answer::Identity(identity) => identity,
+        session.identity = match session.ask("say who it is", Request::Identify)? {
+            Reply::Identity(identity) => identity,
             _ => return Err(SessionError::Confused { what: "say who it is" }),
         };
         session.check_version()?;
-        session.description = match session.ask("describe itself", Ask::Describe)? {
-            Answer::Description(description) => description,
+        session.description = match session.ask("describe itself", Request::Describe)? {
+            Reply::Description(description) => description,
             _ => return Err(SessionError::Confused { what: "describe itself" }),
         };
         session.signals = session.read_signals()?;
@@ -242,8 +242,8 @@ impl Session {
         const WHAT: &str = "say what it measures";
         let mut table = Vec::new();
         while table.len() < usize::from(self.description.signals) {
-            match self.ask(WHAT, Ask::Signals { from: table.len() as u8 })? {
-                Answer::Signals(part) if !part.is_empty() => table.extend(part),
+            match self.ask(WHAT, Request::Signals { from: table.len() as u8 })? {
+                Reply::Signals(part) if !part.is_empty() => table.extend(part),
                 _ => return Err(SessionError::Confused { what: WHAT }),
             }
         }
@@ -356,11 +356,11 @@ impl Session {
     ///
     /// # Errors
     /// The device refuses, is silent, or the link breaks.
-    pub fn ask(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
+    pub fn ask(&mut self, what: &'static str, ask: Request) -> Result<Reply, SessionError> {
         self.use_up_credit()?;
         self.seq = self.seq.wrapping_add(1);
         let seq = self.seq;
-        let message = ToDevice::Request(Request { seq, at_tick: None, ask });
+        let message = ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask });
         let silent_at = Instant::now() + self.timeout;
         while Instant::now() < silent_at {
             self.send(&message)?;
@@ -384,9 +384,9 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::ask`].
-    pub fn tell(&mut self, what: &'static str, ask: Ask) -> Result<(), SessionError> {
+    pub fn tell(&mut self, what: &'static str, ask: Request) -> Result<(), SessionError> {
         match self.ask(what, ask)? {
-            Answer::Done => Ok(()),
+            Reply::Done => Ok(()),
             _ => Err(SessionError::Confused { what }),
         }
     }
@@ -397,7 +397,7 @@ impl Session {
     /// As [`Session::ask`].
     pub fn start(&mut self) -> Result<(), SessionError> {
         self.reports.clear();
-        self.tell("start", Ask::Start)?;
+        self.tell("start", Request::Start)?;
         self.granted_until = None;
         self.clock_tick = 0;
         Ok(())
@@ -474,13 +474,13 @@ impl Session {
     fn show_a_sign(&mut self) -> Result<(), SessionError> {
         self.replies.clear();
         self.seq = self.seq.wrapping_add(1);
-        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Status }))
     }
 
     /// Tells the rig to stop without waiting for an answer: for when the conversation is over anyway.
     pub fn stop_blindly(&mut self) {
         self.seq = self.seq.wrapping_add(1);
-        let _ = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Stop }));
+        let _ = self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Stop }));
     }
 
     /// Lets go of the link, so that it can be opened again: a serial port has one user at a time.

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use damprig_core::io::Invalid;
 use damprig_core::settings::{Prepared, Settings, Source as Origin};
-use damprig_protocol::{Answer, Ask};
+use damprig_protocol::{Reply, Request};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
@@ -21,8 +21,8 @@ impl Session {
     /// As [`Session::ask`].
     pub fn read_settings(&mut self) -> Result<(Settings, Origin), SessionError> {
         const WHAT: &str = "tell its settings";
-        match self.ask(WHAT, Ask::Settings)? {
-            Answer::Settings { settings, source } => Ok((settings, source)),
+        match self.ask(WHAT, Request::Settings)? {
+            Reply::Settings { settings, source } => Ok((settings, source)),
             _ => Err(SessionError::Confused { what: WHAT }),
         }
     }

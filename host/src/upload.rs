@@ -1,7 +1,7 @@
 //! Brings a record to the device: in chunks, from where the device is, until it says that the whole is right.
 
-use damprig_protocol::Answer;
-use damprig_protocol::Ask;
+use damprig_protocol::Reply;
+use damprig_protocol::Request;
 use damprig_protocol::upload::{CHUNK_BYTES, Progress, UploadStage, checksum};
 
 use crate::session::{Session, SessionError};
@@ -23,7 +23,7 @@ impl Session {
     /// # Errors
     /// As [`Session::ask`]; an upload that does not come to its end; `go_on` said no.
     pub fn upload(&mut self, bytes: &[u8], go_on: &mut dyn FnMut() -> bool) -> Result<(), SessionError> {
-        let begin = Ask::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
+        let begin = Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
         let (mut damaged, mut fruitless, mut looks) = (0, 0, 0);
         let mut progress = self.progress(begin.clone())?;
         loop {
@@ -60,15 +60,15 @@ impl Session {
         }
     }
 
-    fn progress(&mut self, ask: Ask) -> Result<Progress, SessionError> {
+    fn progress(&mut self, ask: Request) -> Result<Progress, SessionError> {
         match self.ask(WHAT, ask)? {
-            Answer::Upload(progress) => Ok(progress),
+            Reply::Upload(progress) => Ok(progress),
             _ => Err(SessionError::Confused { what: WHAT }),
         }
     }
 }
 
-fn chunk(bytes: &[u8], from: u32) -> Ask {
+fn chunk(bytes: &[u8], from: u32) -> Request {
     let rest = bytes.get(from as usize..).unwrap_or_default();
-    Ask::UploadChunk { offset: from, data: rest.iter().take(CHUNK_BYTES).copied().collect() }
+    Request::UploadChunk { offset: from, data: rest.iter().take(CHUNK_BYTES).copied().collect() }
 }

@@ -12,14 +12,14 @@ use core::task::Poll;
 use cortex_m_rt::exception;
 use cortex_m_semihosting::debug;
 use damprig_core::io::{Actuators, Sensors};
-use damprig_core::rig::{Refusal, Rig};
+use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{Board, Saving};
 use damprig_device::control_loop::Step;
 use damprig_device::controller::BootInfo;
 use damprig_device::queues::StreamItem;
 use damprig_device::settings_store::SettingsStore;
-use damprig_protocol::{Clock, PlantKind, Request};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind};
 use damprig_simulator::board::SimulatedBoard;
 use damprig_simulator::line_pace::LinePace;
 use embassy_executor::{SpawnToken, Spawner};
@@ -126,15 +126,15 @@ impl Board for ControlBoard {
         self.simulated.set(actuators, rig);
     }
 
-    fn save(&mut self, to_save: &Settings) -> Result<Saving, Refusal> {
+    fn save(&mut self, to_save: &Settings) -> Result<Saving, Rejected> {
         settings::save(to_save)
     }
 
-    fn saved(&mut self) -> Option<Result<(), Refusal>> {
+    fn saved(&mut self) -> Option<Result<(), Rejected>> {
         settings::saved()
     }
 
-    fn can_start(&self) -> Result<(), Refusal> {
+    fn can_start(&self) -> Result<(), Rejected> {
         self.simulated.can_start()
     }
 
@@ -142,15 +142,15 @@ impl Board for ControlBoard {
         self.simulated.started();
     }
 
-    fn simulate(&mut self, message: &[u8]) -> Result<(), Refusal> {
+    fn simulate(&mut self, message: &[u8]) -> Result<(), Rejected> {
         self.simulated.simulate(message)
     }
 
-    fn defer(&mut self, request: &Request) -> Result<(), Refusal> {
+    fn defer(&mut self, request: &NumberedRequest) -> Result<(), Rejected> {
         self.simulated.defer(request)
     }
 
-    fn due(&mut self, next_tick: u32) -> Option<Request> {
+    fn due(&mut self, next_tick: u32) -> Option<NumberedRequest> {
         self.simulated.due(next_tick)
     }
 }

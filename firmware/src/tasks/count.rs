@@ -12,10 +12,10 @@ use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{Drive, MOST_POINTS, Start, SteppedSine};
+use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
-use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
-use damprig_core::rig::{Refusal, Rig, State};
+use damprig_core::rig::{Rejected, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_core::twin::{Twin, TwinConfig};
 use damprig_device::board::{Board, Saving};
@@ -26,7 +26,7 @@ use damprig_device::outbox::Outbox;
 use damprig_device::queues::{LocalQueues, Losses, Requests};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, Plant, PlantConfig, Shaker};
@@ -115,7 +115,7 @@ impl Board for CountedBoard {
         self.actuators = *actuators;
     }
 
-    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
         Ok(Saving::Done)
     }
 
@@ -125,10 +125,10 @@ impl Board for CountedBoard {
 }
 
 #[derive(Default)]
-struct OneRequest(Option<Request>);
+struct OneRequest(Option<NumberedRequest>);
 
 impl Requests for OneRequest {
-    fn front(&mut self) -> Option<&Request> {
+    fn front(&mut self) -> Option<&NumberedRequest> {
         self.0.as_ref()
     }
 
@@ -143,10 +143,10 @@ impl Requests for OneRequest {
 
 impl Rehearsal<'_> {
     /// Lets the request arrive as bytes; it is served in the next step.
-    fn send(&mut self, ask: Ask) {
+    fn send(&mut self, ask: Request) {
         self.seq += 1;
         let mut out = [0; LONGEST];
-        let message = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
+        let message = ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask });
         let length = frame::encode(&message, &mut out).expect("every message fits a frame");
         let reader = &mut self.reader;
         let (request, depth) = depth(|| out[..length].iter().find_map(|&byte| reader.push(byte)));
@@ -177,7 +177,7 @@ impl Rehearsal<'_> {
         }
     }
 
-    fn ask(&mut self, ask: Ask, tally: &mut Tally) {
+    fn ask(&mut self, ask: Request, tally: &mut Tally) {
         self.send(ask);
         self.step(tally);
     }
@@ -219,13 +219,16 @@ pub fn run(counter: &InstructionCounter) -> ! {
     let (mut idle, mut spring_moves) = (Tally::default(), Tally::default());
     let longest = (0..MOST_POINTS).map(|n| 2.0 + 1e-3 * n as f32).collect();
     for (name, ask) in [
-        ("settings", Ask::SetSettings(Settings::default())),
-        ("spring", Ask::SetSpring(spring())),
-        ("twin", Ask::SetTwin(Some(TwinConfig::new(set_up())))),
-        ("most frequencies", Ask::Configure(SteppedSine { frequencies_hz: longest, ..experiment() })),
-        ("two frequencies", Ask::Configure(experiment())),
-        ("limits", Ask::SetLimits(ExperimentLimits { half_cycles_ahead: Some(20.0), ..ExperimentLimits::default() })),
-        ("telemetry", Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true }),
+        ("settings", Request::SetSettings(Settings::default())),
+        ("spring", Request::SetSpring(spring())),
+        ("twin", Request::SetTwin(Some(TwinConfig::new(set_up())))),
+        ("most frequencies", Request::Configure(SteppedSine { frequencies_hz: longest, ..experiment() })),
+        ("two frequencies", Request::Configure(experiment())),
+        (
+            "limits",
+            Request::SetLimits(ExperimentLimits { half_cycles_ahead: Some(20.0), ..ExperimentLimits::default() }),
+        ),
+        ("telemetry", Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true }),
     ] {
         let mut tally = Tally::default();
         rig.ask(ask, &mut tally);
@@ -233,12 +236,12 @@ pub fn run(counter: &InstructionCounter) -> ! {
         idle.add(tally.worst, 0, 0);
     }
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 2.0 })] {
-        rig.ask(Ask::Spring(command), &mut spring_moves);
+        rig.ask(Request::Spring(command), &mut spring_moves);
         (0..16_000).for_each(|_| rig.step(&mut spring_moves));
     }
-    rig.ask(Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })), &mut spring_moves);
-    rig.ask(Ask::ArmSnippet, &mut spring_moves);
-    rig.ask(Ask::Start, &mut idle);
+    rig.ask(Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })), &mut spring_moves);
+    rig.ask(Request::ArmSnippet, &mut spring_moves);
+    rig.ask(Request::Start, &mut idle);
     let (mut alone, mut served) = (Tally::default(), Tally::default());
     for tick in 0..TICKS {
         if tick % 4 == 0 {
@@ -300,7 +303,7 @@ fn depth_of_sending() -> usize {
     let values = (0..64u8).map(f32::from).collect();
     let telemetry = Telemetry { seq: 1, first_tick: 2, every_ticks: 1, width: 16, values };
     let signal = || Signal { name: "signal".try_into().unwrap_or_default(), unit: "m".try_into().unwrap_or_default() };
-    let signals = Answer::Signals((0..SIGNALS_TOLD).map(|_| signal()).collect());
+    let signals = Reply::Signals((0..SIGNALS_TOLD).map(|_| signal()).collect());
     let mut out = [0; LONGEST];
     [FromDevice::Telemetry(telemetry), FromDevice::Reply { seq: 3, answer: Ok(signals) }]
         .iter()
@@ -336,27 +339,27 @@ fn plant() -> PlantConfig {
 }
 
 /// What a host may ask for while an experiment runs, one after the other; a new target seldom, so that the spring gets to it.
-fn asked(turn: u32, is_running: bool) -> Ask {
+fn asked(turn: u32, is_running: bool) -> Request {
     if turn.is_multiple_of(256) {
-        return Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
+        return Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
     }
     match turn % 16 {
-        0 => Ask::Signals { from: 0 },
-        1 => Ask::Describe,
-        2 => Ask::ArmSnippet,
-        3 => Ask::Settings,
-        4 => Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
-        5 => Ask::Identify,
-        6 => Ask::Snippet { from: 0 },
-        7 => Ask::Result { index: 0 },
+        0 => Request::Signals { from: 0 },
+        1 => Request::Describe,
+        2 => Request::ArmSnippet,
+        3 => Request::Settings,
+        4 => Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
+        5 => Request::Identify,
+        6 => Request::Snippet { from: 0 },
+        7 => Request::Result { index: 0 },
         // In vain.
-        8..=12 if !is_running => Ask::Status,
-        8 => Ask::Start,
-        9 => Ask::BeginUpload { bytes: 2, crc32: 0 },
-        10 => Ask::SetSpring(spring()),
-        11 => Ask::SetTwin(None),
-        12 => Ask::Spring(SpringCommand::TouchOff),
-        _ => Ask::Status,
+        8..=12 if !is_running => Request::Status,
+        8 => Request::Start,
+        9 => Request::BeginUpload { bytes: 2, crc32: 0 },
+        10 => Request::SetSpring(spring()),
+        11 => Request::SetTwin(None),
+        12 => Request::Spring(SpringCommand::TouchOff),
+        _ => Request::Status,
     }
 }
 

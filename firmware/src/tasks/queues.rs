@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use damprig_device::queues::{Losses, Outgoing, Requests, StreamItem, Waiting};
 use damprig_device::{REPLIES_WAITING, REQUESTS_WAITING, ROWS_WAITING};
-use damprig_protocol::{Ask, FromDevice, Request};
+use damprig_protocol::{FromDevice, NumberedRequest, Request};
 use embassy_futures::select::select;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
@@ -12,24 +12,26 @@ use embassy_sync::zerocopy_channel;
 use static_cell::StaticCell;
 
 /// Receiving end of the queue of requests. Requests are large: they are written and served in place.
-pub type RequestsIn = zerocopy_channel::Sender<'static, CriticalSectionRawMutex, Request>;
+pub type RequestsIn = zerocopy_channel::Sender<'static, CriticalSectionRawMutex, NumberedRequest>;
 
 /// Control's end of the queue of requests.
-pub struct RequestsOut(zerocopy_channel::Receiver<'static, CriticalSectionRawMutex, Request>);
+pub struct RequestsOut(zerocopy_channel::Receiver<'static, CriticalSectionRawMutex, NumberedRequest>);
 
 /// Makes the queue of requests. To be called once.
 pub fn requests() -> (RequestsIn, RequestsOut) {
     // Filled here: a constant would lie in flash as a whole.
-    static PLACES: StaticCell<[Request; REQUESTS_WAITING]> = StaticCell::new();
-    let places =
-        PLACES.init_with(|| [const { Request { seq: 0, at_tick: None, ask: Ask::Identify } }; REQUESTS_WAITING]);
-    static QUEUE: StaticCell<zerocopy_channel::Channel<'static, CriticalSectionRawMutex, Request>> = StaticCell::new();
+    static PLACES: StaticCell<[NumberedRequest; REQUESTS_WAITING]> = StaticCell::new();
+    let places = PLACES.init_with(|| {
+        [const { NumberedRequest { seq: 0, at_tick: None, request: Request::Identify } }; REQUESTS_WAITING]
+    });
+    static QUEUE: StaticCell<zerocopy_channel::Channel<'static, CriticalSectionRawMutex, NumberedRequest>> =
+        StaticCell::new();
     let (sender, receiver) = QUEUE.init(zerocopy_channel::Channel::new(places)).split();
     (sender, RequestsOut(receiver))
 }
 
 impl Requests for RequestsOut {
-    fn front(&mut self) -> Option<&Request> {
+    fn front(&mut self) -> Option<&NumberedRequest> {
         self.0.try_receive().map(|request| &*request)
     }
 

@@ -3,7 +3,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use damprig_core::rig::Refusal;
+use damprig_core::rig::Rejected;
 use damprig_core::settings::Settings;
 use damprig_device::board::Saving;
 use damprig_device::settings_store::SettingsStore;
@@ -29,9 +29,9 @@ pub async fn run(mut store: SettingsStore<impl NorFlash>) -> ! {
 ///
 /// # Errors
 /// There is no place for settings.
-pub fn save(settings: &Settings) -> Result<Saving, Refusal> {
+pub fn save(settings: &Settings) -> Result<Saving, Rejected> {
     if !HAS_STORE.load(Ordering::Relaxed) {
-        return Err(Refusal::NotHere("the flash is one bank: set the option byte DBANK"));
+        return Err(Rejected::not_here("the flash is one bank: set the option byte DBANK"));
     }
     IS_SAVING.store(true, Ordering::Relaxed);
     TO_SAVE.signal(*settings);
@@ -39,10 +39,10 @@ pub fn save(settings: &Settings) -> Result<Saving, Refusal> {
 }
 
 /// How a save has ended, once.
-pub fn saved() -> Option<Result<(), Refusal>> {
+pub fn saved() -> Option<Result<(), Rejected>> {
     let is_saved = SAVED.try_take()?;
     IS_SAVING.store(false, Ordering::Relaxed);
-    Some(is_saved.then_some(()).ok_or(Refusal::NotHere("the flash did not take the settings")))
+    Some(is_saved.then_some(()).ok_or(Rejected::not_here("the flash did not take the settings")))
 }
 
 /// A save has begun whose end has not been taken.

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args as ClapArgs, Subcommand};
 use damprig_core::settings::{Settings, Source as Origin};
-use damprig_protocol::Ask;
+use damprig_protocol::Request;
 
 use super::devices::Rig;
 use super::{Failure, Outcome};
@@ -145,7 +145,7 @@ fn export(file: &Path, text: &str) -> Outcome {
 }
 
 fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: bool) -> Outcome {
-    session.tell("use the settings", Ask::SetSettings(*wanted)).map_err(failed)?;
+    session.tell("use the settings", Request::SetSettings(*wanted)).map_err(failed)?;
     let mut differences = 0;
     for ((place, before), (_, after)) in entries(present).iter().zip(entries(wanted)) {
         if *before != after {
@@ -164,7 +164,7 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
 }
 
 fn save(session: &mut Session) -> Outcome {
-    session.tell("save its settings", Ask::SaveSettings).map_err(failed)?;
+    session.tell("save its settings", Request::SaveSettings).map_err(failed)?;
     println!("saved");
     if session.name().starts_with("virtual") {
         println!("note: the virtual rig ends with this command; a file for --rig virtual:BOARD.toml keeps settings");

@@ -21,7 +21,7 @@ use std::time::Instant;
 use damprig_core::control::friction_spring;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
-use damprig_protocol::{Ask, ClockSource, PlantKind};
+use damprig_protocol::{ClockSource, PlantKind, Request};
 
 use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::input::Refusal;
@@ -363,7 +363,7 @@ impl<'a> Run<'a> {
     }
 
     fn end_telemetry(&mut self) -> Result<(), SessionError> {
-        let ask = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
+        let ask = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
         self.session.tell("end the telemetry", ask)
     }
 }

@@ -11,7 +11,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::State;
-use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
+use damprig_protocol::{Event, MOST_SIGNALS, PlantKind, Reply, Request, Telemetry};
 use damprig_simulator::messages::set_plant;
 
 use super::convert::{self, fault_error};
@@ -143,11 +143,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             let plant = convert::plant(rig, set_up, experiment);
             session.tell("take the simulated set-up", set_plant(plant))?;
         }
-        session.tell("take the twin's set-up", Ask::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
+        session
+            .tell("take the twin's set-up", Request::SetTwin(convert::twin(&self.run.selection, set_up, experiment)))?;
         let ask = match &experiment.kind {
             Kind::SteppedSine(sine) => {
                 let drive_m = session.settings.calibration.drive.range().amplitude_m();
-                Ask::Configure(convert::plan(set_up, sine, self.task.points.clone(), drive_m))
+                Request::Configure(convert::plan(set_up, sine, self.task.points.clone(), drive_m))
             }
             Kind::Playback(playback) => {
                 let stop = self.run.stop;
@@ -156,12 +157,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     return Err(RunError::Interrupted);
                 }
                 uploaded?;
-                Ask::ConfigurePlayback(playback.order())
+                Request::ConfigurePlayback(playback.order())
             }
-            Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
+            Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
         };
         session.tell("take the experiment", ask)?;
-        session.tell("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
+        session.tell("take the campaign's limits", Request::SetLimits(rig.limits.of_experiment()))?;
         let keeps_ratio = experiment.stepped_sine().is_some();
         match set_up.spring() {
             Some(spring) => self.run.tune(set_up, &spring, keeps_ratio),
@@ -170,7 +171,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     fn telemetry(&mut self) -> Result<(), RunError> {
-        let ask = Ask::SetTelemetry {
+        let ask = Request::SetTelemetry {
             every_ticks: self.run.every_ticks,
             signals: self.places.iter().map(|&place| place as u8).collect(),
             impacts: self.task.set_up.model().particle.is_some(),
@@ -242,7 +243,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 self.heard_of(message.first_tick.saturating_add(span));
                 self.track.arrived(*message).iter().try_for_each(|message| self.record(message))
             }
-            Report::Event { tick, event: Happening::Point(result) } => {
+            Report::Event { tick, event: Event::Point(result) } => {
                 self.heard_of(tick);
                 // The device keeps only the last few results: one that was lost is asked for at once.
                 self.fetch_missing(result.index)?;
@@ -251,21 +252,21 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(())
             }
-            Report::Event { tick, event: Happening::Transient(result) } => {
+            Report::Event { tick, event: Event::Transient(result) } => {
                 self.heard_of(tick);
                 if self.track.point_done(result.index, result.end_tick.saturating_sub(1)) {
                     self.take_transient(&result);
                 }
                 Ok(())
             }
-            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
+            Report::Event { tick, event: Event::Finished { rows_dropped, .. } } => {
                 if self.track.finished(tick) {
                     self.run.tally.counters.dropped_records += u64::from(rows_dropped);
                 }
                 Ok(())
             }
-            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
-            Report::Event { event: Happening::Impact(impact), .. } => {
+            Report::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            Report::Event { event: Event::Impact(impact), .. } => {
                 self.run.watcher.impact(&impact);
                 // A copy of one that was late on the way is not another one.
                 if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
@@ -276,7 +277,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(())
             }
-            Report::Event { event: Happening::Spring(happening), .. } => {
+            Report::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
                 Ok(())
             }
@@ -388,13 +389,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn fetch_missing(&mut self, until: u16) -> Result<(), RunError> {
         let is_transient = self.task.experiment.stepped_sine().is_none();
         for index in self.track.missing_points(until) {
-            let ask = if is_transient { Ask::Transient } else { Ask::Result { index } };
+            let ask = if is_transient { Request::Transient } else { Request::Result { index } };
             match self.run.session.ask("repeat a result", ask) {
-                Ok(Answer::Transient(result)) => {
+                Ok(Reply::Transient(result)) => {
                     self.track.point_done(index, result.end_tick.saturating_sub(1));
                     self.take_transient(&result);
                 }
-                Ok(Answer::Result(result)) => {
+                Ok(Reply::Result(result)) => {
                     self.track.point_done(index, result.end_tick.saturating_sub(1));
                     self.take(&result);
                 }

@@ -1,7 +1,7 @@
 //! How the device is, and what it has counted: asked for, and picked up from whatever answer goes by.
 
 use damprig_core::rig::Status;
-use damprig_protocol::{Answer, Ask, Counters, Refused};
+use damprig_protocol::{Counters, Rejected, Reply, Request};
 
 use super::{Session, SessionError};
 
@@ -11,8 +11,8 @@ impl Session {
     /// # Errors
     /// As [`Session::ask`].
     pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
-        match self.ask("say how it is", Ask::Status)? {
-            Answer::Status { status, counters } => {
+        match self.ask("say how it is", Request::Status)? {
+            Reply::Status { status, counters } => {
                 // A late grant may have carried the device further than the present one.
                 self.clock_tick = self.clock_tick.max(status.tick);
                 self.granted_until = self.granted_until.map(|until| until.max(status.tick));
@@ -35,8 +35,8 @@ impl Session {
 
     /// Signs of life are asked for the status too, and nobody waits for their answers. One that was late on the way does
     /// not go back behind a later one.
-    pub(super) fn hear_counters(&mut self, seq: u16, answer: &Result<Answer, Refused>) {
-        if let Ok(Answer::Status { counters, .. }) = answer
+    pub(super) fn hear_counters(&mut self, seq: u16, answer: &Result<Reply, Rejected>) {
+        if let Ok(Reply::Status { counters, .. }) = answer
             && self.counters.is_none_or(|(latest, _)| seq.wrapping_sub(latest).cast_signed() > 0)
         {
             self.counters = Some((seq, *counters));

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use damprig::link::Link;
 use damprig::session::{Session, SessionError};
 use damprig_core::io::{Actuators, Reading, Sensors};
-use damprig_core::rig::{Refusal, Rig, State};
+use damprig_core::rig::{Rejected, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
@@ -44,8 +44,8 @@ impl damprig_device::board::Board for Real {
 
     fn set(&mut self, _: &Actuators, _: &Rig) {}
 
-    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
-        Err(Refusal::NotHere("this board has no flash to save to"))
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+        Err(Rejected::not_here("this board has no flash to save to"))
     }
 }
 

@@ -8,7 +8,7 @@ mod unix {
     use std::time::{Duration, Instant};
 
     use damprig_core::io::{Actuators, Reading, Sensors};
-    use damprig_core::rig::{Refusal, Rig};
+    use damprig_core::rig::{Rejected, Rig};
     use damprig_core::settings::Settings;
     use damprig_device::board::{Board, DeviceInfo, Saving};
     use damprig_device::control_loop::step;
@@ -18,7 +18,7 @@ mod unix {
     use damprig_device::queues::{LocalQueues, Losses, Requests};
     use damprig_device::upload_buffer::UploadBuffer;
     use damprig_protocol::frame::{self, LONGEST, Reader};
-    use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+    use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
     use damprig_simulator::device::{Progress, SimulatedDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
@@ -44,7 +44,7 @@ mod unix {
                 if let Ok(count) = line.read(&mut bytes) {
                     let asked = bytes[..count].iter().filter_map(|&b| from_host.push::<ToDevice>(b)).flatten();
                     for message in asked {
-                        is_silent &= !matches!(message, ToDevice::Request(r) if r.ask == Ask::Identify);
+                        is_silent &= !matches!(message, ToDevice::Request(r) if r.request == Request::Identify);
                     }
                     board.receive(&bytes[..count]);
                 }
@@ -53,7 +53,7 @@ mod unix {
                 for message in said.iter().filter_map(|&b| from_board.push::<FromDevice>(b)).flatten() {
                     points += usize::from(is_point(&message));
                     is_silent |= is_point(&message) && points == silent_from_point;
-                    let is_status = matches!(message, FromDevice::Reply { answer: Ok(Answer::Status { .. }), .. });
+                    let is_status = matches!(message, FromDevice::Reply { answer: Ok(Reply::Status { .. }), .. });
                     if relapses && was_silent && !is_silent && is_status {
                         (is_silent, relapses) = (true, false);
                     }
@@ -136,16 +136,16 @@ mod unix {
             self.sensors.readings.z = Reading::still(actuators.drive_m);
         }
 
-        fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
-            Err(Refusal::NotHere("this board has no flash to save to"))
+        fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+            Err(Rejected::not_here("this board has no flash to save to"))
         }
     }
 
     #[derive(Default)]
-    struct Received(VecDeque<Request>);
+    struct Received(VecDeque<NumberedRequest>);
 
     impl Requests for Received {
-        fn front(&mut self) -> Option<&Request> {
+        fn front(&mut self) -> Option<&NumberedRequest> {
             self.0.front()
         }
 

@@ -10,9 +10,9 @@ use damprig::recording::taken::Taken;
 use damprig::recording::transients::TransientRow;
 use damprig::runs::RunFolder;
 use damprig::runs::columns::{numbers, texts};
-use damprig::simulation::{Case, Request, simulate};
+use damprig::simulation::{self, Case, simulate};
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
+use damprig_protocol::{Event, FromDevice, Reply, Request, ToDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
@@ -131,7 +131,8 @@ fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
         let source = Source::new(folder.path().join("case.toml").display().to_string(), text);
         let case = Case::parse(&source, "case").unwrap();
         let answer =
-            simulate(&case, &mut (), Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
+            simulate(&case, &mut (), simulation::Request { keep: true, longest_part_s: 1.0, go_on: &mut |_| true })
+                .unwrap();
         // Counts of peak/32767 round by half of one: at resonance, if they conspired, 1/(2ζ) = 132 of that. The mean over
         // a block flattens a peak by (Ωh)²/24. Before its first sample the spline has (z1 − 0)/2 of velocity to make.
         let peak_z = f64::from(played.z_peak_m);
@@ -217,7 +218,7 @@ fn a_stepped_sine_may_stand_beside_them() {
 }
 
 fn is_event(message: &FromDevice) -> bool {
-    matches!(message, FromDevice::Event { event: Happening::Transient(_), .. })
+    matches!(message, FromDevice::Event { event: Event::Transient(_), .. })
 }
 
 /// What was measured, without when.
@@ -244,7 +245,8 @@ fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
     let said = String::from_utf8_lossy(&resumed.get_output().stdout).into_owned();
     assert!(said.contains("2 of 6 points are kept as they are") && said.contains("\"release\" is repeated"), "{said}");
     assert_eq!(measured(&folder.path().join("cut")), measured(&folder.path().join("whole")));
-    let starts = again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Start)).count();
+    let starts =
+        again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.request == Request::Start)).count();
     assert_eq!(starts, 4, "what is complete is not measured again");
     damprig(&folder).args(["runs", "verify", "cut"]).assert().success();
 }
@@ -255,7 +257,7 @@ fn an_upload_goes_on_after_a_lost_link_and_is_not_made_twice() {
     let (told, hear) = std::sync::mpsc::channel();
     let mut closed = false;
     let rig = Served::again_and_again(move |message| {
-        if let FromDevice::Reply { answer: Ok(Answer::Upload(progress)), .. } = message {
+        if let FromDevice::Reply { answer: Ok(Reply::Upload(progress)), .. } = message {
             told.send(*progress).unwrap();
             if !closed && progress.there == 6 * CHUNK_BYTES as u32 {
                 closed = true;

@@ -1,9 +1,9 @@
 //! What the control loop needs of a board: samples, outputs, ticks, and a place for the settings.
 
 use damprig_core::io::{Actuators, Sensors};
-use damprig_core::rig::{Refusal, Rig};
+use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::Settings;
-use damprig_protocol::{Clock, PlantKind, Request, Timing};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind, Timing};
 
 /// A board. The provided methods are those of a board with a real structure and a clock of its own.
 pub trait Board {
@@ -23,10 +23,10 @@ pub trait Board {
     ///
     /// # Errors
     /// They cannot be saved.
-    fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal>;
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected>;
 
     /// How a save that took longer has ended, once.
-    fn saved(&mut self) -> Option<Result<(), Refusal>> {
+    fn saved(&mut self) -> Option<Result<(), Rejected>> {
         None
     }
 
@@ -39,7 +39,7 @@ pub trait Board {
     ///
     /// # Errors
     /// What is missing.
-    fn can_start(&self) -> Result<(), Refusal> {
+    fn can_start(&self) -> Result<(), Rejected> {
         Ok(())
     }
 
@@ -50,20 +50,20 @@ pub trait Board {
     ///
     /// # Errors
     /// The board has none, or the message is not valid.
-    fn simulate(&mut self, _message: &[u8]) -> Result<(), Refusal> {
-        Err(Refusal::NotHere("this board drives a real structure: its plant cannot be set"))
+    fn simulate(&mut self, _message: &[u8]) -> Result<(), Rejected> {
+        Err(Rejected::not_here("this board drives a real structure: its plant cannot be set"))
     }
 
     /// Keeps a request for its tick.
     ///
     /// # Errors
     /// The board's clock is its own, or another request waits already.
-    fn defer(&mut self, _request: &Request) -> Result<(), Refusal> {
-        Err(Refusal::NotHere("only a simulated board lets a request wait for its tick"))
+    fn defer(&mut self, _request: &NumberedRequest) -> Result<(), Rejected> {
+        Err(Rejected::not_here("only a simulated board lets a request wait for its tick"))
     }
 
     /// The kept request, once its tick has come.
-    fn due(&mut self, _next_tick: u32) -> Option<Request> {
+    fn due(&mut self, _next_tick: u32) -> Option<NumberedRequest> {
         None
     }
 }

@@ -8,12 +8,12 @@ use damprig_core::control::stepped_sine::Plan;
 use damprig_core::control::transient::{free_vibration, playback};
 use damprig_core::io::{Actuators, Invalid, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::measure::snippet::SNIPPET;
-use damprig_core::rig::{Command, Event, Refusal, Rig, SIGNALS, State};
+use damprig_core::rig::{Command, Event, Rejected, Rig, SIGNALS, State};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::upload::MOST_BYTES;
 use damprig_protocol::{
-    Answer, Ask, Clock, ClockSource, Counters, Crash, Description, FromDevice, Happening, Identity, MOST_SIGNALS,
-    PlantKind, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
+    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, NumberedRequest, PlantKind,
+    Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
 };
 use heapless::{Deque, Vec};
 
@@ -60,7 +60,7 @@ pub struct Controller {
     saving: Option<u16>,
     selection: Selection,
     served: Deque<u16, SERVED_KEPT>,
-    last_refused: Option<Refusal>,
+    last_rejected: Option<Rejected>,
     event_seq: u16,
     counters: Counters,
     rows_dropped_before_start: u32,
@@ -97,7 +97,7 @@ impl Controller {
             saving: None,
             selection: Selection::default(),
             served: Deque::new(),
-            last_refused: None,
+            last_rejected: None,
             event_seq: 0,
             counters: Counters::default(),
             rows_dropped_before_start: 0,
@@ -150,7 +150,7 @@ impl Controller {
     /// a copy may have been delayed.
     pub fn serve(
         &mut self,
-        request: &Request,
+        request: &NumberedRequest,
         board: &mut impl Board,
         upload: &mut UploadBuffer,
         outgoing: &mut impl Outgoing,
@@ -159,11 +159,11 @@ impl Controller {
         self.hear_host();
         if request.at_tick.is_some_and(|at| at > self.next_tick()) {
             if let Err(why) = board.defer(request) {
-                self.queue(FromDevice::Reply { seq, answer: Err(why.into()) }, outgoing);
+                self.queue(FromDevice::Reply { seq, answer: Err(why) }, outgoing);
             }
             return;
         }
-        if matches!(request.ask, Ask::Identify) {
+        if matches!(request.request, Request::Identify) {
             // A new session numbers its requests anew.
             self.served.clear();
         }
@@ -172,13 +172,13 @@ impl Controller {
             return;
         }
         let is_last = self.served.back() == Some(&seq);
-        let is_repeated = self.served.iter().any(|served| *served == seq) && !is_question(&request.ask);
+        let is_repeated = self.served.iter().any(|served| *served == seq) && !is_question(&request.request);
         let reply = if is_repeated && is_last {
-            let done = if is_upload(&request.ask) { Answer::Upload(upload.progress()) } else { Answer::Done };
-            self.last_refused.map_or(Ok(done), Err)
+            let done = if is_upload(&request.request) { Reply::Upload(upload.progress()) } else { Reply::Done };
+            self.last_rejected.clone().map_or(Ok(done), Err)
         } else if is_repeated {
             // Nobody waits for this reply any more.
-            Ok(Answer::Done)
+            Ok(Reply::Done)
         } else {
             self.answer(request, board, upload, outgoing)
         };
@@ -188,21 +188,21 @@ impl Controller {
             }
             // Cannot fail: room was made above.
             let _ = self.served.push_back(seq);
-            self.last_refused = reply.as_ref().err().copied();
+            self.last_rejected = reply.as_ref().err().cloned();
         }
         if self.saving != Some(seq) {
-            self.queue(FromDevice::Reply { seq, answer: reply.map_err(Into::into) }, outgoing);
+            self.queue(FromDevice::Reply { seq, answer: reply }, outgoing);
         }
     }
 
-    fn save(&mut self, seq: u16, board: &mut impl Board) -> Result<Answer, Refusal> {
+    fn save(&mut self, seq: u16, board: &mut impl Board) -> Result<Reply, Rejected> {
         self.rig.must_be_idle()?;
         match board.save(self.settings())? {
             Saving::Done => self.settings_source = Source::Stored,
             // The reply is sent when the save has ended.
             Saving::Begun => self.saving = Some(seq),
         }
-        Ok(Answer::Done)
+        Ok(Reply::Done)
     }
 
     /// Replies to a save request once the save has ended.
@@ -214,74 +214,76 @@ impl Controller {
             if outcome.is_ok() {
                 self.settings_source = Source::Stored;
             }
-            self.last_refused = outcome.err();
-            let answer = outcome.map(|()| Answer::Done).map_err(Into::into);
+            let answer = outcome.map(|()| Reply::Done);
+            self.last_rejected = answer.as_ref().err().cloned();
             self.queue(FromDevice::Reply { seq, answer }, outgoing);
         }
     }
 
     fn answer<B: Board>(
         &mut self,
-        request: &Request,
+        request: &NumberedRequest,
         board: &mut B,
         upload: &mut UploadBuffer,
         outgoing: &mut impl Outgoing,
-    ) -> Result<Answer, Refusal> {
-        let command = match &request.ask {
-            Ask::Identify => return Ok(Answer::Identity(self.identity.clone())),
-            Ask::Describe => return Ok(Answer::Description(self.describe::<B>())),
-            Ask::Status => return Ok(Answer::Status { status: self.rig.status(), counters: self.counters }),
-            Ask::Signals { from } => return Ok(Answer::Signals(signals(*from))),
-            Ask::Result { index } => {
+    ) -> Result<Reply, Rejected> {
+        let command = match &request.request {
+            Request::Identify => return Ok(Reply::Identity(self.identity.clone())),
+            Request::Describe => return Ok(Reply::Description(self.describe::<B>())),
+            Request::Status => return Ok(Reply::Status { status: self.rig.status(), counters: self.counters }),
+            Request::Signals { from } => return Ok(Reply::Signals(signals(*from))),
+            Request::Result { index } => {
                 let result = self.rig.result(*index).copied();
-                return result.map(Answer::Result).ok_or(Refusal::NotHere("that result is not kept (any more)"));
+                return result.map(Reply::Result).ok_or(Rejected::not_here("that result is not kept (any more)"));
             }
-            Ask::Snippet { from } => return self.snippet(*from),
-            Ask::Transient => {
+            Request::Snippet { from } => return self.snippet(*from),
+            Request::Transient => {
                 let result = self.rig.transient().copied();
-                let why = Refusal::NotHere("there is no such result since the last start");
-                return result.map(Answer::Transient).ok_or(why);
+                let why = Rejected::not_here("there is no such result since the last start");
+                return result.map(Reply::Transient).ok_or(why);
             }
-            Ask::BeginUpload { bytes, crc32 } => {
+            Request::BeginUpload { bytes, crc32 } => {
                 self.rig.must_be_idle()?;
                 check_upload(*bytes)?;
                 upload.begin(*bytes, *crc32);
-                return Ok(Answer::Upload(upload.progress()));
+                return Ok(Reply::Upload(upload.progress()));
             }
-            Ask::UploadChunk { offset, data } => {
+            Request::UploadChunk { offset, data } => {
                 self.rig.must_be_idle()?;
                 check_chunk(*offset, data)?;
                 upload.take(*offset, data)?;
-                return Ok(Answer::Upload(upload.progress()));
+                return Ok(Reply::Upload(upload.progress()));
             }
-            Ask::SetTelemetry { every_ticks, signals, impacts } => {
+            Request::SetTelemetry { every_ticks, signals, impacts } => {
                 self.selection = Selection::new(*every_ticks, signals, *impacts)?;
-                return Ok(Answer::Done);
+                return Ok(Reply::Done);
             }
-            Ask::Settings => {
-                return Ok(Answer::Settings { settings: *self.settings(), source: self.settings_source });
+            Request::Settings => {
+                return Ok(Reply::Settings { settings: *self.settings(), source: self.settings_source });
             }
-            _ if self.saving.is_some() => return Err(Refusal::NotHere("the settings are being saved: ask again")),
-            Ask::SaveSettings => return self.save(request.seq, board),
-            Ask::Simulator(message) => {
+            _ if self.saving.is_some() => return Err(Rejected::not_here("the settings are being saved: ask again")),
+            Request::SaveSettings => return self.save(request.seq, board),
+            Request::Simulator(message) => {
                 self.rig.must_be_idle()?;
                 board.simulate(message)?;
                 Command::ReplaceSpring
             }
-            Ask::SetSettings(settings) => Command::SetSettings(*settings),
-            Ask::SetLimits(limits) => Command::SetLimits(*limits),
-            Ask::SetSpring(set_up) => Command::SetSpring(*set_up),
-            Ask::SetTwin(config) => Command::SetTwin(*config),
-            Ask::Configure(sine) => Command::Configure(Experiment::SteppedSine(Plan::new(sine.clone())?)),
-            Ask::ConfigurePlayback(config) => Command::Configure(Experiment::Playback(playback::Plan::new(*config)?)),
-            Ask::ConfigureFreeVibration(config) => {
+            Request::SetSettings(settings) => Command::SetSettings(*settings),
+            Request::SetLimits(limits) => Command::SetLimits(*limits),
+            Request::SetSpring(set_up) => Command::SetSpring(*set_up),
+            Request::SetTwin(config) => Command::SetTwin(*config),
+            Request::Configure(sine) => Command::Configure(Experiment::SteppedSine(Plan::new(sine.clone())?)),
+            Request::ConfigurePlayback(config) => {
+                Command::Configure(Experiment::Playback(playback::Plan::new(*config)?))
+            }
+            Request::ConfigureFreeVibration(config) => {
                 Command::Configure(Experiment::FreeVibration(free_vibration::Plan::new(*config)?))
             }
-            Ask::Start => return self.start(board, upload, outgoing),
-            Ask::Stop => Command::Stop,
-            Ask::ClearFault => Command::ClearFault,
-            Ask::Spring(command) => Command::Spring(*command),
-            Ask::ArmSnippet => Command::ArmSnippet,
+            Request::Start => return self.start(board, upload, outgoing),
+            Request::Stop => Command::Stop,
+            Request::ClearFault => Command::ClearFault,
+            Request::Spring(command) => Command::Spring(*command),
+            Request::ArmSnippet => Command::ArmSnippet,
         };
         if let Command::Configure(experiment) = &command {
             let record = experiment.record();
@@ -292,7 +294,7 @@ impl Controller {
         if sets {
             self.settings_source = Source::Host;
         }
-        Ok(Answer::Done)
+        Ok(Reply::Done)
     }
 
     /// Starts the configured experiment: ticks count from 0, rows that wait are dropped.
@@ -301,11 +303,11 @@ impl Controller {
         board: &mut impl Board,
         upload: &UploadBuffer,
         outgoing: &mut impl Outgoing,
-    ) -> Result<Answer, Refusal> {
+    ) -> Result<Reply, Rejected> {
         let record = self.rig.wanted_record();
         self.rig.could_start(record.and_then(|record| upload.peak_counts(&record)))?;
         if record.is_some_and(|record| !upload.holds(&record)) {
-            return Err(Refusal::NotHere("upload the record that this playback names first"));
+            return Err(Rejected::not_here("upload the record that this playback names first"));
         }
         board.can_start()?;
         self.rig.handle(Command::Start)?;
@@ -314,23 +316,23 @@ impl Controller {
         // Cannot fail: the queue is empty.
         let _ = outgoing.stream(StreamItem::Started);
         board.started();
-        Ok(Answer::Done)
+        Ok(Reply::Done)
     }
 
-    fn snippet(&self, from: u16) -> Result<Answer, Refusal> {
+    fn snippet(&self, from: u16) -> Result<Reply, Rejected> {
         let (snippet, scale) = self.rig.snippet();
         let mut samples = Vec::new();
         // Never more than there is room for.
         let _ = samples.resize_default(SAMPLES_TOLD);
         let Some((copied, side)) = snippet.copy(usize::from(from), &mut samples) else {
-            return Err(Refusal::NotHere(if snippet.is_armed() {
+            return Err(Rejected::not_here(if snippet.is_armed() {
                 "no impact has come since the snippet was armed"
             } else {
                 "no snippet was armed"
             }));
         };
         samples.truncate(copied);
-        Ok(Answer::Snippet { scale: *scale, side, length: SNIPPET as u16, samples })
+        Ok(Reply::Snippet { scale: *scale, side, length: SNIPPET as u16, samples })
     }
 
     fn describe<B: Board>(&self) -> Description {
@@ -353,29 +355,19 @@ impl Controller {
                 Err(()) => self.counters.rows_dropped = self.counters.rows_dropped.saturating_add(1),
             }
         }
-        while let Some(event) = self.rig.pop_event() {
-            if let Some(event) = self.happening(&event) {
-                let seq = self.event_seq;
-                self.event_seq = seq.wrapping_add(1);
-                self.queue(FromDevice::Event { seq, tick, event }, outgoing);
+        while let Some(mut event) = self.rig.pop_event() {
+            match &mut event {
+                Event::Impact(_) if !self.selection.impacts => continue,
+                Event::Finished { rows_dropped, .. } => {
+                    *rows_dropped = self.counters.rows_dropped - self.rows_dropped_before_start;
+                }
+                _ => {}
             }
+            let seq = self.event_seq;
+            self.event_seq = seq.wrapping_add(1);
+            self.queue(FromDevice::Event { seq, tick, event }, outgoing);
         }
         actuators
-    }
-
-    /// What the host is told of an event.
-    fn happening(&self, event: &Event) -> Option<Happening> {
-        Some(match *event {
-            Event::Point(result) => Happening::Point(result),
-            Event::Fault(fault) => Happening::Fault(fault),
-            Event::Finished { points } => Happening::Finished {
-                points,
-                rows_dropped: self.counters.rows_dropped - self.rows_dropped_before_start,
-            },
-            Event::Spring(happening) => Happening::Spring(happening),
-            Event::Transient(result) => Happening::Transient(result),
-            Event::Impact(record) => return self.selection.impacts.then_some(Happening::Impact(record)),
-        })
     }
 
     fn queue(&mut self, message: FromDevice, outgoing: &mut impl Outgoing) {
@@ -398,23 +390,23 @@ impl Selection {
 }
 
 /// The request has no effect: a repetition is served again.
-fn is_question(ask: &Ask) -> bool {
+fn is_question(ask: &Request) -> bool {
     matches!(
         ask,
-        Ask::Identify
-            | Ask::Describe
-            | Ask::Status
-            | Ask::Signals { .. }
-            | Ask::Result { .. }
-            | Ask::Snippet { .. }
-            | Ask::Transient
-            | Ask::Settings
+        Request::Identify
+            | Request::Describe
+            | Request::Status
+            | Request::Signals { .. }
+            | Request::Result { .. }
+            | Request::Snippet { .. }
+            | Request::Transient
+            | Request::Settings
     )
 }
 
 /// The request is part of an upload: a repetition is answered with the upload's progress.
-fn is_upload(ask: &Ask) -> bool {
-    matches!(ask, Ask::BeginUpload { .. } | Ask::UploadChunk { .. })
+fn is_upload(ask: &Request) -> bool {
+    matches!(ask, Request::BeginUpload { .. } | Request::UploadChunk { .. })
 }
 
 fn check_upload(bytes: u32) -> Result<(), Invalid> {

@@ -3,7 +3,7 @@
 //! The control loop never waits for room: a full queue rejects, and the controller counts what was lost.
 
 use damprig_core::rig::{MOTION_SIGNALS, SIGNALS, Signals};
-use damprig_protocol::{FromDevice, MOST_SIGNALS, Request};
+use damprig_protocol::{FromDevice, MOST_SIGNALS, NumberedRequest};
 use heapless::{Deque, Vec};
 
 use crate::{REPLIES_WAITING, ROWS_WAITING};
@@ -20,7 +20,7 @@ pub struct Losses {
 /// The queue of received requests. They are large and are served in place.
 pub trait Requests {
     /// The oldest request.
-    fn front(&mut self) -> Option<&Request>;
+    fn front(&mut self) -> Option<&NumberedRequest>;
 
     /// Removes the oldest request.
     fn drop_front(&mut self);

@@ -5,7 +5,7 @@
 //! disconnects.
 
 use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
-use damprig_core::rig::Refusal;
+use damprig_core::rig::Rejected;
 use damprig_protocol::upload::{MOST_BYTES, Progress, UploadStage, checksum};
 
 /// Samples whose bytes go into the checksum in a tick.
@@ -71,14 +71,14 @@ impl UploadBuffer {
     ///
     /// # Errors
     /// No upload was begun, or the bytes go beyond its end.
-    pub fn take(&mut self, offset: u32, data: &[u8]) -> Result<(), Refusal> {
+    pub fn take(&mut self, offset: u32, data: &[u8]) -> Result<(), Rejected> {
         if self.wanted == 0 {
-            return Err(Refusal::NotHere("no upload was begun (or the board was reset): begin it"));
+            return Err(Rejected::not_here("no upload was begun (or the board was reset): begin it"));
         }
         let length = (data.len() / 2) as u32;
         let end = (offset / 2).saturating_add(length);
         if end > self.wanted {
-            return Err(Refusal::NotHere("the chunk goes beyond the end of its upload"));
+            return Err(Rejected::not_here("the chunk goes beyond the end of its upload"));
         }
         if offset / 2 == self.there && !self.damaged {
             let free = self.samples.get_mut(self.there as usize..end as usize).unwrap_or_default();
@@ -246,9 +246,9 @@ mod tests {
     #[test]
     fn bytes_without_a_beginning_or_beyond_the_end_are_refused() {
         let mut buffer = UploadBuffer::new();
-        assert!(matches!(buffer.take(0, &[0; 4]), Err(Refusal::NotHere(why)) if why.contains("begin")));
+        assert!(matches!(buffer.take(0, &[0; 4]), Err(Rejected::NotHere { why }) if why.contains("begin")));
         buffer.begin(6, 1);
-        assert!(matches!(buffer.take(0, &[0; 8]), Err(Refusal::NotHere(why)) if why.contains("beyond")));
+        assert!(matches!(buffer.take(0, &[0; 8]), Err(Rejected::NotHere { why }) if why.contains("beyond")));
         assert!(buffer.take(u32::MAX - 1, &[0; 2]).is_err());
     }
 }

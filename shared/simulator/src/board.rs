@@ -5,11 +5,11 @@
 //! observe depends on how fast either side runs, and a run repeats bit for bit.
 
 use damprig_core::io::{Actuators, Readings, Sensors};
-use damprig_core::rig::{Refusal, Rig};
+use damprig_core::rig::{Rejected, Rig};
 use damprig_core::scalar::Scalar;
 use damprig_core::settings::Settings;
 use damprig_device::board::{Board, Saving};
-use damprig_protocol::{Clock, PlantKind, Request};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind};
 
 use crate::messages::ToSimulator;
 use crate::plant::Plant;
@@ -38,7 +38,7 @@ pub struct SimulatedBoard<S> {
     /// The host has been told that the credit is used up.
     clock_told: bool,
     /// A request that waits for its tick.
-    deferred: Option<Request>,
+    deferred: Option<NumberedRequest>,
 }
 
 impl<S> Default for SimulatedBoard<S> {
@@ -94,14 +94,14 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
     }
 
     /// Keeps the settings as long as the board lives: they are the controller's.
-    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
         Ok(Saving::Done)
     }
 
-    fn can_start(&self) -> Result<(), Refusal> {
+    fn can_start(&self) -> Result<(), Rejected> {
         match self.plant {
             Some(_) => Ok(()),
-            None => Err(Refusal::NotHere("this board is simulated: set its plant before starting")),
+            None => Err(Rejected::not_here("this board is simulated: set its plant before starting")),
         }
     }
 
@@ -119,28 +119,28 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         (self.sensors.readings.spring_n, self.sensors.readings.spring_rail) = (spring_n, spring_rail);
     }
 
-    fn simulate(&mut self, message: &[u8]) -> Result<(), Refusal> {
+    fn simulate(&mut self, message: &[u8]) -> Result<(), Rejected> {
         match ToSimulator::decode(message)? {
             ToSimulator::SetPlant(config) => self.plant = Some(Plant::new(&config)?),
             ToSimulator::Inject(fault) => match &mut self.plant {
                 Some(plant) => plant.inject(&fault),
-                None => return Err(Refusal::NotHere("set the simulated plant before a fault in it")),
+                None => return Err(Rejected::not_here("set the simulated plant before a fault in it")),
             },
         }
         Ok(())
     }
 
-    fn defer(&mut self, request: &Request) -> Result<(), Refusal> {
+    fn defer(&mut self, request: &NumberedRequest) -> Result<(), Rejected> {
         match &self.deferred {
             // A copy of the request that waits.
             Some(waiting) if waiting.seq == request.seq => {}
-            Some(_) => return Err(Refusal::NotHere("another request already waits for its tick")),
+            Some(_) => return Err(Rejected::not_here("another request already waits for its tick")),
             None => self.deferred = Some(request.clone()),
         }
         Ok(())
     }
 
-    fn due(&mut self, next_tick: u32) -> Option<Request> {
+    fn due(&mut self, next_tick: u32) -> Option<NumberedRequest> {
         self.deferred.take_if(|request| request.at_tick.is_none_or(|at| at <= next_tick))
     }
 }

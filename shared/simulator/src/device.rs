@@ -13,7 +13,7 @@ use damprig_device::outbox::Outbox;
 use damprig_device::queues::{LocalQueues, Losses, Outgoing, Requests, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
-use damprig_protocol::{FromDevice, Request, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, ToDevice};
 use heapless::Deque;
 
 use crate::board::{PlantScalar, SimulatedBoard};
@@ -32,12 +32,12 @@ pub enum Progress {
 /// The received requests.
 #[derive(Debug, Default)]
 struct RequestQueue {
-    requests: Deque<Request, REQUESTS_WAITING>,
+    requests: Deque<NumberedRequest, REQUESTS_WAITING>,
     losses: Losses,
 }
 
 impl Requests for RequestQueue {
-    fn front(&mut self) -> Option<&Request> {
+    fn front(&mut self) -> Option<&NumberedRequest> {
         self.requests.front()
     }
 

@@ -1,7 +1,7 @@
-//! The messages from a host to the simulator, carried inside a request: see [`Ask::Simulator`].
+//! The messages from a host to the simulator, carried inside a request: see [`Request::Simulator`].
 
-use damprig_core::rig::Refusal;
-use damprig_protocol::{Ask, SIMULATOR_BYTES};
+use damprig_core::rig::Rejected;
+use damprig_protocol::{Request, SIMULATOR_BYTES};
 use heapless::Vec;
 use postcard_schema::Schema;
 use postcard_schema::key::Key;
@@ -25,7 +25,7 @@ const SCHEMA: [u8; 8] = Key::for_path::<ToSimulator>("to_simulator").to_bytes();
 impl ToSimulator {
     /// The request that carries this message.
     #[must_use]
-    pub fn request(&self) -> Ask {
+    pub fn request(&self) -> Request {
         let mut bytes = Vec::new();
         // Every message fits: a test encodes the longest.
         let _ = bytes.resize_default(SIMULATOR_BYTES);
@@ -33,26 +33,26 @@ impl ToSimulator {
         schema.copy_from_slice(&SCHEMA);
         let length = postcard::to_slice(self, body).map_or(0, |body| body.len());
         bytes.truncate(SCHEMA.len() + length);
-        Ask::Simulator(bytes)
+        Request::Simulator(bytes)
     }
 
     /// The message that a request carries.
     ///
     /// # Errors
     /// It is of another version of the simulator, or damaged.
-    pub fn decode(bytes: &[u8]) -> Result<Self, Refusal> {
+    pub fn decode(bytes: &[u8]) -> Result<Self, Rejected> {
         let body = bytes.strip_prefix(&SCHEMA);
-        let body = body.ok_or(Refusal::NotHere("the message is for another version of the simulator"))?;
+        let body = body.ok_or(Rejected::not_here("the message is for another version of the simulator"))?;
         match postcard::take_from_bytes(body) {
             Ok((message, [])) => Ok(message),
-            _ => Err(Refusal::NotHere("the message to the simulator is damaged")),
+            _ => Err(Rejected::not_here("the message to the simulator is damaged")),
         }
     }
 }
 
 /// The request that sets the plant.
 #[must_use]
-pub fn set_plant(config: PlantConfig) -> Ask {
+pub fn set_plant(config: PlantConfig) -> Request {
     ToSimulator::SetPlant(config).request()
 }
 
@@ -85,17 +85,17 @@ mod tests {
 
     #[test]
     fn a_plant_with_everything_arrives_as_it_was_sent() {
-        let Ask::Simulator(bytes) = set_plant(longest()) else { panic!("another request") };
+        let Request::Simulator(bytes) = set_plant(longest()) else { panic!("another request") };
         assert!(bytes.len() + 16 < SIMULATOR_BYTES, "{} bytes", bytes.len());
         assert_eq!(ToSimulator::decode(&bytes), Ok(ToSimulator::SetPlant(longest())));
     }
 
     #[test]
     fn another_version_and_a_damaged_message_are_rejected() {
-        let Ask::Simulator(mut bytes) = set_plant(longest()) else { panic!("another request") };
+        let Request::Simulator(mut bytes) = set_plant(longest()) else { panic!("another request") };
         assert!(ToSimulator::decode(&bytes[..bytes.len() - 1]).is_err());
         bytes[0] ^= 1;
-        let Err(Refusal::NotHere(why)) = ToSimulator::decode(&bytes) else { panic!("accepted") };
+        let Err(Rejected::NotHere { why }) = ToSimulator::decode(&bytes) else { panic!("accepted") };
         assert!(why.contains("another version"), "{why}");
     }
 }

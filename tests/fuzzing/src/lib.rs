@@ -10,7 +10,7 @@ pub mod seeds;
 
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, LONGEST_BODY, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
 
 /// A piece of what a board receives.
@@ -105,7 +105,7 @@ pub fn device(data: &[u8]) {
     board.receive(&[0]);
     for message in [
         ToDevice::Grant { until_tick: 0 },
-        ToDevice::Request(Request { seq: 54321, at_tick: None, ask: Ask::Identify }),
+        ToDevice::Request(NumberedRequest { seq: 54321, at_tick: None, request: Request::Identify }),
     ] {
         let length = frame::encode(&message, &mut buffer).expect("fits");
         board.receive(&buffer[..length]);
@@ -114,7 +114,7 @@ pub fn device(data: &[u8]) {
     let answered = run(&mut board)
         .into_iter()
         .filter_map(|byte| reader.push::<FromDevice>(byte))
-        .any(|message| matches!(message, Ok(FromDevice::Reply { seq: 54321, answer: Ok(Answer::Identity(_)) })));
+        .any(|message| matches!(message, Ok(FromDevice::Reply { seq: 54321, answer: Ok(Reply::Identity(_)) })));
     assert!(answered, "the board no longer answers");
 }
 

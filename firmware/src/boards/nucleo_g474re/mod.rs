@@ -27,7 +27,7 @@ mod stall;
 mod stepper;
 
 use damprig_core::io::{Actuators, DriveScale, OUTPUT_FULL_SCALE_COUNTS, Sensors};
-use damprig_core::rig::{Refusal, Rig};
+use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{Board, Saving};
 use damprig_device::control_loop::Step;
@@ -43,8 +43,8 @@ use embassy_stm32::mode::Blocking;
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, Peri, bind_interrupts, dma, pac, peripherals};
-use sampling::{Parts, Sampling};
 use embedded_io_async::Write;
+use sampling::{Sampling, SamplingParts};
 use static_cell::ConstStaticCell;
 use stepper::Stepper;
 
@@ -129,7 +129,7 @@ pub fn init() -> Parts {
     interrupt::LPUART1.set_priority(Priority::P8);
 
     let drive = Drive::new(DacChannel::new_blocking(p.DAC1, p.PA4), relay);
-    let sampling = Sampling::new(Parts {
+    let sampling = Sampling::new(SamplingParts {
         slow: (p.ADC1, p.DMA1_CH1, p.TIM3),
         slow_pins: [p.PA0.degrade_adc(), p.PA1.degrade_adc(), p.PC0.degrade_adc()],
         walls: (p.ADC2, p.DMA1_CH2, p.TIM4),
@@ -208,11 +208,11 @@ impl Board for ControlBoard {
         self.stepper.go(actuators.motor);
     }
 
-    fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal> {
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected> {
         tasks::settings::save(settings)
     }
 
-    fn saved(&mut self) -> Option<Result<(), Refusal>> {
+    fn saved(&mut self) -> Option<Result<(), Rejected>> {
         tasks::settings::saved()
     }
 

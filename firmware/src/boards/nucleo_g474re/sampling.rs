@@ -4,7 +4,9 @@
 //! ring wakes the control tick. The timers share one clock, so the rings stay in step; ADC2's is started first, so its
 //! block is there when the tick asks for it.
 
-use damprig_core::io::{Calibration, SLOW_BLOCK, SUBSAMPLES, Sensors, SlowBlock, TICK_HZ, WALL_BLOCK, WALL_SUBSAMPLES, WallCounts};
+use damprig_core::io::{
+    Calibration, SLOW_BLOCK, SUBSAMPLES, Sensors, SlowBlock, TICK_HZ, WALL_BLOCK, WALL_SUBSAMPLES, WallCounts,
+};
 use embassy_stm32::adc::{self, Adc, AdcConfig, AnyAdcChannel, RingBufferedAdc, SampleTime};
 use embassy_stm32::timer::CoreInstance;
 use embassy_stm32::timer::low_level::{MasterMode, Timer};
@@ -14,7 +16,7 @@ use static_cell::StaticCell;
 use super::Interrupts;
 
 /// The peripherals that sampling takes.
-pub struct Parts {
+pub struct SamplingParts {
     /// The slow converter, its DMA channel and its timer.
     pub slow:
         (Peri<'static, peripherals::ADC1>, Peri<'static, peripherals::DMA1_CH1>, Peri<'static, peripherals::TIM3>),
@@ -42,7 +44,7 @@ pub struct Sampling {
 
 impl Sampling {
     /// Sets the converters up; nothing is converted yet.
-    pub fn new(parts: Parts) -> Self {
+    pub fn new(parts: SamplingParts) -> Self {
         let slow_trigger = Timer::new(parts.slow.2);
         set_rate(&slow_trigger, TICK_HZ as u32 * SUBSAMPLES as u32);
         slow_trigger.set_master_mode(MasterMode::UPDATE);
@@ -74,7 +76,16 @@ impl Sampling {
             triggers::TIM4_TRGO,
             adc::Exten::RISING_EDGE,
         );
-        Self { slow, walls, slow_trigger, wall_trigger, slow_block: SlowBlock::default(), wall_block: Sensors::default().walls, is_lost: true, overruns: 0 }
+        Self {
+            slow,
+            walls,
+            slow_trigger,
+            wall_trigger,
+            slow_block: SlowBlock::default(),
+            wall_block: Sensors::default().walls,
+            is_lost: true,
+            overruns: 0,
+        }
     }
 
     /// Starts both.
@@ -120,7 +131,8 @@ fn set_rate<T: CoreInstance>(timer: &Timer<'static, T>, rate_hz: u32) {
 fn counts(pairs: &mut [WallCounts; WALL_SUBSAMPLES]) -> &mut [u16; WALL_BLOCK] {
     const {
         assert!(
-            cfg!(target_endian = "little") && size_of::<[WallCounts; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
+            cfg!(target_endian = "little")
+                && size_of::<[WallCounts; WALL_SUBSAMPLES]>() == size_of::<[u16; WALL_BLOCK]>()
         )
     };
     // SAFETY: a pair is one word, so it lies as two readings must and has room for them; any bits are a pair.

@@ -25,7 +25,9 @@ fn place() -> Range<u32> {
 
 /// Opens the flash and reads the settings. No place on a chip whose option byte DBANK makes one bank of it: erasing would
 /// stop the program, and the driver would not go on.
-pub fn open(flash: Peri<'static, peripherals::FLASH>) -> (Option<SettingsStore<SettingsFlash>>, &'static (Settings, Source)) {
+pub fn open(
+    flash: Peri<'static, peripherals::FLASH>,
+) -> (Option<SettingsStore<SettingsFlash>>, &'static (Settings, Source)) {
     let has_banks = pac::FLASH.optr().read().dbank();
     let mut store = has_banks.then(|| SettingsStore::new(Flash::new_blocking(flash), place())).flatten();
     static STORED: StaticCell<(Settings, Source)> = StaticCell::new();

@@ -2,14 +2,15 @@
 //!
 //! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
 //! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
-//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`words`] the
+//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`command`] the
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
+pub mod command;
 pub mod damper;
 mod event_queue;
+mod rejected;
 pub mod signals;
-pub mod words;
 
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
@@ -22,11 +23,12 @@ use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
+pub use command::{Brake, Command, Event, State, Status};
 use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
+pub use rejected::{Rejected, clipped};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
-pub use words::{Brake, Command, Event, Refusal, State, Status};
 
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
@@ -186,12 +188,12 @@ impl Rig {
     ///
     /// # Errors
     /// The rig is not idle: says which state it is in and what to do.
-    pub fn must_be_idle(&self) -> Result<(), Refusal> {
+    pub fn must_be_idle(&self) -> Result<(), Rejected> {
         let state = self.state;
         match state {
             State::Idle => Ok(()),
-            State::Faulted => Err(Refusal::WrongState { state, advice: "clear the fault first" }),
-            _ => Err(Refusal::WrongState { state, advice: "stop the experiment first" }),
+            State::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
+            _ => Err(Rejected::wrong_state(state, "stop the experiment first")),
         }
     }
 
@@ -199,13 +201,13 @@ impl Rig {
     ///
     /// # Errors
     /// A parameter is out of range, or the command is not allowed in this state; the rig is unchanged.
-    pub fn handle(&mut self, command: Command) -> Result<(), Refusal> {
+    pub fn handle(&mut self, command: Command) -> Result<(), Rejected> {
         match command {
             Command::SetLimits(limits) => {
                 self.must_be_idle()?;
                 if self.experiment.is_none() {
                     let advice = "configure an experiment first";
-                    return Err(Refusal::WrongState { state: self.state, advice });
+                    return Err(Rejected::wrong_state(self.state, advice));
                 }
                 self.settings.safety.tightened(&limits)?;
                 self.limits = limits;
@@ -250,14 +252,14 @@ impl Rig {
     ///
     /// # Errors
     /// It asks for more.
-    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         match experiment.largest_drive_m(record_peak_counts) {
             Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
             None => Ok(()),
         }
     }
 
-    fn set_settings(&mut self, settings: &Settings) -> Result<(), Refusal> {
+    fn set_settings(&mut self, settings: &Settings) -> Result<(), Rejected> {
         let prepared = Prepared::new(settings)?;
         if self.state != State::Faulted || self.runner.is_some() {
             self.must_be_idle()?;
@@ -283,25 +285,23 @@ impl Rig {
     ///
     /// # Errors
     /// As [`Rig::handle`] of a start.
-    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         self.must_be_idle()?;
         let Some(experiment) = &self.experiment else {
-            return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
+            return Err(Rejected::wrong_state(self.state, "configure an experiment first"));
         };
         // The settings may have changed since it was configured.
         self.check_drive(experiment, record_peak_counts)?;
         match self.dampers.spring.stage() {
-            SpringStage::Faulted => {
-                Err(Refusal::WrongStage { stage: SpringStage::Faulted, advice: "clear the spring's fault first" })
-            }
+            SpringStage::Faulted => Err(Rejected::wrong_stage(SpringStage::Faulted, "clear the spring's fault first")),
             stage @ (SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing) => {
-                Err(Refusal::WrongStage { stage, advice: "wait until it is done, or halt" })
+                Err(Rejected::wrong_stage(stage, "wait until it is done, or halt"))
             }
             _ => Ok(()),
         }
     }
 
-    fn start(&mut self) -> Result<(), Refusal> {
+    fn start(&mut self) -> Result<(), Rejected> {
         self.could_start(None)?;
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
@@ -318,9 +318,9 @@ impl Rig {
         Ok(())
     }
 
-    fn clear_fault(&mut self) -> Result<(), Refusal> {
+    fn clear_fault(&mut self) -> Result<(), Rejected> {
         let state = self.state;
-        self.safety.clear().map_err(|not_safe| Refusal::WrongState { state, advice: not_safe.advice })?;
+        self.safety.clear().map_err(|not_safe| Rejected::wrong_state(state, not_safe.advice))?;
         self.fault = None;
         if self.state == State::Faulted {
             self.state = State::Idle;
@@ -331,15 +331,15 @@ impl Rig {
         Ok(())
     }
 
-    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
+    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Rejected> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
         let state = self.state;
         if self.emergency_stop && (moves || command == SpringCommand::Release) {
-            return Err(Refusal::WrongState { state, advice: "release the emergency stop first" });
+            return Err(Rejected::wrong_state(state, "release the emergency stop first"));
         }
         if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
-            return Err(Refusal::WrongState { state, advice: "the brake closes: clear the fault first" });
+            return Err(Rejected::wrong_state(state, "the brake closes: clear the fault first"));
         }
         match self.state {
             State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
@@ -505,7 +505,7 @@ impl Rig {
         self.state = State::Idle;
         self.end_experiment();
         if core::mem::take(&mut self.finishing) {
-            self.events.push(Event::Finished { points: self.points });
+            self.events.push(Event::Finished { points: self.points, rows_dropped: 0 });
         }
     }
 

@@ -3,20 +3,20 @@
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::measure::point::SteadyLimits;
-use damprig_core::rig::{Refusal, Rig};
+use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::queues::{Outgoing, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
-use damprig_protocol::{Answer, Ask, FromDevice, Refused, Request};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request};
 
 /// A board whose flash takes as long as the test wants.
 #[derive(Default)]
 struct Board {
     is_slow: bool,
     saved: Vec<Settings>,
-    outcome: Option<Result<(), Refusal>>,
+    outcome: Option<Result<(), Rejected>>,
 }
 
 impl damprig_device::board::Board for Board {
@@ -26,12 +26,12 @@ impl damprig_device::board::Board for Board {
 
     fn set(&mut self, _: &Actuators, _: &Rig) {}
 
-    fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal> {
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected> {
         self.saved.push(*settings);
         Ok(if self.is_slow { Saving::Begun } else { Saving::Done })
     }
 
-    fn saved(&mut self) -> Option<Result<(), Refusal>> {
+    fn saved(&mut self) -> Option<Result<(), Rejected>> {
         self.outcome.take()
     }
 }
@@ -63,8 +63,8 @@ impl Host {
         Self { control, board: Board { is_slow, ..Board::default() }, said: Said::default(), seq: 0 }
     }
 
-    fn send(&mut self, seq: u16, ask: Ask) {
-        let request = Request { seq, at_tick: None, ask };
+    fn send(&mut self, seq: u16, ask: Request) {
+        let request = NumberedRequest { seq, at_tick: None, request: ask };
         self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.said);
     }
 
@@ -73,7 +73,7 @@ impl Host {
         self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.said);
     }
 
-    fn replies(&mut self) -> Vec<(u16, Result<Answer, Refused>)> {
+    fn replies(&mut self) -> Vec<(u16, Result<Reply, Rejected>)> {
         let said = std::mem::take(&mut self.said.0).into_iter();
         said.filter_map(|message| match message {
             FromDevice::Reply { seq, answer } => Some((seq, answer)),
@@ -82,7 +82,7 @@ impl Host {
         .collect()
     }
 
-    fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
         self.send(self.seq, ask);
         let replies = self.replies();
@@ -92,15 +92,15 @@ impl Host {
     }
 
     fn settings(&mut self) -> (Settings, Source) {
-        match self.ask(Ask::Settings) {
-            Ok(Answer::Settings { settings, source }) => (settings, source),
+        match self.ask(Request::Settings) {
+            Ok(Reply::Settings { settings, source }) => (settings, source),
             other => panic!("no settings: {other:?}"),
         }
     }
 
     fn source_described(&mut self) -> Source {
-        match self.ask(Ask::Describe) {
-            Ok(Answer::Description(description)) => description.settings,
+        match self.ask(Request::Describe) {
+            Ok(Reply::Description(description)) => description.settings,
             other => panic!("no description: {other:?}"),
         }
     }
@@ -132,11 +132,11 @@ fn experiment() -> SteppedSine {
 fn settings_are_used_at_once_and_saved_when_asked() {
     let mut host = Host::new(false);
     assert_eq!(host.settings(), (Settings::default(), Source::Default));
-    assert_eq!(host.ask(Ask::SetSettings(others())), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::SetSettings(others())), Ok(Reply::Done));
     assert_eq!(host.settings(), (others(), Source::Host));
     assert!(host.board.saved.is_empty());
     assert_eq!(host.control.rig().snippet().1.newtons_per_count, 0.25);
-    assert_eq!(host.ask(Ask::SaveSettings), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::SaveSettings), Ok(Reply::Done));
     assert_eq!(host.board.saved, [others()]);
     assert_eq!((host.settings().1, host.source_described()), (Source::Stored, Source::Stored));
 }
@@ -165,8 +165,8 @@ fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
         let mut host = Host::new(false);
         let mut settings = others();
         spoil(&mut settings);
-        let refused = host.ask(Ask::SetSettings(settings)).unwrap_err();
-        let Refused::Invalid { parameter, .. } = &refused else { panic!("{refused:?}") };
+        let refused = host.ask(Request::SetSettings(settings)).unwrap_err();
+        let Rejected::Invalid { parameter, .. } = &refused else { panic!("{refused:?}") };
         assert_eq!(parameter.as_str(), name);
         assert_eq!(host.settings(), (Settings::default(), Source::Default));
     }
@@ -175,10 +175,10 @@ fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
 #[test]
 fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
     let mut host = Host::new(false);
-    host.ask(Ask::Configure(experiment())).unwrap();
-    host.ask(Ask::Start).unwrap();
+    host.ask(Request::Configure(experiment())).unwrap();
+    host.ask(Request::Start).unwrap();
     host.tick();
-    for ask in [Ask::SetSettings(others()), Ask::SaveSettings] {
+    for ask in [Request::SetSettings(others()), Request::SaveSettings] {
         let refused = host.ask(ask).unwrap_err();
         assert!(refused.to_string().contains("stop the experiment first"), "{refused}");
     }
@@ -189,37 +189,37 @@ fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
 #[test]
 fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_before() {
     let mut host = Host::new(true);
-    host.ask(Ask::Configure(experiment())).unwrap();
-    host.send(100, Ask::SaveSettings);
+    host.ask(Request::Configure(experiment())).unwrap();
+    host.send(100, Request::SaveSettings);
     // Copies, as of a host that thinks its request was lost.
-    host.send(100, Ask::SaveSettings);
+    host.send(100, Request::SaveSettings);
     host.tick();
     assert_eq!(host.replies(), []);
-    assert!(host.ask(Ask::Status).is_ok());
-    for ask in [Ask::Start, Ask::SetSettings(others()), Ask::SaveSettings] {
+    assert!(host.ask(Request::Status).is_ok());
+    for ask in [Request::Start, Request::SetSettings(others()), Request::SaveSettings] {
         let refused = host.ask(ask).unwrap_err();
         assert!(refused.to_string().contains("being saved"), "{refused}");
     }
     host.board.outcome = Some(Ok(()));
     host.tick();
     host.tick();
-    assert_eq!(host.replies(), [(100, Ok(Answer::Done))]);
+    assert_eq!(host.replies(), [(100, Ok(Reply::Done))]);
     assert_eq!(host.board.saved.len(), 1);
     assert_eq!(host.settings().1, Source::Stored);
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
 }
 
 #[test]
 fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
     let mut host = Host::new(true);
-    host.ask(Ask::SetSettings(others())).unwrap();
-    host.send(100, Ask::SaveSettings);
-    host.board.outcome = Some(Err(Refusal::NotHere("the flash did not take the settings")));
+    host.ask(Request::SetSettings(others())).unwrap();
+    host.send(100, Request::SaveSettings);
+    host.board.outcome = Some(Err(Rejected::not_here("the flash did not take the settings")));
     host.tick();
-    let why = Refused::from(Refusal::NotHere("the flash did not take the settings"));
+    let why = Rejected::not_here("the flash did not take the settings");
     assert_eq!(host.replies(), [(100, Err(why.clone()))]);
     // The reply may have been lost.
-    host.send(100, Ask::SaveSettings);
+    host.send(100, Request::SaveSettings);
     assert_eq!(host.replies(), [(100, Err(why))]);
     assert_eq!(host.settings(), (others(), Source::Host));
 }

@@ -9,7 +9,7 @@ use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{SIGNALS, State};
 use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
-use damprig_protocol::{Answer, Ask, Happening, Refused};
+use damprig_protocol::{Event, Rejected, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{InjectedFault, PlantConfig};
@@ -36,8 +36,8 @@ fn plant(set_up: SetUp) -> PlantConfig {
     }
 }
 
-fn at_resonance(settle_s: f32, dwell_s: f32) -> Ask {
-    Ask::Configure(SteppedSine {
+fn at_resonance(settle_s: f32, dwell_s: f32) -> Request {
+    Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: Z_M,
         drive: Drive::Constant,
@@ -50,9 +50,9 @@ fn at_resonance(settle_s: f32, dwell_s: f32) -> Ask {
     })
 }
 
-fn signals(names: &[&str]) -> Ask {
+fn signals(names: &[&str]) -> Request {
     let place = |name: &&str| SIGNALS.iter().position(|(known, _)| known == name).unwrap() as u8;
-    Ask::SetTelemetry { every_ticks: 10, signals: names.iter().map(place).collect(), impacts: true }
+    Request::SetTelemetry { every_ticks: 10, signals: names.iter().map(place).collect(), impacts: true }
 }
 
 #[test]
@@ -61,9 +61,9 @@ fn a_friction_ratio_that_is_asked_for_becomes_the_friction_of_the_structure() {
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 1.0 })] {
         host.spring(command);
     }
-    host.done(Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.9 })));
+    host.done(Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.9 })));
     host.done(at_resonance(20.0, 20.0));
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(45_000);
     let status = host.status();
     assert_eq!(status.spring.stage, Stage::Holding, "{status:?}");
@@ -80,7 +80,7 @@ fn impacts_are_told_with_the_impulse_of_their_law_and_counted_per_cycle() {
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
     host.done(at_resonance(60.0, 20.0));
     host.done(signals(&["impacts", "impacts_in_cycle"]));
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(82_000);
     let [point] = host.points()[..] else { panic!("{:?}", host.events) };
     assert_eq!(point.impacts_per_cycle, 2.0, "the symmetric orbit");
@@ -104,7 +104,7 @@ fn the_twin_follows_the_rig_and_misses_what_a_dead_force_sensor_does_not_tell() 
     for walls in [Some(WallSensors::default()), None] {
         let hears = walls.is_some();
         let mut host = Host::new(PlantConfig { walls, ..plant(truth) });
-        host.done(Ask::SetTwin(Some(TwinConfig::new(truth))));
+        host.done(Request::SetTwin(Some(TwinConfig::new(truth))));
         host.done(at_resonance(40.0, 20.0));
         host.done(signals(&[
             "twin_residual",
@@ -115,7 +115,7 @@ fn the_twin_follows_the_rig_and_misses_what_a_dead_force_sensor_does_not_tell() 
             "x",
             "twin_x",
         ]));
-        host.done(Ask::Start);
+        host.done(Request::Start);
         host.pass(60_000);
         let row = host.rows.last().unwrap().clone();
         println!("force sensors {hears}: {row:?}");
@@ -131,16 +131,16 @@ fn the_twin_follows_the_rig_and_misses_what_a_dead_force_sensor_does_not_tell() 
 #[test]
 fn a_snippet_shows_the_next_impact_and_none_before() {
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
-    assert!(matches!(host.ask(Ask::Snippet { from: 0 }), Err(Refused::NotHere { .. })));
+    assert!(matches!(host.ask(Request::Snippet { from: 0 }), Err(Rejected::NotHere { .. })));
     host.done(at_resonance(10.0, 20.0));
-    host.done(Ask::ArmSnippet);
-    assert!(matches!(host.ask(Ask::Snippet { from: 0 }), Err(Refused::NotHere { .. })), "not yet");
-    host.done(Ask::Start);
+    host.done(Request::ArmSnippet);
+    assert!(matches!(host.ask(Request::Snippet { from: 0 }), Err(Rejected::NotHere { .. })), "not yet");
+    host.done(Request::Start);
     host.pass(20_000);
     let (mut shape, mut length) = (vec![], 1);
     while shape.len() < length {
-        let Ok(Answer::Snippet { scale, samples, length: whole, .. }) =
-            host.ask(Ask::Snippet { from: shape.len() as u16 })
+        let Ok(Reply::Snippet { scale, samples, length: whole, .. }) =
+            host.ask(Request::Snippet { from: shape.len() as u16 })
         else {
             panic!()
         };
@@ -156,12 +156,12 @@ fn a_snippet_shows_the_next_impact_and_none_before() {
 fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     let safety = SafetyConfig { brake_n: 6.0, ..SafetyConfig::default() };
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
-    host.done(Ask::SetSettings(Settings { safety, ..Settings::default() }));
+    host.done(Request::SetSettings(Settings { safety, ..Settings::default() }));
     host.spring(SpringCommand::Home);
     host.spring(SpringCommand::TouchOff);
     host.done(at_resonance(10.0, 20.0));
     host.done(signals(&["drive", "safety", "spring_target", "x"]));
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(9_000);
     host.rows.clear();
     host.inject(InjectedFault::EmergencyStop { pressed: true });
@@ -170,9 +170,9 @@ fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     assert!(host.rows[1..].iter().all(|row| row[0] == 0.0), "no drive from the next row on");
     assert!(host.rows.last().unwrap()[2] == 0.0, "no brake: {:?}", host.rows.last());
     for (ask, words) in [
-        (Ask::Start, "clear the fault first"),
-        (Ask::Spring(SpringCommand::Home), "release the emergency stop first"),
-        (Ask::ClearFault, "wait for rest; release the emergency stop"),
+        (Request::Start, "clear the fault first"),
+        (Request::Spring(SpringCommand::Home), "release the emergency stop first"),
+        (Request::ClearFault, "wait for rest; release the emergency stop"),
     ] {
         let refused = host.ask(ask).unwrap_err().to_string();
         assert!(refused.contains("faulted") && refused.contains(words), "{refused}");
@@ -183,7 +183,7 @@ fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     host.pass(2_000);
     let status = host.status();
     assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted), "{status:?}");
-    host.done(Ask::ClearFault);
+    host.done(Request::ClearFault);
     assert_eq!(host.status().state, State::Idle);
 }
 
@@ -194,7 +194,7 @@ fn a_spring_that_faults_while_driven_ends_the_drive() {
         host.spring(command);
     }
     host.done(at_resonance(5.0, 10.0));
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(2_000);
     host.board.plant_mut().unwrap().spring_mut().unwrap().set_stiffness(30_000.0);
     host.pass(2_000);
@@ -206,12 +206,12 @@ fn a_spring_that_faults_while_driven_ends_the_drive() {
 #[test]
 fn what_makes_no_sense_now_says_what_to_do() {
     let mut host = Host::new(plant(set_up(15e-3)));
-    let target = |force_n| Ask::Spring(SpringCommand::Set(Target::Force { force_n }));
+    let target = |force_n| Request::Spring(SpringCommand::Set(Target::Force { force_n }));
     for (ask, words) in [
         (target(1.0), "not while the friction damper's spring is not homed: home the spring first"),
-        (Ask::Spring(SpringCommand::TouchOff), "home the spring first"),
+        (Request::Spring(SpringCommand::TouchOff), "home the spring first"),
         (
-            Ask::SetSpring(SpringSetUp {
+            Request::SetSpring(SpringSetUp {
                 stiffness_n_per_m: Some(0.0),
                 friction_coefficient: None,
                 structure_stiffness_n_per_m: 395.0,
@@ -219,7 +219,7 @@ fn what_makes_no_sense_now_says_what_to_do() {
             "spring.stiffness_n_per_m = 0 is not allowed",
         ),
         (
-            Ask::SetTelemetry { every_ticks: 1, signals: [200].into_iter().collect(), impacts: false },
+            Request::SetTelemetry { every_ticks: 1, signals: [200].into_iter().collect(), impacts: false },
             "telemetry.signals = 200",
         ),
     ] {
@@ -227,17 +227,17 @@ fn what_makes_no_sense_now_says_what_to_do() {
         assert!(refused.contains(words), "{refused}");
     }
     host.done(at_resonance(5.0, 10.0));
-    host.done(Ask::Spring(SpringCommand::Home));
-    let refused = host.ask(Ask::Start).unwrap_err().to_string();
+    host.done(Request::Spring(SpringCommand::Home));
+    let refused = host.ask(Request::Start).unwrap_err().to_string();
     assert!(refused.contains("homing") && refused.contains("wait until it is done"), "{refused}");
     host.pass(16_000);
-    assert_eq!(host.events, [Happening::Spring(Spring::Homed)]);
+    assert_eq!(host.events, [Event::Spring(Spring::Homed)]);
     let refused = host.ask(target(1.0)).unwrap_err().to_string();
     assert!(refused.contains("find the zero reading first"), "{refused}");
     host.spring(SpringCommand::TouchOff);
     let refused = host.ask(target(100.0)).unwrap_err().to_string();
     assert!(refused.contains("force_n = 100 is not allowed"), "{refused}");
-    host.done(Ask::Start);
-    let refused = host.ask(Ask::Spring(SpringCommand::Home)).unwrap_err().to_string();
+    host.done(Request::Start);
+    let refused = host.ask(Request::Spring(SpringCommand::Home)).unwrap_err().to_string();
     assert!(refused.contains("stop the experiment first"), "{refused}");
 }

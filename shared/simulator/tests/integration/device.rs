@@ -10,7 +10,7 @@ use damprig_core::settings::Settings;
 use damprig_core::twin::TwinConfig;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, Refused, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::PlantConfig;
@@ -35,9 +35,9 @@ impl Host {
         self.board.receive(&out[..length]);
     }
 
-    fn send_for(&mut self, at_tick: Option<u32>, ask: Ask) {
+    fn send_for(&mut self, at_tick: Option<u32>, ask: Request) {
         self.seq += 1;
-        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick, ask }));
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick, request: ask }));
     }
 
     /// Runs until the clock stands; every message that came.
@@ -48,15 +48,15 @@ impl Host {
         received.into_iter().filter_map(|byte| self.reader.push(byte)).map(Result::unwrap).collect()
     }
 
-    fn repeat(&mut self, ask: Ask) -> Result<Answer, Refused> {
-        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask }));
+    fn repeat(&mut self, ask: Request) -> Result<Reply, Rejected> {
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }));
         let messages = self.run();
         let [FromDevice::Reply { seq, answer }] = messages.as_slice() else { panic!("one reply, not {messages:?}") };
         assert_eq!(*seq, self.seq);
         answer.clone()
     }
 
-    fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
         self.repeat(ask)
     }
@@ -72,8 +72,8 @@ fn plant() -> PlantConfig {
 }
 
 /// Telemetry of the motion alone.
-fn motion(every_ticks: u16) -> Ask {
-    Ask::SetTelemetry { every_ticks, signals: Default::default(), impacts: false }
+fn motion(every_ticks: u16) -> Request {
+    Request::SetTelemetry { every_ticks, signals: Default::default(), impacts: false }
 }
 
 fn experiment() -> SteppedSine {
@@ -92,15 +92,15 @@ fn experiment() -> SteppedSine {
 
 fn ready() -> Host {
     let mut host = Host::new();
-    for ask in [set_plant(plant()), Ask::Configure(experiment()), motion(5)] {
-        assert_eq!(host.ask(ask), Ok(Answer::Done));
+    for ask in [set_plant(plant()), Request::Configure(experiment()), motion(5)] {
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
     }
     host
 }
 
 fn points(messages: &[FromDevice]) -> Vec<f32> {
     let point = |message: &FromDevice| match message {
-        FromDevice::Event { event: Happening::Point(result), .. } => Some(result.frequency_hz),
+        FromDevice::Event { event: Event::Point(result), .. } => Some(result.frequency_hz),
         _ => None,
     };
     messages.iter().filter_map(point).collect()
@@ -109,7 +109,7 @@ fn points(messages: &[FromDevice]) -> Vec<f32> {
 #[test]
 fn an_experiment_runs_to_its_end_and_every_row_arrives() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let messages = host.grant(20_000);
     assert_eq!(points(&messages), [2.0, 3.0]);
     let ticks: Vec<u32> = messages
@@ -122,7 +122,7 @@ fn an_experiment_runs_to_its_end_and_every_row_arrives() {
     assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 5), "a gap");
     assert_eq!(ticks.first(), Some(&0));
     let finished =
-        |m: &FromDevice| matches!(m, FromDevice::Event { event: Happening::Finished { rows_dropped: 0, .. }, .. });
+        |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Finished { rows_dropped: 0, .. }, .. });
     assert!(messages.iter().any(finished));
     assert_eq!(messages.last(), Some(&FromDevice::Clock { tick: 20_000 }));
 }
@@ -132,13 +132,13 @@ fn a_second_start_gives_the_same_bytes() {
     let mut runs = vec![];
     let mut host = ready();
     for _ in 0..2 {
-        assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
         host.bytes.clear();
         // Event numbers go on counting; everything else starts again.
         runs.push(
             host.grant(15_000).into_iter().filter(|m| !matches!(m, FromDevice::Event { .. })).collect::<Vec<_>>(),
         );
-        assert_eq!(host.ask(Ask::Stop), Ok(Answer::Done));
+        assert_eq!(host.ask(Request::Stop), Ok(Reply::Done));
         host.grant(16_000);
     }
     assert!(runs[0] == runs[1], "the second run differs");
@@ -149,7 +149,7 @@ fn the_size_of_the_grants_does_not_change_what_is_measured() {
     let mut outcomes = vec![];
     for grant in [7u32, 1000, 20_000] {
         let mut host = ready();
-        assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
         let mut events = vec![];
         let mut until = 0;
         while until < 14_000 {
@@ -166,28 +166,28 @@ fn the_size_of_the_grants_does_not_change_what_is_measured() {
 #[test]
 fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.grant(100);
     // Carried out again it would be refused: the rig is running.
-    assert_eq!(host.repeat(Ask::Start), Ok(Answer::Done));
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { state: State::Running(_), .. })));
+    assert_eq!(host.repeat(Request::Start), Ok(Reply::Done));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Running(_), .. })));
 }
 
 #[test]
 fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Stop), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Stop), Ok(Reply::Done));
     let stop = host.seq;
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     assert_eq!(
-        host.ask(Ask::SetTelemetry { every_ticks: 10, signals: Default::default(), impacts: false }),
-        Ok(Answer::Done)
+        host.ask(Request::SetTelemetry { every_ticks: 10, signals: Default::default(), impacts: false }),
+        Ok(Reply::Done)
     );
     host.grant(100);
     let last = std::mem::replace(&mut host.seq, stop);
-    assert_eq!(host.repeat(Ask::Stop), Ok(Answer::Done));
+    assert_eq!(host.repeat(Request::Stop), Ok(Reply::Done));
     host.seq = last;
-    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
     assert!(matches!(status.state, State::Running(_)), "a copy of an old stop has stopped it");
 }
 
@@ -195,31 +195,31 @@ fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
 fn a_new_conversation_may_use_the_numbers_of_the_one_before() {
     let mut host = ready();
     host.seq = 0;
-    assert!(matches!(host.ask(Ask::Identify), Ok(Answer::Identity(_))));
+    assert!(matches!(host.ask(Request::Identify), Ok(Reply::Identity(_))));
     // The same number as a request of the conversation before, which set something else.
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
     assert!(matches!(status.state, State::Running(_)), "taken for a repetition");
 }
 
 #[test]
 fn a_command_with_a_tick_waits_for_it() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    host.send_for(Some(3000), Ask::Stop);
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.send_for(Some(3000), Request::Stop);
     let messages = host.grant(2999);
     assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "served too early");
     let messages = host.grant(6000);
     assert!(messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })));
-    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
     assert_eq!(status.state, State::Idle);
 }
 
 #[test]
 fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_told() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
-    host.send_for(Some(3000), Ask::Stop);
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.send_for(Some(3000), Request::Stop);
     let messages = host.grant(3000);
     let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("it is said");
     let (reply, clock) =
@@ -230,10 +230,10 @@ fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_t
 #[test]
 fn a_command_with_a_tick_does_not_wait_behind_one_without() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.grant(3000);
     host.send(&ToDevice::Grant { until_tick: 6000 });
-    for (at_tick, ask) in [(None, Ask::Status), (Some(3000), Ask::Stop)] {
+    for (at_tick, ask) in [(None, Request::Status), (Some(3000), Request::Stop)] {
         host.send_for(at_tick, ask);
     }
     host.board.run(1, |_| {});
@@ -243,10 +243,10 @@ fn a_command_with_a_tick_does_not_wait_behind_one_without() {
 #[test]
 fn a_stop_takes_effect_in_the_next_tick() {
     let mut host = ready();
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.grant(3000);
     host.send(&ToDevice::Grant { until_tick: 6000 });
-    host.send_for(None, Ask::Stop);
+    host.send_for(None, Request::Stop);
     host.board.run(1, |_| {});
     assert_eq!(host.board.controller().rig().state(), State::Stopping);
 }
@@ -272,17 +272,17 @@ fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it()
     let mut host = ready();
     for ask in [
         set_plant(impacting()),
-        Ask::SetTwin(Some(TwinConfig::new(impacting().set_up))),
-        Ask::Configure(resonance()),
+        Request::SetTwin(Some(TwinConfig::new(impacting().set_up))),
+        Request::Configure(resonance()),
         motion(0),
-        Ask::Start,
+        Request::Start,
     ] {
-        assert_eq!(host.ask(ask), Ok(Answer::Done));
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
     }
     for tick in (0..6000).step_by(2) {
         host.send(&ToDevice::Grant { until_tick: tick + 2 });
         for _ in 0..2 {
-            host.send_for(None, Ask::Result { index: 7 });
+            host.send_for(None, Request::Result { index: 7 });
         }
         for seq in [host.seq - 1, host.seq] {
             let mut received = vec![];
@@ -301,18 +301,18 @@ fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it()
 #[test]
 fn events_are_told_in_the_tick_in_which_they_happen() {
     let mut host = ready();
-    let telemetry = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: true };
-    for ask in [set_plant(impacting()), Ask::Configure(resonance()), telemetry, Ask::Start] {
-        assert_eq!(host.ask(ask), Ok(Answer::Done));
+    let telemetry = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: true };
+    for ask in [set_plant(impacting()), Request::Configure(resonance()), telemetry, Request::Start] {
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
     }
     let (mut impacts, mut points) = (0, 0);
     for message in host.grant(20_000) {
         match message {
-            FromDevice::Event { tick, event: Happening::Impact(record), .. } => {
+            FromDevice::Event { tick, event: Event::Impact(record), .. } => {
                 assert_eq!(tick, record.tick);
                 impacts += 1;
             }
-            FromDevice::Event { tick, event: Happening::Point(result), .. } => {
+            FromDevice::Event { tick, event: Event::Point(result), .. } => {
                 assert_eq!(tick + 1, result.end_tick);
                 points += 1;
             }
@@ -326,7 +326,7 @@ fn events_are_told_in_the_tick_in_which_they_happen() {
 fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
     let mut host = ready();
     host.grant(100);
-    host.send_for(Some(200), Ask::Start);
+    host.send_for(Some(200), Request::Start);
     host.grant(1000);
     let rig = host.board.controller().rig();
     assert!(matches!(rig.state(), State::Running(_)));
@@ -337,12 +337,12 @@ fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
 fn a_damaged_frame_is_counted_and_changes_nothing() {
     let mut host = ready();
     let mut out = [0; LONGEST];
-    let request = ToDevice::Request(Request { seq: 99, at_tick: None, ask: Ask::Start });
+    let request = ToDevice::Request(NumberedRequest { seq: 99, at_tick: None, request: Request::Start });
     let length = frame::encode(&request, &mut out).unwrap();
     out[3] ^= 0x10;
     host.board.receive(&out[..length]);
     assert!(host.run().is_empty());
-    let Ok(Answer::Status { status, counters }) = host.ask(Ask::Status) else { panic!() };
+    let Ok(Reply::Status { status, counters }) = host.ask(Request::Status) else { panic!() };
     assert_eq!((status.state, counters.bad_frames), (State::Idle, 1));
 }
 
@@ -351,13 +351,13 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let mut host = ready();
     let limits = Limits { structure_m: 3e-3, ..Limits::default() };
     let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
-    assert_eq!(host.ask(Ask::SetSettings(Settings { safety, ..Settings::default() })), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::SetSettings(Settings { safety, ..Settings::default() })), Ok(Reply::Done));
     let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
-    assert_eq!(host.ask(Ask::Configure(resonance)), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Configure(resonance)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let messages = host.grant(8000);
     let fault = messages.iter().find_map(|m| match m {
-        FromDevice::Event { event: Happening::Fault(fault), .. } => Some(*fault),
+        FromDevice::Event { event: Event::Fault(fault), .. } => Some(*fault),
         _ => None,
     });
     let fault = fault.expect("a fault");
@@ -367,32 +367,32 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
     let row = last.unwrap().values.chunks(4).next_back().unwrap();
     assert_eq!(row[2], 0.0, "drive");
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { state: State::Faulted, .. })));
-    let Err(refused) = host.ask(Ask::ClearFault) else { panic!("it still rings") };
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Faulted, .. })));
+    let Err(refused) = host.ask(Request::ClearFault) else { panic!("it still rings") };
     assert!(refused.to_string().contains("wait for rest"), "{refused}");
     // 3 mm at ζω = 0.06 /s need 18 s to come below 1 mm.
     host.grant(30_000);
-    let Ok(Answer::Status { status, .. }) = host.ask(Ask::Status) else { panic!() };
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
     assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted));
-    assert_eq!(host.ask(Ask::ClearFault), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::ClearFault), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
 }
 
 #[test]
 fn nonsense_is_refused_with_the_parameter_and_what_is_allowed() {
     let mut host = Host::new();
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::WrongState { .. })), "no experiment");
-    assert_eq!(host.ask(Ask::Configure(experiment())), Ok(Answer::Done));
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::NotHere { .. })), "no plant");
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { .. })), "no experiment");
+    assert_eq!(host.ask(Request::Configure(experiment())), Ok(Reply::Done));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::NotHere { .. })), "no plant");
     let mut config = plant();
     config.set_up.structure.mass_kg = -1.0;
     let Err(refused) = host.ask(set_plant(config)) else { panic!() };
     assert_eq!(refused.to_string(), "structure.mass_kg = -1 is not allowed: must be a finite number greater than 0");
-    assert_eq!(host.ask(set_plant(plant())), Ok(Answer::Done));
+    assert_eq!(host.ask(set_plant(plant())), Ok(Reply::Done));
     let too_fast = SteppedSine { frequencies_hz: [51.0].into_iter().collect(), ..experiment() };
-    assert!(matches!(host.ask(Ask::Configure(too_fast)), Err(Refused::Invalid { .. })));
+    assert!(matches!(host.ask(Request::Configure(too_fast)), Err(Rejected::Invalid { .. })));
     let nan = SteppedSine { amplitude_m: f32::NAN, ..experiment() };
-    assert!(matches!(host.ask(Ask::Configure(nan)), Err(Refused::Invalid { .. })));
+    assert!(matches!(host.ask(Request::Configure(nan)), Err(Rejected::Invalid { .. })));
 }
 
 #[test]
@@ -405,11 +405,11 @@ fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolutio
         frequencies_hz: [2.5].into_iter().collect(),
         ..experiment()
     };
-    assert_eq!(host.ask(Ask::Configure(long)), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let messages = host.grant(345_000);
     let result = messages.iter().find_map(|m| match m {
-        FromDevice::Event { event: Happening::Point(result), .. } => Some(*result),
+        FromDevice::Event { event: Event::Point(result), .. } => Some(*result),
         _ => None,
     });
     let result = result.expect("a result");
@@ -424,7 +424,7 @@ fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolutio
 /// A point's figures without its times.
 fn figures(messages: &[FromDevice]) -> Vec<PointResult> {
     let point = |message: &FromDevice| match message {
-        FromDevice::Event { event: Happening::Point(result), .. } => {
+        FromDevice::Event { event: Event::Point(result), .. } => {
             Some(PointResult { start_tick: 0, end_tick: 0, ..*result })
         }
         _ => None,
@@ -435,12 +435,12 @@ fn figures(messages: &[FromDevice]) -> Vec<PointResult> {
 #[test]
 fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
     let mut whole = ready();
-    assert_eq!(whole.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(whole.ask(Request::Start), Ok(Reply::Done));
     let whole = figures(&whole.grant(20_000));
     let mut rest = ready();
     let second = SteppedSine { first_index: 1, frequencies_hz: [3.0].into_iter().collect(), ..experiment() };
-    assert_eq!(rest.ask(Ask::Configure(second)), Ok(Answer::Done));
-    assert_eq!(rest.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(rest.ask(Request::Configure(second)), Ok(Reply::Done));
+    assert_eq!(rest.ask(Request::Start), Ok(Reply::Done));
     assert_eq!(figures(&rest.grant(20_000)), whole[1..]);
 }
 
@@ -457,7 +457,7 @@ fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
         friction_coefficient: 0.0,
         wall: Wall::Restitution { coefficient: 0.5 },
     });
-    assert_eq!(host.ask(set_plant(config)), Ok(Answer::Done));
+    assert_eq!(host.ask(set_plant(config)), Ok(Reply::Done));
     let long = SteppedSine {
         settle_s: 200.0,
         dwell_s: 40.0,
@@ -465,8 +465,8 @@ fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
         frequencies_hz: [2.5].into_iter().collect(),
         ..experiment()
     };
-    assert_eq!(host.ask(Ask::Configure(long)), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let result = figures(&host.grant(245_000))[0];
     let exact = 3.753_385 * z_m;
     // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.

@@ -8,7 +8,7 @@ use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::{Brake, State};
 use damprig_core::settings::Settings;
-use damprig_protocol::Ask;
+use damprig_protocol::Request;
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::{InjectedFault, PlantConfig};
 
@@ -30,12 +30,12 @@ fn touched_off() -> Host {
 const BRAKE_N: f32 = 6.0;
 
 /// Limits with a brake; the structure may go as far as this, m.
-fn with_brake(structure_m: f32) -> Ask {
+fn with_brake(structure_m: f32) -> Request {
     let limits = Limits { structure_m, ..Limits::default() };
     let restart_m = SafetyConfig::default().restart_m.min(0.5 * structure_m);
     let safety =
         SafetyConfig { limits, restart_m, half_cycles_ahead: 0.0, brake_n: BRAKE_N, ..SafetyConfig::default() };
-    Ask::SetSettings(Settings { safety, ..Settings::default() })
+    Request::SetSettings(Settings { safety, ..Settings::default() })
 }
 
 /// Out of reach.
@@ -47,8 +47,8 @@ const NEAR_M: f32 = 5e-3;
 /// Reached by the sensor's noise.
 const AT_ONCE_M: f32 = 1e-6;
 
-fn sine() -> Ask {
-    Ask::Configure(SteppedSine {
+fn sine() -> Request {
+    Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1e-3,
         drive: Drive::Constant,
@@ -90,18 +90,18 @@ fn press_and_expect_no_motion(host: &mut Host, what: &str) {
 fn the_emergency_stop_ends_every_task_of_the_spring_at_once() {
     let homing = || {
         let mut host = host();
-        host.done(Ask::Spring(SpringCommand::Home));
+        host.done(Request::Spring(SpringCommand::Home));
         host
     };
     let touching_off = || {
         let mut host = host();
         host.spring(SpringCommand::Home);
-        host.done(Ask::Spring(SpringCommand::TouchOff));
+        host.done(Request::Spring(SpringCommand::TouchOff));
         host
     };
     let setting = || {
         let mut host = touched_off();
-        host.done(Ask::Spring(SpringCommand::Set(Target::Force { force_n: 10.0 })));
+        host.done(Request::Spring(SpringCommand::Set(Target::Force { force_n: 10.0 })));
         host
     };
     let holding = || {
@@ -111,7 +111,7 @@ fn the_emergency_stop_ends_every_task_of_the_spring_at_once() {
     };
     let releasing = || {
         let mut host = holding();
-        host.done(Ask::Spring(SpringCommand::Release));
+        host.done(Request::Spring(SpringCommand::Release));
         host
     };
     let cases: [(&str, &dyn Fn() -> Host, Stage); 5] = [
@@ -136,7 +136,7 @@ fn the_emergency_stop_does_not_close_the_brake_in_an_experiment() {
     let mut host = touched_off();
     host.done(with_brake(FAR_M));
     host.done(sine());
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(3_000);
     press_and_expect_no_motion(&mut host, "in an experiment");
     press(&mut host, false);
@@ -150,7 +150,7 @@ fn the_emergency_stop_ends_a_brake_that_another_fault_has_closed() {
     let mut host = touched_off();
     host.done(with_brake(NEAR_M));
     host.done(sine());
-    host.done(Ask::Start);
+    host.done(Request::Start);
     let before = seat_m(&mut host);
     (0..3_000).find(|_| {
         host.pass(1);
@@ -169,14 +169,14 @@ fn after_an_emergency_stop_the_spring_must_be_homed_before_it_moves() {
     host.pass(10);
     let target = SpringCommand::Set(Target::Force { force_n: 1.0 });
     for command in [SpringCommand::Home, SpringCommand::TouchOff, target, SpringCommand::Release] {
-        let refused = host.ask(Ask::Spring(command)).unwrap_err().to_string();
+        let refused = host.ask(Request::Spring(command)).unwrap_err().to_string();
         assert!(refused.contains("release the emergency stop first"), "{command:?}: {refused}");
     }
     press(&mut host, false);
     host.pass(1_000);
-    host.done(Ask::ClearFault);
+    host.done(Request::ClearFault);
     for command in [SpringCommand::TouchOff, target, SpringCommand::Release] {
-        let refused = host.ask(Ask::Spring(command)).unwrap_err().to_string();
+        let refused = host.ask(Request::Spring(command)).unwrap_err().to_string();
         assert!(refused.contains("home the spring first"), "{command:?}: {refused}");
     }
     host.spring(SpringCommand::Home);
@@ -189,7 +189,7 @@ fn after_an_emergency_stop_the_spring_must_be_homed_before_it_moves() {
 fn a_brake_that_cannot_close_at_once_closes_as_soon_as_it_can() {
     let mut host = host();
     host.spring(SpringCommand::Home);
-    host.done(Ask::Spring(SpringCommand::TouchOff));
+    host.done(Request::Spring(SpringCommand::TouchOff));
     host.pass(200);
     host.done(with_brake(AT_ONCE_M));
     host.pass(10);
@@ -208,14 +208,14 @@ fn a_brake_that_holds_is_not_let_go_before_the_fault_is_cleared() {
     let mut host = touched_off();
     host.done(with_brake(NEAR_M));
     host.done(sine());
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(13_000);
     assert_eq!((host.fault(), host.status().brake), (Some(Danger::StructureDisplacement), Brake::Holds));
     for command in [SpringCommand::Release, SpringCommand::Halt] {
-        let refused = host.ask(Ask::Spring(command)).unwrap_err().to_string();
+        let refused = host.ask(Request::Spring(command)).unwrap_err().to_string();
         assert!(refused.contains("clear the fault first"), "{refused}");
     }
-    host.done(Ask::ClearFault);
+    host.done(Request::ClearFault);
     host.pass(5_000);
     let status = host.status();
     assert_eq!((status.brake, status.spring.stage), (Brake::Open, Stage::Ready));

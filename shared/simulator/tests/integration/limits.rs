@@ -7,14 +7,14 @@ use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::io::{Actuators, Reading, Sensors};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::rig::{Refusal, Rig, State, Status};
+use damprig_core::rig::{Rig, State, Status};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{Board, DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::queues::{Outgoing, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, Refused, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::PlantConfig;
@@ -55,18 +55,18 @@ impl Host {
         let messages: Vec<FromDevice> =
             received.into_iter().filter_map(|byte| self.reader.push(byte)).map(Result::unwrap).collect();
         self.faults.extend(messages.iter().filter_map(|message| match message {
-            FromDevice::Event { event: Happening::Fault(fault), .. } => Some(*fault),
+            FromDevice::Event { event: Event::Fault(fault), .. } => Some(*fault),
             _ => None,
         }));
         messages
     }
 
-    fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
-        if ask == Ask::Start {
+        if ask == Request::Start {
             self.until_tick = 0;
         }
-        let messages = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask }));
+        let messages = self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }));
         messages
             .into_iter()
             .find_map(|message| match message {
@@ -76,8 +76,8 @@ impl Host {
             .expect("a reply")
     }
 
-    fn done(&mut self, ask: Ask) {
-        assert_eq!(self.ask(ask.clone()), Ok(Answer::Done), "{ask:?}");
+    fn done(&mut self, ask: Request) {
+        assert_eq!(self.ask(ask.clone()), Ok(Reply::Done), "{ask:?}");
     }
 
     fn pass(&mut self, ticks: u32) {
@@ -86,24 +86,24 @@ impl Host {
     }
 
     fn status(&mut self) -> Status {
-        let Ok(Answer::Status { status, .. }) = self.ask(Ask::Status) else { panic!("no status") };
+        let Ok(Reply::Status { status, .. }) = self.ask(Request::Status) else { panic!("no status") };
         status
     }
 
     /// Ten seconds at resonance: |x| grows to 37 mm.
     fn drive(&mut self, limits: Option<ExperimentLimits>) {
-        self.done(Ask::Configure(resonance()));
+        self.done(Request::Configure(resonance()));
         if let Some(limits) = limits {
-            self.done(Ask::SetLimits(limits));
+            self.done(Request::SetLimits(limits));
         }
-        self.done(Ask::Start);
+        self.done(Request::Start);
     }
 
     /// Lets the structure come to rest and clears the fault.
     fn clear(&mut self) {
         self.pass(80_000);
         assert_eq!(self.status().safe, SafeStage::Safe);
-        self.done(Ask::ClearFault);
+        self.done(Request::ClearFault);
         self.faults.clear();
     }
 }
@@ -158,7 +158,7 @@ fn the_boards_limits_are_in_force_again_when_an_experiment_ends_or_is_stopped() 
         host.drive(structure_within(0.04));
         host.pass(2_000);
         if stops {
-            host.done(Ask::Stop);
+            host.done(Request::Stop);
         }
         host.pass(10_000);
         assert_eq!((host.status().state, &host.faults[..]), (State::Idle, &[][..]));
@@ -177,9 +177,9 @@ fn limits_belong_to_their_experiment_however_often_it_is_started_and_to_no_other
         host.pass(11_000);
         assert_eq!(host.faults.len(), 1);
         host.clear();
-        host.done(Ask::Start);
+        host.done(Request::Start);
     }
-    host.done(Ask::Stop);
+    host.done(Request::Stop);
     host.pass(60_000);
     host.drive(None);
     host.pass(11_000);
@@ -191,7 +191,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
     let mut settings = settings();
     settings.safety.wall_force_n = 300.0;
     let mut host = Host::new(settings);
-    host.done(Ask::Configure(resonance()));
+    host.done(Request::Configure(resonance()));
     let none = ExperimentLimits::default();
     for (limits, words) in [
         (
@@ -201,7 +201,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
         (ExperimentLimits { host_silent_s: Some(0.0), ..none }, "safety.host_silent_s = 0 would loosen the board's 10"),
         (ExperimentLimits { base_m: Some(-1.0), ..none }, "limits.base_m = -1 is not allowed"),
     ] {
-        let refused = host.ask(Ask::SetLimits(limits)).unwrap_err().to_string();
+        let refused = host.ask(Request::SetLimits(limits)).unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");
     }
 }
@@ -209,7 +209,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
 #[test]
 fn limits_come_after_their_experiment_and_before_its_start() {
     let mut host = Host::new(settings());
-    let limits = Ask::SetLimits(structure_within(0.02).unwrap());
+    let limits = Request::SetLimits(structure_within(0.02).unwrap());
     let refused = host.ask(limits.clone()).unwrap_err().to_string();
     assert!(refused.contains("configure an experiment first"), "{refused}");
     host.drive(None);
@@ -220,12 +220,12 @@ fn limits_come_after_their_experiment_and_before_its_start() {
 #[test]
 fn limits_that_have_become_looser_than_the_boards_keep_their_experiment_from_starting() {
     let mut host = Host::new(settings());
-    host.done(Ask::Configure(resonance()));
-    host.done(Ask::SetLimits(structure_within(0.04).unwrap()));
+    host.done(Request::Configure(resonance()));
+    host.done(Request::SetLimits(structure_within(0.04).unwrap()));
     let mut tighter = settings();
     tighter.safety.limits.structure_m = 0.03;
-    host.done(Ask::SetSettings(tighter));
-    let refused = host.ask(Ask::Start).unwrap_err().to_string();
+    host.done(Request::SetSettings(tighter));
+    let refused = host.ask(Request::Start).unwrap_err().to_string();
     assert!(refused.contains("safety.limits.structure_m = 0.04 would loosen the board's 0.03"), "{refused}");
     assert_eq!(host.status().state, State::Idle);
 }
@@ -249,10 +249,10 @@ fn a_limit_of_the_board_that_latches_its_own_fault_can_be_put_right() {
     let mut host = Host::new(wrong);
     host.pass(10_000);
     assert_eq!((host.faults[0].cause, host.status().state), (Danger::BaseDisplacement, State::Faulted));
-    assert!(host.ask(Ask::ClearFault).is_err());
-    host.done(Ask::SetSettings(settings()));
+    assert!(host.ask(Request::ClearFault).is_err());
+    host.done(Request::SetSettings(settings()));
     host.pass(1_000);
-    host.done(Ask::ClearFault);
+    host.done(Request::ClearFault);
     assert_eq!(host.status().state, State::Idle);
 }
 
@@ -269,25 +269,25 @@ fn a_set_up_describes_its_spring_and_the_boards_limit_on_its_force_stays() {
     let mut settings = settings();
     (settings.spring.largest_force_n, settings.spring.touch_span_n) = (3.0, 0.5);
     let mut host = Host::new(settings);
-    host.done(Ask::SetSpring(spring(Some(0.25))));
+    host.done(Request::SetSpring(spring(Some(0.25))));
     for command in [SpringCommand::Home, SpringCommand::TouchOff] {
-        host.done(Ask::Spring(command));
+        host.done(Request::Spring(command));
         host.pass(16_000);
     }
-    let force = |force_n| Ask::Spring(SpringCommand::Set(Target::Force { force_n }));
+    let force = |force_n| Request::Spring(SpringCommand::Set(Target::Force { force_n }));
     let refused = host.ask(force(2.875)).unwrap_err().to_string();
     assert!(refused.contains("force_n = 2.875") && refused.contains("largest_force_n"), "{refused}");
     host.done(force(2.0));
-    let refused = host.ask(Ask::SetSpring(SpringSetUp { stiffness_n_per_m: Some(-1.0), ..spring(None) }));
+    let refused = host.ask(Request::SetSpring(SpringSetUp { stiffness_n_per_m: Some(-1.0), ..spring(None) }));
     assert!(refused.unwrap_err().to_string().contains("spring.stiffness_n_per_m = -1"));
 }
 
 #[test]
 fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another_plant() {
     let mut host = Host::new(settings());
-    host.done(Ask::SetSpring(spring(None)));
+    host.done(Request::SetSpring(spring(None)));
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 1.0 })] {
-        host.done(Ask::Spring(command));
+        host.done(Request::Spring(command));
         host.pass(16_000);
     }
     host.drive(None);
@@ -301,11 +301,11 @@ fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another
 #[test]
 fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it() {
     let mut host = Host::new(settings());
-    host.done(Ask::SetSpring(spring(Some(0.25))));
+    host.done(Request::SetSpring(spring(Some(0.25))));
     for command in
         [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::FrictionRatio { ratio: 0.6 })]
     {
-        host.done(Ask::Spring(command));
+        host.done(Request::Spring(command));
         host.pass(16_000);
     }
     // F_N = γF k Z/μe, at the measured Z of 0.5 mm: within the 10 µm steps of its sensor.
@@ -323,14 +323,14 @@ fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it
 #[test]
 fn a_board_takes_other_settings_without_losing_its_springs_position_unless_they_are_the_springs() {
     let mut host = Host::new(settings());
-    host.done(Ask::Spring(SpringCommand::Home));
+    host.done(Request::Spring(SpringCommand::Home));
     host.pass(16_000);
     let mut other = settings();
     other.safety.wall_force_n = 300.0;
-    host.done(Ask::SetSettings(other));
+    host.done(Request::SetSettings(other));
     assert_eq!(host.status().spring.stage, Stage::Homed);
     other.spring.step_m = 4e-6;
-    host.done(Ask::SetSettings(other));
+    host.done(Request::SetSettings(other));
     assert_eq!(host.status().spring.stage, Stage::Unhomed);
 }
 
@@ -344,8 +344,8 @@ impl Board for Real {
 
     fn set(&mut self, _: &Actuators, _: &Rig) {}
 
-    fn save(&mut self, _: &Settings) -> Result<Saving, Refusal> {
-        Err(Refusal::NotHere("this board has no flash to save to"))
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+        Err(Rejected::not_here("this board has no flash to save to"))
     }
 }
 
@@ -370,10 +370,10 @@ impl Outgoing for Said {
 }
 
 impl RealBoard {
-    fn done(&mut self, seq: u16, ask: Ask) {
-        let request = Request { seq, at_tick: None, ask };
+    fn done(&mut self, seq: u16, ask: Request) {
+        let request = NumberedRequest { seq, at_tick: None, request: ask };
         self.control.serve(&request, &mut Real, &mut UploadBuffer::new(), &mut self.said);
-        assert_eq!(self.said.0.pop(), Some(FromDevice::Reply { seq, answer: Ok(Answer::Done) }));
+        assert_eq!(self.said.0.pop(), Some(FromDevice::Reply { seq, answer: Ok(Reply::Done) }));
     }
 
     /// The tick at which the drive ends for want of a message, at most so many after the last one.
@@ -385,7 +385,7 @@ impl RealBoard {
             (sensors.readings.x, sensors.readings.z) = (swing, swing);
             self.control.tick(&sensors, &mut upload, &mut self.said);
             for message in self.said.0.drain(..) {
-                if let FromDevice::Event { event: Happening::Fault(fault), .. } = message {
+                if let FromDevice::Event { event: Event::Fault(fault), .. } = message {
                     assert_eq!(fault.cause, Danger::HostSilent);
                     return Some(tick);
                 }
@@ -400,9 +400,9 @@ fn a_drive_ends_when_its_host_has_been_silent_for_ten_seconds_as_delivered_or_fo
     for (host_silent_s, expected) in [(None, 10_000), (Some(5.0), 5_000)] {
         let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
         let mut board = RealBoard { control, said: Said::default() };
-        board.done(1, Ask::Configure(SteppedSine { settle_s: 60.0, ..resonance() }));
-        board.done(2, Ask::SetLimits(ExperimentLimits { host_silent_s, ..ExperimentLimits::default() }));
-        board.done(3, Ask::Start);
+        board.done(1, Request::Configure(SteppedSine { settle_s: 60.0, ..resonance() }));
+        board.done(2, Request::SetLimits(ExperimentLimits { host_silent_s, ..ExperimentLimits::default() }));
+        board.done(3, Request::Start);
         // The start itself was the last message.
         assert_eq!(board.ends_silent_drive(20_000), Some(expected + 1));
     }
@@ -414,8 +414,8 @@ fn the_ticks_that_a_host_has_granted_are_no_silence() {
         safety: SafetyConfig { limits: Limits { structure_m: 0.08, base_m: 0.08 }, ..settings().safety },
         ..settings()
     });
-    host.done(Ask::Configure(SteppedSine { amplitude_m: 2e-4, settle_s: 30.0, ..resonance() }));
-    host.done(Ask::Start);
+    host.done(Request::Configure(SteppedSine { amplitude_m: 2e-4, settle_s: 30.0, ..resonance() }));
+    host.done(Request::Start);
     host.pass(30_000);
     assert_eq!(
         (host.faults.len(), host.status().state),

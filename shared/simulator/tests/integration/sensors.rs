@@ -7,7 +7,7 @@ use damprig_core::io::Sensor;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
-use damprig_protocol::{Ask, Happening};
+use damprig_protocol::{Event, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, End, InjectedFault, PlantConfig, SensorFault, Shaker};
@@ -29,8 +29,8 @@ fn plant() -> PlantConfig {
     }
 }
 
-fn sine(settle_s: f32, dwell_s: f32) -> Ask {
-    Ask::Configure(SteppedSine {
+fn sine(settle_s: f32, dwell_s: f32) -> Request {
+    Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
         drive: Drive::Constant,
@@ -62,7 +62,7 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
         for fault in [SensorFault::Unplugged, SensorFault::AtRail(End::Low), SensorFault::AtRail(End::High)] {
             let mut host = Host::new(plant());
             host.done(sine(10.0, 10.0));
-            host.done(Ask::Start);
+            host.done(Request::Start);
             host.pass(3_000);
             assert_eq!(host.fault(), None);
             breaks(&mut host, sensor, Some(fault));
@@ -79,11 +79,11 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
 #[test]
 fn a_z_sensor_that_is_lost_in_closed_loop_does_not_throw_the_base() {
     let mut host = Host::new(PlantConfig { base: Base::Shaker(Shaker::default()), ..plant() });
-    let Ask::Configure(open) = sine(10.0, 10.0) else { panic!() };
+    let Request::Configure(open) = sine(10.0, 10.0) else { panic!() };
     let drive = Drive::ClosedLoop(Default::default());
-    host.done(Ask::Configure(SteppedSine { amplitude_m: 5e-4, ramp_s: 1.0, drive, ..open }));
-    host.done(Ask::SetTelemetry { every_ticks: 1, signals: [2].into_iter().collect(), impacts: false });
-    host.done(Ask::Start);
+    host.done(Request::Configure(SteppedSine { amplitude_m: 5e-4, ramp_s: 1.0, drive, ..open }));
+    host.done(Request::SetTelemetry { every_ticks: 1, signals: [2].into_iter().collect(), impacts: false });
+    host.done(Request::Start);
     host.pass(5_000);
     let most = |rows: &[Vec<f32>]| rows.iter().fold(0.0f32, |most, row| most.max(row[0].abs()));
     let before = most(&host.rows);
@@ -99,7 +99,7 @@ fn a_touch_off_with_an_unplugged_force_sensor_stops_at_once() {
     for unplugged_after in [0, 1_000] {
         let mut host = Host::new(plant());
         host.spring(SpringCommand::Home);
-        host.done(Ask::Spring(SpringCommand::TouchOff));
+        host.done(Request::Spring(SpringCommand::TouchOff));
         host.pass(unplugged_after);
         breaks(&mut host, Sensor::SpringForce, Some(SensorFault::Unplugged));
         let seat_m = |host: &mut Host| host.board.plant_mut().unwrap().spring_mut().unwrap().position_m();
@@ -113,7 +113,7 @@ fn a_touch_off_with_an_unplugged_force_sensor_stops_at_once() {
         assert_eq!(host.status().spring.stage, Stage::Faulted);
         assert!(seat_m(&mut host) <= 1.01e-3, "the block has moved away");
         assert!(!host.board.plant_mut().unwrap().spring_mut().unwrap().is_energised());
-        assert_eq!(host.events.iter().filter(|e| matches!(e, Happening::Spring(Spring::Fault(_)))).count(), 1);
+        assert_eq!(host.events.iter().filter(|e| matches!(e, Event::Spring(Spring::Fault(_)))).count(), 1);
         assert!(host.status().fault.is_none(), "an idle rig has nothing to stop");
     }
 }
@@ -139,7 +139,7 @@ fn clipping_for_less_than_five_milliseconds_is_told_with_the_result() {
     for sensor in [None, Some(Sensor::SpringForce)] {
         let mut host = Host::new(plant());
         host.done(sine(1.0, 5.0));
-        host.done(Ask::Start);
+        host.done(Request::Start);
         if let Some(sensor) = sensor {
             // Within ±10.4 N: now and then below −5 N, where the sensor's span ends.
             breaks(&mut host, sensor, Some(SensorFault::Noisy(3.0)));
@@ -161,7 +161,7 @@ fn a_displacement_sensor_that_sticks_is_named() {
     for sensor in [Sensor::X, Sensor::Z] {
         let mut host = Host::new(plant());
         host.done(sine(10.0, 10.0));
-        host.done(Ask::Start);
+        host.done(Request::Start);
         host.pass(3_000);
         breaks(&mut host, sensor, Some(SensorFault::Stuck));
         ticks_to_fault(&mut host, 600);
@@ -175,7 +175,7 @@ fn a_wall_sensor_whose_zero_wanders_off_is_no_new_zero() {
     let walls = WallSensors { offset_n: -33.0, ..WallSensors::default() };
     let mut host = Host::new(PlantConfig { walls: Some(walls), ..plant() });
     host.done(sine(10.0, 10.0));
-    host.done(Ask::Start);
+    host.done(Request::Start);
     host.pass(5_000);
     assert_eq!(host.fault(), Some(Danger::SensorDrifted(Sensor::WallLow)));
 }

@@ -371,7 +371,7 @@ fn a_free_vibration_is_held_measured_and_over() {
     });
     assert_eq!(stages, [Stage::Rest, Stage::Hold, Stage::Dwell]);
     assert!(
-        matches!(log.events[..], [(_, Event::Transient(_)), (_, Event::Finished { points: 1 })]),
+        matches!(log.events[..], [(_, Event::Transient(_)), (_, Event::Finished { points: 1, .. })]),
         "{:?}",
         log.events
     );

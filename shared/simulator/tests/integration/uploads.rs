@@ -9,7 +9,7 @@ use damprig_core::model::{SetUp, Structure};
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::upload::{CHUNK_BYTES, MOST_BYTES, Progress, UploadStage, checksum};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, Refused, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress as Clock, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::PlantConfig;
@@ -26,7 +26,7 @@ impl Host {
         let board = SimulatedDevice::new(DeviceInfo::new("test", "none"));
         let mut host = Self { board, reader: Reader::default(), seq: 0, granted: 0 };
         let plant = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(bare()) };
-        assert_eq!(host.ask(set_plant(plant)), Ok(Answer::Done));
+        assert_eq!(host.ask(set_plant(plant)), Ok(Reply::Done));
         host
     }
 
@@ -43,11 +43,11 @@ impl Host {
     }
 
     /// The frame of a request under the present number.
-    fn request(&self, ask: Ask) -> Vec<u8> {
-        Self::encoded(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask }))
+    fn request(&self, ask: Request) -> Vec<u8> {
+        Self::encoded(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }))
     }
 
-    fn answer_to(&mut self, frame: &[u8]) -> Result<Answer, Refused> {
+    fn answer_to(&mut self, frame: &[u8]) -> Result<Reply, Rejected> {
         self.board.receive(frame);
         let messages = self.run();
         let reply =
@@ -55,21 +55,21 @@ impl Host {
         reply.cloned().unwrap_or_else(|| panic!("no reply in {messages:?}"))
     }
 
-    fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
         let frame = self.request(ask);
         self.answer_to(&frame)
     }
 
-    fn upload(&mut self, ask: Ask) -> Progress {
+    fn upload(&mut self, ask: Request) -> Progress {
         match self.ask(ask) {
-            Ok(Answer::Upload(progress)) => progress,
+            Ok(Reply::Upload(progress)) => progress,
             other => panic!("{other:?}"),
         }
     }
 
     fn begin(&mut self, bytes: &[u8]) -> Progress {
-        self.upload(Ask::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) })
+        self.upload(Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) })
     }
 
     /// Sends what is missing.
@@ -79,7 +79,7 @@ impl Host {
             there = self.upload(chunk(bytes, there)).there as usize;
         }
         self.let_pass(3000);
-        self.upload(Ask::UploadChunk { offset: 0, data: Default::default() })
+        self.upload(Request::UploadChunk { offset: 0, data: Default::default() })
     }
 
     fn let_pass(&mut self, ticks: u32) -> Vec<FromDevice> {
@@ -88,20 +88,18 @@ impl Host {
         self.run()
     }
 
-    fn result_of(&mut self, experiment: Ask) -> TransientResult {
-        assert_eq!(self.ask(experiment), Ok(Answer::Done));
-        assert_eq!(self.ask(Ask::Start), Ok(Answer::Done));
+    fn result_of(&mut self, experiment: Request) -> TransientResult {
+        assert_eq!(self.ask(experiment), Ok(Reply::Done));
+        assert_eq!(self.ask(Request::Start), Ok(Reply::Done));
         let messages = self.let_pass(60_000);
         let told = |m: &FromDevice| match m {
-            FromDevice::Event { event: Happening::Transient(result), .. } => Some(*result),
+            FromDevice::Event { event: Event::Transient(result), .. } => Some(*result),
             _ => None,
         };
         let result = messages.iter().find_map(told).unwrap_or_else(|| panic!("no result in {messages:?}"));
-        assert_eq!(self.ask(Ask::Transient), Ok(Answer::Transient(result)), "it is kept for a host that missed it");
+        assert_eq!(self.ask(Request::Transient), Ok(Reply::Transient(result)), "it is kept for a host that missed it");
         assert!(
-            messages
-                .iter()
-                .any(|m| matches!(m, FromDevice::Event { event: Happening::Finished { points: 1, .. }, .. }))
+            messages.iter().any(|m| matches!(m, FromDevice::Event { event: Event::Finished { points: 1, .. }, .. }))
         );
         result
     }
@@ -111,9 +109,9 @@ fn bare() -> SetUp {
     SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038))
 }
 
-fn chunk(bytes: &[u8], from: usize) -> Ask {
+fn chunk(bytes: &[u8], from: usize) -> Request {
     let data = bytes[from..].iter().take(CHUNK_BYTES).copied().collect();
-    Ask::UploadChunk { offset: from as u32, data }
+    Request::UploadChunk { offset: from as u32, data }
 }
 
 /// One second of a versine, 2 mm high in counts of 0.1 µm, at 500 Hz.
@@ -140,14 +138,14 @@ fn a_record_is_uploaded_and_played() {
     let (mut host, bytes) = (Host::new(), pulse());
     let whole = Progress { there: bytes.len() as u32, stage: UploadStage::Whole };
     assert_eq!(host.complete(&bytes), whole);
-    let result = host.result_of(Ask::ConfigurePlayback(playback(&bytes)));
+    let result = host.result_of(Request::ConfigurePlayback(playback(&bytes)));
     assert_eq!(result.index, 3);
     assert!((result.z_peak_m - 2e-3).abs() < 1.5e-5, "{result:?}");
     // Three more intervals than samples, and the tail.
     assert!((result.end_tick - result.start_tick).abs_diff(504 * 2 + 2000) <= 3, "{result:?}");
     // Still there, for another scale.
     let half = Playback { scale_m: 0.5e-7, ..playback(&bytes) };
-    assert!((host.result_of(Ask::ConfigurePlayback(half)).z_peak_m - 1e-3).abs() < 1.5e-5);
+    assert!((host.result_of(Request::ConfigurePlayback(half)).z_peak_m - 1e-3).abs() < 1.5e-5);
 }
 
 #[test]
@@ -163,7 +161,7 @@ fn a_host_that_vanishes_in_mid_upload_finds_what_it_had_sent() {
     host.board.receive(&[0]);
     host.let_pass(100_000);
     host.seq = 0;
-    assert!(matches!(host.ask(Ask::Identify), Ok(Answer::Identity(_))));
+    assert!(matches!(host.ask(Request::Identify), Ok(Reply::Identity(_))));
     assert_eq!(host.begin(&bytes), Progress { there: 384, stage: UploadStage::Receiving });
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
 }
@@ -179,7 +177,7 @@ fn a_damaged_chunk_is_counted_and_never_taken() {
         host.run();
     }
     assert_eq!(host.begin(&bytes).there, 0);
-    let Ok(Answer::Status { counters, .. }) = host.ask(Ask::Status) else { panic!("no status") };
+    let Ok(Reply::Status { counters, .. }) = host.ask(Request::Status) else { panic!("no status") };
     assert_eq!(counters.bad_frames, 3);
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
 }
@@ -192,9 +190,9 @@ fn copies_and_wrong_orders_are_told_where_to_go_on() {
     host.seq += 1;
     let first = host.request(chunk(&bytes, 0));
     for _ in 0..3 {
-        assert!(matches!(host.answer_to(&first), Ok(Answer::Upload(Progress { there: 128, .. }))), "a repetition");
+        assert!(matches!(host.answer_to(&first), Ok(Reply::Upload(Progress { there: 128, .. }))), "a repetition");
     }
-    let (before, other) = (host.request(Ask::BeginUpload { bytes: 600, crc32: 1 }), first);
+    let (before, other) = (host.request(Request::BeginUpload { bytes: 600, crc32: 1 }), first);
     host.upload(chunk(&bytes, 128));
     assert!(host.answer_to(&other).is_ok(), "a late copy");
     // The beginning of another upload that was on the way for long: its number was served.
@@ -211,10 +209,10 @@ fn another_upload_takes_the_place_of_one_that_was_begun() {
     host.upload(chunk(&bytes, 0));
     assert_eq!(host.complete(&other).stage, UploadStage::Whole);
     // What is there is not what this playback names.
-    assert_eq!(host.ask(Ask::ConfigurePlayback(playback(&bytes))), Ok(Answer::Done));
-    assert!(matches!(host.ask(Ask::Start), Err(Refused::NotHere { why }) if why.contains("upload")));
+    assert_eq!(host.ask(Request::ConfigurePlayback(playback(&bytes))), Ok(Reply::Done));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::NotHere { why }) if why.contains("upload")));
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
 }
 
 #[test]
@@ -222,15 +220,15 @@ fn a_record_that_is_not_what_its_checksum_says_is_never_played() {
     let (mut host, bytes) = (Host::new(), pulse());
     let mut wrong = bytes.clone();
     wrong[77] ^= 16;
-    host.upload(Ask::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, &bytes) });
+    host.upload(Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, &bytes) });
     for from in (0..bytes.len()).step_by(CHUNK_BYTES) {
         host.upload(chunk(&wrong, from));
     }
     host.let_pass(3000);
-    let ask = || Ask::UploadChunk { offset: 0, data: Default::default() };
+    let ask = || Request::UploadChunk { offset: 0, data: Default::default() };
     assert_eq!(host.upload(ask()), Progress { there: 0, stage: UploadStage::Damaged });
-    assert_eq!(host.ask(Ask::ConfigurePlayback(playback(&bytes))), Ok(Answer::Done));
-    assert!(host.ask(Ask::Start).is_err());
+    assert_eq!(host.ask(Request::ConfigurePlayback(playback(&bytes))), Ok(Reply::Done));
+    assert!(host.ask(Request::Start).is_err());
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
 }
 
@@ -238,15 +236,15 @@ fn a_record_that_is_not_what_its_checksum_says_is_never_played() {
 fn nothing_is_uploaded_while_a_record_is_played() {
     let (mut host, bytes) = (Host::new(), pulse());
     host.complete(&bytes);
-    assert_eq!(host.ask(Ask::ConfigurePlayback(playback(&bytes))), Ok(Answer::Done));
-    assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+    assert_eq!(host.ask(Request::ConfigurePlayback(playback(&bytes))), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.let_pass(1000);
-    for ask in [Ask::BeginUpload { bytes: 8, crc32: 1 }, chunk(&bytes, 0)] {
-        assert!(matches!(host.ask(ask), Err(Refused::WrongState { advice, .. }) if advice.contains("stop")));
+    for ask in [Request::BeginUpload { bytes: 8, crc32: 1 }, chunk(&bytes, 0)] {
+        assert!(matches!(host.ask(ask), Err(Rejected::WrongState { advice, .. }) if advice.contains("stop")));
     }
     let messages = host.let_pass(10_000);
     let played =
-        |m: &FromDevice| matches!(m, FromDevice::Event { event: Happening::Transient(r), .. } if r.z_peak_m > 1.9e-3);
+        |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Transient(r), .. } if r.z_peak_m > 1.9e-3);
     assert!(messages.iter().any(played));
 }
 
@@ -256,19 +254,19 @@ fn the_longest_record_is_checked_in_three_seconds_and_a_longer_one_refused_with_
     let bytes: Vec<u8> = (0..MOST_BYTES).map(|n| (n * 7 + n / 256) as u8).collect();
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
     for (bytes, named) in [(MOST_BYTES + 2, "upload.bytes"), (0, "upload.bytes"), (7, "upload.bytes")] {
-        match host.ask(Ask::BeginUpload { bytes, crc32: 0 }) {
-            Err(Refused::Invalid { parameter, value, allowed }) => {
+        match host.ask(Request::BeginUpload { bytes, crc32: 0 }) {
+            Err(Rejected::Invalid { parameter, value, allowed }) => {
                 assert_eq!((parameter.as_str(), value), (named, f64::from(bytes)));
                 assert!(allowed.contains("40960") && allowed.contains("20480"), "{allowed}");
             }
             other => panic!("{other:?}"),
         }
     }
-    let odd = Ask::UploadChunk { offset: 1, data: Default::default() };
-    assert!(matches!(host.ask(odd), Err(Refused::Invalid { .. })));
+    let odd = Request::UploadChunk { offset: 1, data: Default::default() };
+    assert!(matches!(host.ask(odd), Err(Rejected::Invalid { .. })));
     let long = Playback { record: RecordId { samples: 20_481, crc32: 0 }, ..playback(&bytes) };
     assert!(
-        matches!(host.ask(Ask::ConfigurePlayback(long)), Err(Refused::Invalid { allowed, .. }) if allowed.contains("20480"))
+        matches!(host.ask(Request::ConfigurePlayback(long)), Err(Rejected::Invalid { allowed, .. }) if allowed.contains("20480"))
     );
 }
 
@@ -276,9 +274,9 @@ fn the_longest_record_is_checked_in_three_seconds_and_a_longer_one_refused_with_
 fn a_free_vibration_is_released_by_the_simulated_board_and_comes_back_the_same() {
     let free = FreeVibration { level_m: 0.02, hold_s: 0.5, timeout_s: 60.0, measure_s: 6.0, cycles: 10, index: 0 };
     let mut host = Host::new();
-    let first = host.result_of(Ask::ConfigureFreeVibration(free));
+    let first = host.result_of(Request::ConfigureFreeVibration(free));
     assert!((first.decay.start_m / 0.035 - 1.0).abs() < 1e-4 && first.decay.cycles == 10, "{first:?}");
-    assert_eq!(host.result_of(Ask::ConfigureFreeVibration(free)), first);
+    assert_eq!(host.result_of(Request::ConfigureFreeVibration(free)), first);
 }
 
 #[test]
@@ -295,17 +293,17 @@ fn a_stepped_sine_after_a_playback_is_what_it_was_before_it() {
         frequencies_hz: [2.0].into_iter().collect(),
     };
     let point = |host: &mut Host| {
-        assert_eq!(host.ask(Ask::Configure(sine())), Ok(Answer::Done));
-        assert_eq!(host.ask(Ask::Start), Ok(Answer::Done));
+        assert_eq!(host.ask(Request::Configure(sine())), Ok(Reply::Done));
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
         let messages = host.let_pass(10_000);
         messages.into_iter().find_map(|m| match m {
-            FromDevice::Event { event: Happening::Point(result), .. } => Some(result),
+            FromDevice::Event { event: Event::Point(result), .. } => Some(result),
             _ => None,
         })
     };
     let (mut host, bytes) = (Host::new(), pulse());
     let before = point(&mut host);
     host.complete(&bytes);
-    host.result_of(Ask::ConfigurePlayback(playback(&bytes)));
+    host.result_of(Request::ConfigurePlayback(playback(&bytes)));
     assert!(before.is_some() && point(&mut host) == before);
 }

@@ -10,9 +10,9 @@ use std::thread::{self, JoinHandle};
 
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
-use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use escargot::CargoBuild;
 
 /// Device seconds a second, at most: far from the time-outs of either side.
@@ -69,9 +69,9 @@ impl<'a> Host<'a> {
     }
 
     /// Asks, and waits for at most a second of device time.
-    pub fn ask(&mut self, ask: Ask) -> Answer {
+    pub fn ask(&mut self, ask: Request) -> Reply {
         self.seq += 1;
-        let request = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
+        let request = ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask });
         let mut out = [0; LONGEST];
         let length = frame::encode(&request, &mut out).unwrap();
         self.board.chip_mut().host_sends(&out[..length]);

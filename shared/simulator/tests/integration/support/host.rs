@@ -6,7 +6,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, Refused, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::{InjectedFault, PlantConfig};
@@ -17,7 +17,7 @@ pub struct Host {
     reader: Reader,
     seq: u16,
     until_tick: u32,
-    pub events: Vec<Happening>,
+    pub events: Vec<Event>,
     /// Rows of telemetry, by signal in the order of the selection.
     pub rows: Vec<Vec<f32>>,
 }
@@ -53,10 +53,10 @@ impl Host {
     }
 
     /// Sends a request; its reply.
-    pub fn ask(&mut self, ask: Ask) -> Result<Answer, Refused> {
+    pub fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
-        let starts = ask == Ask::Start;
-        let messages = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask }));
+        let starts = ask == Request::Start;
+        let messages = self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }));
         let answer = messages.iter().find_map(|message| match message {
             FromDevice::Reply { answer, .. } => Some(answer.clone()),
             _ => None,
@@ -69,8 +69,8 @@ impl Host {
     }
 
     /// Sends a request that must be carried out.
-    pub fn done(&mut self, ask: Ask) {
-        assert_eq!(self.ask(ask), Ok(Answer::Done));
+    pub fn done(&mut self, ask: Request) {
+        assert_eq!(self.ask(ask), Ok(Reply::Done));
     }
 
     /// Injects a fault into the simulated rig, or ends it.
@@ -86,28 +86,28 @@ impl Host {
 
     /// Asks the spring for something, and gives it the time.
     pub fn spring(&mut self, command: SpringCommand) {
-        self.done(Ask::Spring(command));
+        self.done(Request::Spring(command));
         self.pass(16_000);
     }
 
     pub fn status(&mut self) -> damprig_core::rig::Status {
-        let Ok(Answer::Status { status, .. }) = self.ask(Ask::Status) else { panic!() };
+        let Ok(Reply::Status { status, .. }) = self.ask(Request::Status) else { panic!() };
         status
     }
 
     pub fn impacts(&self) -> Vec<ImpactRecord> {
-        let impact = |event: &Happening| if let Happening::Impact(record) = event { Some(*record) } else { None };
+        let impact = |event: &Event| if let Event::Impact(record) = event { Some(*record) } else { None };
         self.events.iter().filter_map(impact).collect()
     }
 
     pub fn points(&self) -> Vec<PointResult> {
-        let point = |event: &Happening| if let Happening::Point(result) = event { Some(*result) } else { None };
+        let point = |event: &Event| if let Event::Point(result) = event { Some(*result) } else { None };
         self.events.iter().filter_map(point).collect()
     }
 
     /// Cause of the first fault.
     pub fn fault(&self) -> Option<Danger> {
-        let fault = |event: &Happening| if let Happening::Fault(fault) = event { Some(fault.cause) } else { None };
+        let fault = |event: &Event| if let Event::Fault(fault) = event { Some(fault.cause) } else { None };
         self.events.iter().find_map(fault)
     }
 }

@@ -1,11 +1,11 @@
-//! What may be asked of the rig, and what it answers and reports.
+//! Commands to the rig, its state, its status and its events.
 
 use crate::control::experiment::{Experiment, Stage};
 use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
 use crate::control::limits::Fault;
 use crate::control::safety::rails::SensorHealth;
-use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
-use crate::io::{AboveLimit, Invalid, TICK_HZ};
+use crate::control::safety::{ExperimentLimits, SafeStage};
+use crate::io::TICK_HZ;
 use crate::measure::impacts::ImpactRecord;
 use crate::measure::point::PointResult;
 use crate::measure::transient::TransientResult;
@@ -73,63 +73,6 @@ pub enum Command {
     ArmSnippet,
 }
 
-/// Why a command was not carried out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Refusal {
-    /// A parameter is out of range.
-    Invalid(Invalid),
-    /// A limit of an experiment is looser than the board's.
-    Looser(Looser),
-    /// The command makes no sense in this state.
-    WrongState {
-        /// The state.
-        state: State,
-        /// What to do, in words.
-        advice: &'static str,
-    },
-    /// The command makes no sense at this stage of the friction damper's spring.
-    WrongStage {
-        /// The stage.
-        stage: spring::Stage,
-        /// What to do, in words.
-        advice: &'static str,
-    },
-    /// This board cannot do it; why, in words.
-    NotHere(&'static str),
-    /// A value is above a limit of the board's settings.
-    AboveLimit(AboveLimit),
-}
-
-impl From<AboveLimit> for Refusal {
-    fn from(above: AboveLimit) -> Self {
-        Self::AboveLimit(above)
-    }
-}
-
-impl From<Invalid> for Refusal {
-    fn from(invalid: Invalid) -> Self {
-        Self::Invalid(invalid)
-    }
-}
-
-impl From<LimitsRejected> for Refusal {
-    fn from(rejected: LimitsRejected) -> Self {
-        match rejected {
-            LimitsRejected::Looser(looser) => Self::Looser(looser),
-            LimitsRejected::Invalid(invalid) => Self::Invalid(invalid),
-        }
-    }
-}
-
-impl From<spring::Refusal> for Refusal {
-    fn from(refusal: spring::Refusal) -> Self {
-        match refusal {
-            spring::Refusal::Invalid(invalid) => Self::Invalid(invalid),
-            spring::Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
-        }
-    }
-}
-
 /// The friction damper as a brake after a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Brake {
@@ -143,8 +86,8 @@ pub enum Brake {
     Holds,
 }
 
-/// What a host should hear of without asking.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What the rig reports by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Event {
     /// A point is complete.
     Point(PointResult),
@@ -152,6 +95,8 @@ pub enum Event {
     Finished {
         /// Points completed.
         points: u16,
+        /// Telemetry rows that found no room since the start. The rig leaves it 0; the controller, which queues the rows, sets it.
+        rows_dropped: u32,
     },
     /// An interlock ended the experiment.
     Fault(Fault),

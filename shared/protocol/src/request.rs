@@ -21,7 +21,7 @@ pub const SIMULATOR_BYTES: usize = 480;
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum ToDevice {
     /// Asks for something; gets exactly one reply.
-    Request(Request),
+    Request(NumberedRequest),
     /// A simulated board may run its clock up to (not including) this tick.
     Grant {
         /// The first tick that may not run yet.
@@ -31,19 +31,19 @@ pub enum ToDevice {
 
 /// A question or a command.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Request {
+pub struct NumberedRequest {
     /// Returned with the reply; a repeated number is the same request again.
     pub seq: u16,
     /// On a simulated board: the tick before which it is carried out; at once if none is given.
     pub at_tick: Option<u32>,
     /// What is asked.
-    pub ask: Ask,
+    pub request: Request,
 }
 
 /// What a host may ask.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
-pub enum Ask {
+pub enum Request {
     /// Who is there? Never changes its place in this list.
     Identify,
     /// What are your signals and bounds?

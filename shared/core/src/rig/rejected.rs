@@ -1,16 +1,16 @@
 //! Why a request was not carried out, as it goes over the line.
 
-use damprig_core::control::friction_spring as spring;
-use damprig_core::control::safety::Looser;
-use damprig_core::io::{AboveLimit, Invalid};
-use damprig_core::rig::{Refusal, State};
+use super::State;
+use crate::control::friction_spring as spring;
+use crate::control::safety::{LimitsRejected, Looser};
+use crate::io::{AboveLimit, Invalid};
 use heapless::String;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Why a request was not carried out.
+/// Why a request was rejected.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Refused {
+pub enum Rejected {
     /// A parameter is out of range.
     Invalid {
         /// Its name with its unit.
@@ -73,26 +73,59 @@ fn start_of(text: &str, most: usize) -> &str {
     end.and_then(|end| text.get(..end)).unwrap_or_default()
 }
 
-impl From<Refusal> for Refused {
-    fn from(refusal: Refusal) -> Self {
-        match refusal {
-            Refusal::Invalid(Invalid { parameter, value, allowed }) => {
-                Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
-            }
-            Refusal::Looser(Looser { setting, value, board }) => {
+impl Rejected {
+    /// Not in this state of the rig.
+    #[must_use]
+    pub fn wrong_state(state: State, advice: &str) -> Self {
+        Self::WrongState { state, advice: clipped(advice) }
+    }
+
+    /// Not at this stage of the friction damper's spring.
+    #[must_use]
+    pub fn wrong_stage(stage: spring::Stage, advice: &str) -> Self {
+        Self::WrongStage { stage, advice: clipped(advice) }
+    }
+
+    /// Not on this board, or not now.
+    #[must_use]
+    pub fn not_here(why: &str) -> Self {
+        Self::NotHere { why: clipped(why) }
+    }
+}
+
+impl From<AboveLimit> for Rejected {
+    fn from(AboveLimit { parameter, value, limit, advice }: AboveLimit) -> Self {
+        Self::AboveLimit { parameter: clipped(parameter), value, limit, advice: clipped(advice) }
+    }
+}
+
+impl From<Invalid> for Rejected {
+    fn from(Invalid { parameter, value, allowed }: Invalid) -> Self {
+        Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
+    }
+}
+
+impl From<LimitsRejected> for Rejected {
+    fn from(rejected: LimitsRejected) -> Self {
+        match rejected {
+            LimitsRejected::Looser(Looser { setting, value, board }) => {
                 Self::Looser { setting: clipped(setting), value, board }
             }
-            Refusal::WrongState { state, advice } => Self::WrongState { state, advice: clipped(advice) },
-            Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice: clipped(advice) },
-            Refusal::NotHere(why) => Self::NotHere { why: clipped(why) },
-            Refusal::AboveLimit(AboveLimit { parameter, value, limit, advice }) => {
-                Self::AboveLimit { parameter: clipped(parameter), value, limit, advice: clipped(advice) }
-            }
+            LimitsRejected::Invalid(invalid) => invalid.into(),
         }
     }
 }
 
-impl core::fmt::Display for Refused {
+impl From<spring::Refusal> for Rejected {
+    fn from(rejected: spring::Refusal) -> Self {
+        match rejected {
+            spring::Refusal::Invalid(invalid) => invalid.into(),
+            spring::Refusal::WrongStage { stage, advice } => Self::wrong_stage(stage, advice),
+        }
+    }
+}
+
+impl core::fmt::Display for Rejected {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Invalid { parameter, value, allowed } => {
