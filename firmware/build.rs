@@ -9,7 +9,7 @@ fn main() {
     let without_fpu = env::var_os("CARGO_FEATURE_BOARD_MPS2_AN385").is_some();
     let map = match (nucleo, mps2, without_fpu) {
         (true, false, false) => "../memory.x",
-        (false, true, false) | (false, false, true) => "src/board/mps2.x",
+        (false, true, false) | (false, false, true) => "src/boards/mps2.x",
         _ => panic!(
             "choose one board: --features board-nucleo-g474re, board-mps2-an386 or board-mps2-an385 (`tests/firmware` builds all)"
         ),

@@ -10,15 +10,16 @@ use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::PlantConfig;
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
 use damprig_core::twin::TwinConfig;
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated};
+use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::upload::{CHUNK_BYTES, checksum};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Reply, Request, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::PlantConfig;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
 use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::find;
 
@@ -33,7 +34,7 @@ trait Board {
     fn answer(&mut self, message: &ToDevice) -> Vec<u8>;
 }
 
-impl Board for Simulated<f32> {
+impl Board for SimulatedDevice<f32> {
     fn answer(&mut self, message: &ToDevice) -> Vec<u8> {
         let mut received = vec![];
         self.receive(&bytes(message));
@@ -92,8 +93,8 @@ fn hybrid() -> PlantConfig {
 }
 
 /// Every signal that the board can tell of at once: the motion, and what the dampers and the twin do.
-fn telemetry() -> Ask {
-    Ask::SetTelemetry {
+fn telemetry() -> Request {
+    Request::SetTelemetry {
         every_ticks: 5,
         signals: [0, 1, 2, 6, 7, 10, 11, 12, 14, 15, 16, 17, 20].into_iter().collect(),
         impacts: true,
@@ -117,26 +118,30 @@ fn experiment() -> SteppedSine {
 /// One experiment as a host would run it; every byte that came after the start.
 fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
     let config = hybrid();
-    let spring = |command| vec![Ask::Spring(command)];
+    let spring = |command| vec![Request::Spring(command)];
     let mut received = vec![];
     let mut seq = first_seq;
     let mut until_tick = 0;
     for asks in [
         vec![
-            Ask::SetPlant(config),
-            Ask::SetSpring(SpringSetUp {
+            set_plant(config),
+            Request::SetSpring(SpringSetUp {
                 stiffness_n_per_m: None,
                 friction_coefficient: None,
                 structure_stiffness_n_per_m: config.set_up.structure.stiffness_n_per_m as f32,
             }),
-            Ask::SetTwin(Some(TwinConfig::new(config.set_up))),
-            Ask::Configure(experiment()),
+            Request::SetTwin(Some(TwinConfig::new(config.set_up))),
+            Request::Configure(experiment()),
             telemetry(),
-            Ask::Spring(SpringCommand::Home),
+            Request::Spring(SpringCommand::Home),
         ],
         spring(SpringCommand::TouchOff),
         spring(SpringCommand::Set(Target::Force { force_n: 0.7 })),
-        vec![Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.4 })), Ask::ArmSnippet, Ask::Start],
+        vec![
+            Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.4 })),
+            Request::ArmSnippet,
+            Request::Start,
+        ],
     ] {
         // Enough for the spring to come to the end of what it was asked before.
         if until_tick > 0 {
@@ -144,8 +149,9 @@ fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
         }
         until_tick += 6_000;
         for ask in asks {
-            let reply = messages(&board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask })));
-            assert_eq!(reply, [FromDevice::Reply { seq, answer: Ok(Answer::Done) }]);
+            let reply =
+                messages(&board.answer(&ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask })));
+            assert_eq!(reply, [FromDevice::Reply { seq, answer: Ok(Reply::Done) }]);
             seq += 1;
         }
     }
@@ -167,19 +173,19 @@ fn every_byte_of_an_experiment_is_the_virtual_rigs() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run(&mut connect(&emulator), 1);
-    let here = run(&mut Simulated::<f32>::new(Name::new("test", "test")), 1);
+    let here = run(&mut SimulatedDevice::<f32>::new(DeviceInfo::new("test", "test")), 1);
 
     let points: Vec<_> = messages(&here)
         .into_iter()
-        .filter(|message| matches!(message, FromDevice::Event { event: Happening::Point(_), .. }))
+        .filter(|message| matches!(message, FromDevice::Event { event: Event::Point(_), .. }))
         .collect();
     assert_eq!(points.len(), 2, "the experiment did not measure both points: {points:?}");
-    let told = |wanted: fn(&Happening) -> bool| {
+    let told = |wanted: fn(&Event) -> bool| {
         let event = |message: &FromDevice| matches!(message, FromDevice::Event { event, .. } if wanted(event));
         messages(&here).iter().filter(|message| event(message)).count()
     };
-    assert!(told(|event| matches!(event, Happening::Impact(_))) > 5, "no impacts");
-    assert!(told(|event| matches!(event, Happening::Spring(_))) >= 4, "the spring did not do what it was asked");
+    assert!(told(|event| matches!(event, Event::Impact(_))) > 5, "no impacts");
+    assert!(told(|event| matches!(event, Event::Spring(_))) >= 4, "the spring did not do what it was asked");
     println!("compared {} bytes of {} messages", here.len(), messages(&here).len());
     for (ours, theirs) in messages(&here).iter().zip(&messages(&emulated)) {
         assert_eq!(ours, theirs);
@@ -199,7 +205,7 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
     let at = |n: u32| (8e3 * (f64::from(n) * 0.11).sin() * (f64::from(n) * std::f64::consts::PI / 300.0).sin()) as i16;
     let record: Vec<u8> = (0..=300).flat_map(|n| at(n).to_le_bytes()).collect();
     let crc32 = checksum(0, &record);
-    let chunk = |(n, data): (usize, &[u8])| Ask::UploadChunk {
+    let chunk = |(n, data): (usize, &[u8])| Request::UploadChunk {
         offset: (n * CHUNK_BYTES) as u32,
         data: data.iter().copied().collect(),
     };
@@ -213,17 +219,17 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
         index: 0,
     };
     let free = FreeVibration { level_m: 0.02, hold_s: 0.2, timeout_s: 9.0, measure_s: 3.0, cycles: 5, index: 0 };
-    let plant = |structure_start_m| Ask::SetPlant(PlantConfig { structure_start_m, spring: None, ..hybrid() });
-    let begin = Ask::BeginUpload { bytes: record.len() as u32, crc32 };
-    let chunks: Vec<Ask> = record.chunks(CHUNK_BYTES).enumerate().map(chunk).collect();
+    let plant = |structure_start_m| set_plant(PlantConfig { structure_start_m, spring: None, ..hybrid() });
+    let begin = Request::BeginUpload { bytes: record.len() as u32, crc32 };
+    let chunks: Vec<Request> = record.chunks(CHUNK_BYTES).enumerate().map(chunk).collect();
     let upload = [vec![plant(0.0), begin], chunks].concat();
-    let play = vec![Ask::ConfigurePlayback(playback), telemetry(), Ask::Start];
-    let release = vec![plant(0.03), Ask::ConfigureFreeVibration(free), Ask::Start];
+    let play = vec![Request::ConfigurePlayback(playback), telemetry(), Request::Start];
+    let release = vec![plant(0.03), Request::ConfigureFreeVibration(free), Request::Start];
     let (mut received, mut seq) = (vec![], 0);
     for (asks, ticks) in [(upload, 100), (play, 5_000), (release, 5_000)] {
         for ask in asks {
             seq += 1;
-            let reply = board.answer(&ToDevice::Request(Request { seq, at_tick: None, ask }));
+            let reply = board.answer(&ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask }));
             let is_fine = |m: &FromDevice| matches!(m, FromDevice::Reply { answer: Ok(_), .. });
             assert!(messages(&reply).iter().any(is_fine), "{:?}", messages(&reply));
             received.extend(reply);
@@ -240,9 +246,9 @@ fn every_byte_of_an_upload_a_playback_and_a_release_is_the_virtual_rigs() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run_transients(&mut connect(&emulator));
-    let here = run_transients(&mut Simulated::<f32>::new(Name::new("test", "test")));
+    let here = run_transients(&mut SimulatedDevice::<f32>::new(DeviceInfo::new("test", "test")));
     let result = |message: &FromDevice| match message {
-        FromDevice::Event { event: Happening::Transient(result), .. } => Some(*result),
+        FromDevice::Event { event: Event::Transient(result), .. } => Some(*result),
         _ => None,
     };
     let results: Vec<_> = messages(&here).iter().filter_map(result).collect();

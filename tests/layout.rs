@@ -8,14 +8,15 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// Our crates, and which of ours each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 8] = [
+const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
-    ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device"]),
-    ("damprig", &["damprig-core", "damprig-protocol", "damprig-device"]),
-    ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device"]),
-    ("damprig-fuzzing", &["damprig-core", "damprig-protocol", "damprig-device"]),
+    ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
+    ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig-fuzzing", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig-core"]),
 ];
 
@@ -120,7 +121,7 @@ fn every_crate_of_ours_has_its_directions_stated() {
 #[test]
 fn what_both_sides_share_reaches_nothing_of_one_side() {
     let workspace = workspace();
-    for name in ["damprig-core", "damprig-protocol", "damprig-device"] {
+    for name in ["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"] {
         let reached = reached(&workspace, name);
         assert!(reached.contains("serde"), "{name}: the walk found too little: {reached:?}");
         for package in &reached {

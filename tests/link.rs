@@ -1,7 +1,7 @@
 //! The line may damage anything: nothing wrong is accepted, the stream is back in step, everything is counted.
 
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Ask, FromDevice, Request, Telemetry, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Request, Telemetry, ToDevice};
 use rand::rngs::SmallRng;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
@@ -96,13 +96,13 @@ fn check(tally: &Tally) {
 #[test]
 fn a_million_damaged_requests_do_nothing_wrong() {
     let message = |n: u32| {
-        ToDevice::Request(Request {
+        ToDevice::Request(NumberedRequest {
             seq: n as u16,
             at_tick: Some(n),
-            ask: if n.is_multiple_of(2) {
-                Ask::Stop
+            request: if n.is_multiple_of(2) {
+                Request::Stop
             } else {
-                Ask::SetTelemetry { every_ticks: (n >> 3) as u16, signals: Default::default(), impacts: false }
+                Request::SetTelemetry { every_ticks: (n >> 3) as u16, signals: Default::default(), impacts: false }
             },
         })
     };

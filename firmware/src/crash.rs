@@ -9,7 +9,7 @@ use damprig_device::crash::Record;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 use embassy_stm32::pac;
 
-use crate::board::nucleo_g474re::settings;
+use crate::boards::nucleo_g474re::settings;
 use crate::{callers, tick};
 
 /// The words, and the last tick.

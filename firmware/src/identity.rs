@@ -3,10 +3,7 @@
 
 use damprig_protocol::image;
 
-#[cfg(feature = "board-mps2-an386")]
-use crate::board::mps2_an386::NAME;
-#[cfg(feature = "board-nucleo-g474re")]
-use crate::board::nucleo_g474re::NAME;
+use crate::board::NAME;
 
 #[used]
 #[unsafe(link_section = ".damprig.identity")]

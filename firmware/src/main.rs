@@ -2,77 +2,94 @@
 
 #![no_std]
 #![no_main]
-// The image that only counts leaves the line alone.
+// The image that only counts runs no tasks.
 #![cfg_attr(feature = "count-instructions", allow(dead_code))]
 
-mod board;
+mod boards;
 #[cfg(any(feature = "board-nucleo-g474re", feature = "count-instructions"))]
 mod callers;
 #[cfg(feature = "board-nucleo-g474re")]
 mod crash;
+mod critical_section;
 #[cfg(not(feature = "board-mps2-an385"))]
 mod identity;
-mod masked;
 mod tasks;
 #[cfg(not(feature = "board-mps2-an385"))]
 mod tick;
 
+#[cfg(feature = "board-mps2-an386")]
+use boards::mps2_an386 as board;
+#[cfg(feature = "board-nucleo-g474re")]
+use boards::nucleo_g474re as board;
 #[cfg(not(feature = "board-mps2-an385"))]
 use defmt_rtt as _;
-#[cfg(not(feature = "board-mps2-an385"))]
-use embassy_executor::Spawner;
 
 #[cfg(feature = "board-mps2-an385")]
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    tasks::fixed_point::run(&board::mps2_an385::init())
-}
-
-#[cfg(all(feature = "board-mps2-an386", not(feature = "count-instructions")))]
-#[embassy_executor::main]
-async fn main(spawner: Spawner) {
-    let board = board::mps2_an386::init();
-    spawner.spawn(tasks::granted::run(board.line, tasks::granted::device()).expect("the task is spawned once"));
+    tasks::fixed_point::run(&boards::mps2_an385::init())
 }
 
 #[cfg(feature = "count-instructions")]
 #[embassy_executor::main]
-async fn main(_spawner: Spawner) {
-    let board = board::mps2_an386::init();
-    tasks::count::run(&board.instructions, tasks::granted::device());
+async fn main(_spawner: embassy_executor::Spawner) {
+    tasks::count::run(&board::init().instructions);
 }
 
-#[cfg(feature = "board-nucleo-g474re")]
+/// The tasks of a board: those of `tasks`, for its own parts.
+#[cfg(all(not(feature = "board-mps2-an385"), not(feature = "count-instructions")))]
 mod wiring {
-    use embassy_executor::InterruptExecutor;
-    use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+    use damprig_core::settings::{Settings, Source};
+    use damprig_device::controller::BootInfo;
+    use damprig_device::settings_store::SettingsStore;
+    use embassy_executor::Spawner;
 
-    use super::*;
+    use crate::board;
+    use crate::tasks::queues::{RequestsIn, RequestsOut};
+    use crate::tasks::{comms_heartbeat, control, queues, receive, settings, transmit};
 
-    /// Runs the control tick above the thread executor, on an interrupt that the board has no other use for.
-    static CONTROL: InterruptExecutor = InterruptExecutor::new();
+    #[embassy_executor::task]
+    async fn run_control(
+        board: board::ControlBoard,
+        boot: BootInfo,
+        stored: &'static (Settings, Source),
+        requests: RequestsOut,
+    ) -> ! {
+        control::run(board, board::NAME, boot, stored, requests).await
+    }
 
-    #[embassy_stm32::interrupt]
-    unsafe fn UART5() {
-        // SAFETY: this is the interrupt that `CONTROL` was started on.
-        unsafe { CONTROL.on_interrupt() }
+    #[embassy_executor::task]
+    async fn run_heartbeat() -> ! {
+        comms_heartbeat::run().await
+    }
+
+    #[embassy_executor::task]
+    async fn run_receive(receiver: board::LineReceiver, requests: RequestsIn) -> ! {
+        receive::run(receiver, requests).await
+    }
+
+    #[embassy_executor::task]
+    async fn run_transmit(transmitter: board::LineTransmitter) -> ! {
+        transmit::run(transmitter).await
+    }
+
+    #[embassy_executor::task]
+    async fn run_settings(store: SettingsStore<board::SettingsFlash>) -> ! {
+        settings::run(store).await
     }
 
     #[embassy_executor::main]
     async fn main(spawner: Spawner) {
-        let board = board::nucleo_g474re::init();
-        let (orders_in, orders_out) = tasks::lanes::orders();
-        interrupt::UART5.set_priority(Priority::P6);
-        let control = CONTROL.start(interrupt::UART5);
-        control.spawn(
-            tasks::control::run(board.bench, board.birth, board.kept, orders_out).expect("the task is spawned once"),
-        );
-        spawner.spawn(tasks::alive::run().expect("the task is spawned once"));
-        spawner.spawn(tasks::receive::run(board.receiver, orders_in).expect("the task is spawned once"));
-        spawner.spawn(tasks::transmit::run(board.transmitter, board.led).expect("the task is spawned once"));
-        if let Some(keeper) = board.keeper {
-            spawner.spawn(tasks::settings::run(keeper).expect("the task is spawned once"));
+        let board::Parts { board, boot, receiver, transmitter, store, stored } = board::init();
+        let (requests_in, requests_out) = queues::requests();
+        let once = "the task is spawned once";
+        board::spawn_control(&spawner, run_control(board, boot, stored, requests_out).expect(once));
+        spawner.spawn(run_heartbeat().expect(once));
+        spawner.spawn(run_receive(receiver, requests_in).expect(once));
+        spawner.spawn(run_transmit(transmitter).expect(once));
+        if let Some(store) = store {
+            spawner.spawn(run_settings(store).expect(once));
         }
-        defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::nucleo_g474re::NAME);
+        defmt::info!("damprig {} on {}", env!("CARGO_PKG_VERSION"), board::NAME);
     }
 }

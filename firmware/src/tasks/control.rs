@@ -1,58 +1,52 @@
-//! The control tick: a block of samples, one tick of the rig, the outputs, at most one order, the watchdog.
+//! The control task: waits for a tick, and calls the control loop's body.
 //!
-//! Runs above every other task and never waits for one.
+//! On the controller board it runs above every other task and never waits for one.
 
 use damprig_core::settings::{Settings, Source};
-use damprig_device::control::{Birth, Control, Name};
-use damprig_device::store::Store;
-use damprig_protocol::{CALLS_TOLD, CrashCause};
+use damprig_device::board::DeviceInfo;
+use damprig_device::control_loop::{Step, step};
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::upload_buffer::UploadBuffer;
 use static_cell::ConstStaticCell;
 
-use crate::board::nucleo_g474re::{self, Bench};
-use crate::crash;
-use crate::tasks::alive;
-use crate::tasks::lanes::{BAD_FRAMES, OrdersOut, Outgoing, REQUESTS_DROPPED, ROWS, counted};
-use crate::tasks::settings::Structure;
+use crate::boards::TaskBoard;
+use crate::tasks::comms_heartbeat::{Heartbeat, Watch};
+use crate::tasks::queues::{Queues, RequestsOut};
 
 /// The record buffer.
-static RECORD_STORE: ConstStaticCell<Store> = ConstStaticCell::new(Store::new());
+static UPLOAD_BUFFER: ConstStaticCell<UploadBuffer> = ConstStaticCell::new(UploadBuffer::new());
 
-/// Owns the rig.
-#[embassy_executor::task]
-pub async fn run(mut bench: Bench, birth: Birth, kept: &'static (Settings, Source), mut orders: OrdersOut) -> ! {
-    let name = Name {
+/// Runs the control loop. Owns the rig.
+pub async fn run(
+    mut board: impl TaskBoard,
+    name: &'static str,
+    boot: BootInfo,
+    stored: &'static (Settings, Source),
+    mut requests: RequestsOut,
+) -> ! {
+    let mut controller = Controller::new(info(name), boot);
+    controller.start_with(&stored.0, stored.1);
+    let upload = UPLOAD_BUFFER.take();
+    let mut heartbeat = Watch::default();
+    let mut last = Step::Idle;
+    board.start();
+    loop {
+        board.wait(last, controller.rig()).await;
+        last = step(&mut controller, upload, &mut board, &mut requests, &mut Queues);
+        board.end_step(controller.next_tick());
+        match heartbeat.check() {
+            Heartbeat::Alive => board.feed_watchdog(),
+            Heartbeat::Stalls => board.communication_stalled(),
+            Heartbeat::Stalled => {}
+        }
+    }
+}
+
+/// What this image tells a host of itself.
+pub fn info(name: &'static str) -> DeviceInfo {
+    DeviceInfo {
         revision: option_env!("DAMPRIG_REVISION").unwrap_or_default(),
         profile: if cfg!(debug_assertions) { "dev" } else { "release" },
-        ..Name::new(env!("CARGO_PKG_VERSION"), nucleo_g474re::NAME)
-    };
-    let mut control = Control::new(name, birth);
-    control.start_with(&kept.0, kept.1);
-    let store = RECORD_STORE.take();
-    let mut line = alive::Watch::default();
-    bench.start();
-    loop {
-        let sensors = bench.next_block(&control.settings().calibration).await;
-        control.end_saving(&mut Structure, &mut Outgoing);
-        let actuators = control.tick(&sensors, store, &mut Outgoing);
-        bench.set(&actuators, &control.settings().calibration.drive);
-        if let Some(order) = orders.try_receive() {
-            control.note(counted(&BAD_FRAMES), counted(&REQUESTS_DROPPED));
-            control.note_timing(bench.timing());
-            let starts = order.is_start();
-            control.serve(order, &mut Structure, store, &mut Outgoing);
-            orders.receive_done();
-            if starts && control.next_tick() == 0 {
-                // Rows of the old count of ticks would follow the reply.
-                ROWS.clear();
-            }
-        }
-        bench.end_tick();
-        crash::note_tick(control.next_tick());
-        // A tick that does not come here, and a line whose tasks do not run, let the watchdog bite.
-        if line.is_alive() {
-            bench.feed_watchdog();
-        } else if line.has_just_died() {
-            crash::note(CrashCause::CommunicationStalled, [0; CALLS_TOLD]);
-        }
+        ..DeviceInfo::new(env!("CARGO_PKG_VERSION"), name)
     }
 }

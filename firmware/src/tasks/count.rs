@@ -1,9 +1,9 @@
-//! Counts the instructions of a control tick in the emulator, prints them and exits.
+//! Counts the instructions of the control loop in the emulator, prints them and exits.
 //!
-//! The load is everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and
-//! held at a friction ratio, both walls listened to, the twin running along, telemetry of sixteen signals in every tick,
-//! and a host that asks for something in every fourth tick, one thing after the other. What a tick takes besides (the
-//! interrupt and the queues' locks) is not in it; the plant's and the line's own instructions are left out.
+//! The load has everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and held at a
+//! friction ratio, both walls' forces measured, the twin running, telemetry of sixteen signals in every tick, and a request in every
+//! fourth tick. Each step is the control loop's own ([`step`]); the simulated plant and the link are left out, and so are the
+//! interrupt and the queues' locks.
 
 use core::hint::black_box;
 
@@ -11,21 +11,29 @@ use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{Drive, MOST_POINTS, Start, SteppedSine};
+use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig, Shaker};
-use damprig_core::io::{Calibration, SUBSAMPLES, SlowBlock};
-use damprig_core::rig::State;
+use damprig_core::rig::{Rejected, Rig, State};
 use damprig_core::settings::Settings;
 use damprig_core::twin::{Twin, TwinConfig};
-use damprig_device::simulated::Simulated;
-use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
+use damprig_device::board::{Board, Saving};
+use damprig_device::control_loop::step;
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::message_reader::MessageReader;
+use damprig_device::outbox::Outbox;
+use damprig_device::queues::{LocalQueues, Losses, Requests};
+use damprig_device::upload_buffer::UploadBuffer;
+use damprig_protocol::frame::{self, LONGEST};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, SIGNALS_TOLD, Signal, Telemetry, ToDevice};
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, Plant, PlantConfig, Shaker};
+use static_cell::ConstStaticCell;
 
-use crate::board::mps2_an386::{InstructionCounter, exit};
+use crate::boards::mps2_an386::{InstructionCounter, NAME, exit};
+use crate::tasks::control::info;
 
 /// Ticks counted: two points of three seconds each, their ends, the drive's fading out and some idle ones.
 const TICKS: u32 = 16_000;
@@ -66,64 +74,200 @@ fn depth<T>(work: impl FnOnce() -> T) -> (T, usize) {
 struct Depths {
     /// A tick with its samples and outputs.
     tick: usize,
-    /// Received bytes to an order.
+    /// Received bytes to a request.
     receive: usize,
     /// A message to a frame.
     send: usize,
 }
 
+/// The controller with a simulated rig, whose plant advances between the counted steps.
+struct Rehearsal<'a> {
+    counter: &'a InstructionCounter,
+    controller: Controller,
+    upload: &'static mut UploadBuffer,
+    board: CountedBoard,
+    requests: OneRequest,
+    queues: LocalQueues,
+    reader: MessageReader,
+    seq: u16,
+    depths: Depths,
+    /// Carried out and rejected.
+    replies: [u32; 2],
+}
+
+/// A board whose outputs are kept for the plant to take after the step.
+struct CountedBoard {
+    slow: SlowBlock,
+    sensors: Sensors,
+    actuators: Actuators,
+    plant: Plant<f32>,
+}
+
+impl Board for CountedBoard {
+    /// A converter's counts are put on their scales, as on a real board; the rig gets the simulated readings.
+    fn samples(&mut self, rig: &Rig) -> Option<Sensors> {
+        black_box(rig.settings().calibration.readings(black_box(&self.slow)));
+        Some(self.sensors)
+    }
+
+    fn set(&mut self, actuators: &Actuators, rig: &Rig) {
+        black_box(rig.settings().calibration.drive.to_counts(black_box(actuators.drive_m)));
+        self.actuators = *actuators;
+    }
+
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+        Ok(Saving::Done)
+    }
+
+    fn started(&mut self) {
+        self.plant.restart(0);
+    }
+}
+
+#[derive(Default)]
+struct OneRequest(Option<NumberedRequest>);
+
+impl Requests for OneRequest {
+    fn front(&mut self) -> Option<&NumberedRequest> {
+        self.0.as_ref()
+    }
+
+    fn drop_front(&mut self) {
+        self.0 = None;
+    }
+
+    fn losses(&self) -> Losses {
+        Losses::default()
+    }
+}
+
+impl Rehearsal<'_> {
+    /// Lets the request arrive as bytes; it is served in the next step.
+    fn send(&mut self, ask: Request) {
+        self.seq += 1;
+        let mut out = [0; LONGEST];
+        let message = ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask });
+        let length = frame::encode(&message, &mut out).expect("every message fits a frame");
+        let reader = &mut self.reader;
+        let (request, depth) = depth(|| out[..length].iter().find_map(|&byte| reader.push(byte)));
+        let Some(ToDevice::Request(request)) = request else { panic!("the request was not read") };
+        self.requests.0 = Some(request);
+        self.depths.receive = self.depths.receive.max(depth);
+    }
+
+    /// One step, counted; then the plant and the link.
+    fn step(&mut self, tally: &mut Tally) {
+        let Self { counter, controller, upload, board, requests, queues, depths, .. } = self;
+        let tick = controller.next_tick();
+        let (((), within), deep) =
+            depth(|| counter.count(|| drop(black_box(step(controller, upload, board, requests, queues)))));
+        depths.tick = depths.tick.max(deep);
+        let ((), plant) = counter.count(|| {
+            if let Some(point) = controller.rig().begins_from_rest() {
+                board.plant.restart(point);
+            }
+            board.sensors = board.plant.tick(&board.actuators);
+        });
+        tally.add(within, plant, tick);
+        let mut outbox = Outbox::default();
+        while let Some(message) = outbox.next(queues) {
+            if let FromDevice::Reply { answer, .. } = message {
+                self.replies[usize::from(answer.is_err())] += 1;
+            }
+        }
+    }
+
+    fn ask(&mut self, ask: Request, tally: &mut Tally) {
+        self.send(ask);
+        self.step(tally);
+    }
+}
+
+impl Tally {
+    fn add(&mut self, instructions: u32, plant: u32, tick: u32) {
+        self.sum += u64::from(instructions);
+        self.plant += u64::from(plant);
+        self.ticks += 1;
+        if instructions > self.worst {
+            (self.worst, self.worst_at) = (instructions, tick);
+        }
+    }
+}
+
 /// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
-pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
+pub fn run(counter: &InstructionCounter) -> ! {
+    static UPLOAD_BUFFER: ConstStaticCell<UploadBuffer> = ConstStaticCell::new(UploadBuffer::new());
     counter.check();
-    let mut host = Host { counter, device, seq: 0, now: 0, depths: Depths::default(), replies: [0; 2] };
-    let mut orders = Tally::default();
-    // The plant is no part of a board: it is set while the clock stands.
-    host.send(Ask::SetPlant(plant()));
-    host.device.run(1, |_| {});
-    for ask in [
-        Ask::SetSettings(Settings::default()),
-        Ask::SetSpring(spring()),
-        Ask::SetTwin(Some(TwinConfig::new(set_up()))),
-        Ask::Configure(experiment()),
-        Ask::SetLimits(ExperimentLimits { half_cycles_ahead: Some(20.0), ..ExperimentLimits::default() }),
-        Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
+    let board = CountedBoard {
+        slow: [[32_760; 3]; SUBSAMPLES],
+        sensors: Sensors::default(),
+        actuators: Actuators::default(),
+        plant: Plant::new(&plant()).expect("the plant is physical"),
+    };
+    let mut rig = Rehearsal {
+        counter,
+        controller: Controller::new(info(NAME), BootInfo::default()),
+        upload: UPLOAD_BUFFER.take(),
+        board,
+        requests: OneRequest::default(),
+        queues: LocalQueues::default(),
+        reader: MessageReader::default(),
+        seq: 0,
+        depths: Depths::default(),
+        replies: [0; 2],
+    };
+    let (mut idle, mut spring_moves) = (Tally::default(), Tally::default());
+    let longest = (0..MOST_POINTS).map(|n| 2.0 + 1e-3 * n as f32).collect();
+    for (name, ask) in [
+        ("settings", Request::SetSettings(Settings::default())),
+        ("spring", Request::SetSpring(spring())),
+        ("twin", Request::SetTwin(Some(TwinConfig::new(set_up())))),
+        ("most frequencies", Request::Configure(SteppedSine { frequencies_hz: longest, ..experiment() })),
+        ("two frequencies", Request::Configure(experiment())),
+        (
+            "limits",
+            Request::SetLimits(ExperimentLimits { half_cycles_ahead: Some(20.0), ..ExperimentLimits::default() }),
+        ),
+        ("telemetry", Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true }),
     ] {
-        host.ask(ask, &mut orders);
+        let mut tally = Tally::default();
+        rig.ask(ask, &mut tally);
+        hprintln!("set_up_request {} = {}", name, tally.worst);
+        idle.add(tally.worst, 0, 0);
     }
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 2.0 })] {
-        host.ask(Ask::Spring(command), &mut orders);
-        host.let_pass(16_000, &mut orders);
+        rig.ask(Request::Spring(command), &mut spring_moves);
+        (0..16_000).for_each(|_| rig.step(&mut spring_moves));
     }
-    host.ask(Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })), &mut orders);
-    host.ask(Ask::ArmSnippet, &mut orders);
-    host.ask(Ask::Start, &mut orders);
-    host.now = 0;
-    let (mut tally, mut served) = (Tally::default(), Tally::default());
-    for tick in (0..TICKS).step_by(2) {
-        let asks = tick % 4 == 0;
-        // First the grant: what comes while the clock stands is served outside a tick.
-        host.grant(2);
-        if asks {
-            host.send(asked(tick / 4, matches!(host.device.control().rig().state(), State::Running(_))));
+    rig.ask(Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })), &mut spring_moves);
+    rig.ask(Request::ArmSnippet, &mut spring_moves);
+    rig.ask(Request::Start, &mut idle);
+    let (mut alone, mut served) = (Tally::default(), Tally::default());
+    for tick in 0..TICKS {
+        if tick % 4 == 0 {
+            let is_running = matches!(rig.controller.rig().state(), State::Running(_));
+            rig.ask(asked(tick / 4, is_running), &mut served);
+        } else {
+            rig.step(&mut alone);
         }
-        host.pass(if asks { &mut served } else { &mut tally });
     }
-    let [done, refused] = host.replies;
-    assert!(refused < done && done + refused + 5 > u32::from(host.seq), "{} done, {} refused", done, refused);
-    let points = host.device.control().rig().status().points;
-    let impacts = host.device.control().rig().signals()[12];
+    let [done, rejected] = rig.replies;
+    assert!(rejected < done && done + rejected == u32::from(rig.seq), "{} done, {} rejected", done, rejected);
+    let points = rig.controller.rig().status().points;
+    let impacts = rig.controller.rig().signals()[12];
     assert!(points == 2 && impacts > 20.0, "the load did not run: {} points, {} impacts", points, impacts);
-    hprintln!("instructions_per_tick_mean = {}", tally.sum / u64::from(tally.ticks));
-    hprintln!("instructions_per_tick_worst = {}", tally.worst.max(orders.worst).max(served.worst));
+    let ticks = u64::from(alone.ticks + served.ticks);
+    hprintln!("instructions_per_tick_mean = {}", (alone.sum + served.sum) / ticks);
+    hprintln!("instructions_per_tick_worst = {}", alone.worst.max(served.worst).max(spring_moves.worst));
+    hprintln!("instructions_per_idle_request_worst = {}", idle.worst);
     hprintln!("worst_served = {}", served.worst);
     hprintln!("worst_served_at = {}", served.worst_at);
-    hprintln!("worst_in_an_experiment = {}", tally.worst);
-    hprintln!("worst_in_an_experiment_at_tick = {}", tally.worst_at);
-    hprintln!("worst_while_set_up = {}", orders.worst);
-    hprintln!("worst_while_set_up_at = {}", orders.worst_at);
+    hprintln!("worst_in_an_experiment = {}", alone.worst);
+    hprintln!("worst_in_an_experiment_at_tick = {}", alone.worst_at);
+    hprintln!("worst_while_the_spring_moves = {}", spring_moves.worst);
     hprintln!("worst_of_the_twin_in_a_chatter = {}", worst_of_a_chatter(counter));
-    hprintln!("instructions_per_simulated_tick_mean = {}", tally.plant / u64::from(tally.ticks));
-    let Depths { tick, receive, send } = Depths { send: depth_of_sending(), ..host.depths };
+    hprintln!("instructions_per_simulated_tick_mean = {}", (alone.plant + served.plant) / ticks);
+    let Depths { tick, receive, send } = Depths { send: depth_of_sending(), ..rig.depths };
     hprintln!("stack_of_a_tick = {}", tick);
     hprintln!("stack_of_receiving = {}", receive);
     hprintln!("stack_of_sending = {}", send);
@@ -159,109 +303,12 @@ fn depth_of_sending() -> usize {
     let values = (0..64u8).map(f32::from).collect();
     let telemetry = Telemetry { seq: 1, first_tick: 2, every_ticks: 1, width: 16, values };
     let signal = || Signal { name: "signal".try_into().unwrap_or_default(), unit: "m".try_into().unwrap_or_default() };
-    let signals = Answer::Signals((0..SIGNALS_TOLD).map(|_| signal()).collect());
+    let signals = Reply::Signals((0..SIGNALS_TOLD).map(|_| signal()).collect());
     let mut out = [0; LONGEST];
     [FromDevice::Telemetry(telemetry), FromDevice::Reply { seq: 3, answer: Ok(signals) }]
         .iter()
         .map(|message| depth(|| frame::encode(black_box(message), &mut out)).1)
         .fold(0, usize::max)
-}
-
-struct Host<'a> {
-    counter: &'a InstructionCounter,
-    device: &'a mut Simulated<f32>,
-    seq: u16,
-    /// The tick granted.
-    now: u32,
-    depths: Depths,
-    /// Carried out and refused.
-    replies: [u32; 2],
-}
-
-impl Host<'_> {
-    fn send(&mut self, ask: Ask) {
-        self.seq += 1;
-        let mut out = [0; LONGEST];
-        let message = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
-        let length = frame::encode(&message, &mut out).expect("every message fits a frame");
-        let ((), depth) = depth(|| self.device.receive(&out[..length]));
-        if self.now > 0 {
-            // Before, the clock stands and what is received is served at once, which no board does.
-            self.depths.receive = self.depths.receive.max(depth);
-        }
-    }
-
-    /// Asks while the clock runs, so that the order is served within a counted tick.
-    fn ask(&mut self, ask: Ask, tally: &mut Tally) {
-        self.grant(2);
-        self.send(ask);
-        self.pass(tally);
-    }
-
-    fn grant(&mut self, ticks: u32) {
-        self.now = self.device.control().next_tick() + ticks;
-        let mut out = [0; LONGEST];
-        let grant = ToDevice::Grant { until_tick: self.now };
-        let length = frame::encode(&grant, &mut out).expect("every message fits a frame");
-        self.device.receive(&out[..length]);
-    }
-
-    fn let_pass(&mut self, ticks: u32, tally: &mut Tally) {
-        self.grant(ticks);
-        self.pass(tally);
-    }
-
-    /// Lets the granted ticks pass and counts them.
-    fn pass(&mut self, tally: &mut Tally) {
-        let calibration = Calibration::default();
-        let slow: SlowBlock = [[32_760; 3]; SUBSAMPLES];
-        let mut reader = Reader::default();
-        let replies = &mut self.replies;
-        while self.device.control().next_tick() < self.now {
-            let before = self.device.control().next_tick();
-            let (mut within, mut watched, mut deep) = (0, 0, 0);
-            let mut ticks = true;
-            let counter = self.counter;
-            let (_, whole) = counter.count(|| {
-                self.device.run_watched(
-                    1,
-                    |bytes| {
-                        for &byte in bytes {
-                            if let Some(Ok(FromDevice::Reply { answer, .. })) = reader.push(byte) {
-                                replies[usize::from(answer.is_err())] += 1;
-                            }
-                        }
-                    },
-                    |part| {
-                        // The tick with its samples before it and its output after it, then an order.
-                        let work = || {
-                            if ticks {
-                                black_box(calibration.readings(black_box(&slow)));
-                            }
-                            part();
-                            if ticks {
-                                black_box(calibration.drive.to_counts(black_box(0.001)));
-                            }
-                        };
-                        let ((((), counted), depth), around) = counter.count(|| depth(|| counter.count(work)));
-                        (within, watched, deep) = (within + counted, watched + around, deep.max(depth));
-                        ticks = false;
-                    },
-                )
-            });
-            tally.sum += u64::from(within);
-            tally.plant += u64::from(whole - watched);
-            self.depths.tick = self.depths.tick.max(deep);
-            tally.ticks += 1;
-            if within > tally.worst {
-                (tally.worst, tally.worst_at) = (within, before);
-            }
-            if self.device.control().next_tick() <= before {
-                // A start: its count of ticks begins, and its credit is another.
-                break;
-            }
-        }
-    }
 }
 
 fn set_up() -> SetUp {
@@ -292,27 +339,27 @@ fn plant() -> PlantConfig {
 }
 
 /// What a host may ask for while an experiment runs, one after the other; a new target seldom, so that the spring gets to it.
-fn asked(turn: u32, is_running: bool) -> Ask {
+fn asked(turn: u32, is_running: bool) -> Request {
     if turn.is_multiple_of(256) {
-        return Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
+        return Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
     }
     match turn % 16 {
-        0 => Ask::Signals { from: 0 },
-        1 => Ask::Describe,
-        2 => Ask::ArmSnippet,
-        3 => Ask::Settings,
-        4 => Ask::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
-        5 => Ask::Identify,
-        6 => Ask::Snippet { from: 0 },
-        7 => Ask::Result { index: 0 },
+        0 => Request::Signals { from: 0 },
+        1 => Request::Describe,
+        2 => Request::ArmSnippet,
+        3 => Request::Settings,
+        4 => Request::SetTelemetry { every_ticks: 1, signals: (0..16).collect(), impacts: true },
+        5 => Request::Identify,
+        6 => Request::Snippet { from: 0 },
+        7 => Request::Result { index: 0 },
         // In vain.
-        8..=12 if !is_running => Ask::Status,
-        8 => Ask::Start,
-        9 => Ask::BeginUpload { bytes: 2, crc32: 0 },
-        10 => Ask::SetSpring(spring()),
-        11 => Ask::SetTwin(None),
-        12 => Ask::Spring(SpringCommand::TouchOff),
-        _ => Ask::Status,
+        8..=12 if !is_running => Request::Status,
+        8 => Request::Start,
+        9 => Request::BeginUpload { bytes: 2, crc32: 0 },
+        10 => Request::SetSpring(spring()),
+        11 => Request::SetTwin(None),
+        12 => Request::Spring(SpringCommand::TouchOff),
+        _ => Request::Status,
     }
 }
 

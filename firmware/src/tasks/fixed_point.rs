@@ -8,8 +8,8 @@ use cortex_m_semihosting::hprintln;
 use damprig_core::fixed_point::Fixed;
 use damprig_core::fixed_point::reference::{CASES, Motion, STEPS};
 
-use crate::board::instructions::InstructionCounter;
-use crate::board::mps2_an385::exit;
+use crate::boards::instructions::InstructionCounter;
+use crate::boards::mps2_an385::exit;
 
 /// Bytes of a state's line: four numbers of 16 hexadecimal digits, each followed by a space or the line's end.
 const LINE: usize = 4 * 17;

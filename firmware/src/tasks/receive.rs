@@ -1,31 +1,39 @@
-//! From the line to control: bytes to requests, and requests to orders, which takes longer than a tick has.
+//! The receive task: reads requests from the line and queues them for control.
 
 use core::sync::atomic::Ordering;
 
-use damprig_device::intake::Intake;
-use damprig_protocol::ask::ToDevice;
-use embassy_stm32::usart::RingBufferedUartRx;
+use damprig_device::message_reader::MessageReader;
+use damprig_protocol::ToDevice;
 
-use crate::tasks::lanes::{BAD_FRAMES, Order, OrdersIn, REQUESTS_DROPPED, counted};
+use crate::boards::Receiver;
+use crate::tasks::let_others_run;
+use crate::tasks::queues::{BAD_FRAMES, REQUESTS_DROPPED, RequestsIn, counted};
 
 /// Owns the line's receiving side.
-#[embassy_executor::task]
-pub async fn run(mut receiver: RingBufferedUartRx<'static>, mut orders: OrdersIn) -> ! {
-    let mut intake = Intake::default();
+pub async fn run(mut receiver: impl Receiver, mut requests: RequestsIn) -> ! {
+    let mut reader = MessageReader::default();
     let mut bytes = [0; 64];
     loop {
         // A framing or overrun error costs bytes: the checksum of the frame they belonged to shows it.
         let Ok(length) = receiver.read(&mut bytes).await else { continue };
         for &byte in &bytes[..length] {
-            // A real board's clock is its own: grants are passed over.
-            let Some(ToDevice::Request(request)) = intake.push(byte) else { continue };
-            if let Some(place) = orders.try_send() {
-                *place = Order::prepare(request);
-                orders.send_done();
-            } else {
-                REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
+            let message = reader.push(byte);
+            BAD_FRAMES.store(reader.bad_frames(), Ordering::Relaxed);
+            match message {
+                None => {}
+                Some(ToDevice::Grant { until_tick }) => receiver.granted(until_tick),
+                Some(ToDevice::Request(request)) => {
+                    if let Some(place) = requests.try_send() {
+                        *place = request;
+                        requests.send_done();
+                    } else {
+                        REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
+                    }
+                    receiver.request_queued();
+                    // A clock that stands serves it before what follows is read.
+                    let_others_run().await;
+                }
             }
         }
-        BAD_FRAMES.store(intake.bad_frames(), Ordering::Relaxed);
     }
 }

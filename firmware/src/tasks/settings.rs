@@ -1,57 +1,52 @@
-//! Saves the settings when control asks, at the line's priority: the line stands still for the 25 ms, the tick does not. What
-//! finds no room meanwhile is counted.
+//! The settings task: saves the settings in flash when control asks, at the line's priority. The line's tasks wait for the 25 ms
+//! that it takes, the ticks do not.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-use damprig_core::rig::Refusal;
+use damprig_core::rig::Rejected;
 use damprig_core::settings::Settings;
-use damprig_device::control::{Bench, RealPlant, Saving};
-use damprig_protocol::ask::PassedOver;
-use damprig_protocol::{Clock, PlantKind};
+use damprig_device::board::Saving;
+use damprig_device::settings_store::SettingsStore;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-
-use crate::board::nucleo_g474re::settings::BoardKeeper;
+use embedded_storage::nor_flash::NorFlash;
 
 static TO_SAVE: Signal<CriticalSectionRawMutex, Settings> = Signal::new();
 static SAVED: Signal<CriticalSectionRawMutex, bool> = Signal::new();
-static CAN_SAVE: AtomicBool = AtomicBool::new(false);
+static HAS_STORE: AtomicBool = AtomicBool::new(false);
+static IS_SAVING: AtomicBool = AtomicBool::new(false);
 
 /// Owns the flash.
-#[embassy_executor::task]
-pub async fn run(mut keeper: BoardKeeper) -> ! {
-    CAN_SAVE.store(true, Ordering::Relaxed);
+pub async fn run(mut store: SettingsStore<impl NorFlash>) -> ! {
+    HAS_STORE.store(true, Ordering::Relaxed);
     loop {
         let settings = TO_SAVE.wait().await;
-        SAVED.signal(keeper.save(&settings).is_ok());
+        SAVED.signal(store.save(&settings).is_ok());
     }
 }
 
-/// Control's side: a real structure, and a flash.
-pub struct Structure;
-
-impl Bench<PassedOver> for Structure {
-    const PLANT: PlantKind = <RealPlant as Bench>::PLANT;
-    const CLOCK: Clock = <RealPlant as Bench>::CLOCK;
-
-    fn set_plant(&mut self, config: &PassedOver) -> Result<(), Refusal> {
-        RealPlant.set_plant(config)
+/// Begins a save.
+///
+/// # Errors
+/// There is no place for settings.
+pub fn save(settings: &Settings) -> Result<Saving, Rejected> {
+    if !HAS_STORE.load(Ordering::Relaxed) {
+        return Err(Rejected::not_here("the flash is one bank: set the option byte DBANK"));
     }
+    IS_SAVING.store(true, Ordering::Relaxed);
+    TO_SAVE.signal(*settings);
+    Ok(Saving::Begun)
+}
 
-    fn restart(&mut self) -> Result<(), Refusal> {
-        Bench::<PassedOver>::restart(&mut RealPlant)
-    }
+/// How a save has ended, once.
+pub fn saved() -> Option<Result<(), Rejected>> {
+    let is_saved = SAVED.try_take()?;
+    IS_SAVING.store(false, Ordering::Relaxed);
+    Some(is_saved.then_some(()).ok_or(Rejected::not_here("the flash did not take the settings")))
+}
 
-    fn save(&mut self, settings: &Settings) -> Result<Saving, Refusal> {
-        if !CAN_SAVE.load(Ordering::Relaxed) {
-            return Err(Refusal::NotHere("the flash is one bank: set the option byte DBANK"));
-        }
-        TO_SAVE.signal(*settings);
-        Ok(Saving::Begun)
-    }
-
-    fn saved(&mut self) -> Option<Result<(), Refusal>> {
-        let is_saved = SAVED.try_take()?;
-        Some(is_saved.then_some(()).ok_or(Refusal::NotHere("the flash did not take the settings")))
-    }
+/// A save has begun whose end has not been taken.
+#[cfg(feature = "board-mps2-an386")]
+pub fn is_saving() -> bool {
+    IS_SAVING.load(Ordering::Relaxed)
 }

@@ -4,7 +4,7 @@
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::control::transient as core_transient;
 use damprig_core::io::TICK_HZ;
-use damprig_core::plant::Shaker;
+use damprig_simulator::plant::Shaker;
 
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};

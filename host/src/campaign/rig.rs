@@ -2,10 +2,10 @@
 
 use damprig_core::control::safety::SafetyConfig;
 use damprig_core::io::{DisplacementScale, TICK_HZ};
-use damprig_core::plant::table::Table;
-use damprig_core::plant::{Amplifier, DataSheet, Shaker};
 use damprig_core::rig::MOTION_SIGNALS;
 use damprig_core::settings::Settings;
+use damprig_simulator::plant::table::Table;
+use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
 use super::limits::CampaignLimits;
 use crate::input::{Number, Problem, Section, Span, Text, near};

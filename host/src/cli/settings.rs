@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args as ClapArgs, Subcommand};
 use damprig_core::settings::{Settings, Source as Origin};
-use damprig_protocol::Ask;
+use damprig_protocol::Request;
 
 use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
@@ -140,7 +140,7 @@ fn export(file: &Path, text: &str) -> Outcome {
 }
 
 fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: bool) -> Outcome {
-    session.execute("use the settings", Ask::SetSettings(*wanted)).map_err(Failure::failed)?;
+    session.execute("use the settings", Request::SetSettings(*wanted)).map_err(Failure::failed)?;
     let mut differences = 0;
     for ((place, before), (_, after)) in entries(present).iter().zip(entries(wanted)) {
         if *before != after {
@@ -159,7 +159,7 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
 }
 
 fn save(session: &mut Session) -> Outcome {
-    session.execute("save its settings", Ask::SaveSettings).map_err(Failure::failed)?;
+    session.execute("save its settings", Request::SaveSettings).map_err(Failure::failed)?;
     println!("saved");
     if session.name().starts_with("virtual") {
         println!("note: the virtual rig ends with this command; use a file with --rig virtual:BOARD.toml");

@@ -1,7 +1,7 @@
 //! Uploads a motion record to the device in chunks, each from the device's position, until it confirms the checksum.
 
-use damprig_protocol::Answer;
-use damprig_protocol::Ask;
+use damprig_protocol::Reply;
+use damprig_protocol::Request;
 use damprig_protocol::upload::{CHUNK_BYTES, Progress, UploadStage, checksum};
 
 use crate::client::session::{Session, SessionError};
@@ -23,7 +23,7 @@ impl Session {
     /// # Errors
     /// As [`Session::request`]; an upload that makes no progress; `go_on` returned false.
     pub fn upload(&mut self, bytes: &[u8], go_on: &mut dyn FnMut() -> bool) -> Result<(), SessionError> {
-        let begin = Ask::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
+        let begin = Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
         let (mut damaged, mut fruitless, mut looks) = (0, 0, 0);
         let mut progress = self.progress(begin.clone())?;
         loop {
@@ -60,15 +60,15 @@ impl Session {
         }
     }
 
-    fn progress(&mut self, ask: Ask) -> Result<Progress, SessionError> {
+    fn progress(&mut self, ask: Request) -> Result<Progress, SessionError> {
         match self.request(WHAT, ask)? {
-            Answer::Upload(progress) => Ok(progress),
+            Reply::Upload(progress) => Ok(progress),
             _ => Err(SessionError::UnexpectedReply { what: WHAT }),
         }
     }
 }
 
-fn chunk(bytes: &[u8], from: u32) -> Ask {
+fn chunk(bytes: &[u8], from: u32) -> Request {
     let rest = bytes.get(from as usize..).unwrap_or_default();
-    Ask::UploadChunk { offset: from, data: rest.iter().take(CHUNK_BYTES).copied().collect() }
+    Request::UploadChunk { offset: from, data: rest.iter().take(CHUNK_BYTES).copied().collect() }
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
-use damprig_protocol::{Ask, ClockSource, PlantKind};
+use damprig_protocol::{ClockSource, PlantKind, Request};
 
 use super::watcher::Watcher;
 use super::wire_mapping::Selection;
@@ -155,7 +155,7 @@ impl<'a> Run<'a> {
     }
 
     pub(super) fn end_telemetry(&mut self) -> Result<(), SessionError> {
-        let ask = Ask::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
+        let ask = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
         self.session.execute("end the telemetry", ask)
     }
 }

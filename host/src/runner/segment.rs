@@ -11,7 +11,8 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::State;
-use damprig_protocol::{Answer, Ask, Happening, MOST_SIGNALS, PlantKind, Telemetry};
+use damprig_protocol::{Event, MOST_SIGNALS, PlantKind, Reply, Request, Telemetry};
+use damprig_simulator::messages::set_plant;
 
 use super::context::Run;
 use super::error::RunError;
@@ -145,16 +146,16 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let session = &mut *self.run.session;
         if session.description.plant != PlantKind::Real {
             let plant = wire_mapping::plant(rig, set_up, experiment);
-            session.execute("take the simulated set-up", Ask::SetPlant(plant))?;
+            session.execute("take the simulated set-up", set_plant(plant))?;
         }
         session.execute(
             "take the twin's set-up",
-            Ask::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
+            Request::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
         )?;
         let ask = match &experiment.kind {
             Kind::SteppedSine(sine) => {
                 let drive_m = session.settings.calibration.drive.range().amplitude_m();
-                Ask::Configure(wire_mapping::plan(set_up, sine, self.task.points.clone(), drive_m))
+                Request::Configure(wire_mapping::plan(set_up, sine, self.task.points.clone(), drive_m))
             }
             Kind::Playback(playback) => {
                 let stop = self.run.stop;
@@ -163,12 +164,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     return Err(RunError::Interrupted);
                 }
                 uploaded?;
-                Ask::ConfigurePlayback(playback.order())
+                Request::ConfigurePlayback(playback.order())
             }
-            Kind::FreeVibration(free) => Ask::ConfigureFreeVibration(free.order()),
+            Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
         };
         session.execute("take the experiment", ask)?;
-        session.execute("take the campaign's limits", Ask::SetLimits(rig.limits.of_experiment()))?;
+        session.execute("take the campaign's limits", Request::SetLimits(rig.limits.of_experiment()))?;
         let keeps_ratio = experiment.stepped_sine().is_some();
         match set_up.spring() {
             Some(spring) => self.run.set_spring(set_up, &spring, keeps_ratio),
@@ -177,7 +178,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     }
 
     fn telemetry(&mut self) -> Result<(), RunError> {
-        let ask = Ask::SetTelemetry {
+        let ask = Request::SetTelemetry {
             every_ticks: self.run.every_ticks,
             signals: self.places.iter().map(|&place| place as u8).collect(),
             impacts: self.task.set_up.model().particle.is_some(),
@@ -247,7 +248,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 self.add_clock_pair(message.first_tick.saturating_add(span));
                 self.progress.arrived(*message).iter().try_for_each(|message| self.record(message))
             }
-            Report::Event { tick, event: Happening::Point(result) } => {
+            Report::Event { tick, event: Event::Point(result) } => {
                 self.add_clock_pair(tick);
                 // The device keeps only the last few results, so a lost one is requested at once.
                 self.fetch_missing(result.index)?;
@@ -256,21 +257,21 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(())
             }
-            Report::Event { tick, event: Happening::Transient(result) } => {
+            Report::Event { tick, event: Event::Transient(result) } => {
                 self.add_clock_pair(tick);
                 if self.progress.point_done(result.index, result.end_tick.saturating_sub(1)) {
                     self.take_transient(&result);
                 }
                 Ok(())
             }
-            Report::Event { tick, event: Happening::Finished { rows_dropped, .. } } => {
+            Report::Event { tick, event: Event::Finished { rows_dropped, .. } } => {
                 if self.progress.finished(tick) {
                     self.run.tally.counters.dropped_records += u64::from(rows_dropped);
                 }
                 Ok(())
             }
-            Report::Event { event: Happening::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
-            Report::Event { event: Happening::Impact(impact), .. } => {
+            Report::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            Report::Event { event: Event::Impact(impact), .. } => {
                 self.run.watcher.impact(&impact);
                 // A message may arrive twice.
                 if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
@@ -281,7 +282,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 }
                 Ok(())
             }
-            Report::Event { event: Happening::Spring(happening), .. } => {
+            Report::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
                 Ok(())
             }
@@ -390,13 +391,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn fetch_missing(&mut self, until: u16) -> Result<(), RunError> {
         let is_transient = self.task.experiment.stepped_sine().is_none();
         for index in self.progress.missing_points(until) {
-            let ask = if is_transient { Ask::Transient } else { Ask::Result { index } };
+            let ask = if is_transient { Request::Transient } else { Request::Result { index } };
             match self.run.session.request("repeat a result", ask) {
-                Ok(Answer::Transient(result)) => {
+                Ok(Reply::Transient(result)) => {
                     self.progress.point_done(index, result.end_tick.saturating_sub(1));
                     self.take_transient(&result);
                 }
-                Ok(Answer::Result(result)) => {
+                Ok(Reply::Result(result)) => {
                     self.progress.point_done(index, result.end_tick.saturating_sub(1));
                     self.take(&result);
                 }

@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringFault, Stage, Target};
-use damprig_protocol::{Ask, Happening as Event, PlantKind};
+use damprig_protocol::{Event, PlantKind, Request};
 
 use super::context::Run;
 use super::error::RunError;
@@ -27,7 +27,7 @@ impl Run<'_> {
         spring: &SpringSpec,
         keeps_ratio: bool,
     ) -> Result<(), RunError> {
-        self.session.execute("take the set-up's spring", Ask::SetSpring(wire_mapping::spring(set_up, spring)))?;
+        self.session.execute("take the set-up's spring", Request::SetSpring(wire_mapping::spring(set_up, spring)))?;
         self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
         self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, Happening::OnTarget { .. }))?;
         let on_target = |happening: &Happening| matches!(happening, Happening::OnTarget { .. });
@@ -45,7 +45,7 @@ impl Run<'_> {
                     return Ok(());
                 }
                 let target = Target::FrictionRatio { ratio: ratio as f32 };
-                Ok(self.session.execute("keep a friction ratio", Ask::Spring(SpringCommand::Set(target)))?)
+                Ok(self.session.execute("keep a friction ratio", Request::Spring(SpringCommand::Set(target)))?)
             }
         }
     }
@@ -63,7 +63,7 @@ impl Run<'_> {
             match status.spring.stage {
                 Stage::Ready | Stage::Setting | Stage::Holding if !asked => {
                     asked = true;
-                    self.session.execute("release the spring", Ask::Spring(SpringCommand::Release))?;
+                    self.session.execute("release the spring", Request::Spring(SpringCommand::Release))?;
                 }
                 Stage::Releasing | Stage::Ready if asked && begun.elapsed() > LONGEST_STEP => {
                     return Err(RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage });
@@ -82,7 +82,7 @@ impl Run<'_> {
         command: SpringCommand,
         is_done: impl Fn(&Happening) -> bool,
     ) -> Result<(), RunError> {
-        self.session.execute("move the friction damper's spring", Ask::Spring(command))?;
+        self.session.execute("move the friction damper's spring", Request::Spring(command))?;
         let begun = Instant::now();
         loop {
             if self.stop.load(Ordering::Relaxed) {

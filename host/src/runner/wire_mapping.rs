@@ -8,10 +8,10 @@ use damprig_core::control::limits::Fault;
 use damprig_core::control::stepped_sine::{self as core_sine, Drive};
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig, SensorModel};
 use damprig_core::twin::TwinConfig;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, PlantConfig, SensorModel};
 
 use super::error::RunError;
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, RigSettings, SpringSpec, Start, SteppedSine};

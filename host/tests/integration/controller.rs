@@ -5,17 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, short};
-use damprig_protocol::{Answer, FromDevice, Timing};
+use damprig_protocol::{FromDevice, Reply, Timing};
 use predicates::prelude::*;
 use predicates::str::contains;
 
 /// The message, if it tells of counters, as a board sends it whose ticks have overrun so often.
 fn overrunning(message: &FromDevice, overruns: u32) -> Fate {
     match message.clone() {
-        FromDevice::Reply { seq, answer: Ok(Answer::Status { status, mut counters }) } => {
+        FromDevice::Reply { seq, answer: Ok(Reply::Status { status, mut counters }) } => {
             counters.timing =
                 Timing { overruns, longest_tick_us: 1234, largest_jitter_us: 56, longest_masked_tenths_us: 78 };
-            let answer = Ok(Answer::Status { status, counters });
+            let answer = Ok(Reply::Status { status, counters });
             Fate::Replace(Box::new(FromDevice::Reply { seq, answer }))
         }
         _ => Fate::Pass,

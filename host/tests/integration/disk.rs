@@ -7,7 +7,7 @@ mod linux {
     use std::process::Command;
 
     use damprig::run_folder::journal::{self, Entry, Journal};
-    use damprig_protocol::{Ask, ToDevice};
+    use damprig_protocol::{Request, ToDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
     use tempfile::TempDir;
@@ -121,7 +121,7 @@ mod linux {
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "/proc/damprig"];
         let answer = damprig(&folder).args(arguments).assert().code(1);
         answer.stderr(contains("cannot create the folder /proc/damprig"));
-        let moved = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.ask == Ask::Start);
+        let moved = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.request == Request::Start);
         assert!(!board.received().iter().any(moved));
     }
 

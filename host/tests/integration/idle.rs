@@ -8,13 +8,14 @@ use std::time::{Duration, Instant};
 
 use damprig::client::link::Link;
 use damprig::client::session::{Session, SessionError};
-use damprig_core::io::{Reading, Sensors};
-use damprig_core::rig::{Signals, State};
-use damprig_device::control::{Birth, Control, Name, RealPlant};
-use damprig_device::intake::Intake;
-use damprig_device::lanes::{Lanes, Row, Saying};
-use damprig_device::orders::Order;
-use damprig_device::store::Store;
+use damprig_core::io::{Actuators, Reading, Sensors};
+use damprig_core::rig::{Rejected, Rig, State};
+use damprig_core::settings::Settings;
+use damprig_device::board::{DeviceInfo, Saving};
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::message_reader::MessageReader;
+use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
 
@@ -24,35 +25,50 @@ const TIMEOUT: Duration = Duration::from_millis(100);
 /// A board of its own clock, which goes on by some ticks whenever the host listens; the structure swings by 90 mm, beyond its
 /// limit, until it is held.
 struct Board {
-    control: Control,
-    intake: Intake,
-    store: Store,
+    control: Controller,
+    reader: MessageReader,
+    upload: UploadBuffer,
     said: Said,
     is_held: Arc<AtomicBool>,
     requests: Arc<AtomicU32>,
     tick: u32,
 }
 
+/// A board with a real structure, without flash.
+struct Real;
+
+impl damprig_device::board::Board for Real {
+    fn samples(&mut self, _: &Rig) -> Option<Sensors> {
+        None
+    }
+
+    fn set(&mut self, _: &Actuators, _: &Rig) {}
+
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+        Err(Rejected::not_here("this board has no flash to save to"))
+    }
+}
+
 #[derive(Default)]
 struct Said(Vec<FromDevice>);
 
-impl Lanes for Said {
-    fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
-        self.0.push(saying.into());
-        Ok(self.0.len())
+impl Outgoing for Said {
+    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
+        self.0.push(message);
+        Ok(1)
     }
 
-    fn row(&mut self, _: Row<&Signals>) -> Result<usize, ()> {
-        Ok(0)
+    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
+        Ok(1)
     }
 }
 
 impl Link for Board {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         for &byte in bytes {
-            if let Some(ToDevice::Request(request)) = self.intake.push(byte) {
+            if let Some(ToDevice::Request(request)) = self.reader.push(byte) {
                 self.requests.fetch_add(1, Ordering::Relaxed);
-                self.control.serve(&mut Order::prepare(request), &mut RealPlant, &mut self.store, &mut self.said);
+                self.control.serve(&request, &mut Real, &mut self.upload, &mut self.said);
             }
         }
         Ok(())
@@ -64,7 +80,7 @@ impl Link for Board {
             let x_m = if swings { 0.08 * (0.0157 * f64::from(self.tick)).sin() } else { 0.0 };
             let mut sensors = Sensors::default();
             sensors.readings.x = Reading::still(x_m as f32);
-            self.control.tick(&sensors, &mut self.store, &mut self.said);
+            self.control.tick(&sensors, &mut self.upload, &mut self.said);
             self.tick += 1;
         }
         // It always has something to say, so the host need not ask whether it is there.
@@ -81,9 +97,9 @@ impl Link for Board {
 fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
     let requests = Arc::default();
     let board = Board {
-        control: Control::new(Name::new("0.0.0", "real"), Birth::default()),
-        intake: Intake::default(),
-        store: Store::default(),
+        control: Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default()),
+        reader: MessageReader::default(),
+        upload: UploadBuffer::default(),
         said: Said::default(),
         is_held: Arc::clone(is_held),
         requests: Arc::clone(&requests),

@@ -1,7 +1,7 @@
 //! Whose limits act in a campaign: the board's, which it may tighten for its own duration and never loosen.
 
 use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, short};
-use damprig_protocol::{FromDevice, Happening};
+use damprig_protocol::{Event, FromDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
@@ -168,7 +168,7 @@ fn a_tightened_limit_acts_in_its_campaign_alone_however_that_ends() {
 #[test]
 fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values_before_anything_moves() {
     let lab = Lab::with(|message| {
-        assert!(!matches!(message, FromDevice::Event { event: Happening::Point(_), .. }), "it moved");
+        assert!(!matches!(message, FromDevice::Event { event: Event::Point(_), .. }), "it moved");
         Fate::Pass
     });
     lab.settings(&["set", "safety.wall_force_n=300", "safety.limits.base_m=0.01", "--save"]);

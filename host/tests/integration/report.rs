@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
 use damprig_core::io::Sensor;
-use damprig_protocol::{FromDevice, Happening};
+use damprig_protocol::{Event, FromDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
@@ -74,10 +74,10 @@ fn lost_samples_are_reported_with_their_place() {
 fn a_sensor_of_wrong_sign_and_a_clipped_sensor_are_reported() {
     let folder = folder_with(&short());
     let board = Served::start(move |message| {
-        let FromDevice::Event { seq, tick, event: Happening::Point(mut point) } = *message else { return Fate::Pass };
+        let FromDevice::Event { seq, tick, event: Event::Point(mut point) } = *message else { return Fate::Pass };
         point.phase_rad += std::f32::consts::PI;
         point.clipped.insert(Sensor::X);
-        Fate::Replace(Box::new(FromDevice::Event { seq, tick, event: Happening::Point(point) }))
+        Fate::Replace(Box::new(FromDevice::Event { seq, tick, event: Event::Point(point) }))
     });
     damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
     let turned = page(&folder.path().join("out"));

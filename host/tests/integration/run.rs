@@ -3,7 +3,7 @@
 use crate::common::{
     Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, rows, sample_rows, short,
 };
-use damprig_protocol::{Ask, FromDevice, ToDevice};
+use damprig_protocol::{FromDevice, Request, ToDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
@@ -108,7 +108,7 @@ fn a_device_that_falls_silent_is_given_up_and_told_to_stop() {
     let answer = damprig(&folder).args(arguments).assert().code(1);
     answer.stderr(contains(format!("the device at {} stopped answering: nothing for 0.5 s", board.rig)));
     assert_eq!(rows(folder.path().join("out/results.parquet")), 1);
-    let stops = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.ask == Ask::Stop);
+    let stops = |m: &ToDevice| matches!(m, ToDevice::Request(r) if r.request == Request::Stop);
     assert!(board.received().iter().any(stops), "the rig was left driving");
 }
 
@@ -130,7 +130,7 @@ fn another_protocol_version_is_refused_with_both_sides_named() {
                     firmware: "9.9.9".parse().unwrap(),
                     board: "elsewhere".parse().unwrap(),
                 };
-                let answer = Ok(damprig_protocol::Answer::Identity(identity));
+                let answer = Ok(damprig_protocol::Reply::Identity(identity));
                 let mut frame = [0; damprig_protocol::frame::LONGEST];
                 let reply = FromDevice::Reply { seq: request.seq, answer };
                 let length = damprig_protocol::frame::encode(&reply, &mut frame).unwrap();

@@ -2,21 +2,24 @@
 
 #[cfg(unix)]
 mod unix {
+    use std::collections::VecDeque;
     use std::io::{Read, Write};
     use std::net::TcpListener;
     use std::time::{Duration, Instant};
 
-    use damprig_core::io::{Reading, Sensors};
-    use damprig_core::rig::Signals;
-    use damprig_device::control::{Birth, Control, Name, RealPlant};
-    use damprig_device::intake::Intake;
-    use damprig_device::lanes::{Lanes, Row, Saying};
-    use damprig_device::orders::Order;
-    use damprig_device::outbox::Batch;
-    use damprig_device::simulated::{Progress, Simulated};
-    use damprig_device::store::Store;
+    use damprig_core::io::{Actuators, Reading, Sensors};
+    use damprig_core::rig::{Rejected, Rig};
+    use damprig_core::settings::Settings;
+    use damprig_device::board::{Board, DeviceInfo, Saving};
+    use damprig_device::control_loop::step;
+    use damprig_device::controller::{BootInfo, Controller};
+    use damprig_device::message_reader::MessageReader;
+    use damprig_device::outbox::Outbox;
+    use damprig_device::queues::{LocalQueues, Losses, Requests};
+    use damprig_device::upload_buffer::UploadBuffer;
     use damprig_protocol::frame::{self, LONGEST, Reader};
-    use damprig_protocol::{Answer, Ask, FromDevice, ToDevice};
+    use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+    use damprig_simulator::device::{Progress, SimulatedDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
     use serialport::{SerialPort, TTYPort};
@@ -32,7 +35,7 @@ mod unix {
         std::thread::spawn(move || {
             // Kept open: without anyone at its other end the line is broken.
             let _other = other;
-            let mut board = Box::new(Simulated::<f32>::new(Name::new("0.0.0", "at a line")));
+            let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("0.0.0", "at a line")));
             line.set_timeout(Duration::from_millis(20)).expect("a timeout");
             let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
             let (mut bytes, mut points, mut is_silent) = ([0; 4096], 0, false);
@@ -41,7 +44,7 @@ mod unix {
                 if let Ok(count) = line.read(&mut bytes) {
                     let asked = bytes[..count].iter().filter_map(|&b| from_host.push::<ToDevice>(b)).flatten();
                     for message in asked {
-                        is_silent &= !matches!(message, ToDevice::Request(r) if r.ask == Ask::Identify);
+                        is_silent &= !matches!(message, ToDevice::Request(r) if r.request == Request::Identify);
                     }
                     board.receive(&bytes[..count]);
                 }
@@ -50,7 +53,7 @@ mod unix {
                 for message in said.iter().filter_map(|&b| from_board.push::<FromDevice>(b)).flatten() {
                     points += usize::from(is_point(&message));
                     is_silent |= is_point(&message) && points == silent_from_point;
-                    let is_status = matches!(message, FromDevice::Reply { answer: Ok(Answer::Status { .. }), .. });
+                    let is_status = matches!(message, FromDevice::Reply { answer: Ok(Reply::Status { .. }), .. });
                     if relapses && was_silent && !is_silent && is_status {
                         (is_silent, relapses) = (true, false);
                     }
@@ -117,62 +120,77 @@ mod unix {
     /// Device seconds in a second: its clock runs so much faster than the host's.
     const FAST: f64 = 5.0;
 
+    /// A board with a real structure, which follows the base at twice its amplitude.
     #[derive(Default)]
-    struct Waiting {
-        urgent: Vec<FromDevice>,
-        batch: Batch,
-        full: Vec<FromDevice>,
+    struct Real {
+        sensors: Sensors,
     }
 
-    impl Lanes for Waiting {
-        fn urgent(&mut self, saying: Saying) -> Result<usize, ()> {
-            self.urgent.push(saying.into());
-            Ok(self.urgent.len())
+    impl Board for Real {
+        fn samples(&mut self, _: &Rig) -> Option<Sensors> {
+            Some(self.sensors)
         }
 
-        fn row(&mut self, row: Row<&Signals>) -> Result<usize, ()> {
-            self.batch.push(&row.copied());
-            self.full.extend(std::iter::from_fn(|| self.batch.pop()).map(FromDevice::Telemetry));
-            Ok(self.full.len())
+        fn set(&mut self, actuators: &Actuators, _: &Rig) {
+            self.sensors.readings.x = Reading::still(2.0 * actuators.drive_m);
+            self.sensors.readings.z = Reading::still(actuators.drive_m);
+        }
+
+        fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+            Err(Rejected::not_here("this board has no flash to save to"))
         }
     }
 
-    /// A board with a real structure (which follows the base at twice its amplitude) and a clock of its own, behind a
-    /// TCP port; for `--rig`.
+    #[derive(Default)]
+    struct Received(VecDeque<NumberedRequest>);
+
+    impl Requests for Received {
+        fn front(&mut self) -> Option<&NumberedRequest> {
+            self.0.front()
+        }
+
+        fn drop_front(&mut self) {
+            self.0.pop_front();
+        }
+
+        fn losses(&self) -> Losses {
+            Losses::default()
+        }
+    }
+
+    /// Such a board behind a TCP port; for `--rig`.
     fn with_its_own_clock() -> String {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().expect("a connection");
             stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
-            let mut control = Control::new(Name::new("0.0.0", "real"), Birth::default());
-            let mut store = Store::new();
-            let (mut intake, mut lanes, mut sensors) = (Intake::default(), Waiting::default(), Sensors::default());
+            let mut controller = Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default());
+            let (mut upload, mut board, mut reader) = (UploadBuffer::new(), Real::default(), MessageReader::default());
+            let (mut requests, mut queues, mut outbox) =
+                (Received::default(), LocalQueues::default(), Outbox::default());
             let (begun, mut ticks, mut bytes) = (Instant::now(), 0.0, [0; 4096]);
             loop {
                 match stream.read(&mut bytes) {
                     Ok(0) => return,
                     Ok(count) => {
                         for &byte in &bytes[..count] {
-                            if let Some(ToDevice::Request(request)) = intake.push(byte) {
-                                let mut order = Order::prepare(request);
-                                control.serve(&mut order, &mut RealPlant, &mut store, &mut lanes);
+                            if let Some(ToDevice::Request(request)) = reader.push(byte) {
+                                requests.0.push_back(request);
                             }
                         }
                     }
                     Err(_) => {}
                 }
                 while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
-                    let drive_m = control.tick(&sensors, &mut store, &mut lanes).drive_m;
-                    sensors.readings.x = Reading::still(2.0 * drive_m);
-                    sensors.readings.z = Reading::still(drive_m);
+                    step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
                     ticks += 1.0;
-                }
-                for message in lanes.urgent.drain(..).chain(lanes.full.drain(..)) {
-                    let mut out = [0; LONGEST];
-                    let length = frame::encode(&message, &mut out).expect("it fits");
-                    if stream.write_all(&out[..length]).is_err() {
-                        return;
+                    while let Some(message) = outbox.next(&mut queues) {
+                        let mut out = [0; LONGEST];
+                        let length = frame::encode(&message, &mut out).expect("it fits");
+                        if stream.write_all(&out[..length]).is_err() {
+                            return;
+                        }
                     }
                 }
             }

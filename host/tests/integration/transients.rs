@@ -12,7 +12,7 @@ use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::schema::transients::TransientRow;
 use damprig::simulation::{Case, RunOptions, simulate};
 use damprig_protocol::upload::{CHUNK_BYTES, UploadStage};
-use damprig_protocol::{Answer, Ask, FromDevice, Happening, ToDevice};
+use damprig_protocol::{Event, FromDevice, Reply, Request, ToDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
@@ -217,7 +217,7 @@ fn a_stepped_sine_may_stand_beside_them() {
 }
 
 fn is_event(message: &FromDevice) -> bool {
-    matches!(message, FromDevice::Event { event: Happening::Transient(_), .. })
+    matches!(message, FromDevice::Event { event: Event::Transient(_), .. })
 }
 
 /// What was measured, without when.
@@ -244,7 +244,8 @@ fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
     let said = String::from_utf8_lossy(&resumed.get_output().stdout).into_owned();
     assert!(said.contains("2 of 6 points are kept as they are") && said.contains("\"release\" is repeated"), "{said}");
     assert_eq!(measured(&folder.path().join("cut")), measured(&folder.path().join("whole")));
-    let starts = again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.ask == Ask::Start)).count();
+    let starts =
+        again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.request == Request::Start)).count();
     assert_eq!(starts, 4, "what is complete is not measured again");
     damprig(&folder).args(["runs", "verify", "cut"]).assert().success();
 }
@@ -255,7 +256,7 @@ fn an_upload_goes_on_after_a_lost_link_and_is_not_made_twice() {
     let (told, hear) = std::sync::mpsc::channel();
     let mut closed = false;
     let rig = Served::again_and_again(move |message| {
-        if let FromDevice::Reply { answer: Ok(Answer::Upload(progress)), .. } = message {
+        if let FromDevice::Reply { answer: Ok(Reply::Upload(progress)), .. } = message {
             told.send(*progress).unwrap();
             if !closed && progress.there == 6 * CHUNK_BYTES as u32 {
                 closed = true;

@@ -15,7 +15,6 @@ pub mod integrator;
 pub mod io;
 pub mod measure;
 pub mod model;
-pub mod plant;
 pub mod rig;
 pub mod scalar;
 pub mod settings;

@@ -1,40 +1,37 @@
-//! What a board does between its pins and its line: the device side of the protocol around the core's `Rig`.
+//! The device side of the link: what a board does between its pins and its serial line, around the core's `Rig`.
 //!
-//! Each part is owned by one task on a real board and called in turn on a simulated one:
+//! * [`board`] is what the control loop needs of a board,
+//! * [`control_loop`] is the loop's body: one tick, then at most one request,
+//! * [`controller`] owns the rig: it serves requests and queues replies, events and telemetry rows,
+//! * [`queues`] lie between the control loop and the link,
+//! * [`message_reader`] reads requests from received bytes, [`outbox`] makes messages of what waits, replies first,
+//! * [`upload_buffer`] holds the record that a host uploads,
+//! * [`settings_store`] keeps the settings in flash, [`crash`] the record of what ended the firmware.
 //!
-//! * [`intake`] turns received bytes into requests and counts what is none,
-//! * [`orders`] checks what a request carries and makes what it asks for, where there is time for it,
-//! * [`control`] owns the rig: one order at most per tick, one tick, replies, events and telemetry rows out,
-//! * [`store`] keeps the record that a host uploads, and lends it to the tick,
-//! * [`outbox`] turns those into frames, replies first, at the pace of the line,
-//! * [`settings`] keeps the rig's settings in flash,
-//! * [`crash`] is what is left of a run of the firmware that ended,
-//! * [`simulated`] is a whole board without pins: the three parts around a simulated plant, under the host's tick
-//!   credit. The virtual rig and the emulated board are both exactly this.
-//!
-//! Decisions about the experiment live in `damprig-core`, byte formats in `damprig-protocol`, pins in the firmware.
+//! Decisions about the experiment belong to `damprig-core`, byte formats to `damprig-protocol`, pins to the firmware, simulated
+//! plants to `damprig-simulator`.
 
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod control;
+pub mod board;
+pub mod control_loop;
+pub mod controller;
 pub mod crash;
-pub mod intake;
-pub mod lanes;
-pub mod orders;
+pub mod message_reader;
 pub mod outbox;
-pub mod settings;
-pub mod simulated;
-pub mod store;
+pub mod queues;
+pub mod settings_store;
+pub mod upload_buffer;
 
-/// Telemetry rows waiting for the line, at most.
+/// Most telemetry rows that wait for the line.
 ///
 /// While the longest replies and events go out (eight frames of 300 bytes, 26 ms), rows of every tick wait.
 pub const ROWS_WAITING: usize = 32;
 
-/// Replies and events waiting for the line, at most: a reply, and what a tick with impacts on both walls and the end of an
-/// experiment tells.
+/// Most replies and events that wait for the line: a reply, and the events of a tick with impacts on both walls and the end of
+/// an experiment.
 pub const REPLIES_WAITING: usize = 8;
 
-/// Requests waiting for their tick, at most.
+/// Most requests that wait for their tick.
 pub const REQUESTS_WAITING: usize = 2;

@@ -1,15 +1,43 @@
-//! What waits for the line, and how it becomes frames: replies first, telemetry rows in batches, at the line's pace.
+//! Chooses the next message to send: replies and events first, then telemetry rows in batches.
 
-use crate::lanes::Row;
-use damprig_core::io::TICK_HZ;
-use damprig_protocol::{MOST_VALUES, Telemetry};
+use crate::queues::{Row, StreamItem, Waiting};
+use damprig_protocol::{FromDevice, MOST_VALUES, Telemetry};
 use heapless::{Deque, Vec};
 
 /// Bits per second of the line.
 pub const BAUD: u32 = 921_600;
 
-/// Bytes that the line carries in a tick: ten bits to the byte.
-pub const BYTES_PER_TICK: f32 = BAUD as f32 / 10.0 / TICK_HZ;
+/// Makes messages of what waits in the outgoing queues.
+#[derive(Clone, Debug, Default)]
+pub struct Outbox {
+    batch: Batch,
+    stands_before: Option<u32>,
+}
+
+impl Outbox {
+    /// The next message; `None` until more is queued.
+    pub fn next(&mut self, waiting: &mut impl Waiting) -> Option<FromDevice> {
+        loop {
+            if let Some(message) = waiting.pop_message() {
+                return Some(message);
+            }
+            if let Some(telemetry) = self.batch.pop() {
+                return Some(FromDevice::Telemetry(telemetry));
+            }
+            if let Some(tick) = self.stands_before.take() {
+                return Some(FromDevice::Clock { tick });
+            }
+            match waiting.pop_stream()? {
+                StreamItem::Row(row) => self.batch.push(&row),
+                StreamItem::Started => *self = Self::default(),
+                StreamItem::ClockStands { tick } => {
+                    self.batch.close();
+                    self.stands_before = Some(tick);
+                }
+            }
+        }
+    }
+}
 
 /// Collects rows into telemetry messages.
 #[derive(Clone, Debug, Default)]
@@ -69,35 +97,10 @@ impl Batch {
     }
 }
 
-/// The line's allowance in device time: a frame may start once the ones before it are through.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Pace {
-    allowance: f32,
-}
-
-impl Pace {
-    /// A tick has passed. An idle line saves nothing up beyond one tick.
-    pub fn tick(&mut self) {
-        let allowance = self.allowance + BYTES_PER_TICK;
-        self.allowance = if allowance > BYTES_PER_TICK { BYTES_PER_TICK } else { allowance };
-    }
-
-    /// Whether a frame may start.
-    #[must_use]
-    pub fn is_clear(&self) -> bool {
-        self.allowance > 0.0
-    }
-
-    /// A frame of this many bytes has started.
-    pub fn charge(&mut self, bytes: usize) {
-        self.allowance -= bytes as f32;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orders::Chosen;
+    use crate::queues::Chosen;
     use damprig_core::rig::SIGNALS;
 
     const WIDTH: usize = 6;
@@ -142,19 +145,5 @@ mod tests {
     fn a_last_row_that_does_not_continue_is_sent_too() {
         let out = batches(&[row(5), Row { last: true, ..row(20) }]);
         assert_eq!(out.len(), 2);
-    }
-
-    #[test]
-    fn the_line_carries_its_rate_and_no_more() {
-        let (mut pace, mut sent) = (Pace::default(), 0);
-        for _ in 0..1000 {
-            pace.tick();
-            while pace.is_clear() {
-                pace.charge(300);
-                sent += 300;
-            }
-        }
-        let capacity = BYTES_PER_TICK * 1000.0;
-        assert!((sent as f32 - capacity).abs() <= 300.0, "{sent} of {capacity}");
     }
 }

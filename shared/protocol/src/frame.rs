@@ -3,8 +3,8 @@
 use crate::upload;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest body, bytes: a stepped sine of 101 frequencies and some room.
-pub const LONGEST_BODY: usize = 512;
+/// Longest body, bytes: a stepped sine of 400 frequencies and some room.
+pub const LONGEST_BODY: usize = 1_728;
 
 const CHECKSUM: usize = 4;
 
@@ -97,10 +97,10 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Ask, FromDevice, Request, Telemetry, ToDevice};
+    use crate::{FromDevice, NumberedRequest, Request, Telemetry, ToDevice};
 
     fn request(seq: u16) -> ToDevice {
-        ToDevice::Request(Request { seq, at_tick: Some(99), ask: Ask::Start })
+        ToDevice::Request(NumberedRequest { seq, at_tick: Some(99), request: Request::Start })
     }
 
     fn read_all(bytes: &[u8]) -> (heapless::Vec<ToDevice, 8>, usize) {
@@ -151,6 +151,25 @@ mod tests {
         stream[end + 1..end + 1 + length].copy_from_slice(&frame[..length]);
         let (good, bad) = read_all(&stream[..end + 1 + length]);
         assert_eq!((good.as_slice(), bad), ([request(5)].as_slice(), 1));
+    }
+
+    #[test]
+    fn a_stepped_sine_of_the_most_frequencies_fits() {
+        use damprig_core::control::base_loop::ClosedLoop;
+        use damprig_core::control::stepped_sine::{Drive, MOST_POINTS, Start, SteppedSine};
+        let sine = SteppedSine {
+            start: Start::FromRest { level_m: 5e-4 },
+            amplitude_m: 1e-3,
+            drive: Drive::ClosedLoop(ClosedLoop::default()),
+            ramp_s: 0.0,
+            settle_s: 1.0,
+            dwell_s: 4.0,
+            steady: Default::default(),
+            first_index: u16::MAX,
+            frequencies_hz: core::iter::repeat_n(2.5, MOST_POINTS).collect(),
+        };
+        let request = NumberedRequest { seq: u16::MAX, at_tick: Some(u32::MAX), request: Request::Configure(sine) };
+        assert!(encode(&ToDevice::Request(request), &mut [0; LONGEST]).is_some());
     }
 
     #[test]

@@ -5,23 +5,23 @@
 //! * A **frame** is `COBS(body ‖ CRC-32(body), little endian) ‖ 0x00`; see [`frame`]. A frame that is too long, does
 //!   not decode or fails its checksum is counted and skipped, never acted on.
 //! * A body is one [`ToDevice`] or [`FromDevice`] in [postcard](https://postcard.jamesmunns.com/wire-format).
-//! * Every [`Request`] has a sequence number and gets exactly one [`FromDevice::Reply`] with the same number. A request
+//! * Every [`NumberedRequest`] has a sequence number and gets exactly one [`FromDevice::Reply`] with the same number. A request
 //!   repeated with the same number is answered again but not carried out again.
 //! * [`FromDevice::Event`] and [`FromDevice::Telemetry`] come unasked, each with its own sequence number, so a gap shows
 //!   what was lost. Replies and events go before telemetry.
 //! * A simulated board has no clock of its own: its ticks pass only as far as [`ToDevice::Grant`] allows, and it says
 //!   [`FromDevice::Clock`] when it has used them up. A real board ignores grants.
-//! * The board's settings are the base of every limit. [`Ask::SetLimits`] tightens some for one experiment; a looser one is
-//!   [`Refused::Looser`]. The board ends them by itself.
+//! * The board's settings are the base of every limit. [`Request::SetLimits`] tightens some for one experiment; a looser one is
+//!   [`Rejected::Looser`]. The board ends them by itself.
 //! * Records are [`upload`]ed in chunks; what is there survives a broken link.
-//! * [`Ask::Identify`] and [`Answer::Identity`] never change, so that two versions can tell each other what they are.
+//! * [`Request::Identify`] and [`Reply::Identity`] never change, so that two versions can tell each other what they are.
 //!
 //! # Known answers
 //! The bytes are part of the contract:
 //! ```
-//! use damprig_protocol::{Ask, Request, ToDevice, frame};
+//! use damprig_protocol::{Request, NumberedRequest, ToDevice, frame};
 //! let mut out = [0; frame::LONGEST];
-//! let message = ToDevice::Request(Request { seq: 7, at_tick: None, ask: Ask::Identify });
+//! let message = ToDevice::Request(NumberedRequest { seq: 7, at_tick: None, request: Request::Identify });
 //! let length = frame::encode(&message, &mut out).unwrap();
 //! // body 00 07 00 00 (request, seq 7, no tick, identify), then its CRC-32 in little endian
 //! assert_eq!(out[..length], [0x01, 0x02, 0x07, 0x01, 0x05, 0x99, 0xc9, 0x0b, 0x24, 0x00]);
@@ -47,28 +47,18 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod ask;
 pub mod frame;
 pub mod image;
 mod message;
-mod refused;
+mod request;
 pub mod upload;
 
-use damprig_core::plant::PlantConfig;
+pub use damprig_core::rig::{Event, Rejected, clipped};
 pub use message::*;
-pub use refused::*;
-
-/// From the host.
-pub type ToDevice = ask::ToDevice<PlantConfig>;
-
-/// A question or a command.
-pub type Request = ask::Request<PlantConfig>;
-
-/// What a host may ask.
-pub type Ask = ask::Ask<PlantConfig>;
+pub use request::{NumberedRequest, Request, SIMULATOR_BYTES, ToDevice};
 
 /// Changes when an older or newer other side could misread something that the schema does not show.
-pub const VERSION: u16 = 4;
+pub const VERSION: u16 = 5;
 
 /// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
 pub const SCHEMA: [u8; 8] = schema();

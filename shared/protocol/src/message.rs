@@ -1,9 +1,6 @@
-//! The message tables: what a device says. What a host asks is in [`crate::ask`].
+//! The message tables: what a device says. What a host asks is in [`crate::Request`].
 
-use damprig_core::control::friction_spring as spring;
-use damprig_core::control::limits::Fault;
 use damprig_core::io::ForceScale;
-use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::Status;
@@ -12,8 +9,8 @@ use heapless::{String, Vec};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::refused::Refused;
 use crate::upload::Progress;
+use crate::{Event, Rejected};
 
 /// Most telemetry signals in a row.
 pub const MOST_SIGNALS: usize = 16;
@@ -39,7 +36,7 @@ pub enum FromDevice {
         /// The request's number.
         seq: u16,
         /// The answer, or why there is none.
-        answer: Result<Answer, Refused>,
+        answer: Result<Reply, Rejected>,
     },
     /// Something happened.
     Event {
@@ -48,7 +45,7 @@ pub enum FromDevice {
         /// In which tick.
         tick: u32,
         /// What.
-        event: Happening,
+        event: Event,
     },
     /// Rows of signals.
     Telemetry(Telemetry),
@@ -62,25 +59,25 @@ pub enum FromDevice {
 /// What the device answers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
-pub enum Answer {
-    /// To [`Ask::Identify`](crate::Ask::Identify).
+pub enum Reply {
+    /// To [`Request::Identify`](crate::Request::Identify).
     Identity(Identity),
     /// Carried out.
     Done,
-    /// To [`Ask::Describe`](crate::Ask::Describe).
+    /// To [`Request::Describe`](crate::Request::Describe).
     Description(Description),
-    /// To [`Ask::Status`](crate::Ask::Status).
+    /// To [`Request::Status`](crate::Request::Status).
     Status {
         /// The rig's.
         status: Status,
         /// The link's.
         counters: Counters,
     },
-    /// To [`Ask::Result`](crate::Ask::Result).
+    /// To [`Request::Result`](crate::Request::Result).
     Result(PointResult),
-    /// To [`Ask::Signals`](crate::Ask::Signals): the table from there on, as much as fits.
+    /// To [`Request::Signals`](crate::Request::Signals): the table from there on, as much as fits.
     Signals(Vec<Signal, SIGNALS_TOLD>),
-    /// To [`Ask::Snippet`](crate::Ask::Snippet).
+    /// To [`Request::Snippet`](crate::Request::Snippet).
     Snippet {
         /// What the samples mean.
         scale: ForceScale,
@@ -91,16 +88,16 @@ pub enum Answer {
         /// Counts from there on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
     },
-    /// To [`Ask::Settings`](crate::Ask::Settings).
+    /// To [`Request::Settings`](crate::Request::Settings).
     Settings {
         /// The settings in use.
         settings: Settings,
         /// Where they come from.
         source: Source,
     },
-    /// To [`Ask::BeginUpload`](crate::Ask::BeginUpload) and [`Ask::UploadChunk`](crate::Ask::UploadChunk).
+    /// To [`Request::BeginUpload`](crate::Request::BeginUpload) and [`Request::UploadChunk`](crate::Request::UploadChunk).
     Upload(Progress),
-    /// To [`Ask::Transient`](crate::Ask::Transient).
+    /// To [`Request::Transient`](crate::Request::Transient).
     Transient(TransientResult),
 }
 
@@ -157,7 +154,7 @@ pub struct Description {
     pub plant: PlantKind,
     /// Most frequencies in one experiment.
     pub most_points: u16,
-    /// Length of the signal table ([`Ask::Signals`](crate::Ask::Signals)).
+    /// Length of the signal table ([`Request::Signals`](crate::Request::Signals)).
     pub signals: u8,
     /// Most of them in a row.
     pub most_signals: u8,
@@ -314,26 +311,4 @@ pub struct Telemetry {
     pub width: u8,
     /// Row after row, the signals of each in their order.
     pub values: Vec<f32, MOST_VALUES>,
-}
-
-/// What a device reports unasked.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Happening {
-    /// A point is complete.
-    Point(PointResult),
-    /// The experiment is complete.
-    Finished {
-        /// Points completed.
-        points: u16,
-        /// Telemetry rows that found no room since the start.
-        rows_dropped: u32,
-    },
-    /// An interlock ended the experiment.
-    Fault(Fault),
-    /// The friction damper's spring has something to tell.
-    Spring(spring::Happening),
-    /// The particle hit a wall.
-    Impact(ImpactRecord),
-    /// A record or a free vibration is complete.
-    Transient(TransientResult),
 }

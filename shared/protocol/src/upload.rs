@@ -1,6 +1,6 @@
 //! Uploads: what is too long for a message goes in chunks, and counts only when the checksum of the whole is right.
 //!
-//! [`crate::Ask::BeginUpload`] names the upload by its length and checksum and is answered with how much *of exactly this
+//! [`crate::Request::BeginUpload`] names the upload by its length and checksum and is answered with how much *of exactly this
 //! one* is there, so that it goes on after a broken link, or after another program began it. A chunk that does not follow what
 //! is there is not taken; every answer says where to go on. Once all is there the device checks the whole, a few bytes a
 //! tick; an upload that does not agree with its checksum is dropped and has to begin again.

@@ -787,7 +787,7 @@ fn memory_at_power_on() -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use damprig_core::model::{SetUp, Structure};
-    use damprig_core::plant::PlantConfig;
+    use damprig_simulator::plant::PlantConfig;
 
     use super::*;
 

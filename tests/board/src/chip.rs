@@ -7,7 +7,7 @@
 //! - Everything that is not modelled fails with [`Refused`].
 
 use damprig_core::io::Invalid;
-use damprig_core::plant::PlantConfig;
+use damprig_simulator::plant::PlantConfig;
 
 use crate::peripherals::adc::{self, Adc};
 use crate::peripherals::dac::Dac;

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use damprig_board::{Board, Config, Image, Time, link};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 
 /// Runs the controller's image on an emulated NUCLEO-G474RE, its pins wired to a simulated rig: a structure with an impact
 /// damper and a friction damper on a shaker.

@@ -13,11 +13,11 @@ use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Calibration, Invalid};
 use damprig_core::model::Initial;
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::table::Table;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig};
 use damprig_core::settings::Settings;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::table::Table;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, PlantConfig};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
 

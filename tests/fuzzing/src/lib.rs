@@ -8,10 +8,10 @@ pub mod messages;
 pub mod mutation;
 pub mod seeds;
 
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated};
+use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, LONGEST_BODY, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
 
 /// A piece of what a board receives.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ fn split(mut data: &[u8]) -> Vec<Piece> {
     pieces
 }
 
-fn run(board: &mut Simulated<f32>) -> Vec<u8> {
+fn run(board: &mut SimulatedDevice<f32>) -> Vec<u8> {
     let mut out = vec![];
     // A grant may be for a month: a few hundred ticks of it are enough.
     for _ in 0..4 {
@@ -67,7 +67,7 @@ fn run(board: &mut Simulated<f32>) -> Vec<u8> {
     out
 }
 
-fn receive(board: &mut Simulated<f32>, piece: &Piece) {
+fn receive(board: &mut SimulatedDevice<f32>, piece: &Piece) {
     match piece {
         Piece::Raw(bytes) => board.receive(bytes),
         Piece::Body(body) => {
@@ -81,7 +81,7 @@ fn receive(board: &mut Simulated<f32>, piece: &Piece) {
 /// What a board says when it gets these pieces one after the other, each with a few hundred ticks of its credit.
 #[must_use]
 pub fn said(pieces: &[Piece]) -> Vec<u8> {
-    let mut board = Box::new(Simulated::<f32>::new(Name::new("fuzz", "fuzz")));
+    let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("fuzz", "fuzz")));
     let mut out = Vec::new();
     for piece in pieces {
         receive(&mut board, piece);
@@ -95,7 +95,7 @@ pub fn said(pieces: &[Piece]) -> Vec<u8> {
 /// # Panics
 /// It did.
 pub fn device(data: &[u8]) {
-    let mut board = Box::new(Simulated::<f32>::new(Name::new("fuzz", "fuzz")));
+    let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("fuzz", "fuzz")));
     for piece in split(data) {
         receive(&mut board, &piece);
         run(&mut board);
@@ -105,7 +105,7 @@ pub fn device(data: &[u8]) {
     board.receive(&[0]);
     for message in [
         ToDevice::Grant { until_tick: 0 },
-        ToDevice::Request(Request { seq: 54321, at_tick: None, ask: Ask::Identify }),
+        ToDevice::Request(NumberedRequest { seq: 54321, at_tick: None, request: Request::Identify }),
     ] {
         let length = frame::encode(&message, &mut buffer).expect("fits");
         board.receive(&buffer[..length]);
@@ -114,7 +114,7 @@ pub fn device(data: &[u8]) {
     let answered = run(&mut board)
         .into_iter()
         .filter_map(|byte| reader.push::<FromDevice>(byte))
-        .any(|message| matches!(message, Ok(FromDevice::Reply { seq: 54321, answer: Ok(Answer::Identity(_)) })));
+        .any(|message| matches!(message, Ok(FromDevice::Reply { seq: 54321, answer: Ok(Reply::Identity(_)) })));
     assert!(answered, "the board no longer answers");
 }
 

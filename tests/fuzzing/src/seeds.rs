@@ -11,12 +11,13 @@ use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::walls::WallSensors;
-use damprig_core::plant::{Base, PlantConfig, Shaker};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::frame::LONGEST_BODY;
-use damprig_protocol::{Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Request, ToDevice};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 
 use crate::messages::every_choice;
 use crate::{Piece, join, said};
@@ -71,7 +72,7 @@ pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
     let shaken = Base::Shaker(Shaker::default());
     vec![
         ("bare", experiment(PlantConfig::ideal(bare), None, &[])),
-        ("particle", experiment(PlantConfig { walls, ..PlantConfig::ideal(spid) }, Some(spid), &[Ask::ArmSnippet])),
+        ("particle", experiment(PlantConfig { walls, ..PlantConfig::ideal(spid) }, Some(spid), &[Request::ArmSnippet])),
         (
             "hybrid-on-a-shaker",
             experiment(PlantConfig { walls, base: shaken, ..PlantConfig::ideal(hybrid) }, None, &[]),
@@ -82,21 +83,21 @@ pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
                 PlantConfig { spring: Some(SpringPlant::default()), ..PlantConfig::ideal(bare) },
                 None,
                 &[
-                    Ask::SetSpring(SpringSetUp {
+                    Request::SetSpring(SpringSetUp {
                         stiffness_n_per_m: None,
                         friction_coefficient: Some(0.25),
                         structure_stiffness_n_per_m: 394.78,
                     }),
-                    Ask::Spring(SpringCommand::Home),
-                    Ask::Spring(SpringCommand::TouchOff),
-                    Ask::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })),
+                    Request::Spring(SpringCommand::Home),
+                    Request::Spring(SpringCommand::TouchOff),
+                    Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 })),
                 ],
             ),
         ),
     ]
 }
 
-fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Ask]) -> Vec<Piece> {
+fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Request]) -> Vec<Piece> {
     let sine = SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
@@ -108,18 +109,24 @@ fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Ask]) -> Vec<Piec
         first_index: 0,
         frequencies_hz: [9.0, 10.0].into_iter().collect(),
     };
-    let telemetry = Ask::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
-    let mut asks = vec![Ask::Identify, Ask::Describe, Ask::Signals { from: 0 }, Ask::SetPlant(plant)];
+    let telemetry = Request::SetTelemetry { every_ticks: 3, signals: Default::default(), impacts: true };
+    let mut asks = vec![Request::Identify, Request::Describe, Request::Signals { from: 0 }, set_plant(plant)];
     let limits = ExperimentLimits { wall_force_n: Some(300.0), ..ExperimentLimits::default() };
-    asks.extend([Ask::SetTwin(twin.map(TwinConfig::new)), Ask::Configure(sine), Ask::SetLimits(limits)]);
+    asks.extend([Request::SetTwin(twin.map(TwinConfig::new)), Request::Configure(sine), Request::SetLimits(limits)]);
     asks.extend_from_slice(more);
-    asks.extend([Ask::Start, telemetry]);
+    asks.extend([Request::Start, telemetry]);
     let grants = (1..10).map(|n| ToDevice::Grant { until_tick: 400 * n });
-    let after = [Ask::Status, Ask::Result { index: 0 }, Ask::Snippet { from: 0 }, Ask::Stop, Ask::ClearFault];
+    let after = [
+        Request::Status,
+        Request::Result { index: 0 },
+        Request::Snippet { from: 0 },
+        Request::Stop,
+        Request::ClearFault,
+    ];
     let mut seq = 0;
     let mut request = |ask| {
         seq += 1;
-        ToDevice::Request(Request { seq, at_tick: None, ask })
+        ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask })
     };
     let before: Vec<ToDevice> = asks.into_iter().map(&mut request).collect();
     let after: Vec<ToDevice> = after.into_iter().map(request).collect();
@@ -154,7 +161,7 @@ pub fn folder() -> PathBuf {
 mod tests {
     use super::*;
     use damprig_protocol::frame::Reader;
-    use damprig_protocol::{FromDevice, Happening};
+    use damprig_protocol::{Event, FromDevice};
 
     #[test]
     fn each_experiment_is_carried_out_so_its_mutations_begin_behind_the_checks() {
@@ -166,9 +173,9 @@ mod tests {
             assert!(has(|m| matches!(m, FromDevice::Telemetry(_))), "{name}: {messages:?}");
             let is_tuned = name == "tuned-spring";
             let ended = if is_tuned {
-                has(|m| matches!(m, FromDevice::Event { event: Happening::Spring(_), .. }))
+                has(|m| matches!(m, FromDevice::Event { event: Event::Spring(_), .. }))
             } else {
-                has(|m| matches!(m, FromDevice::Event { event: Happening::Point(_), .. }))
+                has(|m| matches!(m, FromDevice::Event { event: Event::Point(_), .. }))
             };
             assert!(ended, "{name}: {messages:?}");
         }

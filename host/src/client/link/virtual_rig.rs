@@ -1,48 +1,48 @@
-//! The virtual rig: a simulated board in this process, behind the same bytes as a real one.
+//! The virtual rig: a simulated device in this process, behind the same bytes as a real one.
 
 use std::io;
 use std::time::Duration;
 
 use damprig_core::settings::{Settings, Source};
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated, VirtualBoard};
+use damprig_device::board::DeviceInfo;
+use damprig_simulator::device::{Progress, SimulatedDevice, VirtualDevice};
 
 use super::Link;
 
-/// Device ticks between two looks at the host's side, so that Ctrl-C and progress are prompt.
+/// Most device ticks between two looks at Ctrl-C and the progress display.
 const TICKS_PER_TURN: u32 = 1000;
 
-/// A simulated board and the bytes on their way from it.
+/// A simulated device.
 #[derive(Debug)]
 pub struct VirtualRig {
-    board: Box<VirtualBoard>,
+    device: Box<VirtualDevice>,
 }
 
 impl VirtualRig {
-    /// An idle board without a plant, in single or double precision, that has kept these settings; as delivered for none.
+    /// An idle device without a plant, in single or double precision; with these stored settings, or as delivered.
     #[must_use]
     pub fn new(single: bool, settings: Option<&Settings>) -> Self {
-        let name = Name::new(env!("CARGO_PKG_VERSION"), "virtual");
-        let mut board = Box::new(if single {
-            VirtualBoard::Single(Simulated::new(name))
+        let info = DeviceInfo::new(env!("CARGO_PKG_VERSION"), "virtual");
+        let mut device = Box::new(if single {
+            VirtualDevice::Single(SimulatedDevice::new(info))
         } else {
-            VirtualBoard::Double(Simulated::new(name))
+            VirtualDevice::Double(SimulatedDevice::new(info))
         });
-        settings.into_iter().for_each(|settings| board.start_with(settings, Source::Stored));
-        Self { board }
+        settings.into_iter().for_each(|settings| device.start_with(settings, Source::Stored));
+        Self { device }
     }
 }
 
 impl Link for VirtualRig {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.board.receive(bytes);
+        self.device.receive(bytes);
         Ok(())
     }
 
     fn receive(&mut self, into: &mut Vec<u8>, _: Duration) -> io::Result<()> {
-        // Runs until the board sends something. Without ticks to run it sends nothing, so waiting would not help.
+        // The device runs until it has sent something. While its clock stands it sends nothing, however long one waits.
         let before = into.len();
-        while self.board.run(TICKS_PER_TURN, &mut |bytes| into.extend_from_slice(bytes)) == Progress::Running
+        while self.device.run(TICKS_PER_TURN, &mut |bytes| into.extend_from_slice(bytes)) == Progress::Running
             && into.len() == before
         {}
         Ok(())

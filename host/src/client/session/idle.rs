@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use damprig_core::control::safety::SafeStage;
 use damprig_core::rig::State;
-use damprig_protocol::Ask;
+use damprig_protocol::Request;
 
 use super::{Session, SessionError, TURN};
 
@@ -29,9 +29,9 @@ impl Session {
             let longest = if rings || advised.is_some() { LONGEST_REST } else { self.timeout };
             match status.state {
                 State::Idle => return Ok(()),
-                State::Running(_) => self.execute("stop", Ask::Stop)?,
+                State::Running(_) => self.execute("stop", Request::Stop)?,
                 // Rejected while the drive fades out or the structure rings: repeated on the next turn.
-                State::Faulted => match self.execute("clear the fault", Ask::ClearFault) {
+                State::Faulted => match self.execute("clear the fault", Request::ClearFault) {
                     Ok(()) => {}
                     Err(SessionError::Refused { why, .. }) => {
                         if begun.elapsed() > self.timeout && advised.as_ref() != Some(&why) {
@@ -63,7 +63,7 @@ impl Session {
             let (status, _) = self.status()?;
             match (status.state, status.safe) {
                 (State::Idle, _) | (State::Faulted, SafeStage::Ringing | SafeStage::Safe) => return Ok(()),
-                (State::Running(_), _) => self.execute("stop", Ask::Stop)?,
+                (State::Running(_), _) => self.execute("stop", Request::Stop)?,
                 (State::Faulted | State::Stopping, _) => {}
             }
             self.wait_a_turn(status.tick)?;

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{
-    Answer, Ask, Clock, ClockSource, Counters, Description, FromDevice, Happening, Identity, Request, Reset, SCHEMA,
-    Signal, Telemetry, ToDevice, VERSION,
+    Clock, ClockSource, Counters, Description, Event, FromDevice, Identity, NumberedRequest, Reply, Request, Reset,
+    SCHEMA, Signal, Telemetry, ToDevice, VERSION,
 };
 
 use crate::client::link::{Address, Closed, Link, Unreachable};
@@ -116,7 +116,7 @@ pub enum Report {
         /// The tick.
         tick: u32,
         /// What happened.
-        event: Happening,
+        event: Event,
     },
     /// Rows of signals.
     Telemetry(Box<Telemetry>),
@@ -143,7 +143,7 @@ pub struct Session {
     reader: Reader,
     bytes: Vec<u8>,
     reports: VecDeque<Report>,
-    replies: VecDeque<(u16, Result<Answer, damprig_protocol::Refused>)>,
+    replies: VecDeque<(u16, Result<Reply, damprig_protocol::Rejected>)>,
     seq: u16,
     /// The board's latest counters, and the sequence number of their request.
     counters: Option<(u16, Counters)>,
@@ -220,13 +220,13 @@ impl Session {
         };
         // Ends the partial frame that an earlier host may have left in the device's reader.
         session.send_bytes(&[0])?;
-        session.identity = match session.request("identify itself", Ask::Identify)? {
-            Answer::Identity(identity) => identity,
+        session.identity = match session.request("identify itself", Request::Identify)? {
+            Reply::Identity(identity) => identity,
             _ => return Err(SessionError::UnexpectedReply { what: "identify itself" }),
         };
         session.check_version()?;
-        session.description = match session.request("describe itself", Ask::Describe)? {
-            Answer::Description(description) => description,
+        session.description = match session.request("describe itself", Request::Describe)? {
+            Reply::Description(description) => description,
             _ => return Err(SessionError::UnexpectedReply { what: "describe itself" }),
         };
         session.signals = session.read_signals()?;
@@ -240,8 +240,8 @@ impl Session {
         const WHAT: &str = "list its signals";
         let mut table = Vec::new();
         while table.len() < usize::from(self.description.signals) {
-            match self.request(WHAT, Ask::Signals { from: table.len() as u8 })? {
-                Answer::Signals(part) if !part.is_empty() => table.extend(part),
+            match self.request(WHAT, Request::Signals { from: table.len() as u8 })? {
+                Reply::Signals(part) if !part.is_empty() => table.extend(part),
                 _ => return Err(SessionError::UnexpectedReply { what: WHAT }),
             }
         }
@@ -354,11 +354,11 @@ impl Session {
     ///
     /// # Errors
     /// The device rejects the request or is silent, or the link breaks.
-    pub fn request(&mut self, what: &'static str, ask: Ask) -> Result<Answer, SessionError> {
+    pub fn request(&mut self, what: &'static str, ask: Request) -> Result<Reply, SessionError> {
         self.use_up_credit()?;
         self.seq = self.seq.wrapping_add(1);
         let seq = self.seq;
-        let message = ToDevice::Request(Request { seq, at_tick: None, ask });
+        let message = ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask });
         let silent_at = Instant::now() + self.timeout;
         while Instant::now() < silent_at {
             self.send(&message)?;
@@ -382,9 +382,9 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::request`].
-    pub fn execute(&mut self, what: &'static str, ask: Ask) -> Result<(), SessionError> {
+    pub fn execute(&mut self, what: &'static str, ask: Request) -> Result<(), SessionError> {
         match self.request(what, ask)? {
-            Answer::Done => Ok(()),
+            Reply::Done => Ok(()),
             _ => Err(SessionError::UnexpectedReply { what }),
         }
     }
@@ -395,7 +395,7 @@ impl Session {
     /// As [`Session::request`].
     pub fn start(&mut self) -> Result<(), SessionError> {
         self.reports.clear();
-        self.execute("start", Ask::Start)?;
+        self.execute("start", Request::Start)?;
         self.granted_until = None;
         self.clock_tick = 0;
         Ok(())
@@ -473,13 +473,13 @@ impl Session {
     fn keep_alive(&mut self) -> Result<(), SessionError> {
         self.replies.clear();
         self.seq = self.seq.wrapping_add(1);
-        self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Status }))
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Status }))
     }
 
     /// Sends a stop request without waiting for the reply: for a link that has failed.
     pub fn stop_without_reply(&mut self) {
         self.seq = self.seq.wrapping_add(1);
-        let _ = self.send(&ToDevice::Request(Request { seq: self.seq, at_tick: None, ask: Ask::Stop }));
+        let _ = self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Stop }));
     }
 
     /// Closes the link, so that it can be opened again: a serial port has one user at a time.

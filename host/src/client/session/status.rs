@@ -2,7 +2,7 @@
 
 use damprig_core::rig::Status;
 use damprig_core::settings::{Settings, Source};
-use damprig_protocol::{Answer, Ask, Counters, Refused};
+use damprig_protocol::{Counters, Rejected, Reply, Request};
 
 use super::{Session, SessionError};
 
@@ -12,8 +12,8 @@ impl Session {
     /// # Errors
     /// As [`Session::request`].
     pub fn status(&mut self) -> Result<(Status, Counters), SessionError> {
-        match self.request("report its status", Ask::Status)? {
-            Answer::Status { status, counters } => {
+        match self.request("report its status", Request::Status)? {
+            Reply::Status { status, counters } => {
                 // A late grant may have advanced the device further than the present one.
                 self.clock_tick = self.clock_tick.max(status.tick);
                 self.granted_until = self.granted_until.map(|until| until.max(status.tick));
@@ -29,8 +29,8 @@ impl Session {
     /// As [`Session::request`].
     pub fn read_settings(&mut self) -> Result<(Settings, Source), SessionError> {
         const WHAT: &str = "report its settings";
-        match self.request(WHAT, Ask::Settings)? {
-            Answer::Settings { settings, source } => Ok((settings, source)),
+        match self.request(WHAT, Request::Settings)? {
+            Reply::Settings { settings, source } => Ok((settings, source)),
             _ => Err(SessionError::UnexpectedReply { what: WHAT }),
         }
     }
@@ -47,8 +47,8 @@ impl Session {
     }
 
     /// Takes the counters of a status reply. A reply that was delayed does not replace a later one.
-    pub(super) fn take_counters(&mut self, seq: u16, answer: &Result<Answer, Refused>) {
-        if let Ok(Answer::Status { counters, .. }) = answer
+    pub(super) fn take_counters(&mut self, seq: u16, answer: &Result<Reply, Rejected>) {
+        if let Ok(Reply::Status { counters, .. }) = answer
             && self.counters.is_none_or(|(latest, _)| seq.wrapping_sub(latest).cast_signed() > 0)
         {
             self.counters = Some((seq, *counters));

@@ -11,10 +11,10 @@ use std::time::Duration;
 
 use arrow_array::RecordBatch;
 use assert_cmd::Command;
-use damprig_device::control::Name;
-use damprig_device::simulated::{Progress, Simulated};
+use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, Reader};
-use damprig_protocol::{Ask, FromDevice, Happening, ToDevice};
+use damprig_protocol::{Event, FromDevice, Request, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tempfile::TempDir;
 
@@ -132,17 +132,22 @@ impl Served {
     /// Whether the host left the rig standing: told to stop, or with everything finished that it began.
     pub fn was_left_standing(self) -> bool {
         let heard = self.thread.join().expect("the board's thread");
-        let asked =
-            |ask: &Ask| heard.received.iter().filter(|m| matches!(m, ToDevice::Request(r) if r.ask == *ask)).count();
-        asked(&Ask::Stop) > 0 || asked(&Ask::Start) == heard.finished
+        let asked = |ask: &Request| {
+            heard.received.iter().filter(|m| matches!(m, ToDevice::Request(r) if r.request == *ask)).count()
+        };
+        asked(&Request::Stop) > 0 || asked(&Request::Start) == heard.finished
     }
 }
 
-fn board() -> Box<Simulated<f32>> {
-    Box::new(Simulated::new(Name::new("0.0.0", "test")))
+fn board() -> Box<SimulatedDevice<f32>> {
+    Box::new(SimulatedDevice::new(DeviceInfo::new("0.0.0", "test")))
 }
 
-fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl FnMut(&FromDevice) -> Fate) -> Heard {
+fn serve(
+    mut stream: TcpStream,
+    board: &mut Box<SimulatedDevice<f32>>,
+    fate: &mut impl FnMut(&FromDevice) -> Fate,
+) -> Heard {
     let (mut from_host, mut from_board) = (Reader::default(), Reader::default());
     let mut heard = Heard::default();
     let mut muted = false;
@@ -163,8 +168,7 @@ fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl
             let Some(Ok(message)) = from_board.push::<FromDevice>(byte) else { continue };
             let mut frame = [0; frame::LONGEST];
             let mut length = frame::encode(&message, &mut frame).expect("it came as a frame");
-            heard.finished +=
-                usize::from(matches!(message, FromDevice::Event { event: Happening::Finished { .. }, .. }));
+            heard.finished += usize::from(matches!(message, FromDevice::Event { event: Event::Finished { .. }, .. }));
             match fate(&message) {
                 Fate::Pass => {}
                 Fate::Corrupt => frame[length / 2] ^= 0x10,
@@ -191,7 +195,7 @@ fn serve(mut stream: TcpStream, board: &mut Box<Simulated<f32>>, fate: &mut impl
 
 /// Whether a message is the result of a point.
 pub fn is_point(message: &FromDevice) -> bool {
-    matches!(message, FromDevice::Event { event: Happening::Point(_), .. })
+    matches!(message, FromDevice::Event { event: Event::Point(_), .. })
 }
 
 /// Long enough for a loaded machine, short enough to fail.

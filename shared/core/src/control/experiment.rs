@@ -198,10 +198,10 @@ impl Runner {
         }
     }
 
-    /// A simulated plant should be put back to its start in this tick, for the point of this place.
+    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
     #[must_use]
-    pub fn wants_plant_put_back(&self) -> Option<u16> {
-        ask!(self, own => own.wants_plant_put_back())
+    pub fn begins_from_rest(&self) -> Option<u16> {
+        ask!(self, own => own.begins_from_rest())
     }
 
     /// Lets the drive fade out, whatever comes after.

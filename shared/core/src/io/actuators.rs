@@ -9,8 +9,6 @@ pub struct Actuators {
     pub drive_enabled: bool,
     /// Steps of the friction damper's motor.
     pub motor: Motor,
-    /// A simulated plant goes back to its start for the point of this place; a real one cannot.
-    pub put_plant_back: Option<u16>,
 }
 
 /// One tick's motor demand.

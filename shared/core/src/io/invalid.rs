@@ -20,21 +20,21 @@ impl core::fmt::Display for Invalid {
 impl core::error::Error for Invalid {}
 
 /// Refuses `value` unless `ok`, with the parameter's name.
-pub(crate) fn require(ok: bool, parameter: &'static str, value: f64, allowed: &'static str) -> Result<(), Invalid> {
+pub fn require(ok: bool, parameter: &'static str, value: f64, allowed: &'static str) -> Result<(), Invalid> {
     if ok { Ok(()) } else { Err(Invalid { parameter, value, allowed }) }
 }
 
 /// Refuses anything but a finite number above zero.
-pub(crate) fn positive(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+pub fn positive(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite() && value > 0.0, parameter, value, "a finite number greater than 0")
 }
 
 /// Refuses anything but a finite number from zero up.
-pub(crate) fn not_negative(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+pub fn not_negative(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite() && value >= 0.0, parameter, value, "a finite number, 0 or greater")
 }
 
 /// Refuses NaN and infinities.
-pub(crate) fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid> {
+pub fn finite(parameter: &'static str, value: f64) -> Result<(), Invalid> {
     require(value.is_finite(), parameter, value, "a finite number")
 }

@@ -2,14 +2,15 @@
 //!
 //! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
 //! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
-//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`words`] the
+//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`command`] the
 //! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
 //! a host is in `damprig-protocol`.
 
+pub mod command;
 pub mod damper;
 mod event_queue;
+mod rejected;
 pub mod signals;
-pub mod words;
 
 use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
 use crate::control::friction_spring::{FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
@@ -22,11 +23,12 @@ use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
+pub use command::{Brake, Command, Event, State, Status};
 use damper::Dampers;
 use event_queue::EventQueue;
 use heapless::Deque;
+pub use rejected::{Rejected, clipped};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
-pub use words::{Brake, Command, Event, Refusal, State, Status};
 
 /// Results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
@@ -51,6 +53,7 @@ pub struct Rig {
     largest_drive_m: f32,
     fault: Option<Fault>,
     finishing: bool,
+    begins_from_rest: Option<u16>,
     host_heard: bool,
     drive: DriveRange,
     /// In the last tick.
@@ -85,6 +88,7 @@ impl Rig {
             largest_drive_m: 0.0,
             fault: None,
             finishing: false,
+            begins_from_rest: None,
             host_heard: false,
             drive: DriveScale::default().range(),
             emergency_stop: false,
@@ -120,6 +124,12 @@ impl Rig {
     #[must_use]
     pub fn state(&self) -> State {
         self.state
+    }
+
+    /// The place of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
+    #[must_use]
+    pub fn begins_from_rest(&self) -> Option<u16> {
+        self.begins_from_rest
     }
 
     /// The tick that comes next, counted from the last start.
@@ -178,46 +188,48 @@ impl Rig {
     ///
     /// # Errors
     /// The rig is not idle: says which state it is in and what to do.
-    pub fn must_be_idle(&self) -> Result<(), Refusal> {
+    pub fn must_be_idle(&self) -> Result<(), Rejected> {
         let state = self.state;
         match state {
             State::Idle => Ok(()),
-            State::Faulted => Err(Refusal::WrongState { state, advice: "clear the fault first" }),
-            _ => Err(Refusal::WrongState { state, advice: "stop the experiment first" }),
+            State::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
+            _ => Err(Rejected::wrong_state(state, "stop the experiment first")),
         }
     }
 
-    /// Carries out a command. An experiment is taken out of it, which is cheaper than copying it; a twin is copied, which is cheaper
-    /// than moving it about.
+    /// Carries out a command.
     ///
     /// # Errors
-    /// A parameter out of range, or a command that makes no sense now; rig and command are as they were.
-    pub fn handle(&mut self, command: &mut Command) -> Result<(), Refusal> {
+    /// A parameter is out of range, or the command is not allowed in this state; the rig is unchanged.
+    pub fn handle(&mut self, command: Command) -> Result<(), Rejected> {
         match command {
             Command::SetLimits(limits) => {
                 self.must_be_idle()?;
                 if self.experiment.is_none() {
                     let advice = "configure an experiment first";
-                    return Err(Refusal::WrongState { state: self.state, advice });
+                    return Err(Rejected::wrong_state(self.state, advice));
                 }
-                self.settings.safety.tightened(limits)?;
-                self.limits = *limits;
+                self.settings.safety.tightened(&limits)?;
+                self.limits = limits;
             }
             Command::SetSpring(set_up) => {
                 self.must_be_idle()?;
-                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(set_up))?;
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(&set_up))?;
             }
-            Command::SetTwin(twin) => {
+            Command::SetTwin(config) => {
                 self.must_be_idle()?;
-                self.dampers.twin = twin.as_ref().map(Twin::of);
+                self.dampers.twin = config.as_ref().map(Twin::new).transpose()?;
             }
             Command::Configure(experiment) => {
                 self.must_be_idle()?;
-                if let Some(experiment) = experiment.as_ref() {
-                    self.check_drive(experiment, None)?;
-                }
-                self.experiment = experiment.take();
+                self.check_drive(&experiment, None)?;
+                self.experiment = Some(experiment);
                 self.limits = ExperimentLimits::default();
+            }
+            Command::SetSettings(settings) => self.set_settings(&settings)?,
+            Command::ReplaceSpring => {
+                self.must_be_idle()?;
+                self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
             }
             Command::Start => self.start()?,
             Command::Stop => {
@@ -229,7 +241,7 @@ impl Rig {
                 }
             }
             Command::ClearFault => self.clear_fault()?,
-            Command::Spring(command) => self.ask_spring(*command)?,
+            Command::Spring(command) => self.ask_spring(command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),
         }
         Ok(())
@@ -240,39 +252,25 @@ impl Rig {
     ///
     /// # Errors
     /// It asks for more.
-    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         match experiment.largest_drive_m(record_peak_counts) {
             Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
             None => Ok(()),
         }
     }
 
-    /// Takes settings of the board over. A friction damper's drive with other settings has to be homed again.
-    ///
-    /// # Errors
-    /// The rig is neither idle nor faulted with its drive off: a limit that was set wrong may be what latched a fault.
-    pub fn adopt(&mut self, prepared: &Prepared) -> Result<(), Refusal> {
+    fn set_settings(&mut self, settings: &Settings) -> Result<(), Rejected> {
+        let prepared = Prepared::new(settings)?;
         if self.state != State::Faulted || self.runner.is_some() {
             self.must_be_idle()?;
         }
-        self.drive = prepared.settings.calibration.drive.range();
+        self.drive = settings.calibration.drive.range();
         self.safety.adopt(&prepared.safety);
-        if prepared.settings.spring != self.settings.spring {
+        if settings.spring != self.settings.spring {
             self.dampers.spring = prepared.spring;
         }
         self.dampers.meter.adopt(&prepared.impacts);
-        self.settings = prepared.settings;
-        Ok(())
-    }
-
-    /// The friction damper's drive is another one, as on a simulated plant that has been set: nothing is known of its
-    /// position.
-    ///
-    /// # Errors
-    /// As [`Rig::must_be_idle`].
-    pub fn replace_spring(&mut self) -> Result<(), Refusal> {
-        self.must_be_idle()?;
-        self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
+        self.settings = *settings;
         Ok(())
     }
 
@@ -287,25 +285,23 @@ impl Rig {
     ///
     /// # Errors
     /// As [`Rig::handle`] of a start.
-    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Refusal> {
+    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         self.must_be_idle()?;
         let Some(experiment) = &self.experiment else {
-            return Err(Refusal::WrongState { state: self.state, advice: "configure an experiment first" });
+            return Err(Rejected::wrong_state(self.state, "configure an experiment first"));
         };
         // The settings may have changed since it was configured.
         self.check_drive(experiment, record_peak_counts)?;
         match self.dampers.spring.stage() {
-            SpringStage::Faulted => {
-                Err(Refusal::WrongStage { stage: SpringStage::Faulted, advice: "clear the spring's fault first" })
-            }
+            SpringStage::Faulted => Err(Rejected::wrong_stage(SpringStage::Faulted, "clear the spring's fault first")),
             stage @ (SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing) => {
-                Err(Refusal::WrongStage { stage, advice: "wait until it is done, or halt" })
+                Err(Rejected::wrong_stage(stage, "wait until it is done, or halt"))
             }
             _ => Ok(()),
         }
     }
 
-    fn start(&mut self) -> Result<(), Refusal> {
+    fn start(&mut self) -> Result<(), Rejected> {
         self.could_start(None)?;
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
@@ -322,9 +318,9 @@ impl Rig {
         Ok(())
     }
 
-    fn clear_fault(&mut self) -> Result<(), Refusal> {
+    fn clear_fault(&mut self) -> Result<(), Rejected> {
         let state = self.state;
-        self.safety.clear().map_err(|not_safe| Refusal::WrongState { state, advice: not_safe.advice })?;
+        self.safety.clear().map_err(|not_safe| Rejected::wrong_state(state, not_safe.advice))?;
         self.fault = None;
         if self.state == State::Faulted {
             self.state = State::Idle;
@@ -335,15 +331,15 @@ impl Rig {
         Ok(())
     }
 
-    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Refusal> {
+    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Rejected> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
         let state = self.state;
         if self.emergency_stop && (moves || command == SpringCommand::Release) {
-            return Err(Refusal::WrongState { state, advice: "release the emergency stop first" });
+            return Err(Rejected::wrong_state(state, "release the emergency stop first"));
         }
         if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
-            return Err(Refusal::WrongState { state, advice: "the brake closes: clear the fault first" });
+            return Err(Rejected::wrong_state(state, "the brake closes: clear the fault first"));
         }
         match self.state {
             State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
@@ -364,7 +360,7 @@ impl Rig {
         let mut actuators = Actuators { motor, ..Actuators::default() };
         self.run_experiment(&readings, record, &allowed, &mut actuators);
         self.dampers.update_twin(tick, &readings);
-        if actuators.put_plant_back.is_some() {
+        if self.begins_from_rest.is_some() {
             self.dampers.put_back(tick);
         }
         self.fill_signals(&readings, &actuators, frequency_hz);
@@ -399,12 +395,13 @@ impl Rig {
 
     /// The experiment's tick: the drive, within what the interlocks allow.
     fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
+        self.begins_from_rest = None;
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
         let now = Now { tick: self.tick, readings, impacts, clipped };
         let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
         let (drive_m, outcome) = if let State::Running(_) = self.state {
             let driven = runner.tick(experiment, record, &now);
-            actuators.put_plant_back = runner.wants_plant_put_back();
+            self.begins_from_rest = runner.begins_from_rest();
             self.state = State::Running(runner.stage());
             driven
         } else {
@@ -508,7 +505,7 @@ impl Rig {
         self.state = State::Idle;
         self.end_experiment();
         if core::mem::take(&mut self.finishing) {
-            self.events.push(Event::Finished { points: self.points });
+            self.events.push(Event::Finished { points: self.points, rows_dropped: 0 });
         }
     }
 

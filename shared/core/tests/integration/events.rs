@@ -20,8 +20,8 @@ fn running() -> Rig {
         first_index: 0,
     };
     let mut rig = Rig::new();
-    rig.handle(&mut Command::Configure(Some(Experiment::SteppedSine(Plan::new(sine).unwrap())))).unwrap();
-    rig.handle(&mut Command::Start).unwrap();
+    rig.handle(Command::Configure(Experiment::SteppedSine(Plan::new(sine).unwrap()))).unwrap();
+    rig.handle(Command::Start).unwrap();
     rig
 }
 

@@ -1,19 +1,13 @@
 //! Tests of the core through its public interface, one file for each part.
 
 mod accumulations;
-mod base_loop;
 mod closed_forms;
 mod energy_books;
 mod events;
 mod exact_properties;
 mod first_instant;
-mod friction_spring;
-mod impacts;
 mod joined;
 mod safety;
 mod sampled;
 mod scalars;
 mod second_method;
-mod shaker;
-mod transient;
-mod twin;

@@ -1,12 +1,5 @@
-//! Tests of the device side of the link, through the messages that a host sends.
+//! Tests of the device side of the link: settings in flash, and the requests that set and save them.
 
-mod dampers;
-mod drive;
-mod emergency_stop;
-mod limits;
-mod sensors;
 mod settings;
-mod settings_orders;
-mod simulated;
+mod settings_requests;
 mod support;
-mod uploads;

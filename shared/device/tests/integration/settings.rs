@@ -2,18 +2,18 @@
 
 use crate::support::flash::{Cut, Flash, PAGE, SIZE, WORD};
 use damprig_core::settings::{Settings, Source};
-use damprig_device::settings::{Keeper, NotSaved};
+use damprig_device::settings_store::{NotSaved, SettingsStore};
 
-fn keeper(flash: &mut Flash) -> Keeper<&mut Flash> {
-    Keeper::new(flash, 0..SIZE as u32).expect("two pages")
+fn store(flash: &mut Flash) -> SettingsStore<&mut Flash> {
+    SettingsStore::new(flash, 0..SIZE as u32).expect("two pages")
 }
 
 fn load(flash: &mut Flash) -> (Settings, Source) {
-    keeper(flash).load()
+    store(flash).load()
 }
 
 fn save(flash: &mut Flash, settings: &Settings) -> Result<(), NotSaved> {
-    keeper(flash).save(settings)
+    store(flash).save(settings)
 }
 
 /// Settings that differ from those of any other number in several places.
@@ -152,6 +152,6 @@ fn settings_out_of_range_are_not_believed_however_sound_their_record() {
 #[test]
 fn a_place_that_is_not_two_whole_pages_is_refused() {
     for range in [0..PAGE as u32, 0..SIZE as u32 - 1, 8..SIZE as u32 + 8] {
-        assert!(Keeper::new(&mut Flash::default(), range).is_none());
+        assert!(SettingsStore::new(&mut Flash::default(), range).is_none());
     }
 }

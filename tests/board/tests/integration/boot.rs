@@ -1,13 +1,13 @@
 //! From power-on to the first answers.
 
 use damprig_board::{Board, Config, Output, Time};
-use damprig_protocol::{Answer, Ask, Clock, ClockSource, Description, PlantKind, Reset, SCHEMA, VERSION};
+use damprig_protocol::{Clock, ClockSource, Description, PlantKind, Reply, Request, Reset, SCHEMA, VERSION};
 
 use crate::common::{Host, bare, board, image, run};
 
 fn description(host: &mut Host) -> Description {
-    match host.ask(Ask::Describe) {
-        Answer::Description(description) => description,
+    match host.ask(Request::Describe) {
+        Reply::Description(description) => description,
         other => panic!("{other:?}"),
     }
 }
@@ -17,7 +17,7 @@ fn the_board_says_who_it_is_within_a_tenth_of_a_second_of_power_on() {
     let Some(image) = image() else { return };
     let mut board = board(image);
     let mut host = Host::new(&mut board);
-    let Answer::Identity(identity) = host.ask(Ask::Identify) else { panic!("no identity") };
+    let Reply::Identity(identity) = host.ask(Request::Identify) else { panic!("no identity") };
     assert_eq!((identity.protocol, identity.schema, identity.board.as_str()), (VERSION, SCHEMA, "nucleo-g474re"));
     assert!(host.board.now() < Time::from_ms(100), "{} s", host.board.now().s());
     let description = description(&mut host);
@@ -55,8 +55,8 @@ fn the_same_bytes_at_the_same_times_give_the_same_run() {
     let runs = [0; 2].map(|_| {
         let mut board = board(image()?);
         let mut host = Host::new(&mut board);
-        host.ask(Ask::Identify);
-        host.ask(Ask::Status);
+        host.ask(Request::Identify);
+        host.ask(Request::Status);
         let received = std::mem::take(&mut host.received);
         run(&mut board, Time::from_ms(300));
         Some((received, board.instructions(), board.costs().clone(), board.chip().trace().to_vec()))

@@ -11,9 +11,9 @@ use std::thread::{self, JoinHandle};
 use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
-use damprig_core::plant::{Base, PlantConfig, Shaker};
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Answer, Ask, FromDevice, Request, ToDevice};
+use damprig_protocol::{Reply, Request, FromDevice, NumberedRequest, ToDevice};
 use escargot::CargoBuild;
 
 /// Device seconds a second, at most: far from the time-outs of either side.
@@ -83,15 +83,15 @@ impl<'a> Host<'a> {
     }
 
     /// Asks, and waits for at most a second of device time.
-    pub fn ask(&mut self, ask: Ask) -> Answer {
+    pub fn ask(&mut self, ask: Request) -> Reply {
         let seq = self.send(ask);
         self.reply_to(seq)
     }
 
     /// Sends a request; its number.
-    pub fn send(&mut self, ask: Ask) -> u16 {
+    pub fn send(&mut self, ask: Request) -> u16 {
         self.seq += 1;
-        let request = ToDevice::Request(Request { seq: self.seq, at_tick: None, ask });
+        let request = ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask });
         let mut out = [0; LONGEST];
         let length = frame::encode(&request, &mut out).unwrap();
         self.board.chip_mut().host_sends(&out[..length]);
@@ -99,7 +99,7 @@ impl<'a> Host<'a> {
     }
 
     /// Waits for at most a second of device time.
-    pub fn reply_to(&mut self, wanted: u16) -> Answer {
+    pub fn reply_to(&mut self, wanted: u16) -> Reply {
         let end = self.board.now() + Time::from_ms(1_000);
         while self.board.now() < end {
             run(self.board, self.board.now() + Time::from_ms(1));

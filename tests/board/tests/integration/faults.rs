@@ -4,7 +4,7 @@ use damprig_board::peripherals::rcc::ResetCause;
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
-use damprig_protocol::{Answer, Ask, CrashCause, Description, Reset};
+use damprig_protocol::{Reply, Request, CrashCause, Description, Reset};
 
 use crate::common::{Host, bare, image, run};
 
@@ -18,8 +18,8 @@ const THREAD: u16 = 0;
 const LSI_HZ: [u64; 2] = [31_000, 34_000];
 
 fn description(board: &mut Board) -> Description {
-    match Host::new(board).ask(Ask::Describe) {
-        Answer::Description(description) => description,
+    match Host::new(board).ask(Request::Describe) {
+        Reply::Description(description) => description,
         other => panic!("{other:?}"),
     }
 }
@@ -28,8 +28,8 @@ fn description(board: &mut Board) -> Description {
 fn driving(config: &Config) -> Option<Board> {
     let mut board = Board::new(image()?, config).unwrap();
     let mut host = Host::new(&mut board);
-    host.ask(Ask::Identify);
-    host.ask(Ask::Configure(SteppedSine {
+    host.ask(Request::Identify);
+    host.ask(Request::Configure(SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 1e-3,
         drive: Drive::Constant,
@@ -40,7 +40,7 @@ fn driving(config: &Config) -> Option<Board> {
         frequencies_hz: [2.5].into_iter().collect(),
         first_index: 0,
     }));
-    host.ask(Ask::Start);
+    host.ask(Request::Start);
     pass(&mut board, 500);
     assert!(is_driving(&board), "{:?}", board.chip().trace().last());
     Some(board)

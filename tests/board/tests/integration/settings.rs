@@ -5,7 +5,7 @@ use std::process::Output;
 use damprig_board::peripherals::flash::{Bank2, Cut};
 use damprig_board::{Board, Config, Time};
 use damprig_core::settings::{Settings, Source};
-use damprig_protocol::{Answer, Ask};
+use damprig_protocol::{Reply, Request};
 
 use crate::common::{Host, Served, bare, damprig, image, said};
 
@@ -36,8 +36,8 @@ fn save(bank2: &Bank2, wall_force_n: f32, cut: Option<(u64, Cut)>) -> Option<(Ba
     let mut host = Host::new(&mut board);
     let mut settings = Settings::default();
     settings.safety.wall_force_n = wall_force_n;
-    host.ask(Ask::SetSettings(settings));
-    host.send(Ask::SaveSettings);
+    host.ask(Request::SetSettings(settings));
+    host.send(Request::SaveSettings);
     host.pass(Time::from_ms(60));
     Some((board.chip().bank2().clone(), board.chip().flash_operations()))
 }
@@ -45,8 +45,8 @@ fn save(bank2: &Bank2, wall_force_n: f32, cut: Option<(u64, Cut)>) -> Option<(Ba
 /// What a board with this second bank says its wall force limit is.
 fn read(bank2: &Bank2) -> (f32, Source) {
     let mut board = Board::new(image().unwrap(), &Config { bank2: bank2.clone(), ..Config::new(bare()) }).unwrap();
-    match Host::new(&mut board).ask(Ask::Settings) {
-        Answer::Settings { settings, source } => (settings.safety.wall_force_n, source),
+    match Host::new(&mut board).ask(Request::Settings) {
+        Reply::Settings { settings, source } => (settings.safety.wall_force_n, source),
         other => panic!("{other:?}"),
     }
 }

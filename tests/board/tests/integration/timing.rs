@@ -5,9 +5,9 @@ use damprig_core::control::friction_spring::{SpringCommand, Stage};
 use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::Structure;
-use damprig_core::plant::spring::SpringPlant;
-use damprig_core::plant::{Base, PlantConfig};
-use damprig_protocol::{Answer, Ask, FromDevice};
+use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::{Base, PlantConfig};
+use damprig_protocol::{Reply, Request, FromDevice};
 
 use crate::common::{Host, bare, image, run};
 
@@ -22,7 +22,7 @@ const AMPLITUDE_M: f32 = 4e-3;
 const FREQUENCY_HZ: f32 = 5.0;
 
 fn start(host: &mut Host) {
-    host.ask(Ask::Configure(SteppedSine {
+    host.ask(Request::Configure(SteppedSine {
         start: Start::CarryOver,
         amplitude_m: AMPLITUDE_M,
         drive: Drive::Constant,
@@ -34,9 +34,9 @@ fn start(host: &mut Host) {
         first_index: 0,
     }));
     // The base alone.
-    host.ask(Ask::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
+    host.ask(Request::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
     host.received.clear();
-    host.ask(Ask::Start);
+    host.ask(Request::Start);
 }
 
 /// z of each tick since the start, while no tick is missing.
@@ -59,7 +59,7 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
     let mut host = Host::new(&mut board);
-    host.ask(Ask::Identify);
+    host.ask(Request::Identify);
     start(&mut host);
     host.pass(Time::from_ms(300));
     let before = base_motion(&host);
@@ -69,11 +69,11 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
         host.board.halt(Time::from_us(stall_us));
         host.pass(Time::from_ms(3_000));
         if stall_us > 1_000 {
-            let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+            let Reply::Status { counters, .. } = host.ask(Request::Status) else { panic!("no status") };
             assert!(counters.timing.overruns > 0);
-            host.ask(Ask::ClearFault);
+            host.ask(Request::ClearFault);
         } else {
-            host.ask(Ask::Stop);
+            host.ask(Request::Stop);
             host.pass(Time::from_ms(3_000));
         }
         start(&mut host);
@@ -94,7 +94,7 @@ fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
     let mut host = Host::new(&mut board);
-    host.ask(Ask::Identify);
+    host.ask(Request::Identify);
     start(&mut host);
     host.pass(Time::from_ms(500));
     let z_m = base_motion(&host);
@@ -128,9 +128,9 @@ fn pulses(board: &Board, since: Time) -> Vec<(Time, Time)> {
 
 fn homing(board: &mut Board) -> Time {
     let mut host = Host::new(board);
-    host.ask(Ask::Identify);
+    host.ask(Request::Identify);
     let begun = host.board.now();
-    host.ask(Ask::Spring(SpringCommand::Home));
+    host.ask(Request::Spring(SpringCommand::Home));
     begun
 }
 
@@ -175,7 +175,7 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
     }
     let steps = board.chip().plant().seat_steps().unwrap();
     assert_eq!(steps - steps_before, moved);
-    let Answer::Status { status, .. } = Host::new(&mut board).ask(Ask::Status) else { panic!("no status") };
+    let Reply::Status { status, .. } = Host::new(&mut board).ask(Request::Status) else { panic!("no status") };
     assert_eq!(status.spring.stage, Stage::Homed);
     let step_m = SpringPlant::default().step_m;
     // The switch's edge is where the controller counts from.
@@ -205,20 +205,20 @@ fn no_byte_is_lost_while_the_core_is_busy_for_1_ms() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config::new(bare())).unwrap();
     let mut host = Host::new(&mut board);
-    host.ask(Ask::Identify);
-    let settings = match host.ask(Ask::Settings) {
-        Answer::Settings { settings, .. } => settings,
+    host.ask(Request::Identify);
+    let settings = match host.ask(Request::Settings) {
+        Reply::Settings { settings, .. } => settings,
         other => panic!("{other:?}"),
     };
     for _ in 0..20 {
         // The longest request: some 300 bytes, 3 ms on the line.
-        let sent = host.send(Ask::SetSettings(settings));
+        let sent = host.send(Request::SetSettings(settings));
         for _ in 0..3 {
             host.pass(Time::from_us(100));
             host.board.halt(Time::from_us(900));
         }
-        assert_eq!(host.reply_to(sent), Answer::Done);
+        assert_eq!(host.reply_to(sent), Reply::Done);
     }
-    let Answer::Status { counters, .. } = host.ask(Ask::Status) else { panic!("no status") };
+    let Reply::Status { counters, .. } = host.ask(Request::Status) else { panic!("no status") };
     assert_eq!((counters.bad_frames, host.board.chip().bytes_lost()), (0, 0));
 }

@@ -21,7 +21,7 @@ pub use runner::Runner;
 use serde::{Deserialize, Serialize};
 
 /// Most frequencies in one experiment, as 2 to 3 Hz in steps of 0.01: each costs the controller 4 bytes in many places.
-pub const MOST_POINTS: usize = 101;
+pub const MOST_POINTS: usize = 400;
 
 /// Fewest ticks in a cycle of the drive, so the highest frequency is the tick rate over this.
 pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;

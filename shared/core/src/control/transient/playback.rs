@@ -214,9 +214,9 @@ impl Runner {
         self.saturated
     }
 
-    /// A simulated plant should be put back to its start in this tick.
+    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
     #[must_use]
-    pub fn wants_plant_put_back(&self) -> Option<u16> {
+    pub fn begins_from_rest(&self) -> Option<u16> {
         self.put_back
     }
 

@@ -1,4 +1,3 @@
 //! What the tests share.
 
 pub mod flash;
-pub mod host;

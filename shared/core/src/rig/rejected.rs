@@ -1,0 +1,150 @@
+//! Why a request was not carried out, as it goes over the line.
+
+use super::State;
+use crate::control::friction_spring as spring;
+use crate::control::safety::{LimitsRejected, Looser};
+use crate::io::{AboveLimit, Invalid};
+use heapless::String;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Why a request was rejected.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum Rejected {
+    /// A parameter is out of range.
+    Invalid {
+        /// Its name with its unit.
+        parameter: String<40>,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: String<96>,
+    },
+    /// A limit of an experiment is looser than the board's.
+    Looser {
+        /// The board's setting.
+        setting: String<40>,
+        /// What was asked for.
+        value: f32,
+        /// The board's value.
+        board: f32,
+    },
+    /// It makes no sense in this state.
+    WrongState {
+        /// The state.
+        state: State,
+        /// What to do.
+        advice: String<48>,
+    },
+    /// It makes no sense at this stage of the friction damper's spring.
+    WrongStage {
+        /// The stage.
+        stage: spring::Stage,
+        /// What to do.
+        advice: String<48>,
+    },
+    /// This board cannot do it.
+    NotHere {
+        /// Why.
+        why: String<64>,
+    },
+    /// A value is above a limit of the board's settings.
+    AboveLimit {
+        /// Its name with its unit.
+        parameter: String<40>,
+        /// Its value.
+        value: f32,
+        /// The limit.
+        limit: f32,
+        /// What to do.
+        advice: String<96>,
+    },
+}
+
+/// As much of `text` as fits.
+#[must_use]
+pub fn clipped<const N: usize>(text: &str) -> String<N> {
+    String::try_from(start_of(text, N)).unwrap_or_default()
+}
+
+/// The whole characters of `text` within its first `most` bytes.
+fn start_of(text: &str, most: usize) -> &str {
+    let end = (0..=most.min(text.len())).rev().find(|&end| text.is_char_boundary(end));
+    end.and_then(|end| text.get(..end)).unwrap_or_default()
+}
+
+impl Rejected {
+    /// Not in this state of the rig.
+    #[must_use]
+    pub fn wrong_state(state: State, advice: &str) -> Self {
+        Self::WrongState { state, advice: clipped(advice) }
+    }
+
+    /// Not at this stage of the friction damper's spring.
+    #[must_use]
+    pub fn wrong_stage(stage: spring::Stage, advice: &str) -> Self {
+        Self::WrongStage { stage, advice: clipped(advice) }
+    }
+
+    /// Not on this board, or not now.
+    #[must_use]
+    pub fn not_here(why: &str) -> Self {
+        Self::NotHere { why: clipped(why) }
+    }
+}
+
+impl From<AboveLimit> for Rejected {
+    fn from(AboveLimit { parameter, value, limit, advice }: AboveLimit) -> Self {
+        Self::AboveLimit { parameter: clipped(parameter), value, limit, advice: clipped(advice) }
+    }
+}
+
+impl From<Invalid> for Rejected {
+    fn from(Invalid { parameter, value, allowed }: Invalid) -> Self {
+        Self::Invalid { parameter: clipped(parameter), value, allowed: clipped(allowed) }
+    }
+}
+
+impl From<LimitsRejected> for Rejected {
+    fn from(rejected: LimitsRejected) -> Self {
+        match rejected {
+            LimitsRejected::Looser(Looser { setting, value, board }) => {
+                Self::Looser { setting: clipped(setting), value, board }
+            }
+            LimitsRejected::Invalid(invalid) => invalid.into(),
+        }
+    }
+}
+
+impl From<spring::Refusal> for Rejected {
+    fn from(rejected: spring::Refusal) -> Self {
+        match rejected {
+            spring::Refusal::Invalid(invalid) => invalid.into(),
+            spring::Refusal::WrongStage { stage, advice } => Self::wrong_stage(stage, advice),
+        }
+    }
+}
+
+impl core::fmt::Display for Rejected {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Invalid { parameter, value, allowed } => {
+                write!(f, "{parameter} = {value} is not allowed: must be {allowed}")
+            }
+            Self::Looser { setting, value, board } => {
+                write!(
+                    f,
+                    "{setting} = {value} would loosen the board's {board}: an experiment may only tighten a limit"
+                )
+            }
+            Self::WrongState { state, advice } => write!(f, "not while the rig is {}: {advice}", state.text()),
+            Self::WrongStage { stage, advice } => {
+                write!(f, "not while the friction damper's spring is {}: {advice}", stage.text())
+            }
+            Self::NotHere { why } => f.write_str(why),
+            Self::AboveLimit { parameter, value, limit, advice } => {
+                write!(f, "{parameter} = {value} is above the limit of {limit}: {advice}")
+            }
+        }
+    }
+}

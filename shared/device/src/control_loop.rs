@@ -1,0 +1,75 @@
+//! The body of the control loop, the same on every board and in the virtual rig: one tick of the rig, then at most one request.
+//!
+//! The firmware's control task and the virtual rig call [`step`]. They differ in what they wait for between two steps and in
+//! where the queues lie.
+
+use damprig_protocol::Clock;
+
+use crate::board::Board;
+use crate::controller::Controller;
+use crate::queues::{Outgoing, Requests};
+use crate::upload_buffer::UploadBuffer;
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A tick of the rig, and a request if one waited.
+    Ticked,
+    /// A request; the clock stands.
+    Served,
+    /// Nothing: the clock stands and no request waits.
+    Idle,
+}
+
+/// One turn of the loop: samples, tick, outputs, events and telemetry; then a request.
+pub fn step(
+    controller: &mut Controller,
+    upload: &mut UploadBuffer,
+    board: &mut impl Board,
+    requests: &mut impl Requests,
+    outgoing: &mut impl Outgoing,
+) -> Step {
+    let mut served = serve_due(controller, upload, board, outgoing);
+    controller.end_saving(board, outgoing);
+    let samples = board.samples(controller.rig());
+    if let Some(sensors) = &samples {
+        if is_granted(board) {
+            // A granted tick shows that the host is there.
+            controller.hear_host();
+        }
+        let actuators = controller.tick(sensors, upload, outgoing);
+        board.set(&actuators, controller.rig());
+    }
+    controller.note_losses(requests.losses());
+    controller.note_timing(board.timing());
+    // One request, and those with a tick behind it: they wait for their tick alone.
+    let mut first = true;
+    while let Some(request) = requests.front().filter(|request| first || request.at_tick.is_some()) {
+        controller.serve(request, board, upload, outgoing);
+        requests.drop_front();
+        (first, served) = (false, true);
+    }
+    match (samples.is_some(), served) {
+        (true, _) => Step::Ticked,
+        (false, true) => Step::Served,
+        (false, false) => Step::Idle,
+    }
+}
+
+/// Serves the request that was kept for the tick that comes next.
+fn serve_due(
+    controller: &mut Controller,
+    upload: &mut UploadBuffer,
+    board: &mut impl Board,
+    outgoing: &mut impl Outgoing,
+) -> bool {
+    let due = board.due(controller.next_tick());
+    if let Some(request) = &due {
+        controller.serve(request, board, upload, outgoing);
+    }
+    due.is_some()
+}
+
+fn is_granted<B: Board>(_: &B) -> bool {
+    B::CLOCK == Clock::Granted
+}

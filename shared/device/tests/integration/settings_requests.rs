@@ -1,0 +1,233 @@
+//! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
+
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::io::{Actuators, Sensors};
+use damprig_core::measure::point::SteadyLimits;
+use damprig_core::rig::{Rejected, Rig};
+use damprig_core::settings::{Settings, Source};
+use damprig_device::board::{DeviceInfo, Saving};
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::upload_buffer::UploadBuffer;
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request};
+
+/// A board whose flash takes as long as the test wants.
+#[derive(Default)]
+struct Board {
+    is_slow: bool,
+    saved: Vec<Settings>,
+    outcome: Option<Result<(), Rejected>>,
+}
+
+impl damprig_device::board::Board for Board {
+    fn samples(&mut self, _: &Rig) -> Option<Sensors> {
+        None
+    }
+
+    fn set(&mut self, _: &Actuators, _: &Rig) {}
+
+    fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected> {
+        self.saved.push(*settings);
+        Ok(if self.is_slow { Saving::Begun } else { Saving::Done })
+    }
+
+    fn saved(&mut self) -> Option<Result<(), Rejected>> {
+        self.outcome.take()
+    }
+}
+
+#[derive(Default)]
+struct Said(Vec<FromDevice>);
+
+impl Outgoing for Said {
+    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
+        self.0.push(message);
+        Ok(1)
+    }
+
+    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
+        Ok(1)
+    }
+}
+
+struct Host {
+    control: Controller,
+    board: Board,
+    said: Said,
+    seq: u16,
+}
+
+impl Host {
+    fn new(is_slow: bool) -> Self {
+        let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
+        Self { control, board: Board { is_slow, ..Board::default() }, said: Said::default(), seq: 0 }
+    }
+
+    fn send(&mut self, seq: u16, ask: Request) {
+        let request = NumberedRequest { seq, at_tick: None, request: ask };
+        self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.said);
+    }
+
+    fn tick(&mut self) {
+        self.control.end_saving(&mut self.board, &mut self.said);
+        self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.said);
+    }
+
+    fn replies(&mut self) -> Vec<(u16, Result<Reply, Rejected>)> {
+        let said = std::mem::take(&mut self.said.0).into_iter();
+        said.filter_map(|message| match message {
+            FromDevice::Reply { seq, answer } => Some((seq, answer)),
+            _ => None,
+        })
+        .collect()
+    }
+
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
+        self.seq += 1;
+        self.send(self.seq, ask);
+        let replies = self.replies();
+        let [(seq, answer)] = replies.as_slice() else { panic!("one reply, not {replies:?}") };
+        assert_eq!(*seq, self.seq);
+        answer.clone()
+    }
+
+    fn settings(&mut self) -> (Settings, Source) {
+        match self.ask(Request::Settings) {
+            Ok(Reply::Settings { settings, source }) => (settings, source),
+            other => panic!("no settings: {other:?}"),
+        }
+    }
+
+    fn source_described(&mut self) -> Source {
+        match self.ask(Request::Describe) {
+            Ok(Reply::Description(description)) => description.settings,
+            other => panic!("no description: {other:?}"),
+        }
+    }
+}
+
+fn others() -> Settings {
+    let mut settings = Settings::default();
+    settings.calibration.walls.newtons_per_count = 0.25;
+    settings.safety.limits.structure_m = 0.05;
+    settings.impacts.threshold_n = 4.0;
+    settings
+}
+
+fn experiment() -> SteppedSine {
+    SteppedSine {
+        start: Start::FromRest { level_m: 5e-4 },
+        amplitude_m: 1e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
+        settle_s: 1.0,
+        dwell_s: 4.0,
+        steady: SteadyLimits::default(),
+        first_index: 0,
+        frequencies_hz: [2.0].into_iter().collect(),
+    }
+}
+
+#[test]
+fn settings_are_used_at_once_and_saved_when_asked() {
+    let mut host = Host::new(false);
+    assert_eq!(host.settings(), (Settings::default(), Source::Default));
+    assert_eq!(host.ask(Request::SetSettings(others())), Ok(Reply::Done));
+    assert_eq!(host.settings(), (others(), Source::Host));
+    assert!(host.board.saved.is_empty());
+    assert_eq!(host.control.rig().snippet().1.newtons_per_count, 0.25);
+    assert_eq!(host.ask(Request::SaveSettings), Ok(Reply::Done));
+    assert_eq!(host.board.saved, [others()]);
+    assert_eq!((host.settings().1, host.source_described()), (Source::Stored, Source::Stored));
+}
+
+#[test]
+fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
+    type Spoil = fn(&mut Settings);
+    let spoilt: [(&str, Spoil); 14] = [
+        ("calibration.x.metres_per_count", |s| s.calibration.x.metres_per_count = 0.0),
+        ("calibration.spring.newtons_per_count", |s| s.calibration.spring.newtons_per_count = f32::NAN),
+        ("calibration.spring.zero_counts", |s| s.calibration.spring.zero_counts = 0.0),
+        ("calibration.drive.linear_low_counts", |s| s.calibration.drive.linear_low_counts = -1.0),
+        // Beyond what the sensors can see: these would never trip.
+        ("limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
+        ("limits.base_m", |s| s.safety.limits.base_m = 0.0785),
+        ("safety.wall_force_n", |s| s.safety.wall_force_n = 2000.0),
+        ("spring.largest_force_n", |s| s.spring.largest_force_n = 49.5),
+        ("impacts.offset_limit_n", |s| s.impacts.offset_limit_n = 100.0),
+        ("safety.brake_n", |s| s.safety.brake_n = 13.6),
+        ("calibration.walls.zero_counts", |s| s.calibration.walls.zero_counts = 5000.0),
+        ("safety.wall_force_n", |s| s.safety.wall_force_n = -1.0),
+        ("spring.step_m", |s| s.spring.step_m = 0.0),
+        ("impacts.ringing", |s| s.impacts.ringing = 2.0),
+    ];
+    for (name, spoil) in spoilt {
+        let mut host = Host::new(false);
+        let mut settings = others();
+        spoil(&mut settings);
+        let refused = host.ask(Request::SetSettings(settings)).unwrap_err();
+        let Rejected::Invalid { parameter, .. } = &refused else { panic!("{refused:?}") };
+        assert_eq!(parameter.as_str(), name);
+        assert_eq!(host.settings(), (Settings::default(), Source::Default));
+    }
+}
+
+#[test]
+fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
+    let mut host = Host::new(false);
+    host.ask(Request::Configure(experiment())).unwrap();
+    host.ask(Request::Start).unwrap();
+    host.tick();
+    for ask in [Request::SetSettings(others()), Request::SaveSettings] {
+        let refused = host.ask(ask).unwrap_err();
+        assert!(refused.to_string().contains("stop the experiment first"), "{refused}");
+    }
+    assert_eq!(host.settings(), (Settings::default(), Source::Default));
+    assert!(host.board.saved.is_empty());
+}
+
+#[test]
+fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_before() {
+    let mut host = Host::new(true);
+    host.ask(Request::Configure(experiment())).unwrap();
+    host.send(100, Request::SaveSettings);
+    // Copies, as of a host that thinks its request was lost.
+    host.send(100, Request::SaveSettings);
+    host.tick();
+    assert_eq!(host.replies(), []);
+    assert!(host.ask(Request::Status).is_ok());
+    for ask in [Request::Start, Request::SetSettings(others()), Request::SaveSettings] {
+        let refused = host.ask(ask).unwrap_err();
+        assert!(refused.to_string().contains("being saved"), "{refused}");
+    }
+    host.board.outcome = Some(Ok(()));
+    host.tick();
+    host.tick();
+    assert_eq!(host.replies(), [(100, Ok(Reply::Done))]);
+    assert_eq!(host.board.saved.len(), 1);
+    assert_eq!(host.settings().1, Source::Stored);
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+}
+
+#[test]
+fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
+    let mut host = Host::new(true);
+    host.ask(Request::SetSettings(others())).unwrap();
+    host.send(100, Request::SaveSettings);
+    host.board.outcome = Some(Err(Rejected::not_here("the flash did not take the settings")));
+    host.tick();
+    let why = Rejected::not_here("the flash did not take the settings");
+    assert_eq!(host.replies(), [(100, Err(why.clone()))]);
+    // The reply may have been lost.
+    host.send(100, Request::SaveSettings);
+    assert_eq!(host.replies(), [(100, Err(why))]);
+    assert_eq!(host.settings(), (others(), Source::Host));
+}
+
+#[test]
+fn what_was_kept_is_in_use_from_the_first_tick() {
+    let mut host = Host::new(false);
+    host.control.start_with(&others(), Source::Stored);
+    assert_eq!(host.settings(), (others(), Source::Stored));
+    assert_eq!(host.control.rig().snippet().1.newtons_per_count, 0.25);
+}

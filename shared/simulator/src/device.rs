@@ -1,0 +1,204 @@
+//! A whole device in this process: the control loop around a simulated board, its queues, and its link under tick credit.
+//!
+//! The virtual rig is exactly this. The emulated board runs the same loop and the same simulated board in the firmware's tasks, and
+//! sends the same bytes.
+
+use damprig_core::settings::{Settings, Source};
+use damprig_device::REQUESTS_WAITING;
+use damprig_device::board::DeviceInfo;
+use damprig_device::control_loop::{Step, step};
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::message_reader::MessageReader;
+use damprig_device::outbox::Outbox;
+use damprig_device::queues::{LocalQueues, Losses, Outgoing, Requests, StreamItem};
+use damprig_device::upload_buffer::UploadBuffer;
+use damprig_protocol::frame::{self, LONGEST};
+use damprig_protocol::{FromDevice, NumberedRequest, ToDevice};
+use heapless::Deque;
+
+use crate::board::{PlantScalar, SimulatedBoard};
+use crate::line_pace::LinePace;
+use crate::plant::Plant;
+
+/// Whether a device's clock can go on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// There is credit left.
+    Running,
+    /// The credit is used up; nothing happens until something is received.
+    Standing,
+}
+
+/// The received requests.
+#[derive(Debug, Default)]
+struct RequestQueue {
+    requests: Deque<NumberedRequest, REQUESTS_WAITING>,
+    losses: Losses,
+}
+
+impl Requests for RequestQueue {
+    fn front(&mut self) -> Option<&NumberedRequest> {
+        self.requests.front()
+    }
+
+    fn drop_front(&mut self) {
+        self.requests.pop_front();
+    }
+
+    fn losses(&self) -> Losses {
+        self.losses
+    }
+}
+
+/// The device.
+#[derive(Debug)]
+pub struct SimulatedDevice<S> {
+    controller: Controller,
+    upload: UploadBuffer,
+    board: SimulatedBoard<S>,
+    reader: MessageReader,
+    requests: RequestQueue,
+    queues: LocalQueues,
+    outbox: Outbox,
+    pace: LinePace,
+}
+
+impl<S: PlantScalar> SimulatedDevice<S> {
+    /// An idle device without a plant; its clock stands.
+    #[must_use]
+    pub fn new(info: DeviceInfo) -> Self {
+        Self {
+            controller: Controller::new(info, BootInfo::default()),
+            upload: UploadBuffer::new(),
+            board: SimulatedBoard::default(),
+            reader: MessageReader::default(),
+            requests: RequestQueue::default(),
+            queues: LocalQueues::default(),
+            outbox: Outbox::default(),
+            pace: LinePace::default(),
+        }
+    }
+
+    /// Adopts settings as a board does that has stored them; before the first tick.
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        self.controller.start_with(settings, source);
+    }
+
+    /// Takes received bytes. While the clock stands requests are served at once.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            match self.reader.push(byte) {
+                None => {}
+                Some(ToDevice::Grant { until_tick }) => self.board.grant(until_tick),
+                Some(ToDevice::Request(request)) => {
+                    if self.requests.requests.push_back(request).is_err() {
+                        self.requests.losses.requests_dropped = self.requests.losses.requests_dropped.saturating_add(1);
+                    }
+                    if self.board.stands(self.controller.next_tick()) {
+                        self.step();
+                    }
+                }
+            }
+        }
+    }
+
+    /// The controller.
+    #[must_use]
+    pub fn controller(&self) -> &Controller {
+        &self.controller
+    }
+
+    /// The simulated plant, to inject faults.
+    pub fn plant_mut(&mut self) -> Option<&mut Plant<S>> {
+        self.board.plant_mut()
+    }
+
+    fn step(&mut self) -> Step {
+        self.requests.losses.bad_frames = self.reader.bad_frames();
+        let Self { controller, upload, board, requests, queues, .. } = self;
+        let step = step(controller, upload, board, requests, queues);
+        self.pace.follow(step, self.controller.next_tick());
+        step
+    }
+
+    /// Lets up to `most_ticks` pass; `out` takes the frames.
+    pub fn run(&mut self, most_ticks: u32, mut out: impl FnMut(&[u8])) -> Progress {
+        let mut frame = [0; LONGEST];
+        let mut ticks = 0;
+        while ticks < most_ticks {
+            match self.step() {
+                Step::Ticked => {
+                    ticks += 1;
+                    while self.pace.is_clear()
+                        && let Some(message) = self.outbox.next(&mut self.queues)
+                    {
+                        self.pace.charge(write(&message, &mut frame, &mut out));
+                    }
+                }
+                Step::Served => self.send_all(&mut frame, &mut out),
+                Step::Idle => {
+                    self.send_all(&mut frame, &mut out);
+                    if self.board.tells_clock() {
+                        // Cannot fail: the queue is empty.
+                        let _ = self.queues.stream(StreamItem::ClockStands { tick: self.controller.next_tick() });
+                        self.send_all(&mut frame, &mut out);
+                    }
+                    return Progress::Standing;
+                }
+            }
+        }
+        Progress::Running
+    }
+
+    /// While the clock stands, the line takes everything that waits.
+    fn send_all(&mut self, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) {
+        while let Some(message) = self.outbox.next(&mut self.queues) {
+            write(&message, frame, out);
+        }
+    }
+}
+
+/// Sends `message`; returns its length in bytes.
+fn write(message: &FromDevice, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) -> usize {
+    // Every message fits a frame: a test encodes the longest.
+    let length = frame::encode(message, frame).unwrap_or(0);
+    out(&frame[..length]);
+    length
+}
+
+/// A device in single or double precision. Its functions are compiled with this crate, so that a host built for debugging
+/// still runs it fast.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // The caller boxes it.
+pub enum VirtualDevice {
+    /// The controller's precision.
+    Single(SimulatedDevice<f32>),
+    /// Double precision.
+    Double(SimulatedDevice<f64>),
+}
+
+impl VirtualDevice {
+    /// As [`SimulatedDevice::start_with`].
+    pub fn start_with(&mut self, settings: &Settings, source: Source) {
+        match self {
+            Self::Single(device) => device.start_with(settings, source),
+            Self::Double(device) => device.start_with(settings, source),
+        }
+    }
+
+    /// As [`SimulatedDevice::receive`].
+    pub fn receive(&mut self, bytes: &[u8]) {
+        match self {
+            Self::Single(device) => device.receive(bytes),
+            Self::Double(device) => device.receive(bytes),
+        }
+    }
+
+    /// As [`SimulatedDevice::run`].
+    pub fn run(&mut self, most_ticks: u32, out: &mut dyn FnMut(&[u8])) -> Progress {
+        match self {
+            Self::Single(device) => device.run(most_ticks, out),
+            Self::Double(device) => device.run(most_ticks, out),
+        }
+    }
+}

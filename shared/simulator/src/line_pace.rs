@@ -1,0 +1,67 @@
+//! The serial line's rate in device time, so that a simulated board sends as late as a real one.
+
+use damprig_core::io::TICK_HZ;
+use damprig_device::control_loop::Step;
+use damprig_device::outbox::BAUD;
+
+/// Bytes that the line carries in a tick: ten bits to the byte.
+const BYTES_PER_TICK: f32 = BAUD as f32 / 10.0 / TICK_HZ;
+
+/// The line's allowance: a frame may start once those before it are through.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LinePace {
+    allowance: f32,
+}
+
+impl LinePace {
+    /// An idle line.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { allowance: 0.0 }
+    }
+
+    /// Takes a step of the control loop; `next_tick` is the tick after it. A start begins with an idle line.
+    pub fn follow(&mut self, step: Step, next_tick: u32) {
+        if next_tick == 0 {
+            *self = Self::default();
+        } else if step == Step::Ticked {
+            self.tick();
+        }
+    }
+
+    /// A tick has passed. An idle line saves nothing up beyond one tick.
+    pub fn tick(&mut self) {
+        let allowance = self.allowance + BYTES_PER_TICK;
+        self.allowance = if allowance > BYTES_PER_TICK { BYTES_PER_TICK } else { allowance };
+    }
+
+    /// Whether a frame may start.
+    #[must_use]
+    pub fn is_clear(&self) -> bool {
+        self.allowance > 0.0
+    }
+
+    /// A frame of this many bytes has started.
+    pub fn charge(&mut self, bytes: usize) {
+        self.allowance -= bytes as f32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_carries_its_rate_and_no_more() {
+        let (mut pace, mut sent) = (LinePace::default(), 0);
+        for _ in 0..1000 {
+            pace.tick();
+            while pace.is_clear() {
+                pace.charge(300);
+                sent += 300;
+            }
+        }
+        let capacity = BYTES_PER_TICK * 1000.0;
+        assert!((sent as f32 - capacity).abs() <= 300.0, "{sent} of {capacity}");
+    }
+}

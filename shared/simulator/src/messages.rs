@@ -1,0 +1,101 @@
+//! The messages from a host to the simulator, carried inside a request: see [`Request::Simulator`].
+
+use damprig_core::rig::Rejected;
+use damprig_protocol::{Request, SIMULATOR_BYTES};
+use heapless::Vec;
+use postcard_schema::Schema;
+use postcard_schema::key::Key;
+use serde::{Deserialize, Serialize};
+
+use crate::plant::{InjectedFault, PlantConfig};
+
+/// What a host may ask of the simulator.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant)] // No allocator: a box is not available.
+pub enum ToSimulator {
+    /// Replace the plant. The friction damper's drive has to be homed again.
+    SetPlant(PlantConfig),
+    /// Break or repair part of the plant.
+    Inject(InjectedFault),
+}
+
+/// The layout of [`ToSimulator`], names included. It precedes every message: the protocol's own schema does not cover it.
+const SCHEMA: [u8; 8] = Key::for_path::<ToSimulator>("to_simulator").to_bytes();
+
+impl ToSimulator {
+    /// The request that carries this message.
+    #[must_use]
+    pub fn request(&self) -> Request {
+        let mut bytes = Vec::new();
+        // Every message fits: a test encodes the longest.
+        let _ = bytes.resize_default(SIMULATOR_BYTES);
+        let (schema, body) = bytes.split_at_mut(SCHEMA.len());
+        schema.copy_from_slice(&SCHEMA);
+        let length = postcard::to_slice(self, body).map_or(0, |body| body.len());
+        bytes.truncate(SCHEMA.len() + length);
+        Request::Simulator(bytes)
+    }
+
+    /// The message that a request carries.
+    ///
+    /// # Errors
+    /// It is of another version of the simulator, or damaged.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Rejected> {
+        let body = bytes.strip_prefix(&SCHEMA);
+        let body = body.ok_or(Rejected::not_here("the message is for another version of the simulator"))?;
+        match postcard::take_from_bytes(body) {
+            Ok((message, [])) => Ok(message),
+            _ => Err(Rejected::not_here("the message to the simulator is damaged")),
+        }
+    }
+}
+
+/// The request that sets the plant.
+#[must_use]
+pub fn set_plant(config: PlantConfig) -> Request {
+    ToSimulator::SetPlant(config).request()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::spring::SpringPlant;
+    use crate::plant::walls::WallSensors;
+    use crate::plant::{Base, DataSheet, Shaker};
+    use damprig_core::model::{FrictionDamper, Particle, Release, SetUp, Structure, Tmd, Wall};
+
+    fn longest() -> PlantConfig {
+        let mut set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038));
+        set_up.particle = Some(Particle {
+            mass_kg: 0.16,
+            clearance_m: 0.0075,
+            friction_coefficient: 0.08,
+            wall: Wall::Voigt { stiffness_n_per_m: 1e3, damping_n_s_per_m: 0.2, release: Release::ZeroPenetration },
+        });
+        set_up.friction_damper = Some(FrictionDamper { force_n: 0.2 });
+        set_up.tmd = Some(Tmd { mass_kg: 0.16, stiffness_n_per_m: 32.8, damping_n_s_per_m: 0.7 });
+        PlantConfig {
+            base: Base::Shaker(Shaker::default()),
+            data_sheet: Some(DataSheet::default()),
+            walls: Some(WallSensors::default()),
+            spring: Some(SpringPlant { seed: u64::MAX, ..SpringPlant::default() }),
+            ..PlantConfig::ideal(set_up)
+        }
+    }
+
+    #[test]
+    fn a_plant_with_everything_arrives_as_it_was_sent() {
+        let Request::Simulator(bytes) = set_plant(longest()) else { panic!("another request") };
+        assert!(bytes.len() + 16 < SIMULATOR_BYTES, "{} bytes", bytes.len());
+        assert_eq!(ToSimulator::decode(&bytes), Ok(ToSimulator::SetPlant(longest())));
+    }
+
+    #[test]
+    fn another_version_and_a_damaged_message_are_rejected() {
+        let Request::Simulator(mut bytes) = set_plant(longest()) else { panic!("another request") };
+        assert!(ToSimulator::decode(&bytes[..bytes.len() - 1]).is_err());
+        bytes[0] ^= 1;
+        let Err(Rejected::NotHere { why }) = ToSimulator::decode(&bytes) else { panic!("accepted") };
+        assert!(why.contains("another version"), "{why}");
+    }
+}

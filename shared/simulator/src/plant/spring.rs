@@ -1,0 +1,181 @@
+//! The friction damper's drive, simulated: stepper, screw, spring, force sensor and limit switch, with what can break.
+
+use super::Noise;
+use damprig_core::io::{Invalid, Motor, SUBSAMPLES, finite, not_negative, positive, require};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// What the drive really is; the controller's constants may differ.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SpringPlant {
+    /// Travel per step, m.
+    pub step_m: f32,
+    /// Where the seat stands at power-on, m from the limit switch.
+    pub start_m: f32,
+    /// Where the block touches the structure, m from the limit switch.
+    pub touch_m: f32,
+    /// k_s, N/m.
+    pub stiffness_n_per_m: f32,
+    /// μ_e between block and structure.
+    pub friction_coefficient: f32,
+    /// Force reading without contact, N.
+    pub offset_n: f32,
+    /// Readings do not go below this, N.
+    pub lowest_n: f32,
+    /// Readings do not go above this, N.
+    pub highest_n: f32,
+    /// RMS of the white noise of one 10 kHz sample, N.
+    pub noise_rms_n: f32,
+    /// Force sensor's lag, first order, s; 0 for none.
+    pub lag_s: f32,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+impl Default for SpringPlant {
+    /// Assumed: the seat starts somewhere, the spring is a little stiffer than its data sheet says; a sensor of 0 N to 50 N
+    /// over nine tenths of its converter's span.
+    fn default() -> Self {
+        Self {
+            step_m: 5e-6,
+            start_m: 3.3e-3,
+            touch_m: 12.3456e-3,
+            stiffness_n_per_m: 537.0,
+            friction_coefficient: 0.3,
+            offset_n: 0.35,
+            lowest_n: -50.0 / 9.0,
+            highest_n: 50.0,
+            noise_rms_n: 0.01,
+            lag_s: 2e-3,
+            seed: 1,
+        }
+    }
+}
+
+impl SpringPlant {
+    /// Checks that every value is physical.
+    ///
+    /// # Errors
+    /// Names the first that is not.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        positive("spring_plant.step_m", f64::from(self.step_m))?;
+        positive("spring_plant.stiffness_n_per_m", f64::from(self.stiffness_n_per_m))?;
+        positive("spring_plant.friction_coefficient", f64::from(self.friction_coefficient))?;
+        let (lowest, highest) = (f64::from(self.lowest_n), f64::from(self.highest_n));
+        finite("spring_plant.highest_n", highest)?;
+        require(lowest < highest, "spring_plant.lowest_n", lowest, "below spring_plant.highest_n")?;
+        not_negative("spring_plant.start_m", f64::from(self.start_m))?;
+        not_negative("spring_plant.touch_m", f64::from(self.touch_m))?;
+        not_negative("spring_plant.noise_rms_n", f64::from(self.noise_rms_n))?;
+        not_negative("spring_plant.lag_s", f64::from(self.lag_s))
+    }
+}
+
+/// What is broken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Breakage {
+    /// The motor makes no step at all.
+    pub jammed: bool,
+    /// The motor turns the other way.
+    pub reversed: bool,
+    /// The motor stalls while the spring presses back with more than this, N.
+    pub stalls_above_n: Option<f32>,
+    /// Every so-many-th step is lost; 0 for none.
+    pub loses_every: u32,
+    /// The limit switch reads this, wherever the seat is.
+    pub switch_stuck: Option<bool>,
+    /// There is no structure to touch.
+    pub nothing_there: bool,
+}
+
+/// The drive.
+#[derive(Clone, Debug)]
+pub struct SimulatedSpring {
+    plant: SpringPlant,
+    /// True position of the seat, steps from the limit switch.
+    steps: i32,
+    steps_asked: u32,
+    lagged_n: f32,
+    energised: bool,
+    noise: Noise,
+    /// What is broken at present.
+    pub broken: Breakage,
+}
+
+impl SimulatedSpring {
+    /// At its starting place.
+    ///
+    /// # Errors
+    /// Names a value that is not physical.
+    pub fn new(plant: &SpringPlant) -> Result<Self, Invalid> {
+        plant.validate()?;
+        Ok(Self {
+            plant: *plant,
+            steps: (plant.start_m / plant.step_m) as i32,
+            steps_asked: 0,
+            lagged_n: 0.0,
+            energised: false,
+            noise: Noise::new(plant.seed, 0),
+            broken: Breakage::default(),
+        })
+    }
+
+    /// True seat position, m from the limit switch.
+    #[must_use]
+    pub fn position_m(&self) -> f32 {
+        self.steps as f32 * self.plant.step_m
+    }
+
+    /// The spring has become another.
+    pub fn set_stiffness(&mut self, stiffness_n_per_m: f32) {
+        self.plant.stiffness_n_per_m = stiffness_n_per_m;
+    }
+
+    /// Lowest and highest reading of the force sensor, N.
+    #[must_use]
+    pub fn sensor_span_n(&self) -> (f32, f32) {
+        (self.plant.lowest_n, self.plant.highest_n)
+    }
+
+    /// The motor's driver was switched on in the last tick.
+    #[must_use]
+    pub fn is_energised(&self) -> bool {
+        self.energised
+    }
+
+    /// True normal force, N.
+    #[must_use]
+    pub fn normal_force_n(&self) -> f32 {
+        let deflection_m = self.position_m() - self.plant.touch_m;
+        if self.broken.nothing_there { 0.0 } else { self.plant.stiffness_n_per_m * deflection_m.max(0.0) }
+    }
+
+    /// True friction force on the structure while it slips, N.
+    #[must_use]
+    pub fn friction_force_n(&self) -> f32 {
+        self.plant.friction_coefficient * self.normal_force_n()
+    }
+
+    /// One tick: makes the steps; returns the block of force readings, N, and whether the limit switch is closed.
+    pub fn tick(&mut self, drive: Motor) -> ([f32; SUBSAMPLES], bool) {
+        self.energised = drive.enabled;
+        let direction = i32::from(drive.steps.signum()) * if self.broken.reversed { -1 } else { 1 };
+        for _ in 0..drive.steps.unsigned_abs() {
+            self.steps_asked = self.steps_asked.wrapping_add(1);
+            let stalled = direction > 0 && self.broken.stalls_above_n.is_some_and(|most| self.normal_force_n() > most);
+            let lost = self.broken.loses_every > 0 && self.steps_asked.is_multiple_of(self.broken.loses_every);
+            if drive.enabled && !self.broken.jammed && !stalled && !lost {
+                self.steps += direction;
+            }
+        }
+        let truth = self.normal_force_n();
+        let sample_s = 1.0 / (damprig_core::io::TICK_HZ * SUBSAMPLES as f32);
+        let follow = sample_s / (self.plant.lag_s + sample_s);
+        let block = core::array::from_fn(|_| {
+            self.lagged_n += (truth - self.lagged_n) * follow;
+            let reading = self.lagged_n + self.plant.offset_n + self.plant.noise_rms_n * self.noise.next();
+            reading.max(self.plant.lowest_n).min(self.plant.highest_n)
+        });
+        (block, self.broken.switch_stuck.unwrap_or(self.steps <= 0))
+    }
+}

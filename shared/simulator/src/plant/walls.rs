@@ -1,0 +1,152 @@
+//! What the wall-force sensors see: a half-sine of stated contact time for every impact, its impulse the impact's.
+//!
+//! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
+
+use super::Noise;
+use core::f32::consts::PI;
+use damprig_core::io::{
+    ForceScale, Invalid, TICK_HZ, WALL_FULL_SCALE_COUNTS, WallCounts, finite, not_negative, positive, require,
+};
+use damprig_core::scalar::Scalar;
+use heapless::Deque;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Pulses that may be in progress at once; of a chatter's last bounces the oldest give way.
+const MOST_PULSES: usize = 16;
+
+/// The walls' sensors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct WallSensors {
+    /// Contact time, s.
+    pub contact_s: f32,
+    /// Readings stop at ± this, N.
+    pub range_n: f32,
+    /// Reading without a force, N.
+    pub offset_n: f32,
+    /// RMS of the white noise of one sample, N.
+    pub noise_rms_n: f32,
+    /// What the converter's counts mean.
+    pub scale: ForceScale,
+    /// The converter's highest reading; at most 32767.
+    pub highest_counts: u16,
+}
+
+impl Default for WallSensors {
+    /// Assumed: contact of 2 ms, sensor of 500 N with 0.2 N of noise, 12 bits.
+    fn default() -> Self {
+        Self {
+            contact_s: 2e-3,
+            range_n: 500.0,
+            offset_n: 0.0,
+            noise_rms_n: 0.2,
+            scale: ForceScale::default(),
+            highest_counts: WALL_FULL_SCALE_COUNTS,
+        }
+    }
+}
+
+impl WallSensors {
+    /// Checks that every value is physical.
+    ///
+    /// # Errors
+    /// Names the first that is not.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        positive("walls.contact_s", f64::from(self.contact_s))?;
+        positive("walls.range_n", f64::from(self.range_n))?;
+        finite("walls.offset_n", f64::from(self.offset_n))?;
+        positive("walls.scale.newtons_per_count", f64::from(self.scale.newtons_per_count))?;
+        finite("walls.scale.zero_counts", f64::from(self.scale.zero_counts))?;
+        let highest = f64::from(self.highest_counts);
+        require((1..=0x7fff).contains(&self.highest_counts), "walls.highest_counts", highest, "from 1 to 32767")?;
+        not_negative("walls.noise_rms_n", f64::from(self.noise_rms_n))
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Pulse {
+    /// 0 for the wall at −d, 1 for +d.
+    wall: usize,
+    /// In ticks from the start of the present tick.
+    start: f32,
+    peak_n: f32,
+}
+
+/// Both walls.
+#[derive(Clone, Debug)]
+pub struct Walls {
+    sensors: WallSensors,
+    /// Contact time in ticks.
+    contact: f32,
+    pulses: Deque<Pulse, MOST_PULSES>,
+    noise: Noise,
+}
+
+impl Walls {
+    /// Untouched; `seed` is the noise's.
+    ///
+    /// # Errors
+    /// Names a value that is not physical.
+    pub fn new(sensors: &WallSensors, seed: u64) -> Result<Self, Invalid> {
+        sensors.validate()?;
+        let contact = sensors.contact_s * TICK_HZ;
+        Ok(Self { sensors: *sensors, contact, pulses: Deque::new(), noise: Noise::new(seed, u16::MAX) })
+    }
+
+    /// An impact in the present tick: `at` ticks from its start, on `side` (±1), giving the structure this impulse, N·s.
+    pub fn hit(&mut self, at: f32, side: i8, impulse_n_s: f32) {
+        if self.pulses.is_full() {
+            self.pulses.pop_front();
+        }
+        let peak_n = 0.5 * PI * libm::fabsf(impulse_n_s) / self.sensors.contact_s;
+        // Cannot fail: room was made above.
+        let _ = self.pulses.push_back(Pulse { wall: usize::from(side > 0), start: at, peak_n });
+    }
+
+    /// Nothing presses any more, and the noise begins again, of an independent `stream`.
+    pub fn restart(&mut self, seed: u64, stream: u16) {
+        self.pulses.clear();
+        self.noise = Noise::new(seed, u16::MAX - stream);
+    }
+
+    /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
+    pub fn read<const N: usize>(&mut self) -> [WallCounts; N] {
+        let readings = self.look();
+        self.pass();
+        readings
+    }
+
+    fn look<const N: usize>(&mut self) -> [WallCounts; N] {
+        let sensors = &self.sensors;
+        let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
+        let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
+        // A cast drops the fraction.
+        let counts = |force_n: f32| Scalar::min(force_n * per_newton + zero, highest) as u16;
+        core::array::from_fn(|n| {
+            let mut forces = [sensors.offset_n; 2];
+            for pulse in &self.pulses {
+                let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
+                if since > 0.0 && since < 1.0 {
+                    forces[pulse.wall] += pulse.peak_n * libm::sinf(PI * since);
+                }
+            }
+            if sensors.noise_rms_n > 0.0 {
+                let noise = self.noise.next_pair();
+                forces[0] += sensors.noise_rms_n * noise[0];
+                forces[1] += sensors.noise_rms_n * noise[1];
+            }
+            let [low, high] = forces.map(|force_n| Scalar::min(Scalar::max(force_n, -range), range));
+            WallCounts::new(counts(low), counts(high))
+        })
+    }
+
+    /// The tick is over.
+    fn pass(&mut self) {
+        for pulse in &mut self.pulses {
+            pulse.start -= 1.0;
+        }
+        while self.pulses.front().is_some_and(|pulse| pulse.start + self.contact < 0.0) {
+            self.pulses.pop_front();
+        }
+    }
+}

@@ -1,0 +1,475 @@
+//! The simulated board as a host sees it: bytes in, bytes out.
+
+use damprig_core::control::limits::Limits;
+use damprig_core::control::safety::{Danger, SafeStage, SafetyConfig};
+use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::measure::point::{PointResult, SteadyLimits};
+use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::rig::{SIGNALS, State};
+use damprig_core::settings::Settings;
+use damprig_core::twin::TwinConfig;
+use damprig_device::board::DeviceInfo;
+use damprig_protocol::frame::{self, LONGEST, Reader};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
+use damprig_simulator::device::{Progress, SimulatedDevice};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::PlantConfig;
+use damprig_simulator::plant::walls::WallSensors;
+
+struct Host {
+    board: SimulatedDevice<f64>,
+    reader: Reader,
+    bytes: Vec<u8>,
+    seq: u16,
+}
+
+impl Host {
+    fn new() -> Self {
+        let name = DeviceInfo::new("test", "none");
+        Self { board: SimulatedDevice::new(name), reader: Reader::default(), bytes: vec![], seq: 0 }
+    }
+
+    fn send(&mut self, message: &ToDevice) {
+        let mut out = [0; LONGEST];
+        let length = frame::encode(message, &mut out).unwrap();
+        self.board.receive(&out[..length]);
+    }
+
+    fn send_for(&mut self, at_tick: Option<u32>, ask: Request) {
+        self.seq += 1;
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick, request: ask }));
+    }
+
+    /// Runs until the clock stands; every message that came.
+    fn run(&mut self) -> Vec<FromDevice> {
+        let mut received = vec![];
+        while self.board.run(1000, |bytes| received.extend_from_slice(bytes)) == Progress::Running {}
+        self.bytes.extend_from_slice(&received);
+        received.into_iter().filter_map(|byte| self.reader.push(byte)).map(Result::unwrap).collect()
+    }
+
+    fn repeat(&mut self, ask: Request) -> Result<Reply, Rejected> {
+        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }));
+        let messages = self.run();
+        let [FromDevice::Reply { seq, answer }] = messages.as_slice() else { panic!("one reply, not {messages:?}") };
+        assert_eq!(*seq, self.seq);
+        answer.clone()
+    }
+
+    fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
+        self.seq += 1;
+        self.repeat(ask)
+    }
+
+    fn grant(&mut self, until_tick: u32) -> Vec<FromDevice> {
+        self.send(&ToDevice::Grant { until_tick });
+        self.run()
+    }
+}
+
+fn plant() -> PlantConfig {
+    PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)))
+}
+
+/// Telemetry of the motion alone.
+fn motion(every_ticks: u16) -> Request {
+    Request::SetTelemetry { every_ticks, signals: Default::default(), impacts: false }
+}
+
+fn experiment() -> SteppedSine {
+    SteppedSine {
+        start: Start::FromRest { level_m: 5e-4 },
+        amplitude_m: 1e-3,
+        drive: Drive::Constant,
+        ramp_s: 0.0,
+        settle_s: 1.0,
+        dwell_s: 4.0,
+        steady: SteadyLimits::default(),
+        first_index: 0,
+        frequencies_hz: [2.0, 3.0].into_iter().collect(),
+    }
+}
+
+fn ready() -> Host {
+    let mut host = Host::new();
+    for ask in [set_plant(plant()), Request::Configure(experiment()), motion(5)] {
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
+    }
+    host
+}
+
+fn points(messages: &[FromDevice]) -> Vec<f32> {
+    let point = |message: &FromDevice| match message {
+        FromDevice::Event { event: Event::Point(result), .. } => Some(result.frequency_hz),
+        _ => None,
+    };
+    messages.iter().filter_map(point).collect()
+}
+
+#[test]
+fn an_experiment_runs_to_its_end_and_every_row_arrives() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let messages = host.grant(20_000);
+    assert_eq!(points(&messages), [2.0, 3.0]);
+    let ticks: Vec<u32> = messages
+        .iter()
+        .filter_map(|message| if let FromDevice::Telemetry(t) = message { Some(t) } else { None })
+        .flat_map(|t| {
+            (0..t.values.len() as u32 / u32::from(t.width)).map(|row| t.first_tick + row * u32::from(t.every_ticks))
+        })
+        .collect();
+    assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 5), "a gap");
+    assert_eq!(ticks.first(), Some(&0));
+    let finished =
+        |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Finished { rows_dropped: 0, .. }, .. });
+    assert!(messages.iter().any(finished));
+    assert_eq!(messages.last(), Some(&FromDevice::Clock { tick: 20_000 }));
+}
+
+#[test]
+fn a_second_start_gives_the_same_bytes() {
+    let mut runs = vec![];
+    let mut host = ready();
+    for _ in 0..2 {
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+        host.bytes.clear();
+        // Event numbers go on counting; everything else starts again.
+        runs.push(
+            host.grant(15_000).into_iter().filter(|m| !matches!(m, FromDevice::Event { .. })).collect::<Vec<_>>(),
+        );
+        assert_eq!(host.ask(Request::Stop), Ok(Reply::Done));
+        host.grant(16_000);
+    }
+    assert!(runs[0] == runs[1], "the second run differs");
+}
+
+#[test]
+fn the_size_of_the_grants_does_not_change_what_is_measured() {
+    let mut outcomes = vec![];
+    for grant in [7u32, 1000, 20_000] {
+        let mut host = ready();
+        assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+        let mut events = vec![];
+        let mut until = 0;
+        while until < 14_000 {
+            until += grant;
+            events.extend(host.grant(until).into_iter().filter(|m| matches!(m, FromDevice::Event { .. })));
+        }
+        outcomes.push(events);
+    }
+    assert!(!outcomes[0].is_empty());
+    assert_eq!(outcomes[0], outcomes[1]);
+    assert_eq!(outcomes[1], outcomes[2]);
+}
+
+#[test]
+fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.grant(100);
+    // Carried out again it would be refused: the rig is running.
+    assert_eq!(host.repeat(Request::Start), Ok(Reply::Done));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Running(_), .. })));
+}
+
+#[test]
+fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Stop), Ok(Reply::Done));
+    let stop = host.seq;
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    assert_eq!(
+        host.ask(Request::SetTelemetry { every_ticks: 10, signals: Default::default(), impacts: false }),
+        Ok(Reply::Done)
+    );
+    host.grant(100);
+    let last = std::mem::replace(&mut host.seq, stop);
+    assert_eq!(host.repeat(Request::Stop), Ok(Reply::Done));
+    host.seq = last;
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
+    assert!(matches!(status.state, State::Running(_)), "a copy of an old stop has stopped it");
+}
+
+#[test]
+fn a_new_conversation_may_use_the_numbers_of_the_one_before() {
+    let mut host = ready();
+    host.seq = 0;
+    assert!(matches!(host.ask(Request::Identify), Ok(Reply::Identity(_))));
+    // The same number as a request of the conversation before, which set something else.
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
+    assert!(matches!(status.state, State::Running(_)), "taken for a repetition");
+}
+
+#[test]
+fn a_command_with_a_tick_waits_for_it() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.send_for(Some(3000), Request::Stop);
+    let messages = host.grant(2999);
+    assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "served too early");
+    let messages = host.grant(6000);
+    assert!(messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })));
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
+    assert_eq!(status.state, State::Idle);
+}
+
+#[test]
+fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_told() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.send_for(Some(3000), Request::Stop);
+    let messages = host.grant(3000);
+    let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("it is said");
+    let (reply, clock) =
+        (place(|m| matches!(m, FromDevice::Reply { .. })), place(|m| matches!(m, FromDevice::Clock { tick: 3000 })));
+    assert!(reply < clock);
+}
+
+#[test]
+fn a_command_with_a_tick_does_not_wait_behind_one_without() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.grant(3000);
+    host.send(&ToDevice::Grant { until_tick: 6000 });
+    for (at_tick, ask) in [(None, Request::Status), (Some(3000), Request::Stop)] {
+        host.send_for(at_tick, ask);
+    }
+    host.board.run(1, |_| {});
+    assert_eq!(host.board.controller().rig().state(), State::Stopping);
+}
+
+#[test]
+fn a_stop_takes_effect_in_the_next_tick() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.grant(3000);
+    host.send(&ToDevice::Grant { until_tick: 6000 });
+    host.send_for(None, Request::Stop);
+    host.board.run(1, |_| {});
+    assert_eq!(host.board.controller().rig().state(), State::Stopping);
+}
+
+fn resonance() -> SteppedSine {
+    SteppedSine { amplitude_m: 1.5e-3, frequencies_hz: [2.5].into_iter().collect(), ..experiment() }
+}
+
+/// A plant whose particle hits its walls at resonance, with the walls' sensors.
+fn impacting() -> PlantConfig {
+    let mut config = PlantConfig { walls: Some(WallSensors::default()), ..plant() };
+    config.set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 7.5e-3,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    });
+    config
+}
+
+#[test]
+fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it() {
+    let mut host = ready();
+    for ask in [
+        set_plant(impacting()),
+        Request::SetTwin(Some(TwinConfig::new(impacting().set_up))),
+        Request::Configure(resonance()),
+        motion(0),
+        Request::Start,
+    ] {
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
+    }
+    for tick in (0..6000).step_by(2) {
+        host.send(&ToDevice::Grant { until_tick: tick + 2 });
+        for _ in 0..2 {
+            host.send_for(None, Request::Result { index: 7 });
+        }
+        for seq in [host.seq - 1, host.seq] {
+            let mut received = vec![];
+            host.board.run(1, |bytes| received.extend_from_slice(bytes));
+            let messages = received.into_iter().filter_map(|byte| host.reader.push(byte)).map(Result::unwrap);
+            let replies: Vec<u16> =
+                messages.filter_map(|m| if let FromDevice::Reply { seq, .. } = m { Some(seq) } else { None }).collect();
+            assert_eq!(replies, [seq], "tick {tick}");
+        }
+    }
+    let rig = host.board.controller().rig();
+    let impacts = SIGNALS.iter().position(|(name, _)| *name == "impacts").unwrap();
+    assert!(rig.status().points == 1 && rig.signals()[impacts] > 10.0, "{:?}", rig.signals());
+}
+
+#[test]
+fn events_are_told_in_the_tick_in_which_they_happen() {
+    let mut host = ready();
+    let telemetry = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: true };
+    for ask in [set_plant(impacting()), Request::Configure(resonance()), telemetry, Request::Start] {
+        assert_eq!(host.ask(ask), Ok(Reply::Done));
+    }
+    let (mut impacts, mut points) = (0, 0);
+    for message in host.grant(20_000) {
+        match message {
+            FromDevice::Event { tick, event: Event::Impact(record), .. } => {
+                assert_eq!(tick, record.tick);
+                impacts += 1;
+            }
+            FromDevice::Event { tick, event: Event::Point(result), .. } => {
+                assert_eq!(tick + 1, result.end_tick);
+                points += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(impacts > 10 && points == 1, "{impacts} impacts, {points} points");
+}
+
+#[test]
+fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
+    let mut host = ready();
+    host.grant(100);
+    host.send_for(Some(200), Request::Start);
+    host.grant(1000);
+    let rig = host.board.controller().rig();
+    assert!(matches!(rig.state(), State::Running(_)));
+    assert_eq!(rig.next_tick(), 0);
+}
+
+#[test]
+fn a_damaged_frame_is_counted_and_changes_nothing() {
+    let mut host = ready();
+    let mut out = [0; LONGEST];
+    let request = ToDevice::Request(NumberedRequest { seq: 99, at_tick: None, request: Request::Start });
+    let length = frame::encode(&request, &mut out).unwrap();
+    out[3] ^= 0x10;
+    host.board.receive(&out[..length]);
+    assert!(host.run().is_empty());
+    let Ok(Reply::Status { status, counters }) = host.ask(Request::Status) else { panic!() };
+    assert_eq!((status.state, counters.bad_frames), (State::Idle, 1));
+}
+
+#[test]
+fn a_displacement_limit_stops_the_drive_and_stays_latched() {
+    let mut host = ready();
+    let limits = Limits { structure_m: 3e-3, ..Limits::default() };
+    let safety = SafetyConfig { limits, half_cycles_ahead: 0.0, ..SafetyConfig::default() };
+    assert_eq!(host.ask(Request::SetSettings(Settings { safety, ..Settings::default() })), Ok(Reply::Done));
+    let resonance = SteppedSine { frequencies_hz: [2.5].into_iter().collect(), ..experiment() };
+    assert_eq!(host.ask(Request::Configure(resonance)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let messages = host.grant(8000);
+    let fault = messages.iter().find_map(|m| match m {
+        FromDevice::Event { event: Event::Fault(fault), .. } => Some(*fault),
+        _ => None,
+    });
+    let fault = fault.expect("a fault");
+    assert_eq!(fault.cause, Danger::StructureDisplacement);
+    assert!(fault.value >= 3e-3 && fault.value < 3.1e-3, "{fault:?}");
+    // A second later the base stands still.
+    let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
+    let row = last.unwrap().values.chunks(4).next_back().unwrap();
+    assert_eq!(row[2], 0.0, "drive");
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Faulted, .. })));
+    let Err(refused) = host.ask(Request::ClearFault) else { panic!("it still rings") };
+    assert!(refused.to_string().contains("wait for rest"), "{refused}");
+    // 3 mm at ζω = 0.06 /s need 18 s to come below 1 mm.
+    host.grant(30_000);
+    let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
+    assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted));
+    assert_eq!(host.ask(Request::ClearFault), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+}
+
+#[test]
+fn nonsense_is_refused_with_the_parameter_and_what_is_allowed() {
+    let mut host = Host::new();
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { .. })), "no experiment");
+    assert_eq!(host.ask(Request::Configure(experiment())), Ok(Reply::Done));
+    assert!(matches!(host.ask(Request::Start), Err(Rejected::NotHere { .. })), "no plant");
+    let mut config = plant();
+    config.set_up.structure.mass_kg = -1.0;
+    let Err(refused) = host.ask(set_plant(config)) else { panic!() };
+    assert_eq!(refused.to_string(), "structure.mass_kg = -1 is not allowed: must be a finite number greater than 0");
+    assert_eq!(host.ask(set_plant(plant())), Ok(Reply::Done));
+    let too_fast = SteppedSine { frequencies_hz: [51.0].into_iter().collect(), ..experiment() };
+    assert!(matches!(host.ask(Request::Configure(too_fast)), Err(Rejected::Invalid { .. })));
+    let nan = SteppedSine { amplitude_m: f32::NAN, ..experiment() };
+    assert!(matches!(host.ask(Request::Configure(nan)), Err(Rejected::Invalid { .. })));
+}
+
+#[test]
+fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolution() {
+    let mut host = ready();
+    let long = SteppedSine {
+        settle_s: 300.0,
+        dwell_s: 40.0,
+        amplitude_m: 1e-4,
+        frequencies_hz: [2.5].into_iter().collect(),
+        ..experiment()
+    };
+    assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let messages = host.grant(345_000);
+    let result = messages.iter().find_map(|m| match m {
+        FromDevice::Event { event: Event::Point(result), .. } => Some(*result),
+        _ => None,
+    });
+    let result = result.expect("a result");
+    let two_zeta: f64 = 2.0 * 0.0038;
+    let exact = (1.0 + two_zeta * two_zeta).sqrt() / two_zeta * 1e-4;
+    assert!((f64::from(result.x_amplitude_m) - exact).abs() < 1e-5, "{result:?}");
+    // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
+    assert!((f64::from(result.x_max_m) - exact).abs() < 2.3e-5, "{result:?}");
+    assert!(result.steady);
+}
+
+/// A point's figures without its times.
+fn figures(messages: &[FromDevice]) -> Vec<PointResult> {
+    let point = |message: &FromDevice| match message {
+        FromDevice::Event { event: Event::Point(result), .. } => {
+            Some(PointResult { start_tick: 0, end_tick: 0, ..*result })
+        }
+        _ => None,
+    };
+    messages.iter().filter_map(point).collect()
+}
+
+#[test]
+fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
+    let mut whole = ready();
+    assert_eq!(whole.ask(Request::Start), Ok(Reply::Done));
+    let whole = figures(&whole.grant(20_000));
+    let mut rest = ready();
+    let second = SteppedSine { first_index: 1, frequencies_hz: [3.0].into_iter().collect(), ..experiment() };
+    assert_eq!(rest.ask(Request::Configure(second)), Ok(Reply::Done));
+    assert_eq!(rest.ask(Request::Start), Ok(Reply::Done));
+    assert_eq!(figures(&rest.grant(20_000)), whole[1..]);
+}
+
+/// d/Z = 10, e = 0.5, β = 0.1, f = fn: the symmetric orbit with two impacts a cycle has max|x| = 3.753385 Z
+/// (Masri & Caughey 1966; `core/tests/integration/sampled.rs` has the formula).
+#[test]
+fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
+    let z_m = 1.5e-3;
+    let mut host = ready();
+    let mut config = plant();
+    config.set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 10.0 * f64::from(z_m),
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    });
+    assert_eq!(host.ask(set_plant(config)), Ok(Reply::Done));
+    let long = SteppedSine {
+        settle_s: 200.0,
+        dwell_s: 40.0,
+        amplitude_m: z_m,
+        frequencies_hz: [2.5].into_iter().collect(),
+        ..experiment()
+    };
+    assert_eq!(host.ask(Request::Configure(long)), Ok(Reply::Done));
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    let result = figures(&host.grant(245_000))[0];
+    let exact = 3.753_385 * z_m;
+    // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
+    assert!((result.x_mean_cycle_max_m - exact).abs() < 2.3e-5, "{result:?}");
+    assert!(result.steady, "{result:?}");
+}

@@ -1,0 +1,527 @@
+//! The friction-damper spring's controller against a simulated drive, sound and broken.
+
+use damprig_core::control::friction_spring::{
+    Cause, FrictionSpring, Happening, Inputs, Refusal, SpringCommand, SpringConfig, Stage, Target,
+};
+use damprig_core::control::safety::rails::Verdict;
+use damprig_core::io::{Motor, SUBSAMPLES};
+use damprig_simulator::plant::spring::{SimulatedSpring, SpringPlant};
+
+struct Bench {
+    spring: FrictionSpring,
+    plant: SimulatedSpring,
+    x_peak_m: f32,
+    z_m: Option<f32>,
+    /// What the force sensor reads instead of the force, N.
+    reads_n: Option<f32>,
+    force_sensor: Verdict,
+    /// The force sensor is wired the wrong way round.
+    reversed: bool,
+    happenings: Vec<Happening>,
+    drive: Motor,
+    /// Steps of every tick.
+    log: Vec<i8>,
+}
+
+impl Bench {
+    fn with(config: &SpringConfig, plant: &SpringPlant) -> Self {
+        let (spring, plant) = (FrictionSpring::new(config).unwrap(), SimulatedSpring::new(plant).unwrap());
+        Self {
+            spring,
+            plant,
+            x_peak_m: 0.0,
+            z_m: None,
+            reads_n: None,
+            force_sensor: Verdict::Reads,
+            reversed: false,
+            happenings: vec![],
+            drive: Motor::default(),
+            log: vec![],
+        }
+    }
+
+    fn new() -> Self {
+        Self::with(&SpringConfig::default(), &SpringPlant::default())
+    }
+
+    /// Homed and touched off.
+    fn ready() -> Self {
+        let mut bench = Self::new();
+        bench.make_ready();
+        bench
+    }
+
+    fn make_ready(&mut self) {
+        self.ask(SpringCommand::Home);
+        self.until(Stage::Homed);
+        self.ask(SpringCommand::TouchOff);
+        self.until(Stage::Holding);
+    }
+
+    fn ask(&mut self, command: SpringCommand) {
+        self.spring.handle(command).unwrap();
+    }
+
+    fn set(&mut self, target: Target) {
+        self.ask(SpringCommand::Set(target));
+    }
+
+    fn tick(&mut self) {
+        // The motor moves after the controller has spoken: the readings are one tick old.
+        let (block, at_switch) = self.plant.tick(self.drive);
+        let read_n = block.iter().sum::<f32>() / SUBSAMPLES as f32;
+        let force_n = self.reads_n.unwrap_or(if self.reversed { -read_n } else { read_n });
+        let inputs = Inputs {
+            force_n,
+            force_sensor: self.force_sensor,
+            at_switch,
+            x_peak_m: self.x_peak_m,
+            base_amplitude_m: self.z_m,
+            emergency_stop: false,
+        };
+        let happening;
+        (self.drive, happening) = self.spring.tick(&inputs);
+        self.log.push(self.drive.steps);
+        self.happenings.extend(happening);
+    }
+
+    fn run(&mut self, ticks: usize) {
+        (0..ticks).for_each(|_| self.tick());
+    }
+
+    fn until(&mut self, stage: Stage) {
+        for _ in 0..200_000 {
+            self.tick();
+            if self.spring.stage() == stage {
+                return;
+            }
+        }
+        panic!("{stage:?} not reached: {:?}", self.spring.status());
+    }
+
+    /// Waits for this fault and for the motor to come to rest; it then stays so.
+    fn until_safe(&mut self, cause: Cause) {
+        self.until(Stage::Faulted);
+        assert_eq!(self.spring.status().fault.unwrap().cause, cause);
+        self.run(20_000);
+        assert!(self.log.iter().rev().take(1000).all(|&steps| steps == 0), "the motor still moves");
+        assert!(!self.drive.enabled, "the motor is still on");
+        assert_eq!(self.happenings.iter().filter(|h| matches!(h, Happening::Fault(_))).count(), 1);
+    }
+}
+
+#[test]
+fn homing_finds_the_same_edge_from_anywhere() {
+    for start_m in [0.0, 1e-5, 0.5e-3, 3.3e-3, 11e-3] {
+        let mut bench = Bench::with(&SpringConfig::default(), &SpringPlant { start_m, ..SpringPlant::default() });
+        bench.ask(SpringCommand::Home);
+        bench.until(Stage::Homed);
+        bench.run(2);
+        // The edge is one step off the switch.
+        let error = bench.plant.position_m() - bench.spring.status().position_m - 5e-6;
+        assert!(error.abs() < 1e-8, "from {start_m}: {error}");
+        assert_eq!(bench.happenings, [Happening::Homed]);
+    }
+}
+
+/// The truth lies within the stated error as often as it should, whatever dominates: noise or the motor's step.
+#[test]
+fn touch_off_finds_the_zero_reading_within_its_stated_error() {
+    for noise_rms_n in [0.01, 0.2] {
+        let (mut squares, mut stated) = (0.0, 0.0);
+        let trials = 24;
+        for seed in 0..trials {
+            let touch_m = 8e-3 + 0.377e-3 * seed as f32;
+            let plant = SpringPlant { noise_rms_n, touch_m, seed, ..SpringPlant::default() };
+            let config = SpringConfig { touch_force_n: 0.4, ..SpringConfig::default() };
+            let mut bench = Bench::with(&config, &plant);
+            bench.make_ready();
+            let touch = bench.spring.status().touch.unwrap();
+            let error = touch.zero_m + 5e-6 - touch_m;
+            // Scatter about the line, and the mean without contact over 1500 samples, which the line does not see.
+            let bias = noise_rms_n / 1500.0f32.sqrt() / 537.0;
+            let error_scale = touch.zero_error_m.hypot(bias);
+            squares += error * error;
+            stated += error_scale * error_scale;
+            // One step, or what 1000 samples a point leave of the noise over √Σ(F−F̄)² = 1.05 N.
+            let slope_error = 5.0 * noise_rms_n / 1000.0f32.sqrt() / 1.05 + 1e-3;
+            assert!((touch.stiffness_n_per_m / 537.0 - 1.0).abs() < slope_error, "{touch:?}");
+        }
+        let ratio = (squares / stated).sqrt();
+        // A χ² of 24 with scatter estimates of six degrees of freedom; positions in f32 and thresholds add to small noise.
+        assert!(ratio < 1.6, "errors are {ratio} times the stated ones");
+        assert!((squares / trials as f32).sqrt() < if noise_rms_n < 0.1 { 3e-6 } else { 5e-5 }, "{squares}");
+    }
+}
+
+#[test]
+fn a_deflection_is_kept_as_a_position() {
+    let mut bench = Bench::ready();
+    bench.set(Target::Deflection { deflection_m: 4e-3 });
+    bench.until(Stage::Setting);
+    bench.until(Stage::Holding);
+    let deflection = bench.plant.position_m() - 12.3456e-3;
+    assert!((deflection - 4e-3).abs() < 5e-6, "{deflection}");
+    assert!((bench.spring.status().force_n - 537.0 * 4e-3).abs() < 0.01);
+}
+
+#[test]
+fn a_force_is_met_within_the_dead_band_and_then_the_motor_rests() {
+    let mut bench = Bench::ready();
+    for force_n in [2.0, 8.0, 0.5, 0.0, 13.5] {
+        bench.set(Target::Force { force_n });
+        bench.until(Stage::Setting);
+        bench.until(Stage::Holding);
+        let truth = bench.plant.normal_force_n();
+        // The dead band, and the average's noise: 5 × 0.01/√1000.
+        assert!((truth - force_n).abs() < 0.02 + 0.002, "{force_n}: {truth}");
+        bench.run(10_000);
+        assert!(bench.log.iter().rev().take(9000).all(|&steps| steps == 0), "hunts at {force_n} N");
+    }
+}
+
+#[test]
+fn a_friction_ratio_holds_while_the_base_amplitude_changes() {
+    let mut bench = Bench::ready();
+    bench.set(Target::FrictionRatio { ratio: 0.6 });
+    bench.run(1000);
+    assert!(bench.spring.status().waiting && bench.spring.stage() == Stage::Setting, "no Z, no force");
+    assert!(bench.plant.normal_force_n() < 0.01);
+    for z_m in [3e-3, 1e-3, 2e-3, 2.2e-3, 5e-3] {
+        bench.z_m = Some(z_m);
+        bench.run(4000);
+        let ratio = 0.3 * bench.plant.normal_force_n() / (394.78 * z_m);
+        let band = 0.3 * 0.022 / (394.78 * z_m);
+        assert!((ratio - 0.6).abs() < band, "Z = {z_m}: γF = {ratio}");
+    }
+    bench.z_m = None;
+    let held = bench.plant.normal_force_n();
+    bench.run(4000);
+    assert!(bench.plant.normal_force_n() == held, "without Z the force stays");
+    bench.z_m = Some(0.05);
+    bench.run(6000);
+    let status = bench.spring.status();
+    assert!(status.saturated && status.fault.is_none());
+    assert!((bench.plant.normal_force_n() - 13.5).abs() < 0.022);
+}
+
+#[test]
+fn rate_and_acceleration_are_never_exceeded() {
+    let mut bench = Bench::ready();
+    bench.log.clear();
+    bench.set(Target::Force { force_n: 13.0 });
+    bench.until(Stage::Setting);
+    bench.until(Stage::Holding);
+    bench.ask(SpringCommand::Release);
+    bench.until(Stage::Ready);
+    let sums: Vec<i32> = bench
+        .log
+        .iter()
+        .scan(0, |sum, &steps| {
+            *sum += i32::from(steps);
+            Some(*sum)
+        })
+        .collect();
+    let mut fastest = 0;
+    for window in sums.windows(101) {
+        fastest = fastest.max((window[100] - window[0]).abs());
+    }
+    // 1000 steps/s over 100 ticks, and the one that a window's edge may catch.
+    assert!((99..=101).contains(&fastest), "{fastest}");
+    // Mean rates of neighbouring windows differ by at most a·Δt = 4000/s² × 0.1 s = 40 steps in 0.1 s; edges, 2.
+    for n in 0..sums.len() - 200 {
+        let (a, b, c) = (sums[n], sums[n + 100], sums[n + 200]);
+        assert!(((c - b) - (b - a)).abs() <= 42, "tick {n}");
+    }
+}
+
+#[test]
+fn no_step_is_made_while_the_structure_moves_too_much() {
+    let config = SpringConfig { quiet_m: 1e-3, ..SpringConfig::default() };
+    let mut bench = Bench::with(&config, &SpringPlant::default());
+    bench.make_ready();
+    bench.set(Target::Force { force_n: 5.0 });
+    bench.run(200);
+    bench.x_peak_m = 2e-3;
+    bench.run(300);
+    let stopped = bench.plant.position_m();
+    // A vibration is above the limit only part of the time.
+    for tick in 0..5000 {
+        bench.x_peak_m = if tick % 200 < 20 { 2e-3 } else { 0.2e-3 };
+        bench.tick();
+    }
+    assert_eq!(bench.plant.position_m(), stopped);
+    assert!(bench.spring.status().waiting);
+    bench.x_peak_m = 0.0;
+    bench.until(Stage::Holding);
+    assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
+}
+
+#[test]
+fn the_brake_closes_whatever_the_structure_does() {
+    let config = SpringConfig { quiet_m: 1e-3, ..SpringConfig::default() };
+    let mut bench = Bench::with(&config, &SpringPlant::default());
+    assert!(!bench.spring.brake(5.0), "no brake without a zero reading");
+    bench.make_ready();
+    bench.x_peak_m = 0.05;
+    assert!(bench.spring.brake(5.0));
+    bench.run(5000);
+    assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
+}
+
+#[test]
+fn a_spring_that_softens_is_corrected_without_a_fault() {
+    let mut bench = Bench::ready();
+    bench.set(Target::Force { force_n: 3.0 });
+    bench.until(Stage::Holding);
+    bench.plant.set_stiffness(500.0);
+    bench.run(5000);
+    assert!((bench.plant.normal_force_n() - 3.0).abs() < 0.022, "{}", bench.plant.normal_force_n());
+    assert!(bench.spring.status().fault.is_none());
+}
+
+mod faults {
+    use super::*;
+
+    fn homing(broken: impl Fn(&mut Bench), cause: Cause) {
+        let mut bench = Bench::new();
+        broken(&mut bench);
+        bench.ask(SpringCommand::Home);
+        bench.until_safe(cause);
+        bench.ask(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), Stage::Unhomed);
+    }
+
+    #[test]
+    fn a_jammed_motor_never_finds_the_switch() {
+        homing(|bench| bench.plant.broken.jammed = true, Cause::SwitchNotFound);
+    }
+
+    #[test]
+    fn a_switch_stuck_open_is_never_found() {
+        homing(|bench| bench.plant.broken.switch_stuck = Some(false), Cause::SwitchNotFound);
+    }
+
+    #[test]
+    fn a_switch_stuck_closed_is_never_left() {
+        homing(|bench| bench.plant.broken.switch_stuck = Some(true), Cause::SwitchStuck);
+    }
+
+    #[test]
+    fn a_sensor_that_gives_no_number_ends_homing() {
+        homing(|bench| bench.reads_n = Some(f32::NAN), Cause::SensorLost);
+    }
+
+    #[test]
+    fn without_a_structure_no_touch_is_found_and_the_block_goes_back() {
+        let mut bench = Bench::new();
+        bench.ask(SpringCommand::Home);
+        bench.until(Stage::Homed);
+        bench.plant.broken.nothing_there = true;
+        bench.ask(SpringCommand::TouchOff);
+        bench.until_safe(Cause::NoTouch);
+        assert!((bench.plant.position_m() - 1e-3).abs() < 1e-5);
+        bench.ask(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), Stage::Homed, "the position is still good");
+    }
+
+    #[test]
+    fn a_motor_that_jams_on_the_way_finds_no_touch() {
+        let mut bench = Bench::new();
+        bench.ask(SpringCommand::Home);
+        bench.until(Stage::Homed);
+        bench.plant.broken.jammed = true;
+        bench.ask(SpringCommand::TouchOff);
+        bench.until_safe(Cause::NoTouch);
+    }
+
+    #[test]
+    fn a_motor_that_stalls_right_after_the_touch_makes_the_spring_implausible() {
+        let mut bench = Bench::new();
+        bench.ask(SpringCommand::Home);
+        bench.until(Stage::Homed);
+        bench.plant.broken.stalls_above_n = Some(0.3);
+        bench.ask(SpringCommand::TouchOff);
+        bench.until_safe(Cause::SpringImplausible);
+        assert!(bench.plant.normal_force_n() == 0.0);
+    }
+
+    #[test]
+    fn a_stall_on_the_way_to_a_target_is_noticed_and_stops_the_motor() {
+        let mut bench = Bench::ready();
+        bench.plant.broken.stalls_above_n = Some(4.0);
+        bench.set(Target::Force { force_n: 10.0 });
+        bench.until_safe(Cause::ForceDoesNotFollow);
+        assert!(bench.plant.normal_force_n() < 4.1);
+        bench.ask(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), Stage::Unhomed, "the position is no longer trusted");
+    }
+
+    #[test]
+    fn a_stall_that_corrections_run_against_is_noticed() {
+        let mut bench = Bench::ready();
+        bench.set(Target::Force { force_n: 4.0 });
+        bench.until(Stage::Holding);
+        bench.plant.broken.stalls_above_n = Some(3.9);
+        bench.set(Target::Force { force_n: 4.3 });
+        bench.until_safe(Cause::ForceDoesNotFollow);
+    }
+
+    #[test]
+    fn lost_steps_are_corrected_up_to_the_tolerance_and_then_a_fault() {
+        let mut bench = Bench::ready();
+        bench.plant.broken.loses_every = 50;
+        bench.set(Target::Force { force_n: 5.0 });
+        bench.until(Stage::Setting);
+        bench.until(Stage::Holding);
+        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022, "two per cent lost is made good");
+        bench.plant.broken.loses_every = 4;
+        bench.set(Target::Force { force_n: 10.0 });
+        bench.until_safe(Cause::ForceDoesNotFollow);
+    }
+
+    #[test]
+    fn a_force_above_its_limit_releases_the_block() {
+        let mut bench = Bench::ready();
+        bench.set(Target::Force { force_n: 5.0 });
+        bench.until(Stage::Holding);
+        bench.plant.set_stiffness(3000.0);
+        bench.until_safe(Cause::ForceAboveLargest);
+        assert_eq!(bench.plant.normal_force_n(), 0.0);
+        bench.ask(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), Stage::Homed, "the zero reading must be found again");
+    }
+
+    #[test]
+    fn a_lost_sensor_releases_the_block() {
+        let lost = Verdict::Lost { reading: -5.5, edge: -5.0 };
+        for (reads_n, verdict) in [(Some(f32::NAN), Verdict::Reads), (Some(-5.5), lost)] {
+            let mut bench = Bench::ready();
+            bench.set(Target::Force { force_n: 5.0 });
+            bench.until(Stage::Setting);
+            bench.run(500);
+            (bench.reads_n, bench.force_sensor) = (reads_n, verdict);
+            bench.until_safe(Cause::SensorLost);
+            assert_eq!(bench.plant.normal_force_n(), 0.0);
+        }
+    }
+
+    /// Four ticks at a rail are no fault yet, and nothing is decided by what is read there.
+    #[test]
+    fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_goes_on() {
+        let mut bench = Bench::ready();
+        bench.set(Target::Force { force_n: 5.0 });
+        bench.run(400);
+        (bench.reads_n, bench.force_sensor) = (Some(-5.5), Verdict::AtRail);
+        let before = bench.plant.position_m();
+        bench.run(4);
+        // It brakes: a step that was under way, and 4 ticks at less than a step each.
+        assert!(bench.plant.position_m() - before < 5.5 * 5e-6);
+        assert!(bench.spring.status().fault.is_none());
+        (bench.reads_n, bench.force_sensor) = (None, Verdict::Reads);
+        bench.until(Stage::Holding);
+        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
+    }
+
+    #[test]
+    fn a_motor_that_runs_the_wrong_way_is_noticed_by_the_rising_force() {
+        // 1 mm from the structure, with a motor wired the other way round.
+        let mut bench =
+            Bench::with(&SpringConfig::default(), &SpringPlant { start_m: 11.3e-3, ..SpringPlant::default() });
+        bench.plant.broken.reversed = true;
+        bench.ask(SpringCommand::Home);
+        bench.until_safe(Cause::WrongDirection);
+        // The tolerance of 0.5 N, and the sensor's lag of some ticks at 1 N/s.
+        assert!(bench.plant.normal_force_n() < 0.52, "{}", bench.plant.normal_force_n());
+    }
+
+    #[test]
+    fn a_force_sensor_of_the_wrong_sign_ends_the_touch_off() {
+        let mut bench = Bench::new();
+        bench.reversed = true;
+        bench.ask(SpringCommand::Home);
+        bench.until(Stage::Homed);
+        bench.ask(SpringCommand::TouchOff);
+        let mut most_n = 0.0f32;
+        while bench.spring.stage() != Stage::Faulted {
+            bench.tick();
+            most_n = most_n.max(bench.plant.normal_force_n());
+        }
+        bench.until_safe(Cause::WrongSign);
+        assert!(most_n < 0.52, "it pressed with {most_n} N");
+        assert_eq!(bench.plant.normal_force_n(), 0.0, "the block has moved away");
+    }
+
+    #[test]
+    fn a_sensor_that_sticks_within_its_range_is_found_by_the_next_move() {
+        let mut bench = Bench::ready();
+        bench.reads_n = Some(0.4);
+        bench.set(Target::Deflection { deflection_m: 4e-3 });
+        bench.until_safe(Cause::ForceDoesNotFollow);
+    }
+
+    #[test]
+    fn a_switch_that_closes_where_it_should_not_stops_the_motor() {
+        let mut bench = Bench::ready();
+        bench.set(Target::Force { force_n: 5.0 });
+        bench.run(300);
+        bench.plant.broken.switch_stuck = Some(true);
+        bench.until_safe(Cause::LimitReached);
+    }
+
+    #[test]
+    fn a_fault_is_not_cleared_while_the_block_moves_away() {
+        let mut bench = Bench::ready();
+        bench.reads_n = Some(f32::NAN);
+        bench.until(Stage::Faulted);
+        assert!(matches!(bench.spring.handle(SpringCommand::ClearFault), Err(Refusal::WrongStage { .. })));
+    }
+}
+
+#[test]
+fn commands_that_make_no_sense_say_the_stage_and_what_to_do() {
+    let mut bench = Bench::new();
+    let force = |force_n| SpringCommand::Set(Target::Force { force_n });
+    let advice = |bench: &mut Bench, command| match bench.spring.handle(command) {
+        Err(Refusal::WrongStage { stage, advice }) => (stage, advice),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(advice(&mut bench, SpringCommand::TouchOff), (Stage::Unhomed, "home the spring first"));
+    assert_eq!(advice(&mut bench, force(1.0)), (Stage::Unhomed, "home the spring first"));
+    bench.ask(SpringCommand::Home);
+    assert_eq!(advice(&mut bench, SpringCommand::TouchOff).0, Stage::Homing);
+    bench.until(Stage::Homed);
+    assert_eq!(advice(&mut bench, force(1.0)), (Stage::Homed, "find the zero reading first (touch off)"));
+    bench.ask(SpringCommand::TouchOff);
+    assert_eq!(advice(&mut bench, force(1.0)).0, Stage::TouchingOff);
+    bench.until(Stage::Holding);
+    for (target, name) in [
+        (Target::Force { force_n: -1.0 }, "force_n"),
+        (Target::Force { force_n: f32::NAN }, "force_n"),
+        (Target::Force { force_n: 13.6 }, "force_n"),
+        (Target::Deflection { deflection_m: 0.0275 }, "deflection_m"),
+        (Target::FrictionRatio { ratio: -0.1 }, "friction_ratio"),
+    ] {
+        match bench.spring.handle(SpringCommand::Set(target)) {
+            Err(Refusal::Invalid(invalid)) => assert_eq!(invalid.parameter, name),
+            other => panic!("{target:?}: {other:?}"),
+        }
+    }
+    bench.reads_n = Some(f32::NAN);
+    bench.until(Stage::Faulted);
+    assert_eq!(advice(&mut bench, SpringCommand::Home), (Stage::Faulted, "clear the spring's fault first"));
+}
+
+#[test]
+fn halt_stops_where_it_is_and_keeps_the_zero_reading() {
+    let mut bench = Bench::ready();
+    bench.set(Target::Force { force_n: 10.0 });
+    bench.run(700);
+    bench.ask(SpringCommand::Halt);
+    bench.run(300);
+    assert_eq!(bench.spring.stage(), Stage::Ready);
+    assert!(bench.log.iter().rev().take(20).all(|&steps| steps == 0));
+    bench.set(Target::Force { force_n: 1.0 });
+    bench.until(Stage::Holding);
+    assert!((bench.plant.normal_force_n() - 1.0).abs() < 0.022);
+}

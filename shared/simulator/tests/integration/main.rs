@@ -1,0 +1,16 @@
+//! Tests of the simulated rig, and of the control loop around it through the messages that a host sends.
+
+mod base_loop;
+mod dampers;
+mod device;
+mod drive;
+mod emergency_stop;
+mod friction_spring;
+mod impacts;
+mod limits;
+mod sensors;
+mod shaker;
+mod support;
+mod transient;
+mod twin;
+mod uploads;

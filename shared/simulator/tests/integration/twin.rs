@@ -1,0 +1,219 @@
+//! The twin against a rig in `f64` whose sensors it sees: blocks of x and z with noise, and wall forces.
+
+use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::modes::Contact;
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::units::Units;
+use damprig_core::io::ForceScale;
+use damprig_core::measure::impacts::{ImpactConfig, ImpactMeter};
+use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
+use damprig_core::twin::{Twin, TwinConfig, TwinSignals};
+use damprig_simulator::plant::walls::{WallSensors, Walls};
+use std::f64::consts::PI;
+
+const MASS_KG: f64 = 1.6;
+
+fn set_up(clearance_m: f64, restitution: f64, zeta: f64) -> SetUp {
+    let particle = Particle {
+        mass_kg: 0.1 * MASS_KG,
+        clearance_m,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: restitution },
+    };
+    SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(MASS_KG, 2.5, zeta)) }
+}
+
+/// A rig at 10 kHz with its sensors, its meter and its twin.
+struct Bench {
+    truth: Sampled<f64>,
+    walls: Walls,
+    meter: ImpactMeter,
+    twin: Twin,
+    sample: u64,
+    noise: u64,
+    z_m: f64,
+    /// The force sensors are connected.
+    heard: bool,
+}
+
+struct Strikes<'a> {
+    walls: &'a mut Walls,
+    sub: f64,
+}
+
+impl Observer<f64> for Strikes<'_> {
+    fn impact(&mut self, impact: &Impact<f64>) {
+        let impulse = (MASS_KG * impact.kick * 1e4) as f32;
+        self.walls.hit(((self.sub + impact.at) / 10.0) as f32, impact.side, impulse);
+    }
+}
+
+impl Bench {
+    fn new(truth: &SetUp, believed: &SetUp, z_m: f64, initial: &Initial) -> Self {
+        Self {
+            truth: Sampled::new(truth, Units::metres(1e-4), initial).unwrap(),
+            walls: Walls::new(&WallSensors::default(), 3).unwrap(),
+            meter: ImpactMeter::new(&ImpactConfig::default(), &ForceScale::default(), 10).unwrap(),
+            twin: Twin::new(&TwinConfig::new(*believed)).unwrap(),
+            sample: 0,
+            noise: 1,
+            z_m,
+            heard: true,
+        }
+    }
+
+    /// Uniform with 5 µm RMS.
+    fn noise(&mut self) -> f64 {
+        self.noise = self.noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.noise >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 5e-6 * 12f64.sqrt()
+    }
+
+    /// A tick of the rig, its sensors and its twin.
+    fn tick(&mut self) -> TwinSignals {
+        let omega = 2.0 * PI * 2.5e-4;
+        let (mut x, mut z) = (0.0, 0.0);
+        let tick = (self.sample / 10) as u32;
+        for sub in 0..10 {
+            let (t, u) = (self.sample as f64, (self.sample + 1) as f64);
+            let at = |t: f64| self.z_m * libm::sin(omega * t);
+            let slope = |t: f64| self.z_m * omega * libm::cos(omega * t);
+            let segment = Segment::hermite(at(t), at(u), slope(t), slope(u));
+            self.truth.step(&segment, &mut Strikes { walls: &mut self.walls, sub: f64::from(sub) });
+            let base = at(u);
+            x += 0.1 * (self.truth.state().x + self.noise());
+            z += 0.1 * (base + self.noise());
+            self.sample += 1;
+        }
+        let Self { meter, twin, heard, .. } = self;
+        meter.push(tick, &self.walls.read::<10>(), |record| {
+            if *heard {
+                twin.detected(record);
+            }
+        });
+        self.twin.tick(tick, x as f32, z as f32)
+    }
+
+    fn run(&mut self, seconds: u32) -> TwinSignals {
+        (1..seconds * 1000).for_each(|_| _ = self.tick());
+        self.tick()
+    }
+}
+
+/// What the residual must be at least: noise of a mean of twenty on x (5/√20 = 1.1 µm), and little more.
+#[test]
+fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+    bench.run(30);
+    let before = bench.twin_counts();
+    let signals = bench.run(60);
+    println!("{signals:?}");
+    // An impulse is measured to a few parts in a thousand, so the next impact is some 0.1 ms off, 4 µm of the structure.
+    assert!(signals.residual_rms_m < 8e-6, "{signals:?}");
+    assert!(signals.detected - before.1 > 250, "{signals:?}");
+    assert_eq!(signals.missing, before.2, "{signals:?}");
+    // One may be between its prediction and the end of its pulse at either end of the count.
+    assert!((signals.predicted - before.0).abs_diff(signals.detected - before.1) <= 1, "{signals:?}");
+    assert!(!signals.alarm);
+}
+
+impl Bench {
+    fn twin_counts(&mut self) -> (u32, u32, u32) {
+        let signals = self.tick();
+        (signals.predicted, signals.detected, signals.missing)
+    }
+}
+
+/// The twin starts at rest while the rig is already moving, its particle anywhere.
+#[test]
+fn a_twin_that_starts_late_finds_the_rig() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let initial = Initial { x_m: 5e-3, v_m_per_s: 0.1, y_m: -8e-3, u_m_per_s: 0.0 };
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &initial);
+    let early = bench.run(1);
+    bench.run(30);
+    let late = bench.run(5);
+    println!("{early:?}\n{late:?}");
+    assert!(early.residual_rms_m > 3e-4 && late.residual_rms_m < 2e-5, "{early:?} {late:?}");
+}
+
+#[test]
+fn a_chaotic_motion_is_followed_too() {
+    let truth = set_up(30e-3, 0.5, 0.0038);
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+    let mut alarms = 0;
+    let mut last = TwinSignals::NOTHING;
+    for _ in 0..120_000 {
+        last = bench.tick();
+        alarms += u32::from(last.alarm);
+    }
+    println!("{last:?} {alarms}");
+    assert_eq!(alarms, 0, "{last:?}");
+    assert!(last.missing * 20 < last.predicted, "{last:?}");
+}
+
+#[test]
+fn a_particle_that_is_gone_raises_the_alarm_within_two_cycles() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+    assert!(!bench.run(30).alarm);
+    let state = *bench.truth.state();
+    let stays = Initial { x_m: state.x, v_m_per_s: state.v * 1e4, ..Initial::default() };
+    bench.truth = Sampled::new(&SetUp { particle: None, ..truth }, Units::metres(1e-4), &stays).unwrap();
+    let raised = (1..=2000).find(|_| bench.tick().alarm);
+    println!("{raised:?} ms");
+    // Three impacts are 1.5 cycles, 600 ms; then 100 ms of waiting for the last.
+    assert!(raised.is_some_and(|ms| ms < 800), "{raised:?}");
+}
+
+#[test]
+fn force_sensors_that_fall_silent_raise_the_alarm() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+    bench.run(30);
+    bench.heard = false;
+    assert!(bench.run(1).alarm);
+    bench.heard = true;
+    assert!(!bench.run(1).alarm, "an impact that comes takes the alarm back");
+}
+
+#[test]
+fn a_wrong_belief_shows_in_the_residual() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let mut wrong = truth;
+    wrong.structure.stiffness_n_per_m *= 1.05;
+    let mut bench = Bench::new(&truth, &wrong, 1.5e-3, &Initial::default());
+    let signals = bench.run(30);
+    println!("{signals:?}");
+    assert!(signals.residual_rms_m > 1e-4, "{signals:?}");
+}
+
+#[test]
+fn a_sensor_value_that_is_no_number_does_not_stay_in_the_twin() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+    bench.run(5);
+    bench.twin.tick(5000, f32::NAN, 0.0);
+    bench.twin.tick(5001, 0.0, f32::INFINITY);
+    let signals = bench.run(30);
+    assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
+}
+
+/// Under steady acceleration the particle comes to rest at the wall behind it, with more bounces in a tick than the twin
+/// allows.
+#[test]
+fn a_chatter_beyond_the_events_of_a_tick_is_cut_short_at_the_wall() {
+    let structure = Structure::from_modal(MASS_KG, 15.0, 0.3);
+    let mut twin = Twin::new(&TwinConfig::new(SetUp { structure, ..set_up(1e-3, 0.9, 0.3) })).unwrap();
+    let mut last = TwinSignals::NOTHING;
+    for tick in 0..1000u16 {
+        let time_s = f32::from(tick) * 1e-3;
+        let z_m = 2.5 * time_s * time_s;
+        last = twin.tick(tick.into(), z_m, z_m);
+    }
+    assert!(twin.motion().unresolved() > 0, "the chatter ended by itself");
+    assert_eq!(twin.motion().mode().map(|mode| mode.contact), Some(Contact::Held(-1)));
+    assert_eq!(twin.motion().state().offset, -1e-3);
+    // The structure lags by z″/ω² = 0.6 mm, less what the 1 Hz of the observer takes from it.
+    assert!((last.x_m - 2.5 * 0.998 * 0.998).abs() < 1e-3, "{last:?}");
+}
