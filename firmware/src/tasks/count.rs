@@ -157,7 +157,7 @@ impl Rehearsal<'_> {
 
     /// One step, counted; then the plant and the link.
     fn step(&mut self, tally: &mut Tally) {
-        let Self { counter, controller, upload, board, requests, queues, depths, .. } = self;
+        let Self { counter, controller, upload, board, requests, queues, depths, replies, .. } = self;
         let tick = controller.next_tick();
         let (((), within), deep) =
             depth(|| counter.count(|| drop(black_box(step(controller, upload, board, requests, queues)))));
@@ -172,7 +172,7 @@ impl Rehearsal<'_> {
         let mut outbox = Outbox::default();
         while let Some(message) = outbox.next(queues) {
             if let FromDevice::Reply { answer, .. } = message {
-                self.replies[usize::from(answer.is_err())] += 1;
+                replies[usize::from(answer.is_err())] += 1;
             }
         }
     }
