@@ -1,6 +1,6 @@
 //! What was run: set-ups and experiments with their units.
 
-use damprig_core::control::stepped_sine::Drive;
+use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::model::Wall;
 use maud::{Markup, html};
 
@@ -105,7 +105,7 @@ pub(super) fn experiments(facts: &Facts) -> Markup {
                         td { (experiment.points()) }
                         @if let Some(sine) = experiment.stepped_sine() {
                             td.word { (if sine.start == Start::FromRest { "from rest" } else { "with the motion before" }) }
-                            td.word { (if sine.drive == Drive::Constant { "the drive" } else { "the base (closed loop)" }) }
+                            td.word { (if sine.drive == DriveMode::Constant { "the drive" } else { "the base (closed loop)" }) }
                             td { (short(sine.settle_s, 3)) }
                             td { (short(sine.dwell_s, 3)) }
                         } @else {

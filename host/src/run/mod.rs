@@ -57,7 +57,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: damprig_core::control::safety::Danger,
+        cause: damprig_core::control::fault::FaultCause,
         /// When, since the start of the experiment, s.
         t_s: f64,
         /// The value that broke the limit.
@@ -71,7 +71,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: friction_spring::Cause,
+        cause: damprig_core::control::fault::FaultCause,
         /// The value that broke the limit.
         value: f32,
         /// The limit.
@@ -83,7 +83,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What the spring is doing.
-        stage: friction_spring::Stage,
+        stage: friction_spring::SpringStage,
     },
     /// The same point was begun again and again and never came to its end.
     #[error(
@@ -132,7 +132,7 @@ pub trait Watcher {
     }
 
     /// The friction damper's spring has something to tell.
-    fn spring(&mut self, happening: &friction_spring::Happening) {
+    fn spring(&mut self, happening: &friction_spring::SpringEvent) {
         let _ = happening;
     }
 

@@ -3,7 +3,7 @@
 //! Whatever is taken from a run (samples, a history in a file, a picture) is a [`Viewer`] and sees the exact driver's
 //! arcs and the sampled driver's flights alike. A viewer keeps nothing that grows with the run unless it says so.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::{self, series};
 use damprig_core::integrator::modes::{Contact, Grip, Mode};
 use serde::Serialize;
@@ -14,7 +14,7 @@ pub struct Instant {
     /// When, s.
     pub t_s: f64,
     /// Structure and second mass.
-    pub state: State,
+    pub state: ExactState,
     /// Base displacement z, m.
     pub z_m: f64,
     /// Base velocity z′, m/s.
@@ -252,7 +252,7 @@ impl Piece for exact::Arc<'_> {
 pub struct Samples {
     times_s: Vec<f64>,
     /// The states so far, in the order of the times.
-    pub states: Vec<State>,
+    pub states: Vec<ExactState>,
 }
 
 impl Samples {
@@ -263,7 +263,7 @@ impl Samples {
     }
 
     /// The rest of the samples, which were asked for a rounding after the end.
-    pub(super) fn fill(&mut self, state: State) {
+    pub(super) fn fill(&mut self, state: ExactState) {
         self.states.resize(self.times_s.len(), state);
     }
 }

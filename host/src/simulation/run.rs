@@ -1,6 +1,6 @@
 //! A case put into motion: samples, impacts and figures, stopped in good order when asked to.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{self, Exact};
 use damprig_core::io::Invalid;
@@ -165,12 +165,12 @@ pub fn simulate<V: Viewer>(case: &Case, also: &mut V, request: Request) -> Resul
         gathered.samples.fill(end);
     }
     let states = &gathered.samples.states;
-    let column = |value: fn(&State) -> f64| states.iter().map(value).collect();
+    let column = |value: fn(&ExactState) -> f64| states.iter().map(value).collect();
     Ok(Answer {
         x_m: column(|s| s.x_m),
         v_m_per_s: column(|s| s.v_m_per_s),
-        y_m: column(State::y_m),
-        u_m_per_s: column(State::u_m_per_s),
+        y_m: column(ExactState::y_m),
+        u_m_per_s: column(ExactState::u_m_per_s),
         impacts: gathered.impacts.kept.take().unwrap_or_default(),
         accumulations: std::mem::take(&mut gathered.impacts.accumulations),
         stopped_at_s: (!is_whole).then_some(summary.simulated_s),
@@ -208,7 +208,7 @@ fn closed_form<V: Viewer>(
     wanted: Wanted,
     gathered: &mut Gathered<'_, V>,
     request: Request,
-) -> Result<(Summary, State), Invalid> {
+) -> Result<(Summary, ExactState), Invalid> {
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(wanted);
     parts(case.run.duration_s, request, gathered, |until_s, gathered, go_on| {

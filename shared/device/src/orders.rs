@@ -4,7 +4,7 @@
 //! task that control does not wait for; the tick only swaps the result in, or refuses it for the state it is in.
 
 use damprig_core::control::experiment::Experiment;
-use damprig_core::control::stepped_sine::Plan;
+use damprig_core::control::stepped_sine::SteppedSinePlan;
 use damprig_core::control::transient::{free_vibration, playback};
 use damprig_core::io::Invalid;
 use damprig_core::plant::PlantConfig;
@@ -160,7 +160,7 @@ impl<P> Work<P> {
             Ask::SetSpring(set_up) => Command::SetSpring(set_up),
             Ask::SetTwin(None) => Command::SetTwin(None),
             Ask::SetTwin(Some(config)) => Command::SetTwin(Some(TwinPlan::new(&config)?)),
-            Ask::Configure(sine) => Command::Configure(Some(Experiment::SteppedSine(Plan::new(sine)?))),
+            Ask::Configure(sine) => Command::Configure(Some(Experiment::SteppedSine(SteppedSinePlan::new(sine)?))),
             Ask::Start => Command::Start,
             Ask::Stop => Command::Stop,
             Ask::ClearFault => Command::ClearFault,
@@ -170,10 +170,10 @@ impl<P> Work<P> {
             Ask::BeginUpload { bytes, crc32 } => return begin_upload(bytes, crc32),
             Ask::UploadChunk { offset, data } => return chunk(offset, data),
             Ask::ConfigurePlayback(playback) => {
-                Command::Configure(Some(Experiment::Playback(playback::Plan::new(playback)?)))
+                Command::Configure(Some(Experiment::Playback(playback::PlaybackPlan::new(playback)?)))
             }
             Ask::ConfigureFreeVibration(free) => {
-                Command::Configure(Some(Experiment::FreeVibration(free_vibration::Plan::new(free)?)))
+                Command::Configure(Some(Experiment::FreeVibration(free_vibration::FreeVibrationPlan::new(free)?)))
             }
         }))
     }

@@ -1,7 +1,7 @@
 //! The message tables: what a device says. What a host asks is in [`crate::ask`].
 
+use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring as spring;
-use damprig_core::control::limits::Fault;
 use damprig_core::io::ForceScale;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
@@ -322,7 +322,7 @@ pub enum Happening {
     /// An interlock ended the experiment.
     Fault(Fault),
     /// The friction damper's spring has something to tell.
-    Spring(spring::Happening),
+    Spring(spring::SpringEvent),
     /// The particle hit a wall.
     Impact(ImpactRecord),
     /// A record or a free vibration is complete.

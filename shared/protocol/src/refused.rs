@@ -39,7 +39,7 @@ pub enum Refused {
     /// It makes no sense at this stage of the friction damper's spring.
     WrongStage {
         /// The stage.
-        stage: spring::Stage,
+        stage: spring::SpringStage,
         /// What to do.
         advice: String<48>,
     },

@@ -1,8 +1,9 @@
 //! What may be asked of the rig, and what it answers and reports.
 
-use crate::control::experiment::{Experiment, Stage};
+use crate::control::experiment::Experiment;
+use crate::control::fault::Fault;
 use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
-use crate::control::limits::Fault;
+use crate::control::outcome::ExperimentStage;
 use crate::control::safety::rails::SensorHealth;
 use crate::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafeStage};
 use crate::io::{AboveLimit, Invalid, TICK_HZ};
@@ -19,7 +20,7 @@ pub enum State {
     /// Nothing; the drive is off.
     Idle,
     /// An experiment, at this stage of its present point.
-    Running(Stage),
+    Running(ExperimentStage),
     /// The drive is fading out after a stop or the last point.
     Stopping,
     /// Stopped by an interlock until the fault is cleared.
@@ -32,10 +33,10 @@ impl State {
     pub fn text(self) -> &'static str {
         match self {
             Self::Idle => "idle",
-            Self::Running(Stage::Rest) => "waiting for rest",
-            Self::Running(Stage::Settle) => "settling",
-            Self::Running(Stage::Dwell) => "measuring",
-            Self::Running(Stage::Hold) => "waiting for the structure's release",
+            Self::Running(ExperimentStage::Rest) => "waiting for rest",
+            Self::Running(ExperimentStage::Settle) => "settling",
+            Self::Running(ExperimentStage::Dwell) => "measuring",
+            Self::Running(ExperimentStage::Hold) => "waiting for the structure's release",
             Self::Stopping => "stopping",
             Self::Faulted => "faulted",
         }
@@ -85,7 +86,7 @@ pub enum Refusal {
     /// The command makes no sense at this stage of the friction damper's spring.
     WrongStage {
         /// The stage.
-        stage: spring::Stage,
+        stage: spring::SpringStage,
         /// What to do, in words.
         advice: &'static str,
     },
@@ -116,11 +117,11 @@ impl From<LimitsRejected> for Refusal {
     }
 }
 
-impl From<spring::Refusal> for Refusal {
-    fn from(refusal: spring::Refusal) -> Self {
+impl From<spring::SpringRejected> for Refusal {
+    fn from(refusal: spring::SpringRejected) -> Self {
         match refusal {
-            spring::Refusal::Invalid(invalid) => Self::Invalid(invalid),
-            spring::Refusal::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
+            spring::SpringRejected::Invalid(invalid) => Self::Invalid(invalid),
+            spring::SpringRejected::WrongStage { stage, advice } => Self::WrongStage { stage, advice },
         }
     }
 }
@@ -151,7 +152,7 @@ pub enum Event {
     /// An interlock ended the experiment.
     Fault(Fault),
     /// The friction damper's spring has something to tell.
-    Spring(spring::Happening),
+    Spring(spring::SpringEvent),
     /// The particle hit a wall.
     Impact(ImpactRecord),
     /// A record or a free vibration is complete.
