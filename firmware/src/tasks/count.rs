@@ -159,8 +159,7 @@ impl Rehearsal<'_> {
     fn step(&mut self, tally: &mut Tally) {
         let Self { counter, controller, upload, board, requests, queues, depths, replies, .. } = self;
         let tick = controller.next_tick();
-        let (((), within), deep) =
-            depth(|| counter.count(|| drop(black_box(step(controller, upload, board, requests, queues)))));
+        let ((_, within), deep) = depth(|| counter.count(|| step(controller, upload, board, requests, queues)));
         depths.tick = depths.tick.max(deep);
         let ((), plant) = counter.count(|| {
             if let Some(point) = controller.rig().begins_from_rest() {
