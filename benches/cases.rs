@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, Work};
 use damprig_core::integrator::sampled::Sampled;
@@ -200,7 +200,7 @@ pub fn sampled(set_up: &SetUp, samples: &[f64]) -> f64 {
     let slope = |n: usize| 0.5 * (samples[(n + 1).min(samples.len() - 1)] - samples[n.saturating_sub(1)]);
     let mut most = 0.0_f64;
     for n in 0..samples.len() - 1 {
-        motion.step(&Segment::hermite(samples[n], samples[n + 1], slope(n), slope(n + 1)), &mut ());
+        motion.step(&BaseSegment::hermite(samples[n], samples[n + 1], slope(n), slope(n + 1)), &mut ());
         most = most.max(motion.state().x.abs());
     }
     most

@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::time::Duration;
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::point::SteadyLimits;
@@ -105,7 +105,7 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 3.0,

@@ -2,7 +2,7 @@
 
 use damprig_core::fixed_point::Fixed;
 use damprig_core::fixed_point::reference::{CASES, Case, Motion, STEPS};
-use damprig_core::integrator::sampled::State;
+use damprig_core::integrator::sampled::SampledState;
 use damprig_core::scalar::Scalar;
 use damprig_tests::support::emulator::run_counting;
 use damprig_tests::support::images::find;
@@ -29,7 +29,7 @@ fn printed_states(printed: &str) -> Vec<Vec<Bits>> {
     cases
 }
 
-fn states<S: Scalar>(case: &Case) -> Vec<State<S>> {
+fn states<S: Scalar>(case: &Case) -> Vec<SampledState<S>> {
     let mut motion = Motion::<S>::new(case).unwrap();
     let step = |step| {
         motion.step(case.base_counts(step), &mut ());

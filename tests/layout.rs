@@ -42,7 +42,7 @@ const CORE_LAYERS: [&str; 13] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 16] = [
+const HOST_LAYERS: [&str; 13] = [
     "input",
     "settings",
     "setup",
@@ -53,12 +53,9 @@ const HOST_LAYERS: [&str; 16] = [
     "prediction",
     "runner",
     "simulation",
-    "analysis",
     "board",
-    "figure",
-    "page",
-    "export",
-    "commands",
+    "report",
+    "cli",
 ];
 
 fn workspace() -> Metadata {

@@ -11,7 +11,7 @@ use cortex_m_semihosting::hprintln;
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
-use damprig_core::control::stepped_sine::{Drive, MOST_POINTS, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
@@ -368,7 +368,7 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 2e-3,
-        drive: Drive::ClosedLoop(ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() }),
+        drive: DriveMode::ClosedLoop(ClosedLoop { tolerance: 0.5, wait_s: 0.0, ..ClosedLoop::default() }),
         ramp_s: 0.0,
         settle_s: 2.0,
         dwell_s: 4.0,

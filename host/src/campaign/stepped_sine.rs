@@ -1,7 +1,7 @@
 //! A stepped sine over a list of frequencies.
 
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
-use damprig_core::control::stepped_sine::{Drive, FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
+use damprig_core::control::stepped_sine::{DriveMode, FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_simulator::plant::Shaker;
@@ -25,7 +25,7 @@ pub struct SteppedSine {
     /// How each point starts.
     pub start: Start,
     /// Open or closed loop. The drive limit of a closed loop applies only if `drive_limit` is given.
-    pub drive: Drive,
+    pub drive: DriveMode,
     /// The stated drive limit of a closed loop, m, and its place; without one it is the range of the rig's drive.
     pub drive_limit: Option<Number>,
     /// Time over which the drive rises from zero and fades again, s.
@@ -162,10 +162,10 @@ fn sound(section: &Section, key: &str, frequency: &Number) -> bool {
 }
 
 /// `drive`, and the `closed_loop` table of one of its two values.
-fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(Drive, Option<Number>)> {
+fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(DriveMode, Option<Number>)> {
     let is_closed = section.choice("drive", &["constant", "closed_loop"]) == Some(1);
     if !is_closed {
-        return Some((Drive::Constant, None));
+        return Some((DriveMode::Constant, None));
     }
     let Some(shaker) = shaker else {
         let help = Some("add a `[rig.shaker]` table (it may be empty), or write drive = \"constant\"".into());
@@ -174,7 +174,7 @@ fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(Drive, Opti
         return None;
     };
     let default = ClosedLoop { calibrated_at_hz: shaker.calibrated_at_hz as f32, ..ClosedLoop::default() };
-    let Some(table) = section.table("closed_loop", None) else { return Some((Drive::ClosedLoop(default), None)) };
+    let Some(table) = section.table("closed_loop", None) else { return Some((DriveMode::ClosedLoop(default), None)) };
     let most = f64::from(MOST_GAIN_PER_S);
     let gain = table.number_if(
         "gain_per_s",
@@ -192,7 +192,7 @@ fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(Drive, Opti
         ..default
     };
     table.finish();
-    Some((Drive::ClosedLoop(parameters), limit))
+    Some((DriveMode::ClosedLoop(parameters), limit))
 }
 
 fn read_steady(section: &Section) -> SteadyLimits {

@@ -447,7 +447,7 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
         cycles: cycles.map_or(10, |n| n.value as u16),
         span: start.span,
     };
-    if let Err(invalid) = free_vibration::Plan::new(free.order()) {
+    if let Err(invalid) = free_vibration::FreeVibrationPlan::new(free.order()) {
         let key = ["timeout_s", "measure_s", "hold_s"].into_iter().find(|key| *key == invalid.parameter);
         let key = key.unwrap_or("start_m");
         let span = section.number(key).map_or(section.span(), |n| n.span);

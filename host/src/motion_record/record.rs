@@ -11,7 +11,7 @@
 
 use std::path::PathBuf;
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 
 /// What a record holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +87,7 @@ pub struct Play<'a> {
 
 impl Play<'_> {
     /// The motion over the next interval, time from 0 to 1, m.
-    pub fn next_segment(&mut self) -> Segment<f64> {
+    pub fn next_segment(&mut self) -> BaseSegment<f64> {
         let samples = &self.record.samples;
         let n = self.next;
         self.next += 1;
@@ -96,13 +96,13 @@ impl Play<'_> {
                 let last = samples.len() - 1;
                 let at = |n: usize| samples[n.min(last)];
                 let (before, start, end, after) = (at(n.saturating_sub(1)), at(n), at(n + 1), at(n + 2));
-                Segment::hermite(start, end, 0.5 * (end - before), 0.5 * (after - start))
+                BaseSegment::hermite(start, end, 0.5 * (end - before), 0.5 * (after - start))
             }
             Quantity::Acceleration => {
                 // Zero after the last sample.
                 let (a, b) = if n + 1 < samples.len() { (samples[n], samples[n + 1]) } else { (0.0, 0.0) };
                 let square = self.record.step_s * self.record.step_s;
-                let segment = Segment([self.z_m, self.rise_m, 0.5 * square * a, square / 6.0 * (b - a)]);
+                let segment = BaseSegment([self.z_m, self.rise_m, 0.5 * square * a, square / 6.0 * (b - a)]);
                 self.z_m += segment.0[1] + (segment.0[2] + segment.0[3]);
                 self.rise_m += 0.5 * square * (a + b);
                 segment

@@ -3,7 +3,7 @@
 //! The drive's range follows from its calibration ([`damprig_core::control::drive`]). The device refuses the same when an
 //! experiment is configured; this check gives the line in the campaign.
 
-use damprig_core::control::stepped_sine::Drive;
+use damprig_core::control::stepped_sine::DriveMode;
 
 use super::transient::Expected;
 use super::trim;
@@ -82,7 +82,7 @@ fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
 
 /// A stated limit of a closed loop that exceeds the drive's range.
 fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
-    let limit = sine.drive_limit.as_ref().filter(|_| matches!(sine.drive, Drive::ClosedLoop(_)))?;
+    let limit = sine.drive_limit.as_ref().filter(|_| matches!(sine.drive, DriveMode::ClosedLoop(_)))?;
     (limit.value as f32 > drive_m as f32).then(|| TooMuch {
         title: "the closed loop's drive limit is too large".into(),
         span: limit.span.clone(),

@@ -12,7 +12,7 @@ pub mod transient;
 
 use std::f64::consts::TAU;
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
@@ -151,7 +151,7 @@ fn simulate(set_up: &CampaignSetUp, experiment: &SteppedSine, base_amplitude_m: 
         let mut start = at(0);
         for step in 0..count {
             let end = at(step + 1);
-            motion.step(&Segment::hermite(start.0, end.0, start.1, end.1), &mut ());
+            motion.step(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut ());
             start = end;
             let x = motion.state().x.abs();
             if x > largest.max_x_m {

@@ -4,7 +4,7 @@
 //! of at most a tick; the measured window is the device's. The base follows exactly. The largest |x| is taken at the steps:
 //! at 2.5 Hz the error of a peak is (Ωh)²/8 = 3·10⁻⁵.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::Sampled;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, TICK_HZ};
@@ -113,7 +113,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
     let (mut watched, mut impacts) = (Watched::default(), Count::default());
     for node in -2..=count {
         let rate = |n: i64| 0.5 * (at(n + 1) - at(n - 1));
-        let whole = Segment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
+        let whole = BaseSegment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
         let value = |t: f64| whole[0] + t * (whole[1] + t * (whole[2] + t * whole[3]));
         let slope = |t: f64| share * (whole[1] + t * (2.0 * whole[2] + t * 3.0 * whole[3]));
         for part in 0..parts {
@@ -126,16 +126,16 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
                 let change = |t: f64, z: f64| (ramp(t + 0.5 * step_s) - ramp(t - 0.5 * step_s)) * z;
                 let (v0, v1) =
                     (ramp(t0) * slope(from) + change(t0, value(from)), ramp(t1) * slope(to) + change(t1, value(to)));
-                Segment::hermite(z0, z1, v0, v1)
+                BaseSegment::hermite(z0, z1, v0, v1)
             } else {
-                Segment::hermite(z0, z1, slope(from), slope(to))
+                BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
             motion.step(&segment, &mut impacts);
             watched.see(motion.state().x, z1);
         }
     }
     for _ in 0..(playback.tail_s / step_s).round() as u64 {
-        motion.step(&Segment::at_rest(0.0), &mut impacts);
+        motion.step(&BaseSegment::at_rest(0.0), &mut impacts);
         watched.see(motion.state().x, 0.0);
     }
     Ok(watched.over(impacts.0))
@@ -147,7 +147,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration) -> Result<Outlook, Inv
     let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
     let (mut watched, mut impacts) = (Watched::default(), Count::default());
     for _ in 0..(free.measure_s / step_s).round() as u64 {
-        motion.step(&Segment::at_rest(0.0), &mut impacts);
+        motion.step(&BaseSegment::at_rest(0.0), &mut impacts);
         watched.see(motion.state().x, 0.0);
     }
     let mut outlook = watched.over(impacts.0);

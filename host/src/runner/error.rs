@@ -24,7 +24,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: damprig_core::control::safety::Danger,
+        cause: damprig_core::control::fault::FaultCause,
         /// When, since the start of the experiment, s.
         t_s: f64,
         /// The value that broke the limit.
@@ -38,7 +38,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What happened.
-        cause: friction_spring::Cause,
+        cause: damprig_core::control::fault::FaultCause,
         /// The value that broke the limit.
         value: f32,
         /// The limit.
@@ -50,7 +50,7 @@ pub enum RunError {
         /// The set-up.
         set_up: String,
         /// What the spring is doing.
-        stage: friction_spring::Stage,
+        stage: friction_spring::SpringStage,
     },
     /// The same point was started repeatedly and never finished.
     #[error(

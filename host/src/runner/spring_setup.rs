@@ -6,7 +6,8 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use damprig_core::control::friction_spring::{Happening, SpringCommand, SpringFault, Stage, Target};
+use damprig_core::control::fault::Fault;
+use damprig_core::control::friction_spring::{SpringCommand, SpringEvent, SpringStage, Target};
 use damprig_protocol::{Event, PlantKind, Request};
 
 use super::context::Run;
@@ -28,9 +29,9 @@ impl Run<'_> {
         keeps_ratio: bool,
     ) -> Result<(), RunError> {
         self.session.execute("take the set-up's spring", Request::SetSpring(wire_mapping::spring(set_up, spring)))?;
-        self.step(set_up, SpringCommand::Home, |happening| matches!(happening, Happening::Homed))?;
-        self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, Happening::OnTarget { .. }))?;
-        let on_target = |happening: &Happening| matches!(happening, Happening::OnTarget { .. });
+        self.step(set_up, SpringCommand::Home, |happening| matches!(happening, SpringEvent::Homed))?;
+        self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, SpringEvent::OnTarget { .. }))?;
+        let on_target = |happening: &SpringEvent| matches!(happening, SpringEvent::OnTarget { .. });
         let stiffness = set_up.model().structure.stiffness_n_per_m;
         let force_n = spring.normal_force_n(stiffness, set_up.base_amplitude_m) as f32;
         match spring.target {
@@ -61,14 +62,14 @@ impl Run<'_> {
         loop {
             let (status, _) = self.session.status()?;
             match status.spring.stage {
-                Stage::Ready | Stage::Setting | Stage::Holding if !asked => {
+                SpringStage::Ready | SpringStage::Setting | SpringStage::Holding if !asked => {
                     asked = true;
                     self.session.execute("release the spring", Request::Spring(SpringCommand::Release))?;
                 }
-                Stage::Releasing | Stage::Ready if asked && begun.elapsed() > LONGEST_STEP => {
+                SpringStage::Releasing | SpringStage::Ready if asked && begun.elapsed() > LONGEST_STEP => {
                     return Err(RunError::SpringLost { set_up: set_up.name.clone(), stage: status.spring.stage });
                 }
-                Stage::Releasing => {}
+                SpringStage::Releasing => {}
                 _ => return Ok(()),
             }
             self.session.next_report()?;
@@ -80,7 +81,7 @@ impl Run<'_> {
         &mut self,
         set_up: &CampaignSetUp,
         command: SpringCommand,
-        is_done: impl Fn(&Happening) -> bool,
+        is_done: impl Fn(&SpringEvent) -> bool,
     ) -> Result<(), RunError> {
         self.session.execute("move the friction damper's spring", Request::Spring(command))?;
         let begun = Instant::now();
@@ -112,12 +113,12 @@ impl Run<'_> {
     }
 
     /// The spring's event, if `report` is one.
-    fn spring_report(&mut self, set_up: &CampaignSetUp, report: Report) -> Result<Option<Happening>, RunError> {
+    fn spring_report(&mut self, set_up: &CampaignSetUp, report: Report) -> Result<Option<SpringEvent>, RunError> {
         match report {
             Report::Event { event: Event::Spring(happening), .. } => {
                 self.watcher.spring(&happening);
                 match happening {
-                    Happening::Fault(fault) => Err(spring_error(set_up, fault)),
+                    SpringEvent::Fault(fault) => Err(spring_error(set_up, fault)),
                     other => Ok(Some(other)),
                 }
             }
@@ -127,7 +128,7 @@ impl Run<'_> {
     }
 }
 
-fn spring_error(set_up: &CampaignSetUp, fault: SpringFault) -> RunError {
-    let SpringFault { cause, value, limit } = fault;
+fn spring_error(set_up: &CampaignSetUp, fault: Fault) -> RunError {
+    let Fault { cause, value, limit, .. } = fault;
     RunError::Spring { set_up: set_up.name.clone(), cause, value, limit }
 }

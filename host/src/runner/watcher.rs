@@ -33,7 +33,7 @@ pub trait Watcher {
     }
 
     /// An event of the friction damper's spring.
-    fn spring(&mut self, happening: &friction_spring::Happening) {
+    fn spring(&mut self, happening: &friction_spring::SpringEvent) {
         let _ = happening;
     }
 

@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringSetUp;
-use damprig_core::control::limits::Fault;
-use damprig_core::control::stepped_sine::{self as core_sine, Drive};
+use damprig_core::control::stepped_sine as core_sine;
+use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::twin::TwinConfig;
@@ -130,8 +131,8 @@ pub(super) fn plan(
     drive_m: f32,
 ) -> core_sine::SteppedSine {
     let drive = match experiment.drive {
-        Drive::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
-            Drive::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
+        DriveMode::ClosedLoop(parameters) if experiment.drive_limit.is_none() => {
+            DriveMode::ClosedLoop(ClosedLoop { drive_limit_m: drive_m, ..parameters })
         }
         drive => drive,
     };

@@ -216,7 +216,7 @@ impl Viewer for Envelope {
 mod tests {
     use super::super::motion::Phase;
     use super::*;
-    use damprig_core::integrator::exact::flow::State;
+    use damprig_core::integrator::exact::flow::ExactState;
     use damprig_core::integrator::modes::{Contact, Grip, Mode};
 
     /// x = (t/10)³ − 1, the base at 5 m, from `start_s` on for `length_s`.
@@ -236,7 +236,7 @@ mod tests {
 
         fn at(&self, after_s: f64) -> MotionState {
             let t_s = self.start_s + after_s;
-            let state = State { x_m: (t_s / 10.0).powi(3) - 1.0, ..State::default() };
+            let state = ExactState { x_m: (t_s / 10.0).powi(3) - 1.0, ..ExactState::default() };
             MotionState { t_s, state, z_m: 5.0, ..MotionState::default() }
         }
 

@@ -1,6 +1,6 @@
 //! Runs a case with the exact driver: excitation in closed form, every event at its instant.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{self, Exact};
 use damprig_core::io::Invalid;
@@ -42,7 +42,7 @@ pub(super) fn run<V: Viewer>(
     wanted: Wanted,
     collector: &mut Collector<'_, V>,
     options: RunOptions,
-) -> Result<(Summary, State), Invalid> {
+) -> Result<(Summary, ExactState), Invalid> {
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(wanted);
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {

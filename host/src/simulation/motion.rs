@@ -3,7 +3,7 @@
 //! A [`Viewer`] takes output from a run (states, a time history, a figure). It sees the exact driver's arcs and the sampled
 //! driver's flights in the same way. Its memory does not grow with the run unless its description says so.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::{self, series};
 use damprig_core::integrator::modes::{Contact, Grip, Mode};
 use serde::Serialize;
@@ -14,7 +14,7 @@ pub struct MotionState {
     /// Time, s.
     pub t_s: f64,
     /// Structure and second mass.
-    pub state: State,
+    pub state: ExactState,
     /// Base displacement z, m.
     pub z_m: f64,
     /// Base velocity z′, m/s.
@@ -252,7 +252,7 @@ impl Piece for exact::Arc<'_> {
 pub struct StateSamples {
     times_s: Vec<f64>,
     /// States so far, in order of time.
-    pub states: Vec<State>,
+    pub states: Vec<ExactState>,
 }
 
 impl StateSamples {
@@ -263,7 +263,7 @@ impl StateSamples {
     }
 
     /// Fills in the times that lie after the end of the run by rounding.
-    pub(super) fn fill(&mut self, state: State) {
+    pub(super) fn fill(&mut self, state: ExactState) {
         self.states.resize(self.times_s.len(), state);
     }
 }

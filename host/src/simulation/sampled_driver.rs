@@ -1,6 +1,6 @@
 //! Runs a case on a recorded base motion with the sampled driver, one sample interval after the other.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign, signed};
 use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_increment, increment};
@@ -26,7 +26,7 @@ pub(super) fn run<V: Viewer>(
     wanted: Wanted,
     collector: &mut Collector<'_, V>,
     options: RunOptions,
-) -> Result<(Summary, State), Invalid> {
+) -> Result<(Summary, ExactState), Invalid> {
     let steps = Sampled::<f64>::steps_per_sample(&case.set_up, record.step_s)?;
     let units = Units::metres(record.step_s / f64::from(steps));
     if case.has_soft_wall() || case.set_up.tmd.is_some() {
@@ -48,7 +48,7 @@ fn play<V: Viewer, J: Joint<f64>>(
     wanted: Wanted,
     collector: &mut Collector<'_, V>,
     options: RunOptions,
-) -> (Summary, State) {
+) -> (Summary, ExactState) {
     let step_s = motion.units().step_s;
     let mut figures = MotionStatistics::new(wanted);
     let mut play = record.play();
@@ -157,7 +157,7 @@ struct SampledRun {
     step_s: f64,
     duration_s: f64,
     reached_s: f64,
-    state: State,
+    state: ExactState,
     mode: Mode,
     wall: Option<SoftWall>,
 }
@@ -169,7 +169,7 @@ impl Default for SampledRun {
             step_s: 0.0,
             duration_s: 0.0,
             reached_s: 0.0,
-            state: State::default(),
+            state: ExactState::default(),
             mode: Mode { grip: Grip::Absent, contact: Contact::Absent },
             wall: None,
         }
@@ -273,7 +273,7 @@ impl Piece for FlightPiece<'_> {
         let (stretch_m, slip_m_per_s) = of(&self.flight.stretch);
         MotionState {
             t_s: self.start_s + after_s,
-            state: State { x_m, v_m_per_s, offset_m, slide_m_per_s },
+            state: ExactState { x_m, v_m_per_s, offset_m, slide_m_per_s },
             z_m: x_m - stretch_m,
             base_velocity_m_per_s: v_m_per_s - slip_m_per_s,
         }

@@ -1,6 +1,6 @@
 //! Simulates a case: chooses the driver and gathers the result.
 
-use damprig_core::integrator::exact::flow::State;
+use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_core::io::Invalid;
 
@@ -26,12 +26,12 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         collector.samples.fill(end);
     }
     let states = &collector.samples.states;
-    let column = |value: fn(&State) -> f64| states.iter().map(value).collect();
+    let column = |value: fn(&ExactState) -> f64| states.iter().map(value).collect();
     Ok(SimulationResult {
         x_m: column(|s| s.x_m),
         v_m_per_s: column(|s| s.v_m_per_s),
-        y_m: column(State::y_m),
-        u_m_per_s: column(State::u_m_per_s),
+        y_m: column(ExactState::y_m),
+        u_m_per_s: column(ExactState::u_m_per_s),
         impacts: collector.events.impacts.take().unwrap_or_default(),
         accumulations: std::mem::take(&mut collector.events.accumulations),
         stopped_at_s: (!is_complete).then_some(summary.simulated_s),

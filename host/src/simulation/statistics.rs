@@ -250,7 +250,7 @@ impl Viewer for LastCyclesMeter {
 mod tests {
     use super::super::motion::Phase;
     use super::*;
-    use damprig_core::integrator::exact::flow::State;
+    use damprig_core::integrator::exact::flow::ExactState;
     use damprig_core::integrator::modes::{Contact, Grip, Mode};
 
     /// x = 2 cos(3t + 0.4), z = 0.5 cos(3t).
@@ -271,7 +271,7 @@ mod tests {
         fn at(&self, after_s: f64) -> MotionState {
             let t_s = self.start_s + after_s;
             let (sine, cosine) = (3.0 * t_s + 0.4).sin_cos();
-            let state = State { x_m: 2.0 * cosine, v_m_per_s: -6.0 * sine, ..State::default() };
+            let state = ExactState { x_m: 2.0 * cosine, v_m_per_s: -6.0 * sine, ..ExactState::default() };
             let (sine, cosine) = (3.0 * t_s).sin_cos();
             MotionState { t_s, state, z_m: 0.5 * cosine, base_velocity_m_per_s: -1.5 * sine }
         }

@@ -9,7 +9,7 @@ use damprig::input::Source;
 use damprig::simulation::Case;
 use damprig::simulation::analysis::{Analysis, PeriodicOrbit, Stability};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
-use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use nalgebra::{Complex, Matrix4, Vector4};
 
@@ -247,7 +247,7 @@ fn persistent_disturbances_are_neutral() {
             let mut motion = Exact::new(&set_up, &drive, &Default::default()).expect("physical");
             // Long enough for the transient to decay where there is damping.
             motion.run(2000.0 * TAU / turning, &mut ());
-            let guess = if name == "undamped" { State::default() } else { *motion.state() };
+            let guess = if name == "undamped" { ExactState::default() } else { *motion.state() };
             let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, &guess, 1).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert_eq!(orbit.stability(), Stability::Neutral, "{name} {ratio}: {:?}", orbit.multipliers);
             let count = orbit.multipliers.iter().filter(|m| m.is_neutral).count();

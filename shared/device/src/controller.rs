@@ -4,7 +4,7 @@ use crate::board::{Board, DeviceInfo, Saving};
 use crate::queues::{Chosen, Losses, Outgoing, Row, StreamItem};
 use crate::upload_buffer::UploadBuffer;
 use damprig_core::control::experiment::Experiment;
-use damprig_core::control::stepped_sine::Plan;
+use damprig_core::control::stepped_sine::SteppedSinePlan;
 use damprig_core::control::transient::{free_vibration, playback};
 use damprig_core::io::{Actuators, Invalid, Sensors, TICK_HZ, WALL_SUBSAMPLES};
 use damprig_core::measure::snippet::SNIPPET;
@@ -272,12 +272,14 @@ impl Controller {
             Request::SetLimits(limits) => Command::SetLimits(*limits),
             Request::SetSpring(set_up) => Command::SetSpring(*set_up),
             Request::SetTwin(config) => Command::SetTwin(*config),
-            Request::Configure(sine) => Command::Configure(Experiment::SteppedSine(Plan::new(sine.clone())?)),
+            Request::Configure(sine) => {
+                Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(sine.clone())?))
+            }
             Request::ConfigurePlayback(config) => {
-                Command::Configure(Experiment::Playback(playback::Plan::new(*config)?))
+                Command::Configure(Experiment::Playback(playback::PlaybackPlan::new(*config)?))
             }
             Request::ConfigureFreeVibration(config) => {
-                Command::Configure(Experiment::FreeVibration(free_vibration::Plan::new(*config)?))
+                Command::Configure(Experiment::FreeVibration(free_vibration::FreeVibrationPlan::new(*config)?))
             }
             Request::Start => return self.start(board, upload, outgoing),
             Request::Stop => Command::Stop,

@@ -156,11 +156,11 @@ mod tests {
     #[test]
     fn a_stepped_sine_of_the_most_frequencies_fits() {
         use damprig_core::control::base_loop::ClosedLoop;
-        use damprig_core::control::stepped_sine::{Drive, MOST_POINTS, Start, SteppedSine};
+        use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
         let sine = SteppedSine {
             start: Start::FromRest { level_m: 5e-4 },
             amplitude_m: 1e-3,
-            drive: Drive::ClosedLoop(ClosedLoop::default()),
+            drive: DriveMode::ClosedLoop(ClosedLoop::default()),
             ramp_s: 0.0,
             settle_s: 1.0,
             dwell_s: 4.0,

@@ -8,7 +8,7 @@
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
-use damprig_core::integrator::base::{Segment, Track};
+use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Calibration, Invalid};
@@ -85,7 +85,7 @@ pub struct Truth {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)]
 enum Moving {
-    Prescribed(Track<f64>),
+    Prescribed(BaseTrack<f64>),
     Shaken(Table<f64>),
 }
 
@@ -180,7 +180,7 @@ impl Plant {
         };
         let motion = Sampled::new(&config.set_up, units, &initial)?;
         let base = match &config.base {
-            Base::Prescribed => Moving::Prescribed(Track::default()),
+            Base::Prescribed => Moving::Prescribed(BaseTrack::default()),
             Base::Shaker(shaker) => {
                 shaker.validate()?;
                 Moving::Shaken(Table::new(shaker, &config.set_up, &units))
@@ -303,7 +303,7 @@ impl Plant {
         let mut hits = Hits::default();
         let end = match &mut self.base {
             Moving::Prescribed(track) => {
-                let segment: Segment<f64> = track.push(drive);
+                let segment: BaseSegment<f64> = track.push(drive);
                 self.motion.step(&segment, &mut hits);
                 segment.end()
             }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
@@ -101,7 +101,7 @@ fn experiment(plant: PlantConfig, twin: Option<SetUp>, more: &[Request]) -> Vec<
     let sine = SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 0.05,
         dwell_s: 0.7,

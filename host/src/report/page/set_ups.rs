@@ -1,6 +1,6 @@
 //! Section of the report page on set-ups, experiments and limits.
 
-use damprig_core::control::stepped_sine::Drive;
+use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::model::Wall;
 use maud::{Markup, html};
 
@@ -105,7 +105,7 @@ pub(super) fn experiments(data: &PageData) -> Markup {
                         td { (experiment.points()) }
                         @if let Some(sine) = experiment.stepped_sine() {
                             td.word { (if sine.start == Start::FromRest { "from rest" } else { "motion carried over" }) }
-                            td.word { (if sine.drive == Drive::Constant { "drive (constant)" } else { "base (closed loop)" }) }
+                            td.word { (if sine.drive == DriveMode::Constant { "drive (constant)" } else { "base (closed loop)" }) }
                             td { (short(sine.settle_s, 3)) }
                             td { (short(sine.dwell_s, 3)) }
                         } @else {

@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::exact::{Accumulation, ContactEnd, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::{Contact, Mode, Sign};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, SetUp};
@@ -28,7 +28,7 @@ const ROUNDING: f64 = 1e-14;
 #[derive(Clone, Debug)]
 pub struct PeriodicOrbit {
     /// The state at the section.
-    pub start: State,
+    pub start: ExactState,
     /// Drive phase Ωt (of z = Z sin Ωt) of the section, rad, 0 to 2π, far from impacts.
     pub section_phase_rad: f64,
     /// Drive periods after which it repeats.
@@ -97,7 +97,7 @@ impl PeriodicOrbit {
         set_up: &SetUp,
         amplitude_m: f64,
         angular_frequency_rad_per_s: f64,
-        guess: &State,
+        guess: &ExactState,
         periods: u32,
     ) -> Result<Self, OrbitError> {
         let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad: 0.0 };
@@ -123,7 +123,7 @@ impl PeriodicOrbit {
     }
 }
 
-fn initial(state: &State) -> Initial {
+fn initial(state: &ExactState) -> Initial {
     Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 
@@ -255,7 +255,7 @@ impl Map {
         angular_frequency_rad_per_s: f64,
         phase_rad: f64,
         periods: u32,
-        guess: &State,
+        guess: &ExactState,
     ) -> Result<Self, OrbitError> {
         let sine = Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad };
         let motion = Exact::new(set_up, &sine, &Initial::default())?;
@@ -277,7 +277,7 @@ impl Map {
         })
     }
 
-    fn orbit_near(&self, guess: &State) -> Result<PeriodicOrbit, OrbitError> {
+    fn orbit_near(&self, guess: &ExactState) -> Result<PeriodicOrbit, OrbitError> {
         let step = f64::EPSILON.cbrt();
         let mut at = self.vector(guess);
         let mut image = self.of(&at).0;
@@ -314,14 +314,14 @@ impl Map {
         Err(OrbitError::NoConvergence { distance })
     }
 
-    fn vector(&self, s: &State) -> DVector<f64> {
+    fn vector(&self, s: &ExactState) -> DVector<f64> {
         let all = [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];
         DVector::from_fn(self.size, |n, _| all[n] / self.scale[n])
     }
 
-    fn state(&self, at: &DVector<f64>) -> State {
+    fn state(&self, at: &DVector<f64>) -> ExactState {
         let value = |n: usize| at.get(n).map_or(0.0, |v| v * self.scale[n]);
-        State { x_m: value(0), v_m_per_s: value(1), offset_m: value(2), slide_m_per_s: value(3) }
+        ExactState { x_m: value(0), v_m_per_s: value(1), offset_m: value(2), slide_m_per_s: value(3) }
     }
 
     /// The vector with the particle moved inside its cavity.
@@ -446,7 +446,7 @@ mod tests {
     fn a_bare_structure_has_the_multipliers_of_its_own_decay() {
         let (zeta, turning) = (0.05, 0.8 * NATURAL);
         let set_up = SetUp::bare(Structure::from_modal(1.0, 2.5, zeta));
-        let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, &State::default(), 1).expect("linear");
+        let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, &ExactState::default(), 1).expect("linear");
         let period_s = TAU / turning;
         let expected =
             Complex::from_polar((-zeta * NATURAL * period_s).exp(), NATURAL * (1.0 - zeta * zeta).sqrt() * period_s);

@@ -7,7 +7,7 @@ use damprig_core::analysis::lock_in::LockIn;
 use damprig_core::analysis::section::{Section, period};
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use serde::Serialize;
 
 use super::periodic_orbit::{PeriodicOrbit, Stability};
@@ -107,8 +107,8 @@ pub struct SectionState {
     pub u_m_per_s: f64,
 }
 
-impl From<&State> for SectionState {
-    fn from(s: &State) -> Self {
+impl From<&ExactState> for SectionState {
+    fn from(s: &ExactState) -> Self {
         Self { x_m: s.x_m, v_m_per_s: s.v_m_per_s, y_m: s.y_m(), u_m_per_s: s.u_m_per_s() }
     }
 }
@@ -233,7 +233,7 @@ impl ForcedResponse {
         });
         response.skip_to(whole - periods);
         let mut section = Section::new(motion.clone(), period_s);
-        let mut states: Vec<State> =
+        let mut states: Vec<ExactState> =
             (0..periods).map(|_| section.next(&mut (&mut *meter, (&mut lock_in, &mut response)))).collect();
         response.finish(whole as f64 * period_s);
         let mut repeats_after = period(&states, SAME);
@@ -242,7 +242,7 @@ impl ForcedResponse {
         if let Some(delay_s) = delay_s(&motion, start_s, periods as f64 * period_s, period_s) {
             motion.run(start_s + delay_s, &mut ());
             let mut later = Section::new(motion, period_s);
-            let later: Vec<State> = (1..periods).map(|_| later.next(&mut ())).collect();
+            let later: Vec<ExactState> = (1..periods).map(|_| later.next(&mut ())).collect();
             if let Some(repeats) = period(&later, SAME) {
                 (states, repeats_after, delayed_s) = (later, Some(repeats), delay_s);
             }

@@ -8,7 +8,7 @@
 //! from that is a jump that no mechanism explains, and the residual shows it, also where the jump itself changes no energy.
 
 use crate::integrator::exact::response::integral;
-use crate::integrator::exact::{Accumulation, Arc, Impact, Observer, State, series};
+use crate::integrator::exact::{Accumulation, Arc, ExactState, Impact, Observer, series};
 use crate::integrator::modes::{Contact, Grip};
 use crate::model::{SetUp, Wall};
 
@@ -63,10 +63,10 @@ pub struct EnergyMeter {
     restitution: Option<f64>,
     balance: Balance,
     /// The first state seen, until the first arc says where the base was.
-    first: Option<State>,
+    first: Option<ExactState>,
     stored_at_start_j: Option<f64>,
     /// The state that everything seen so far leads to.
-    last: Option<State>,
+    last: Option<ExactState>,
     base_m: f64,
     pressed_m: f64,
 }
@@ -112,7 +112,7 @@ impl EnergyMeter {
         self.balance
     }
 
-    fn stored_j(&self, state: &State, base_m: f64, pressed: f64) -> f64 {
+    fn stored_j(&self, state: &ExactState, base_m: f64, pressed: f64) -> f64 {
         let structure = &self.set_up.structure;
         let (u, stretch) = (state.u_m_per_s(), state.x_m - base_m);
         0.5 * (structure.mass_kg * state.v_m_per_s * state.v_m_per_s
@@ -122,10 +122,10 @@ impl EnergyMeter {
     }
 
     /// What a jump from `from` to `to` would move: as kinetic energy, and as work against the structure's spring.
-    fn moved_j(&self, from: &State, to: &State) -> f64 {
+    fn moved_j(&self, from: &ExactState, to: &ExactState) -> f64 {
         let structure = &self.set_up.structure;
         let speeds = |mass: f64, from: f64, to: f64| 0.5 * mass * (from.abs() + to.abs()) * (to - from).abs();
-        let stretch = |state: &State| (state.x_m - self.base_m).abs();
+        let stretch = |state: &ExactState| (state.x_m - self.base_m).abs();
         let displaced = (to.x_m - from.x_m).abs() + (to.offset_m - from.offset_m).abs();
         speeds(structure.mass_kg, from.v_m_per_s, to.v_m_per_s)
             + speeds(self.second_mass_kg, from.u_m_per_s(), to.u_m_per_s())
@@ -133,7 +133,7 @@ impl EnergyMeter {
     }
 
     /// Takes the state with which an arc or an event begins: where what came before it has led, or there was a jump.
-    fn continue_from(&mut self, state: &State) {
+    fn continue_from(&mut self, state: &ExactState) {
         if let Some(last) = &self.last {
             self.balance.jumps_j += self.moved_j(last, state);
         }
@@ -143,13 +143,13 @@ impl EnergyMeter {
 
     /// An impact with restitution e at the state reached, by its law: momentum is kept and the relative velocity times −e.
     /// What it leaves must be `after`.
-    fn impact_of(&mut self, restitution: f64, after: &State) {
+    fn impact_of(&mut self, restitution: f64, after: &ExactState) {
         let Some(before) = self.last else { return };
         let (mass, second) = (self.set_up.structure.mass_kg, self.second_mass_kg);
         let share = second / (mass + second);
         let slide = before.slide_m_per_s;
         self.balance.impacts_j += 0.5 * mass * share * (1.0 - restitution * restitution) * slide * slide;
-        self.last = Some(State {
+        self.last = Some(ExactState {
             v_m_per_s: before.v_m_per_s + share * (1.0 + restitution) * slide,
             slide_m_per_s: -restitution * slide,
             ..before
@@ -159,7 +159,7 @@ impl EnergyMeter {
 }
 
 impl Observer for EnergyMeter {
-    fn start(&mut self, _time_s: f64, state: &State) {
+    fn start(&mut self, _time_s: f64, state: &ExactState) {
         self.continue_from(state);
     }
 

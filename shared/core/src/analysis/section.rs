@@ -1,6 +1,6 @@
 //! The Poincaré section at the drive phase, and the period that it shows.
 
-use crate::integrator::exact::{Exact, Observer, State};
+use crate::integrator::exact::{Exact, ExactState, Observer};
 
 /// Takes the state once a period of the drive.
 ///
@@ -41,7 +41,7 @@ impl Section {
     }
 
     /// The state one period on.
-    pub fn next<O: Observer>(&mut self, observer: &mut O) -> State {
+    pub fn next<O: Observer>(&mut self, observer: &mut O) -> ExactState {
         self.taken += 1;
         self.motion.run(self.instant_s(), observer);
         *self.motion.state()
@@ -68,8 +68,8 @@ impl Section {
 /// The smallest k, at most half their number, with which the states repeat, each component within `tolerance` of its
 /// own largest magnitude; none if they do not.
 #[must_use]
-pub fn period(states: &[State], tolerance: f64) -> Option<usize> {
-    let components = |s: &State| [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];
+pub fn period(states: &[ExactState], tolerance: f64) -> Option<usize> {
+    let components = |s: &ExactState| [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];
     let mut most = [0.0_f64; 4];
     for state in states {
         for (most, value) in most.iter_mut().zip(components(state)) {
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_repeated_pattern_shows_its_shortest_period() {
-        let at = |x_m: f64| State { x_m, ..State::default() };
+        let at = |x_m: f64| ExactState { x_m, ..ExactState::default() };
         let three = [1.0, 2.0, 5.0, 1.0, 2.0, 5.0, 1.0, 2.0].map(at);
         assert_eq!(period(&three, 1e-9), Some(3));
         assert_eq!(period(&[at(1.0); 4], 1e-9), Some(1));

@@ -4,7 +4,7 @@
 //! the impacts the structure's motion is its steady response plus a decaying one; symmetry (half a period later
 //! everything is mirrored) leaves one quadratic equation for the particle's speed.
 
-use crate::integrator::exact::State;
+use crate::integrator::exact::ExactState;
 use crate::model::{Initial, SetUp, Wall};
 
 /// One such orbit. It says neither that the orbit is stable nor that no impact falls between the two: run it.
@@ -113,8 +113,8 @@ impl SymmetricOrbit {
 
     /// The same state in the driver's terms.
     #[must_use]
-    pub fn state(&self) -> State {
-        State {
+    pub fn state(&self) -> ExactState {
+        ExactState {
             x_m: self.impact_displacement_m,
             v_m_per_s: self.velocity_after_m_per_s,
             offset_m: self.clearance_m,

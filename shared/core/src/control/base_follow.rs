@@ -6,7 +6,7 @@
 //! the frequency at which it is calibrated. So the bounds are wide, and outside them something is broken or wired wrongly: an
 //! amplifier that is off, a relay that stays open, a z sensor that looks elsewhere, a scale that is off by a power of ten.
 
-use crate::control::safety::Danger;
+use crate::control::fault::FaultCause;
 use crate::scalar::Scalar;
 
 /// Below this share of the demand the base does not follow.
@@ -39,7 +39,7 @@ impl BaseFollow {
 
     /// Closes a cycle in which the base was asked for this amplitude, m. What is wrong with it, with the amplitude of z and its
     /// limit, m.
-    pub fn end_cycle(&mut self, demand_m: f32) -> Option<(Danger, f32, f32)> {
+    pub fn end_cycle(&mut self, demand_m: f32) -> Option<(FaultCause, f32, f32)> {
         let Self { z, drive, ticks, disturbed } = core::mem::take(self);
         if disturbed || ticks == 0 {
             return None;
@@ -48,8 +48,8 @@ impl BaseFollow {
         let (z_m, drive_m) = (amplitude(z), amplitude(drive));
         // A closed loop may have to rise first; the bound is half, as a sum over a cycle is off by a tick of it.
         if z_m < LEAST * demand_m && drive_m > 0.5 * demand_m {
-            return Some((Danger::BaseStill, z_m, LEAST * demand_m));
+            return Some((FaultCause::BaseStill, z_m, LEAST * demand_m));
         }
-        (z_m > MOST * demand_m).then_some((Danger::BaseOverdriven, z_m, MOST * demand_m))
+        (z_m > MOST * demand_m).then_some((FaultCause::BaseOverdriven, z_m, MOST * demand_m))
     }
 }

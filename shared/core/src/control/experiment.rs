@@ -1,69 +1,24 @@
 //! The experiments that a rig can be given, and what they have in common: one is planned outside the tick, then
 //! carried out a tick at a time.
 //!
-//! [`Experiment`] is what has been checked, [`Runner`] what is in progress; here is only the choice between the kinds.
+//! [`Experiment`] is what has been checked, [`ExperimentRunner`] what is in progress; here is only the choice between the kinds.
 
-use super::limits::Fault;
-use super::stepped_sine::{self, Drive};
+use super::outcome::{ExperimentStage, Outcome, TickInputs};
+use super::stepped_sine::{self, DriveMode};
 use super::transient::free_vibration;
 use super::transient::playback::{self, RecordId};
-use crate::io::{DriveRange, Readings, SensorSet};
-use crate::measure::point::PointResult;
-use crate::measure::transient::TransientResult;
-use postcard_schema::Schema;
-use serde::{Deserialize, Serialize};
-
-/// Where an experiment, or a point of it, stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Stage {
-    /// Waiting for the structure to come to rest.
-    Rest,
-    /// Driving, not yet measuring.
-    Settle,
-    /// Driving and measuring.
-    Dwell,
-    /// Waiting for a person to hold and release the structure.
-    Hold,
-}
-
-/// What a tick of an experiment led to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// It goes on.
-    Running,
-    /// A point is complete.
-    Point(PointResult),
-    /// The last point is complete.
-    Finished(PointResult),
-    /// It cannot go on.
-    Failed(Fault),
-    /// A record or a free vibration is complete, and with it the experiment.
-    Transient(TransientResult),
-}
-
-/// What a tick of an experiment looks at.
-#[derive(Clone, Copy, Debug)]
-pub struct Now<'a> {
-    /// The tick.
-    pub tick: u32,
-    /// Its readings.
-    pub readings: &'a Readings,
-    /// Impacts measured so far.
-    pub impacts: u32,
-    /// Sensors with a sample at a rail in this tick.
-    pub clipped: SensorSet,
-}
+use crate::io::DriveRange;
 
 /// A checked experiment.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Experiment {
     /// One frequency after another.
-    SteppedSine(stepped_sine::Plan),
+    SteppedSine(stepped_sine::SteppedSinePlan),
     /// An uploaded record.
-    Playback(playback::Plan),
+    Playback(playback::PlaybackPlan),
     /// A structure that is held and released.
-    FreeVibration(free_vibration::Plan),
+    FreeVibration(free_vibration::FreeVibrationPlan),
 }
 
 impl Experiment {
@@ -83,8 +38,8 @@ impl Experiment {
     pub fn largest_drive_m(&self, record_peak_counts: Option<u16>) -> Option<(&'static str, f32)> {
         match self {
             Self::SteppedSine(plan) => Some(match &plan.sine().drive {
-                Drive::Constant => ("amplitude_m", plan.sine().amplitude_m),
-                Drive::ClosedLoop(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
+                DriveMode::Constant => ("amplitude_m", plan.sine().amplitude_m),
+                DriveMode::ClosedLoop(parameters) => ("drive.drive_limit_m", parameters.drive_limit_m),
             }),
             Self::Playback(plan) => {
                 record_peak_counts.map(|counts| ("record peak (m)", f32::from(counts) * plan.playback().scale_m))
@@ -97,13 +52,13 @@ impl Experiment {
 /// An experiment in progress. Its [`Experiment`] is the caller's: every call wants the same one.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)]
-pub enum Runner {
+pub enum ExperimentRunner {
     /// One frequency after another.
-    SteppedSine(stepped_sine::Runner),
+    SteppedSine(stepped_sine::SteppedSineRunner),
     /// An uploaded record.
-    Playback(playback::Runner),
+    Playback(playback::PlaybackRunner),
     /// A structure that is held and released.
-    FreeVibration(free_vibration::Runner),
+    FreeVibration(free_vibration::FreeVibrationRunner),
 }
 
 /// What the drive of an experiment does.
@@ -121,27 +76,27 @@ pub struct Driving {
 macro_rules! ask {
     ($runner:expr, $own:ident => $answer:expr) => {
         match $runner {
-            Runner::SteppedSine($own) => $answer,
-            Runner::Playback($own) => $answer,
-            Runner::FreeVibration($own) => $answer,
+            ExperimentRunner::SteppedSine($own) => $answer,
+            ExperimentRunner::Playback($own) => $answer,
+            ExperimentRunner::FreeVibration($own) => $answer,
         }
     };
 }
 
-impl Runner {
+impl ExperimentRunner {
     /// At the beginning; `drive` is what can be delivered.
     #[must_use]
     pub fn new(experiment: &Experiment, drive: &DriveRange) -> Self {
         match experiment {
-            Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::Runner::new(plan, drive)),
-            Experiment::Playback(_) => Self::Playback(playback::Runner::new(drive)),
-            Experiment::FreeVibration(_) => Self::FreeVibration(free_vibration::Runner::default()),
+            Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::SteppedSineRunner::new(plan, drive)),
+            Experiment::Playback(_) => Self::Playback(playback::PlaybackRunner::new(drive)),
+            Experiment::FreeVibration(_) => Self::FreeVibration(free_vibration::FreeVibrationRunner::default()),
         }
     }
 
     /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to. `record` is what a
     /// playback plays.
-    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &Now) -> (f32, Outcome) {
+    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
         match (self, experiment) {
             (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now),
             (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now),
@@ -162,7 +117,7 @@ impl Runner {
 
     /// Where it stands.
     #[must_use]
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> ExperimentStage {
         ask!(self, own => own.stage())
     }
 

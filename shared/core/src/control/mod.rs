@@ -3,8 +3,9 @@
 pub mod base_follow;
 pub mod base_loop;
 pub mod experiment;
+pub mod fault;
 pub mod friction_spring;
-pub mod limits;
+pub mod outcome;
 mod rest;
 pub mod safety;
 pub mod stepped_sine;

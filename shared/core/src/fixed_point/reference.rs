@@ -3,9 +3,9 @@
 //!
 //! Who compares lives elsewhere: `tests/scalars.rs` of this crate (the error), the whole-system tests (the bits).
 
-use crate::integrator::base::{Segment, Track};
+use crate::integrator::base::{BaseSegment, BaseTrack};
 use crate::integrator::modes::Contact;
-use crate::integrator::sampled::{Observer, Sampled, State};
+use crate::integrator::sampled::{Observer, Sampled, SampledState};
 use crate::integrator::units::Units;
 use crate::model::{FrictionDamper, GRAVITY_M_PER_S2, Initial, Particle, SetUp, Structure, Wall};
 use crate::scalar::Scalar;
@@ -118,7 +118,7 @@ impl Case {
 #[derive(Clone, Debug)]
 pub struct Motion<S> {
     sampled: Sampled<S>,
-    track: Track<S>,
+    track: BaseTrack<S>,
     per_count: S,
 }
 
@@ -128,19 +128,19 @@ impl<S: Scalar> Motion<S> {
     pub fn new(case: &Case) -> Option<Self> {
         let sampled = Sampled::new(&case.set_up(), case.units(), &case.initial()).ok()?;
         let per_count = S::from_f64(1.0 / f64::from(COUNTS_PER_LENGTH));
-        Some(Self { sampled, track: Track::at_rest(S::ZERO), per_count })
+        Some(Self { sampled, track: BaseTrack::at_rest(S::ZERO), per_count })
     }
 
     /// Takes the base's next sample and moves on by one step: what a controller does in its tick.
     pub fn step(&mut self, base_counts: i16, observer: &mut impl Observer<S>) {
-        let base: Segment<S> = self.track.push(whole::<S>(base_counts) * self.per_count);
+        let base: BaseSegment<S> = self.track.push(whole::<S>(base_counts) * self.per_count);
         self.sampled.step(&base, observer);
     }
 
     /// Changes displacement and velocity of the structure and of a particle in flight, each against the laboratory, in
     /// units: to see how a small change grows.
     pub fn disturb(&mut self, structure: [S; 2], particle: [S; 2]) {
-        let State { offset, slide, .. } = *self.sampled.state();
+        let SampledState { offset, slide, .. } = *self.sampled.state();
         let flies = matches!(self.sampled.mode().map(|mode| mode.contact), Some(Contact::Free(_)));
         self.sampled.nudge(structure[0], structure[1]);
         if flies {
@@ -150,7 +150,7 @@ impl<S: Scalar> Motion<S> {
 
     /// The state after the last step.
     #[must_use]
-    pub fn state(&self) -> &State<S> {
+    pub fn state(&self) -> &SampledState<S> {
         self.sampled.state()
     }
 }

@@ -10,9 +10,9 @@ use crate::scalar::Scalar;
 
 /// Base displacement over one step, time from 0 to 1: `z(t) = z[0] + z[1] t + z[2] t² + z[3] t³`, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Segment<S>(pub [S; 4]);
+pub struct BaseSegment<S>(pub [S; 4]);
 
-impl<S: Scalar> Segment<S> {
+impl<S: Scalar> BaseSegment<S> {
     /// A base at rest at `z_m`.
     #[must_use]
     pub fn at_rest(z_m: S) -> Self {
@@ -71,11 +71,11 @@ impl<S: Scalar> Segment<S> {
 
 /// Turns a stream of samples into segments.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Track<S> {
+pub struct BaseTrack<S> {
     samples: [S; 4],
 }
 
-impl<S: Scalar> Track<S> {
+impl<S: Scalar> BaseTrack<S> {
     /// A base that has always been at `z_m`.
     #[must_use]
     pub fn at_rest(z_m: S) -> Self {
@@ -83,12 +83,12 @@ impl<S: Scalar> Track<S> {
     }
 
     /// Takes the next sample, m; returns the segment that ends at the sample before it.
-    pub fn push(&mut self, z_m: S) -> Segment<S> {
+    pub fn push(&mut self, z_m: S) -> BaseSegment<S> {
         self.samples.rotate_left(1);
         self.samples[3] = z_m;
         let [before, start, end, after] = self.samples;
         let half = S::from_f64(0.5);
-        Segment::hermite(start, end, half * (end - before), half * (after - start))
+        BaseSegment::hermite(start, end, half * (end - before), half * (after - start))
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn a_sampled_sine_is_met_between_the_samples() {
         let step = 2.0 * core::f64::consts::PI * 3.0 / 1000.0;
-        let mut track = Track::at_rest(0.0);
+        let mut track = BaseTrack::at_rest(0.0);
         for n in 0..3 {
             track.push(libm::sin(step * f64::from(n)));
         }
@@ -116,9 +116,9 @@ mod tests {
 
     #[test]
     fn velocity_is_continuous_across_samples() {
-        let mut track = Track::at_rest(0.0);
+        let mut track = BaseTrack::at_rest(0.0);
         let samples = [0.0, 0.3, -0.2, 0.9, 1.0, 0.1];
-        let mut last: Option<Segment<f64>> = None;
+        let mut last: Option<BaseSegment<f64>> = None;
         for z in samples {
             let segment = track.push(z);
             if let Some(last) = last {
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn parts_join_to_the_whole() {
-        let whole = Segment([0.1, -0.2, 0.3, 0.4]);
+        let whole = BaseSegment([0.1, -0.2, 0.3, 0.4]);
         let last = whole.part(2, 3);
         assert!((last.from(1.0).0[0] - whole.from(1.0).0[0]).abs() < 1e-15);
         assert!((last.from(1.0).velocity() * 3.0 - whole.from(1.0).velocity()).abs() < 1e-15);

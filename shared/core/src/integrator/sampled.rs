@@ -1,6 +1,6 @@
 //! The sampled driver: the base arrives one sample at a time, as on the board.
 //!
-//! One step is one [`Segment`] of base motion. Within it the system is linear until a set-valued force changes
+//! One step is one [`BaseSegment`] of base motion. Within it the system is linear until a set-valued force changes
 //! its mode; the solution is followed as its own Taylor polynomial (a *flight*), exact to the degree kept, and the
 //! first time at which any guard (gap, relative velocity, force limit) would be violated ends the flight. The mode
 //! laws are in [`super::modes`], the root finder in [`super::polynomial`].
@@ -29,7 +29,7 @@ mod correct;
 mod guards;
 mod joint;
 
-use super::base::Segment;
+use super::base::BaseSegment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
 use super::polynomial::{self, COEFFICIENTS, Polynomial};
 use super::units::Units;
@@ -37,7 +37,7 @@ use crate::io::{Invalid, require};
 use crate::model::{Initial, SetUp, Wall};
 use crate::scalar::Scalar;
 
-pub use joint::{Joined, Joint, Link, Rigid, Touch};
+pub use joint::{Joined, Joint, Link, Rigid, WallTouch};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -47,7 +47,7 @@ const MOST_EVENTS_PER_STEP: u8 = 64;
 
 /// Displacements and velocities of structure and particle, in [`Units`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State<S> {
+pub struct SampledState<S> {
     /// x.
     pub x: S,
     /// x′.
@@ -162,7 +162,7 @@ pub struct Sampled<S, J = Rigid> {
     has_particle: bool,
     alone: Weights<S>,
     together: Weights<S>,
-    state: State<S>,
+    state: SampledState<S>,
     mode: Option<Mode>,
     /// The particle has just been released: its slide starts from zero by definition, whatever rounding says.
     slide_released: bool,
@@ -222,7 +222,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             has_particle: set_up.particle.is_some(),
             alone: Weights::new(&c, c.mass),
             together: Weights::new(&c, c.mass + c.particle_mass),
-            state: State::default(),
+            state: SampledState::default(),
             mode: None,
             slide_released: false,
             slip_released: false,
@@ -236,9 +236,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// Starts again with everything at rest in its place, as from [`Initial::default`] but without a division.
     pub fn rest(&mut self) {
-        self.state = State::default();
+        self.state = SampledState::default();
         if let Some(link) = self.joint.link_mut() {
-            link.touch = Touch::Clear;
+            link.touch = WallTouch::Clear;
             link.touched = false;
         }
         self.mode = None;
@@ -257,7 +257,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let d = self.c.clearance;
         let offset = S::from_f64(offset / length);
         self.rest();
-        self.state = State {
+        self.state = SampledState {
             x: S::from_f64(initial.x_m / length),
             v: S::from_f64(initial.v_m_per_s / velocity),
             offset: if is_tuned { offset } else { offset.min(d).max(-d) },
@@ -267,7 +267,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// The state at the end of the last step.
     #[must_use]
-    pub fn state(&self) -> &State<S> {
+    pub fn state(&self) -> &SampledState<S> {
         &self.state
     }
 
@@ -296,9 +296,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Advances by one step of base motion, with at most 64 events in it. Steps follow each other with continuous base velocity,
-    /// as those of [`super::base::Track`] do: a structure that sticks goes along with the base. Where the base's velocity
+    /// as those of [`super::base::BaseTrack`] do: a structure that sticks goes along with the base. Where the base's velocity
     /// jumps, start again with [`Sampled::reset`].
-    pub fn step(&mut self, base: &Segment<S>, observer: &mut impl Observer<S>) {
+    pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
         self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
     }
 
@@ -306,7 +306,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// numbers do. With the last event a chatter ends: a particle that would bounce on a hard wall again within the step
     /// comes to rest there. The rest of the step is taken without events; a particle that would pass a hard wall stays at
     /// it. Such steps are counted in [`Sampled::unresolved`].
-    pub fn step_bounded(&mut self, base: &Segment<S>, most_events: u8, observer: &mut impl Observer<S>) {
+    pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut impl Observer<S>) {
         let mut base = *base;
         if self.mode.is_none() {
             self.mode = Some(self.resolve(&base, self.state.v - base.velocity()));
@@ -356,7 +356,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// The motion from the present state in `mode`.
-    fn flight(&self, mode: Mode, base: &Segment<S>) -> Flight<S> {
+    fn flight(&self, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
         if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
             return self.joined_flight(link, mode, base);
         }
@@ -422,7 +422,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    fn resolve(&self, base: &Segment<S>, slip: S) -> Mode {
+    fn resolve(&self, base: &BaseSegment<S>, slip: S) -> Mode {
         let situation = Situation {
             stretch: self.state.x - base.0[0],
             slip,
@@ -436,7 +436,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         modes::resolve(&self.c, self.has_particle, &situation)
     }
 
-    fn handle(&mut self, event: Event, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+    fn handle(&mut self, event: Event, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
             Grip::Absent | Grip::Slip(_) => self.state.v - base.velocity(),
@@ -476,7 +476,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// The particle meets the wall on `side` at speed; it may come to rest there.
-    fn hit(&mut self, side: Sign, mode: Mode, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+    fn hit(&mut self, side: Sign, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = self.state.slide;
         let before = if mode.grip == Grip::Stuck { base.velocity() } else { self.state.v };
         let (v, slide) = modes::impact(&self.c, self.c.restitution, before, approach);
@@ -498,19 +498,19 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// Half the acceleration, relative to the structure, with which the particle is driven to the wall on `side`.
-    fn pressing(&self, side: Sign, base: &Segment<S>) -> S {
+    fn pressing(&self, side: Sign, base: &BaseSegment<S>) -> S {
         signed(side, self.flight(self.current_mode(), base).offset[2])
     }
 
     /// The particle at a wall moves with the structure from now on.
-    fn stay_at_wall(&mut self, base: &Segment<S>) {
+    fn stay_at_wall(&mut self, base: &BaseSegment<S>) {
         (self.state.v, _) = modes::impact(&self.c, S::ZERO, self.state.v, self.state.slide);
         self.state.slide = S::ZERO;
         self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
     }
 
     /// A particle at a hard wall that would bounce on it again within the step stays there.
-    fn end_chatter(&mut self, at: S, base: &Segment<S>, observer: &mut impl Observer<S>) {
+    fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
         let side = self.side();
         if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {
             self.stay_at_wall(base);

@@ -1,8 +1,9 @@
 //! Commands to the rig, its state, its status and its events.
 
-use crate::control::experiment::{Experiment, Stage};
+use crate::control::experiment::Experiment;
+use crate::control::fault::Fault;
 use crate::control::friction_spring::{self as spring, SpringCommand, SpringSetUp, SpringStatus};
-use crate::control::limits::Fault;
+use crate::control::outcome::ExperimentStage;
 use crate::control::safety::rails::SensorHealth;
 use crate::control::safety::{ExperimentLimits, SafeStage};
 use crate::io::TICK_HZ;
@@ -20,7 +21,7 @@ pub enum State {
     /// Nothing; the drive is off.
     Idle,
     /// An experiment, at this stage of its present point.
-    Running(Stage),
+    Running(ExperimentStage),
     /// The drive is fading out after a stop or the last point.
     Stopping,
     /// Stopped by an interlock until the fault is cleared.
@@ -33,10 +34,10 @@ impl State {
     pub fn text(self) -> &'static str {
         match self {
             Self::Idle => "idle",
-            Self::Running(Stage::Rest) => "waiting for rest",
-            Self::Running(Stage::Settle) => "settling",
-            Self::Running(Stage::Dwell) => "measuring",
-            Self::Running(Stage::Hold) => "waiting for the structure's release",
+            Self::Running(ExperimentStage::Rest) => "waiting for rest",
+            Self::Running(ExperimentStage::Settle) => "settling",
+            Self::Running(ExperimentStage::Dwell) => "measuring",
+            Self::Running(ExperimentStage::Hold) => "waiting for the structure's release",
             Self::Stopping => "stopping",
             Self::Faulted => "faulted",
         }
@@ -101,7 +102,7 @@ pub enum Event {
     /// An interlock ended the experiment.
     Fault(Fault),
     /// The friction damper's spring has something to tell.
-    Spring(spring::Happening),
+    Spring(spring::SpringEvent),
     /// The particle hit a wall.
     Impact(ImpactRecord),
     /// A record or a free vibration is complete.

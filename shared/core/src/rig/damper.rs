@@ -2,7 +2,7 @@
 
 use super::Brake;
 use super::event_queue::EventQueue;
-use crate::control::friction_spring::{FrictionSpring, Happening, Inputs, SpringCommand, Stage};
+use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringEvent, SpringInputs, SpringStage};
 use crate::control::safety::rails::Verdict;
 use crate::io::{Motor, Readings, Sensors};
 use crate::measure::amplitude::CycleAmplitude;
@@ -83,8 +83,14 @@ impl Dampers {
     }
 
     /// The spring's tick: the motor's steps, and what happened.
-    pub(super) fn tick_spring(&mut self, sensors: &Sensors, force_sensor: Verdict) -> (Motor, Option<Happening>) {
-        self.spring.tick(&Inputs {
+    pub(super) fn tick_spring(
+        &mut self,
+        tick: u32,
+        sensors: &Sensors,
+        force_sensor: Verdict,
+    ) -> (Motor, Option<SpringEvent>) {
+        self.spring.tick(&SpringInputs {
+            tick,
             force_n: sensors.readings.spring_n,
             force_sensor,
             at_switch: sensors.at_limit,
@@ -100,7 +106,7 @@ impl Dampers {
         if !self.spring.is_braking() && !self.spring.brake(force_n) {
             return Brake::Waits;
         }
-        if self.spring.stage() == Stage::Holding { Brake::Holds } else { Brake::Closes }
+        if self.spring.stage() == SpringStage::Holding { Brake::Holds } else { Brake::Closes }
     }
 
     /// Lets go of what was pressed as a brake. A spring that cannot has let go already.

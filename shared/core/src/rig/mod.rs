@@ -12,10 +12,11 @@ mod event_queue;
 mod rejected;
 pub mod signals;
 
-use crate::control::experiment::{Driving, Experiment, Now, Outcome, Runner, Stage};
-use crate::control::friction_spring::{FrictionSpring, Happening, SpringCommand, Stage as SpringStage};
-use crate::control::limits::Fault;
-use crate::control::safety::{Allowed, Danger, ExperimentLimits, SafeStage, Safety, Signs, Trip};
+use crate::control::experiment::{Driving, Experiment, ExperimentRunner};
+use crate::control::fault::Fault;
+use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringEvent, SpringStage};
+use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
+use crate::control::safety::{Allowed, ExperimentLimits, SafeStage, Safety, Signs};
 use crate::control::transient::playback::RecordId;
 use crate::io::{Actuators, DriveRange, DriveScale, Motor, Readings, Sensor, Sensors};
 use crate::measure::point::PointResult;
@@ -41,7 +42,7 @@ pub struct Rig {
     experiment: Option<Experiment>,
     /// Of the configured experiment.
     limits: ExperimentLimits,
-    runner: Option<Runner>,
+    runner: Option<ExperimentRunner>,
     safety: Safety,
     dampers: Dampers,
     state: State,
@@ -305,8 +306,8 @@ impl Rig {
         self.could_start(None)?;
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
-        self.runner = self.experiment.as_ref().map(|experiment| Runner::new(experiment, &self.drive));
-        self.state = State::Running(Stage::Rest);
+        self.runner = self.experiment.as_ref().map(|experiment| ExperimentRunner::new(experiment, &self.drive));
+        self.state = State::Running(ExperimentStage::Rest);
         self.tick = 0;
         self.points = 0;
         self.results.clear();
@@ -352,7 +353,7 @@ impl Rig {
     /// One control tick; `record` is lent to it for a playback. What happened waits in [`Rig::pop_event`].
     pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> Actuators {
         let (tick, readings) = (self.tick, sensors.readings);
-        let frequency_hz = self.runner.as_ref().map_or(0.0, Runner::frequency_hz);
+        let frequency_hz = self.runner.as_ref().map_or(0.0, ExperimentRunner::frequency_hz);
         self.dampers.measure(tick, sensors, frequency_hz, &mut self.events);
         let allowed = self.check_interlocks(sensors, frequency_hz);
         self.brake = self.dampers.brake(allowed.brake_n);
@@ -370,9 +371,9 @@ impl Rig {
 
     fn check_interlocks(&mut self, sensors: &Sensors, frequency_hz: f32) -> Allowed {
         let signs = self.signs(sensors, frequency_hz);
-        let (allowed, trip) = self.safety.tick(&sensors.readings, &signs);
-        if let Some(Trip { danger: cause, value, limit }) = trip {
-            self.trip(Fault { cause, tick: self.tick, value, limit });
+        let (allowed, fault) = self.safety.tick(&sensors.readings, &signs);
+        if let Some(fault) = fault {
+            self.trip(fault);
         }
         allowed
     }
@@ -380,15 +381,14 @@ impl Rig {
     /// The friction spring's tick. Its fault ends an experiment.
     fn run_spring(&mut self, sensors: &Sensors) -> Motor {
         let force_sensor = self.safety.verdict(Sensor::SpringForce);
-        let (motor, happening) = self.dampers.tick_spring(sensors, force_sensor);
-        if let Some(happening) = happening {
-            self.events.push(Event::Spring(happening));
+        let (motor, event) = self.dampers.tick_spring(self.tick, sensors, force_sensor);
+        if let Some(event) = event {
+            self.events.push(Event::Spring(event));
         }
-        if let Some(Happening::Fault(fault)) = happening
+        if let Some(SpringEvent::Fault(fault)) = event
             && self.runner.is_some()
         {
-            let cause = Danger::Spring(fault.cause);
-            self.latch(Fault { cause, tick: self.tick, value: fault.value, limit: fault.limit });
+            self.latch(fault);
         }
         motor
     }
@@ -397,7 +397,7 @@ impl Rig {
     fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
         self.begins_from_rest = None;
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
-        let now = Now { tick: self.tick, readings, impacts, clipped };
+        let now = TickInputs { tick: self.tick, readings, impacts, clipped };
         let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
         let (drive_m, outcome) = if let State::Running(_) = self.state {
             let driven = runner.tick(experiment, record, &now);
@@ -429,8 +429,9 @@ impl Rig {
         let force_n = |wall: usize| if wall_rails[wall].is_all() { 0.0 } else { meter.highest_n()[wall] };
         let (low, high) = (force_n(0), force_n(1));
         self.emergency_stop = sensors.emergency_stop;
-        let drive = self.runner.as_ref().map_or(Driving::default(), Runner::driving);
+        let drive = self.runner.as_ref().map_or(Driving::default(), ExperimentRunner::driving);
         Signs {
+            tick: self.tick,
             driving: drive.on,
             swinging: drive.swinging,
             drive_m: self.largest_drive_m,
@@ -447,8 +448,7 @@ impl Rig {
 
     /// Latches a fault that the experiment or the spring found, unless there is one already.
     fn latch(&mut self, fault: Fault) {
-        let Fault { cause: danger, value, limit, .. } = fault;
-        if self.safety.latch(Trip { danger, value, limit }) {
+        if self.safety.latch(fault) {
             self.trip(fault);
         }
     }

@@ -39,7 +39,7 @@ pub enum Rejected {
     /// It makes no sense at this stage of the friction damper's spring.
     WrongStage {
         /// The stage.
-        stage: spring::Stage,
+        stage: spring::SpringStage,
         /// What to do.
         advice: String<48>,
     },
@@ -82,7 +82,7 @@ impl Rejected {
 
     /// Not at this stage of the friction damper's spring.
     #[must_use]
-    pub fn wrong_stage(stage: spring::Stage, advice: &str) -> Self {
+    pub fn wrong_stage(stage: spring::SpringStage, advice: &str) -> Self {
         Self::WrongStage { stage, advice: clipped(advice) }
     }
 
@@ -116,11 +116,11 @@ impl From<LimitsRejected> for Rejected {
     }
 }
 
-impl From<spring::Refusal> for Rejected {
-    fn from(rejected: spring::Refusal) -> Self {
+impl From<spring::SpringRejected> for Rejected {
+    fn from(rejected: spring::SpringRejected) -> Self {
         match rejected {
-            spring::Refusal::Invalid(invalid) => invalid.into(),
-            spring::Refusal::WrongStage { stage, advice } => Self::wrong_stage(stage, advice),
+            spring::SpringRejected::Invalid(invalid) => invalid.into(),
+            spring::SpringRejected::WrongStage { stage, advice } => Self::wrong_stage(stage, advice),
         }
     }
 }

@@ -12,7 +12,7 @@ pub const SIGNALS: [(&str, &str); 21] = [
     ("spring_force", "N"),
     ("spring_position", "m"),
     ("spring_target", "N"),
-    // Place in `friction_spring::Stage`.
+    // Place in `friction_spring::SpringStage`.
     ("spring_stage", ""),
     // Highest force of the tick on the wall at −d, and at +d.
     ("wall_low", "N"),

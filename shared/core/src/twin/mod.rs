@@ -18,7 +18,7 @@
 
 pub mod matching;
 
-use crate::integrator::base::Track;
+use crate::integrator::base::BaseTrack;
 use crate::integrator::sampled::{Impact, Observer, Sampled};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
@@ -175,7 +175,7 @@ impl TwinPlan {
 pub struct Twin {
     /// Its motion is the one under way.
     plan: TwinPlan,
-    track: Track<f32>,
+    track: BaseTrack<f32>,
     /// The base's displacement at the twin's time, m.
     base_m: f32,
     /// The means of x and z in the tick before, m.
@@ -202,7 +202,7 @@ impl Twin {
     pub fn of(plan: &TwinPlan) -> Self {
         Self {
             plan: *plan,
-            track: Track::default(),
+            track: BaseTrack::default(),
             base_m: 0.0,
             before: (0.0, 0.0),
             has_begun: false,
@@ -224,7 +224,7 @@ impl Twin {
     /// Back to rest with a simulated plant that is put back to its start; what was counted stays counted.
     pub fn put_back(&mut self) {
         self.plan.motion.rest();
-        self.track = Track::default();
+        self.track = BaseTrack::default();
         self.base_m = 0.0;
         self.before = (0.0, 0.0);
         self.has_begun = false;

@@ -1,6 +1,6 @@
 //! Chatters that end in a particle resting on a hard wall: how many, when, and what is left out of the list of impacts.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Accumulation, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::Sign;
@@ -95,7 +95,7 @@ fn a_chatter_ends_when_its_last_bounce_does_under_either_driver() {
         exact.run(8.0, &mut ends);
         for step in 0..8000 {
             listed.step = f64::from(step);
-            sampled.step(&Segment::at_rest(0.0), &mut listed);
+            sampled.step(&BaseSegment::at_rest(0.0), &mut listed);
         }
         // Motions that magnify a rounding may chatter differently later; the first two are compared.
         for (a, b) in ends.seen.iter().zip(&listed.seen).take(2) {
@@ -119,6 +119,6 @@ fn a_plastic_impact_is_no_accumulation() {
     let (mut ends, mut listed) = (Ends::default(), ListedEnds::default());
     exact.run(4.0, &mut ends);
     let mut sampled = Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &initial).expect("physical");
-    (0..4000).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut listed));
+    (0..4000).for_each(|_| sampled.step(&BaseSegment::at_rest(0.0), &mut listed));
     assert!(ends.fastest_m_per_s > 0.0 && ends.seen.is_empty() && listed.seen.is_empty());
 }

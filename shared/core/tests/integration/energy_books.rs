@@ -1,7 +1,7 @@
 //! The energy books close only on a motion in which nothing happens without a cause: faults put in on purpose show.
 
 use damprig_core::analysis::energy::EnergyMeter;
-use damprig_core::integrator::exact::{Accumulation, Arc, Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 
 const DRIVE: Excitation = Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: 15.0, phase_rad: 0.4 };
@@ -20,7 +20,7 @@ fn start() -> Initial {
     Initial { x_m: 0.0, v_m_per_s: -0.01, y_m: 0.03, u_m_per_s: 1.0 }
 }
 
-fn from(state: &State) -> Initial {
+fn from(state: &ExactState) -> Initial {
     Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 
@@ -33,7 +33,7 @@ struct Part<'a, F> {
 }
 
 impl<F: FnMut(&mut Impact)> Observer for Part<'_, F> {
-    fn start(&mut self, time_s: f64, state: &State) {
+    fn start(&mut self, time_s: f64, state: &ExactState) {
         if self.starts {
             self.meter.start(time_s, state);
         }
@@ -83,7 +83,7 @@ fn a_velocity_lost_at_the_first_instant_shows_in_the_residual() {
 #[test]
 fn a_jump_in_the_middle_of_a_run_shows_also_where_it_keeps_the_energy() {
     let set_up = damper(0.5);
-    let jump = |change: fn(&mut State)| {
+    let jump = |change: fn(&mut ExactState)| {
         let mut meter = EnergyMeter::new(&set_up);
         let mut motion = Exact::new(&set_up, &DRIVE, &start()).expect("physical");
         motion.run(1.0, &mut meter);
@@ -95,7 +95,7 @@ fn a_jump_in_the_middle_of_a_run_shows_also_where_it_keeps_the_energy() {
     };
     // What Initial rounds when it takes the relative coordinates apart.
     assert!(jump(|_| {}) < 1e-15, "{:e}", jump(|_| {}));
-    let changes: [fn(&mut State); 5] = [
+    let changes: [fn(&mut ExactState); 5] = [
         |s| (s.v_m_per_s, s.slide_m_per_s) = (-s.v_m_per_s, s.slide_m_per_s + 2.0 * s.v_m_per_s),
         |s| s.slide_m_per_s = -s.slide_m_per_s - 2.0 * s.v_m_per_s,
         |s| s.v_m_per_s *= 1.0 + 1e-8,

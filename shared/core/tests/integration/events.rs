@@ -1,8 +1,8 @@
 //! Events of the rig: in order, bounded, and none lost without being counted.
 
 use damprig_core::control::experiment::Experiment;
-use damprig_core::control::safety::Danger;
-use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, SteppedSinePlan};
 use damprig_core::io::{Sensors, WALL_SUBSAMPLES, WallCounts};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::rig::{Command, Event, Rig};
@@ -11,7 +11,7 @@ fn running() -> Rig {
     let sine = SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 1e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.1,
         settle_s: 1.0,
         dwell_s: 4.0,
@@ -20,7 +20,7 @@ fn running() -> Rig {
         first_index: 0,
     };
     let mut rig = Rig::new();
-    rig.handle(Command::Configure(Experiment::SteppedSine(Plan::new(sine).unwrap()))).unwrap();
+    rig.handle(Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(sine).unwrap()))).unwrap();
     rig.handle(Command::Start).unwrap();
     rig
 }
@@ -43,7 +43,7 @@ fn impacts_beyond_the_queue_are_counted_as_lost_and_the_fault_of_the_same_tick_i
     rig.tick(&stopped, &[]);
     let events: Vec<Event> = std::iter::from_fn(|| rig.pop_event()).collect();
     let (fault, impacts) = events.split_last().unwrap();
-    assert!(matches!(fault, Event::Fault(fault) if fault.cause == Danger::EmergencyStop), "{fault:?}");
+    assert!(matches!(fault, Event::Fault(fault) if fault.cause == FaultCause::EmergencyStop), "{fault:?}");
     assert_eq!(impacts.len(), 8);
     assert!(impacts.iter().all(|event| matches!(event, Event::Impact(_))), "{impacts:?}");
     // The last pulse of a block has not ended.

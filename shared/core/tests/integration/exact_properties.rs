@@ -1,7 +1,7 @@
 //! What has to hold for every system, over systems drawn at random (seeded): the exact driver.
 
 use damprig_core::analysis::energy::EnergyMeter;
-use damprig_core::integrator::exact::{Arc, Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -89,7 +89,7 @@ impl Draw {
 struct Laws {
     set_up: SetUp,
     impacts: usize,
-    end: Option<(f64, State)>,
+    end: Option<(f64, ExactState)>,
 }
 
 impl Observer for Laws {
@@ -121,7 +121,7 @@ impl Observer for Laws {
         self.end = None;
         let Some(Wall::Restitution { coefficient }) = self.set_up.particle.map(|p| p.wall) else { return };
         let (mass, light) = (self.set_up.structure.mass_kg, self.set_up.particle.map_or(0.0, |p| p.mass_kg));
-        let momentum = |s: &State| mass * s.v_m_per_s + light * s.u_m_per_s();
+        let momentum = |s: &ExactState| mass * s.v_m_per_s + light * s.u_m_per_s();
         let size = mass * impact.before.v_m_per_s.abs() + light * impact.before.u_m_per_s().abs();
         let kept = momentum(&impact.after) - momentum(&impact.before);
         assert!(kept.abs() <= 8.0 * f64::EPSILON * size, "momentum changed by {kept:e} of {size:e}");
@@ -198,7 +198,7 @@ fn a_conservative_system_runs_backwards_to_where_it_started() {
             motion.run(2.0, &mut ());
             *motion.state()
         };
-        let back = |state: State| Initial {
+        let back = |state: ExactState| Initial {
             x_m: state.x_m,
             v_m_per_s: -state.v_m_per_s,
             y_m: state.y_m(),

@@ -2,8 +2,8 @@
 //! scales the relative velocity by −e, and changes nothing else, whatever is mounted and however the base moves.
 
 use damprig_core::analysis::energy::EnergyMeter;
-use damprig_core::integrator::base::Segment;
-use damprig_core::integrator::exact::{Exact, Excitation, Impact, Observer, State};
+use damprig_core::integrator::base::BaseSegment;
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::{Contact, Grip};
 use damprig_core::integrator::sampled::{self, Joined, Joint, Sampled};
 use damprig_core::integrator::units::Units;
@@ -177,7 +177,7 @@ fn oscillator(structure: &Structure, mass: f64, drive: &Drive, force: f64, (x0, 
 /// x, x′, y, y′.
 type Phase = [f64; 4];
 
-fn phase(state: &State) -> Phase {
+fn phase(state: &ExactState) -> Phase {
     [state.x_m, state.v_m_per_s, state.y_m(), state.u_m_per_s()]
 }
 
@@ -544,7 +544,7 @@ fn sampled_state<S: Scalar, J: Joint<S>>(mut motion: Sampled<S, J>, drive: &Driv
         let ((z0, v0), (z1, v1)) = (drive.base(from_s), drive.base(to_s));
         let [z0, z1] = [z0, z1].map(|z| S::from_f64(z / units.length_m));
         let [v0, v1] = [v0, v1].map(|v| S::from_f64(v / units.velocity_m_per_s()));
-        motion.step(&Segment::hermite(z0, z1, v0, v1), &mut count);
+        motion.step(&BaseSegment::hermite(z0, z1, v0, v1), &mut count);
     }
     assert_eq!(motion.unresolved(), 0);
     let (state, velocity) = (motion.state(), units.velocity_m_per_s());

@@ -1,6 +1,6 @@
 //! Soft walls and tuned masses under the sampled driver, against the exact one.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::sampled::{self, Joined};
@@ -79,7 +79,7 @@ fn compare(set_up: &SetUp, excitation: Excitation, initial: Initial, steps: u32)
     for step in 0..steps {
         let (start, end) = (at(step), at(step + 1));
         of_sampled.step = f64::from(step);
-        sampled.step(&Segment::hermite(start.0, end.0, start.1, end.1), &mut of_sampled);
+        sampled.step(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut of_sampled);
         exact.run(STEP_S * f64::from(step + 1), &mut of_exact);
         let (a, b) = (exact.state(), sampled.state());
         worst = worst.max((a.x_m - b.x).abs()).max((a.offset_m - b.offset).abs());
@@ -156,8 +156,8 @@ fn single_precision_follows_a_soft_contact() {
     let mut single = Joined::<f32>::joined(&set_up, units, &start).unwrap();
     let mut worst = 0.0_f64;
     for _ in 0..2_000 {
-        double.step(&Segment::at_rest(0.0), &mut ());
-        single.step(&Segment::at_rest(0.0), &mut ());
+        double.step(&BaseSegment::at_rest(0.0), &mut ());
+        single.step(&BaseSegment::at_rest(0.0), &mut ());
         worst = worst.max((double.state().x - f64::from(single.state().x)).abs());
     }
     println!("single precision is off by {:.1e} of x0 over 2 s", worst / 0.035);

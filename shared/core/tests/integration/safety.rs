@@ -1,7 +1,7 @@
-//! The interlocks: every danger leads to the safe state, and nothing restarts before it.
+//! The interlocks: every fault leads to the safe state, and nothing restarts before it.
 
-use damprig_core::control::limits::Limits;
-use damprig_core::control::safety::{Allowed, Danger, SafeStage, Safety, SafetyConfig, Signs};
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::safety::{Allowed, Limits, SafeStage, Safety, SafetyConfig, Signs};
 use damprig_core::io::{Rail, Reading, Readings, SUBSAMPLES, Sensor, Sensors, Usable};
 
 /// ±80 mm less 1 % of its span at either end.
@@ -36,10 +36,10 @@ impl Bench {
         Sensors { readings: Readings { x, z, ..Readings::default() }, ..Sensors::default() }
     }
 
-    fn tick(&mut self) -> (Allowed, Option<Danger>) {
+    fn tick(&mut self) -> (Allowed, Option<FaultCause>) {
         let sensors = self.sensors();
-        let (allowed, trip) = self.safety.tick(&sensors.readings, &self.signs);
-        (allowed, trip.map(|trip| trip.danger))
+        let (allowed, fault) = self.safety.tick(&sensors.readings, &self.signs);
+        (allowed, fault.map(|fault| fault.cause))
     }
 
     fn run(&mut self, ticks: u32) -> Allowed {
@@ -47,29 +47,29 @@ impl Bench {
         self.tick().0
     }
 
-    /// Runs until something is latched, which must be `danger`; then until safe, checking the way.
-    fn expect(&mut self, danger: Danger) {
+    /// Runs until something is latched, which must be `cause`; then until safe, checking the way.
+    fn expect(&mut self, cause: FaultCause) {
         let found = (0..20_000).find_map(|_| self.tick().1);
-        assert_eq!(found, Some(danger));
-        self.expect_safe_path(danger);
+        assert_eq!(found, Some(cause));
+        self.expect_safe_path(cause);
     }
 
-    fn expect_safe_path(&mut self, danger: Danger) {
+    fn expect_safe_path(&mut self, cause: FaultCause) {
         (self.signs.driving, self.signs.swinging, self.signs.running) = (false, false, false);
         let mut drive = 1.0;
-        let fade = if danger.cuts_at_once() { 0 } else { 201 };
+        let fade = if cause.cuts_at_once() { 0 } else { 201 };
         for tick in 0..400 {
             let (allowed, again) = self.tick();
             assert!(again.is_none(), "latched once only");
             assert!(allowed.drive <= drive, "the drive never rises again");
-            assert_eq!(allowed.brake_n, (danger != Danger::EmergencyStop).then_some(6.0));
+            assert_eq!(allowed.brake_n, (cause != FaultCause::EmergencyStop).then_some(6.0));
             assert!(allowed.relay || allowed.drive == 0.0);
             if tick >= fade {
                 assert!(!allowed.relay && allowed.drive == 0.0, "tick {tick}: {allowed:?}");
             }
             drive = allowed.drive;
             assert!(self.safety.clear().is_err(), "not while it rings");
-            assert_eq!(self.safety.trip().unwrap().danger, danger, "the first cause stays");
+            assert_eq!(self.safety.fault().unwrap().cause, cause, "the first cause stays");
         }
         assert_eq!(self.safety.stage(), SafeStage::Ringing);
         // Everything is mended and at rest.
@@ -79,7 +79,7 @@ impl Bench {
         assert_eq!(self.safety.stage(), SafeStage::Ringing, "half a second of rest, not less");
         self.run(20);
         assert_eq!(self.safety.stage(), SafeStage::Safe);
-        assert_eq!(self.safety.trip().unwrap().danger, danger, "readable until it is cleared");
+        assert_eq!(self.safety.fault().unwrap().cause, cause, "readable until it is cleared");
         self.safety.clear().unwrap();
         let (allowed, _) = self.tick();
         assert_eq!(allowed, Allowed { drive: 1.0, relay: true, brake_n: None });
@@ -98,15 +98,15 @@ fn the_emergency_stop_opens_the_relay_in_the_same_tick_and_holds_until_released(
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.emergency_stop = true;
-    let (allowed, danger) = bench.tick();
-    assert_eq!(danger, Some(Danger::EmergencyStop));
+    let (allowed, cause) = bench.tick();
+    assert_eq!(cause, Some(FaultCause::EmergencyStop));
     assert!(!allowed.relay && allowed.drive == 0.0);
     (bench.x_m, bench.z_m) = (0.0, 0.0);
     bench.run(5000);
     assert_eq!(bench.safety.stage(), SafeStage::Ringing, "still pressed");
     assert!(bench.safety.clear().is_err());
     bench.x_m = 0.02;
-    bench.expect_safe_path(Danger::EmergencyStop);
+    bench.expect_safe_path(FaultCause::EmergencyStop);
 }
 
 #[test]
@@ -115,40 +115,40 @@ fn both_displacement_limits_end_the_drive() {
     let mut bench = Bench::with(SafetyConfig { limits, brake_n: 6.0, ..SafetyConfig::default() });
     bench.run(1000);
     bench.z_m = 0.0051;
-    bench.expect(Danger::BaseDisplacement);
+    bench.expect(FaultCause::BaseDisplacement);
     let config = SafetyConfig { limits, half_cycles_ahead: 0.0, brake_n: 6.0, ..SafetyConfig::default() };
     let mut bench = Bench::with(config);
     bench.run(1000);
     bench.x_m = 0.0501;
-    bench.expect(Danger::StructureDisplacement);
+    bench.expect(FaultCause::StructureDisplacement);
 }
 
 #[test]
 fn a_growing_vibration_is_ended_before_it_reaches_its_limit() {
     let mut bench = Bench::new();
-    let mut danger = None;
+    let mut cause = None;
     let mut largest: f32 = 0.0;
     for tick in 0..20_000u32 {
         bench.x_m = 5e-6 * tick as f32;
         largest = largest.max(bench.x_m);
-        danger = bench.tick().1;
-        if danger.is_some() {
+        cause = bench.tick().1;
+        if cause.is_some() {
             break;
         }
     }
-    assert_eq!(danger, Some(Danger::StructureForeseen));
+    assert_eq!(cause, Some(FaultCause::StructureForeseen));
     // Six half-cycles of 200 ms at 5 µm/ms are 6 mm before 78 mm; up to one more until the maximum is known.
     assert!((0.071..0.074).contains(&largest), "{largest}");
-    bench.expect_safe_path(Danger::StructureForeseen);
+    bench.expect_safe_path(FaultCause::StructureForeseen);
 }
 
 #[test]
 fn sensors_that_cannot_be_believed_end_the_drive() {
-    for (broken, danger) in [
-        (f32::NAN, Danger::SensorInvalid as fn(Sensor) -> Danger),
-        (f32::NEG_INFINITY, Danger::SensorAtRail),
-        (0.0785, Danger::SensorAtRail),
-        (0.0123, Danger::SensorFrozen),
+    for (broken, cause) in [
+        (f32::NAN, FaultCause::SensorInvalid as fn(Sensor) -> FaultCause),
+        (f32::NEG_INFINITY, FaultCause::SensorAtRail),
+        (0.0785, FaultCause::SensorAtRail),
+        (0.0123, FaultCause::SensorFrozen),
     ] {
         for sensor in [Sensor::X, Sensor::Z] {
             let mut bench = Bench::new();
@@ -158,20 +158,20 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
                 let mut sensors = bench.sensors();
                 let Readings { x, z, .. } = &mut sensors.readings;
                 *(if sensor == Sensor::X { x } else { z }) = Reading::within(&[broken; SUBSAMPLES], &LASER);
-                let (allowed, trip) = bench.safety.tick(&sensors.readings, &bench.signs);
-                found = found.or(trip.map(|trip| trip.danger));
+                let (allowed, fault) = bench.safety.tick(&sensors.readings, &bench.signs);
+                found = found.or(fault.map(|fault| fault.cause));
                 assert!(allowed.drive.is_finite());
             }
-            assert_eq!(found, Some(danger(sensor)), "{broken} on {sensor:?}");
+            assert_eq!(found, Some(cause(sensor)), "{broken} on {sensor:?}");
             // Still broken, "at rest": that is not to be believed.
-            if danger(sensor) != Danger::SensorFrozen(sensor) {
+            if cause(sensor) != FaultCause::SensorFrozen(sensor) {
                 for _ in 0..2000 {
                     let x = Reading::within(&[broken; SUBSAMPLES], &LASER);
                     bench.safety.tick(&Readings { x, ..Sensors::default().readings }, &bench.signs);
                     assert!(bench.safety.clear().is_err());
                 }
             }
-            bench.expect_safe_path(danger(sensor));
+            bench.expect_safe_path(cause(sensor));
         }
     }
 }
@@ -191,9 +191,9 @@ fn every_sensor_at_a_rail_for_five_milliseconds_ends_an_experiment_and_is_named(
                 Sensor::WallLow => bench.signs.wall_rails[0] = lost,
                 Sensor::WallHigh => bench.signs.wall_rails[1] = lost,
             }
-            let (_, trip) = bench.safety.tick(&readings, &bench.signs);
-            let danger = (tick == 5).then_some(Danger::SensorAtRail(sensor));
-            assert_eq!(trip.map(|trip| trip.danger), danger, "{sensor:?}, tick {tick}");
+            let (_, fault) = bench.safety.tick(&readings, &bench.signs);
+            let cause = (tick == 5).then_some(FaultCause::SensorAtRail(sensor));
+            assert_eq!(fault.map(|fault| fault.cause), cause, "{sensor:?}, tick {tick}");
         }
         assert!(bench.safety.sensors().lost.contains(sensor));
     }
@@ -251,7 +251,7 @@ fn saturation_that_is_only_reported_ends_no_drive() {
     let mut bench = Bench::with(SafetyConfig::default());
     bench.signs.saturated = true;
     bench.run(60_000);
-    assert!(bench.safety.trip().is_none());
+    assert!(bench.safety.fault().is_none());
 }
 
 #[test]
@@ -259,33 +259,33 @@ fn forces_saturation_and_silence_end_the_drive_after_their_time() {
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.wall_force_n = 501.0;
-    bench.expect(Danger::WallForce);
+    bench.expect(FaultCause::WallForce);
 
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.saturated = true;
     bench.run(500);
-    assert!(bench.safety.trip().is_none(), "half a second is allowed");
-    bench.expect(Danger::DriveSaturated);
+    assert!(bench.safety.fault().is_none(), "half a second is allowed");
+    bench.expect(FaultCause::DriveSaturated);
 
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.host_heard = false;
     bench.run(1999);
-    assert!(bench.safety.trip().is_none(), "two seconds are allowed");
-    bench.expect(Danger::HostSilent);
+    assert!(bench.safety.fault().is_none(), "two seconds are allowed");
+    bench.expect(FaultCause::HostSilent);
 }
 
 #[test]
-fn a_second_danger_during_the_fade_can_only_cut_it_short() {
+fn a_second_fault_during_the_fade_can_only_cut_it_short() {
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.wall_force_n = 501.0;
     assert!(bench.tick().0.relay, "fading");
     bench.signs.emergency_stop = true;
-    let (allowed, danger) = bench.tick();
-    assert!(!allowed.relay && danger.is_none());
-    assert_eq!(bench.safety.trip().unwrap().danger, Danger::WallForce);
+    let (allowed, cause) = bench.tick();
+    assert!(!allowed.relay && cause.is_none());
+    assert_eq!(bench.safety.fault().unwrap().cause, FaultCause::WallForce);
 }
 
 #[test]

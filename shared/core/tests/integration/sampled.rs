@@ -1,6 +1,6 @@
 //! The sampled driver against exact results, in both precisions, at the controller's tick.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Contact, Mode};
 use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
@@ -26,10 +26,10 @@ fn with_particle(zeta: f64, mass_ratio: f64, clearance_m: f64, restitution: f64,
 }
 
 /// A sine base of amplitude `z_m` and angular frequency `omega`, as the exact cubic pieces of its samples.
-fn sine_segment<S: Scalar>(z_m: f64, omega: f64, step: usize) -> Segment<S> {
+fn sine_segment<S: Scalar>(z_m: f64, omega: f64, step: usize) -> BaseSegment<S> {
     let (t0, t1) = (step as f64 * STEP_S, (step + 1) as f64 * STEP_S);
     let velocity = |t: f64| z_m * omega * STEP_S * libm::cos(omega * t);
-    Segment::hermite(
+    BaseSegment::hermite(
         S::from_f64(z_m * libm::sin(omega * t0)),
         S::from_f64(z_m * libm::sin(omega * t1)),
         S::from_f64(velocity(t0)),
@@ -85,7 +85,7 @@ fn f32_keeps_a_damping_ratio_of_0_0038_to_a_thousandth() {
     };
     let before = energy(&sampled);
     for _ in 0..cycles * 400 {
-        sampled.step(&Segment::at_rest(0.0), &mut ());
+        sampled.step(&BaseSegment::at_rest(0.0), &mut ());
     }
     let decay = libm::log(before / energy(&sampled)) / 2.0;
     let measured = decay / (2.0 * PI * cycles as f64);
@@ -156,12 +156,12 @@ fn dry_friction_takes_the_same_from_every_half_cycle_and_then_holds() {
         Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &Initial { x_m: 10.3e-3, ..Initial::default() }).unwrap();
     let mut turning_points = vec![];
     for half_cycle in 1..=5 {
-        (0..200).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut ()));
+        (0..200).for_each(|_| sampled.step(&BaseSegment::at_rest(0.0), &mut ()));
         turning_points.push(sampled.state().x * 1e3);
         let expected = (10.3 - 2.0 * f64::from(half_cycle)) * if half_cycle % 2 == 0 { 1.0 } else { -1.0 };
         assert!((turning_points[half_cycle as usize - 1] - expected).abs() < 1e-9, "{turning_points:?}");
     }
-    (0..10_000).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut ()));
+    (0..10_000).for_each(|_| sampled.step(&BaseSegment::at_rest(0.0), &mut ()));
     assert!((sampled.state().x * 1e3 + 0.3).abs() < 1e-9 && sampled.state().v == 0.0);
 }
 
@@ -238,7 +238,7 @@ fn a_conservative_damper_keeps_its_energy() {
         0.5 * (MASS_KG * v * v + 0.1 * MASS_KG * u * u + k * state.x * state.x)
     };
     let before = energy(&sampled);
-    (0..60_000).for_each(|_| sampled.step(&Segment::at_rest(0.0), &mut ()));
+    (0..60_000).for_each(|_| sampled.step(&BaseSegment::at_rest(0.0), &mut ()));
     assert!((energy(&sampled) / before - 1.0).abs() < 1e-10, "{}", energy(&sampled) / before);
 }
 
@@ -267,8 +267,8 @@ fn a_bound_on_the_events_of_a_step_holds_and_the_particle_comes_to_rest_all_the_
             let base = [0.5 * acceleration * t * t, acceleration * t, 0.5 * acceleration, 0.0];
             let mut flights = Flights::default();
             match most_events {
-                Some(most) => sampled.step_bounded(&Segment(base), most, &mut flights),
-                None => sampled.step(&Segment(base), &mut flights),
+                Some(most) => sampled.step_bounded(&BaseSegment(base), most, &mut flights),
+                None => sampled.step(&BaseSegment(base), &mut flights),
             }
             most_flights = most_flights.max(flights.0);
         }

@@ -5,7 +5,7 @@
 
 use damprig_core::fixed_point::Fixed;
 use damprig_core::fixed_point::reference::{CASES, Case, Motion, START_M, STEPS};
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{Initial, SetUp, Structure};
@@ -145,7 +145,7 @@ fn effective_damping<S: Scalar>() -> f64 {
     };
     let (steps, before) = (12_000, amplitude(&sampled));
     for _ in 0..steps {
-        sampled.step(&Segment::at_rest(S::ZERO), &mut ());
+        sampled.step(&BaseSegment::at_rest(S::ZERO), &mut ());
     }
     (before / amplitude(&sampled)).ln() / (omega * f64::from(steps))
 }

@@ -1,7 +1,7 @@
 //! The exact driver against a plainly different method: a dense adaptive Runge–Kutta of order 8 from a crate, the
 //! equations of motion written out again, and impacts by bisection. Systems drawn at random (seeded).
 
-use damprig_core::integrator::exact::{Exact, Excitation, State};
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::model::{Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
 use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
 use rand_core::{RngCore, SeedableRng};
@@ -115,7 +115,7 @@ fn run(equations: &Equations, initial: &Initial, end_s: f64) -> Option<Phase> {
     Some(s)
 }
 
-fn apart(exact: &State, other: &Phase) -> f64 {
+fn apart(exact: &ExactState, other: &Phase) -> f64 {
     (exact.x_m - other[0]).abs() + (exact.y_m() - other[2]).abs()
 }
 

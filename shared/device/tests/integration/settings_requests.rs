@@ -1,6 +1,6 @@
 //! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
 
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::rig::{Rejected, Rig};
@@ -118,7 +118,7 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 4.0,

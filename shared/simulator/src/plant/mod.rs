@@ -17,7 +17,7 @@ pub use faults::{End, InjectedFault, SensorFault, Supply};
 pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
 
-use damprig_core::integrator::base::{Segment, Track};
+use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::polynomial;
 use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
@@ -116,7 +116,7 @@ pub struct Plant<S> {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)]
 enum Moving<S> {
-    Prescribed(Track<S>),
+    Prescribed(BaseTrack<S>),
     Shaken(Table<S>),
 }
 
@@ -140,7 +140,7 @@ impl<S: Scalar> Plant<S> {
         let units = Units::metres(tick_s / f64::from(steps));
         let motion = Sampled::new(&config.set_up, units, &config.initial())?;
         let base = match &config.base {
-            Base::Prescribed => Moving::Prescribed(Track::default()),
+            Base::Prescribed => Moving::Prescribed(BaseTrack::default()),
             Base::Shaker(shaker) => Moving::Shaken(Table::new(shaker, &config.set_up, &units)),
         };
         let sheet = config.data_sheet.as_ref();
@@ -195,7 +195,7 @@ impl<S: Scalar> Plant<S> {
     pub fn restart(&mut self, stream: u16) {
         self.motion.reset(&self.config.initial());
         match &mut self.base {
-            Moving::Prescribed(track) => *track = Track::default(),
+            Moving::Prescribed(track) => *track = BaseTrack::default(),
             Moving::Shaken(table) => table.reset(),
         }
         for channel in &mut self.channels {
@@ -334,7 +334,7 @@ impl<S: Scalar> Plant<S> {
     }
 }
 
-fn displacement<S: Scalar>(segment: &Segment<S>, t: S) -> S {
+fn displacement<S: Scalar>(segment: &BaseSegment<S>, t: S) -> S {
     segment.0[0] + polynomial::increment(&segment.0, t)
 }
 

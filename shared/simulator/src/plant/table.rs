@@ -19,7 +19,7 @@
 //! modes up to [`LARGEST_RATE_PER_STEP`] per step within 2·10⁻⁴. The stroke's end is met to one step.
 
 use super::shaker::Shaker;
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Grip;
 use damprig_core::integrator::sampled::{Observer, Sampled};
 use damprig_core::integrator::units::Units;
@@ -122,7 +122,7 @@ impl<S: Scalar> Table<S> {
 
     /// One step under a constant drive (the demanded displacement, in units of length): moves the table and the
     /// structure on it; returns the table's motion.
-    pub fn step(&mut self, motion: &mut Sampled<S>, drive: S, observer: &mut impl Observer<S>) -> Segment<S> {
+    pub fn step(&mut self, motion: &mut Sampled<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
         let demand = self.force_per_drive * drive;
         let blocked = demand.min(self.voltage_force_limit).max(-self.voltage_force_limit);
         let before = momentum(motion);
@@ -183,18 +183,18 @@ impl<S: Scalar> Table<S> {
     }
 
     /// The motion over the step with acceleration `a`, unless the stroke ends in it: then the table comes to rest there.
-    fn segment(&self, a: S) -> Segment<S> {
+    fn segment(&self, a: S) -> BaseSegment<S> {
         let half = S::from_f64(0.5) * a;
         let end = self.z + (self.v + half);
         if end.abs() < self.half_stroke {
-            return Segment([self.z, self.v, half, S::ZERO]);
+            return BaseSegment([self.z, self.v, half, S::ZERO]);
         }
         let stop = if end > S::ZERO { self.half_stroke } else { -self.half_stroke };
-        Segment::hermite(self.z, stop, self.v, S::ZERO)
+        BaseSegment::hermite(self.z, stop, self.v, S::ZERO)
     }
 
     /// Takes the end of `segment` as the new state; tells whether it is an end of the stroke.
-    fn take(&mut self, segment: &Segment<S>, a: S) -> bool {
+    fn take(&mut self, segment: &BaseSegment<S>, a: S) -> bool {
         let half = S::from_f64(0.5) * a;
         let stopped = (self.z + (self.v + half)).abs() >= self.half_stroke;
         if stopped {

@@ -2,10 +2,11 @@
 //! it says when it cannot.
 
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
-use damprig_core::control::experiment::{Experiment, Stage};
-use damprig_core::control::limits::Limits;
-use damprig_core::control::safety::{Danger, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Plan, Start, SteppedSine};
+use damprig_core::control::experiment::Experiment;
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::outcome::ExperimentStage;
+use damprig_core::control::safety::{Limits, SafetyConfig};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, SteppedSinePlan};
 use damprig_core::io::{Calibration, DisplacementScale, DriveScale, Reading, Sensors};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
@@ -44,7 +45,7 @@ fn plan(z_m: f32) -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: z_m,
-        drive: Drive::ClosedLoop(ClosedLoop::default()),
+        drive: DriveMode::ClosedLoop(ClosedLoop::default()),
         ramp_s: 2.0,
         settle_s: 4.0,
         dwell_s: 8.0,
@@ -59,7 +60,7 @@ struct Outcome {
     points: Vec<PointResult>,
     /// Largest half of (highest − lowest z) over a cycle, m: the amplitude without the mean.
     highest_m: f32,
-    fault: Option<Danger>,
+    fault: Option<FaultCause>,
     ticks: u32,
 }
 
@@ -76,7 +77,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     let calibration =
         Calibration { drive: strong, x: DisplacementScale::over_whole_span(11.0), ..Calibration::default() };
     rig.handle(Command::SetSettings(Settings { calibration, safety, ..Settings::default() })).unwrap();
-    rig.handle(Command::Configure(Experiment::SteppedSine(Plan::new(plan.clone()).unwrap()))).unwrap();
+    rig.handle(Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(plan.clone()).unwrap()))).unwrap();
     rig.handle(Command::Start).unwrap();
     let (mut outcome, mut sensors) = (Outcome::default(), Sensors::default());
     let (mut low, mut high, mut since) = (0.0f32, 0.0f32, 0);
@@ -87,7 +88,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
         }
         sensors = plant.tick(&actuators);
         let z = sensors.readings.z.mean_m;
-        if !matches!(rig.status().state, State::Running(Stage::Settle | Stage::Dwell)) {
+        if !matches!(rig.status().state, State::Running(ExperimentStage::Settle | ExperimentStage::Dwell)) {
             (low, high, since) = (z, z, 0);
         }
         (low, high, since) = (low.min(z), high.max(z), since + 1);
@@ -140,7 +141,7 @@ fn the_base_keeps_its_amplitude_from_2_to_3_hz_under_every_damper() {
 
 #[test]
 fn the_loop_is_stable_at_the_largest_gain_allowed_and_half_the_calibration() {
-    let gain = |gain_per_s| Drive::ClosedLoop(ClosedLoop { gain_per_s, ..ClosedLoop::default() });
+    let gain = |gain_per_s| DriveMode::ClosedLoop(ClosedLoop { gain_per_s, ..ClosedLoop::default() });
     let near_resonance = [2.4, 2.5, 2.55].into_iter().collect();
     let most = SteppedSine { drive: gain(MOST_GAIN_PER_S), frequencies_hz: near_resonance, ..plan(3e-4) };
     assert_kept("largest gain", &plant(bare()), &most);
@@ -162,7 +163,7 @@ fn the_gain_means_the_same_at_every_drive_frequency() {
 #[test]
 fn at_constant_drive_the_base_sags_at_resonance() {
     let at_resonance = [2.5].into_iter().collect();
-    let plan = SteppedSine { drive: Drive::Constant, settle_s: 30.0, frequencies_hz: at_resonance, ..plan(3e-4) };
+    let plan = SteppedSine { drive: DriveMode::Constant, settle_s: 30.0, frequencies_hz: at_resonance, ..plan(3e-4) };
     let [point] = run(&plant(bare()), &plan).points.try_into().unwrap();
     assert!((point.z_amplitude_m / 3e-4 - 0.1555).abs() < 1e-3, "{}", point.z_amplitude_m);
     assert!((point.drive_amplitude_m / 3e-4 - 1.0).abs() < 1e-3, "{}", point.drive_amplitude_m);
@@ -172,7 +173,7 @@ fn at_constant_drive_the_base_sags_at_resonance() {
 fn a_drive_at_its_limit_is_reported_and_the_base_stays_below_its_target() {
     let limited = ClosedLoop { drive_limit_m: 6e-4, wait_s: 5.0, ..ClosedLoop::default() };
     let at_resonance = [2.5].into_iter().collect();
-    let plan = SteppedSine { drive: Drive::ClosedLoop(limited), frequencies_hz: at_resonance, ..plan(3e-4) };
+    let plan = SteppedSine { drive: DriveMode::ClosedLoop(limited), frequencies_hz: at_resonance, ..plan(3e-4) };
     let [point] = run(&plant(bare()), &plan).points.try_into().unwrap();
     assert!(point.drive_saturated);
     assert!(point.z_amplitude_m < 0.9 * 3e-4, "{}", point.z_amplitude_m);
@@ -184,7 +185,7 @@ fn a_drive_at_its_limit_is_reported_and_the_base_stays_below_its_target() {
 #[test]
 fn a_loop_that_swings_up_is_stopped() {
     let config = PlantConfig { base: Base::Prescribed, ..plant(bare()) };
-    assert_eq!(run(&config, &plan(3e-4)).fault, Some(Danger::BaseRunaway));
+    assert_eq!(run(&config, &plan(3e-4)).fault, Some(FaultCause::BaseRunaway));
 }
 
 /// On a current amplifier the table is a mass with hardly any resistance: kept, but with little margin.
@@ -192,7 +193,7 @@ fn a_loop_that_swings_up_is_stopped() {
 fn a_current_amplifier_is_kept_at_its_target_but_overshoots() {
     let shaker = Shaker { amplifier: Amplifier::Current, ..Shaker::default() };
     // The force at resonance, 15 N, is 15 mm of a table that is a mass.
-    let drive = Drive::ClosedLoop(ClosedLoop { drive_limit_m: 0.05, ..ClosedLoop::default() });
+    let drive = DriveMode::ClosedLoop(ClosedLoop { drive_limit_m: 0.05, ..ClosedLoop::default() });
     let config = PlantConfig { base: Base::Shaker(shaker), ..plant(bare()) };
     let outcome = run(&config, &SteppedSine { drive, ..plan(3e-4) });
     assert_eq!(outcome.fault, None);
@@ -204,10 +205,14 @@ fn a_current_amplifier_is_kept_at_its_target_but_overshoots() {
 #[test]
 fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
     let steepest = |ramp_s: f32| {
-        let plan =
-            SteppedSine { drive: Drive::Constant, ramp_s, frequencies_hz: [2.5].into_iter().collect(), ..plan(1e-3) };
+        let plan = SteppedSine {
+            drive: DriveMode::Constant,
+            ramp_s,
+            frequencies_hz: [2.5].into_iter().collect(),
+            ..plan(1e-3)
+        };
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
-        rig.handle(Command::Configure(Experiment::SteppedSine(Plan::new(plan).unwrap()))).unwrap();
+        rig.handle(Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(plan).unwrap()))).unwrap();
         // A structure that stands still is not to be taken for a broken sensor.
         let safety = SafetyConfig { frozen_s: 0.0, host_silent_s: 0.0, ..SafetyConfig::default() };
         rig.handle(Command::SetSettings(Settings { safety, ..Settings::default() })).unwrap();

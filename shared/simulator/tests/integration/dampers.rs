@@ -1,8 +1,9 @@
 //! The dampers through the protocol: the friction damper's spring, impacts, the twin, the interlocks.
 
-use damprig_core::control::friction_spring::{Cause, Happening as Spring, SpringCommand, SpringSetUp, Stage, Target};
-use damprig_core::control::safety::{Danger, SafeStage, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::{FaultCause, SpringFaultCause};
+use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Spring, SpringSetUp, SpringStage, Target};
+use damprig_core::control::safety::{SafeStage, SafetyConfig};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
@@ -40,7 +41,7 @@ fn at_resonance(settle_s: f32, dwell_s: f32) -> Request {
     Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: Z_M,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s,
         dwell_s,
@@ -66,7 +67,7 @@ fn a_friction_ratio_that_is_asked_for_becomes_the_friction_of_the_structure() {
     host.done(Request::Start);
     host.pass(45_000);
     let status = host.status();
-    assert_eq!(status.spring.stage, Stage::Holding, "{status:?}");
+    assert_eq!(status.spring.stage, SpringStage::Holding, "{status:?}");
     // γF k Z/μe with the measured Z, within the dead band and the force sensor's noise.
     let expected = 0.9 * 394.78 * Z_M / 0.3;
     assert!((status.spring.force_n - expected).abs() < 0.04, "{status:?}, {expected}");
@@ -166,7 +167,7 @@ fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     host.rows.clear();
     host.inject(InjectedFault::EmergencyStop { pressed: true });
     host.pass(1_000);
-    assert_eq!(host.fault(), Some(Danger::EmergencyStop));
+    assert_eq!(host.fault(), Some(FaultCause::EmergencyStop));
     assert!(host.rows[1..].iter().all(|row| row[0] == 0.0), "no drive from the next row on");
     assert!(host.rows.last().unwrap()[2] == 0.0, "no brake: {:?}", host.rows.last());
     for (ask, words) in [
@@ -198,9 +199,9 @@ fn a_spring_that_faults_while_driven_ends_the_drive() {
     host.pass(2_000);
     host.board.plant_mut().unwrap().spring_mut().unwrap().set_stiffness(30_000.0);
     host.pass(2_000);
-    assert_eq!(host.fault(), Some(Danger::Spring(Cause::ForceAboveLargest)));
+    assert_eq!(host.fault(), Some(FaultCause::Spring(SpringFaultCause::ForceAboveLargest)));
     let status = host.status();
-    assert_eq!((status.state, status.spring.stage), (State::Faulted, Stage::Faulted));
+    assert_eq!((status.state, status.spring.stage), (State::Faulted, SpringStage::Faulted));
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! The simulated board as a host sees it: bytes in, bytes out.
 
-use damprig_core::control::limits::Limits;
-use damprig_core::control::safety::{Danger, SafeStage, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::safety::{Limits, SafeStage, SafetyConfig};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::{PointResult, SteadyLimits};
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{SIGNALS, State};
@@ -80,7 +80,7 @@ fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 1.0,
         dwell_s: 4.0,
@@ -361,7 +361,7 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
         _ => None,
     });
     let fault = fault.expect("a fault");
-    assert_eq!(fault.cause, Danger::StructureDisplacement);
+    assert_eq!(fault.cause, FaultCause::StructureDisplacement);
     assert!(fault.value >= 3e-3 && fault.value < 3.1e-3, "{fault:?}");
     // A second later the base stands still.
     let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });

@@ -1,8 +1,8 @@
 //! What the drive cannot deliver, from the request to the refusal, and what the base does with the rest.
 
 use damprig_core::control::base_loop::ClosedLoop;
-use damprig_core::control::safety::Danger;
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::Playback;
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::io::{Calibration, DriveScale};
@@ -27,7 +27,7 @@ fn on_a_shaker(shaker: Shaker) -> PlantConfig {
     PlantConfig { base: Base::Shaker(shaker), ..bare() }
 }
 
-fn sine(amplitude_m: f32, drive: Drive) -> SteppedSine {
+fn sine(amplitude_m: f32, drive: DriveMode) -> SteppedSine {
     SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m,
@@ -41,8 +41,8 @@ fn sine(amplitude_m: f32, drive: Drive) -> SteppedSine {
     }
 }
 
-fn closed(drive_limit_m: f32) -> Drive {
-    Drive::ClosedLoop(ClosedLoop { drive_limit_m, wait_s: 0.0, ..ClosedLoop::default() })
+fn closed(drive_limit_m: f32) -> DriveMode {
+    DriveMode::ClosedLoop(ClosedLoop { drive_limit_m, wait_s: 0.0, ..ClosedLoop::default() })
 }
 
 /// A second of a versine of this height, m, in counts of 0.2 µm at 500 Hz.
@@ -90,9 +90,9 @@ fn assert_refused(answer: Result<Reply, Rejected>, parameter: &str, value: f32) 
 fn an_amplitude_that_the_drive_cannot_deliver_is_refused_when_it_is_configured() {
     let mut host = Host::new(bare());
     assert!((as_delivered_m() - 4.392e-3).abs() < 1e-6);
-    assert_refused(host.ask(Request::Configure(sine(4.4e-3, Drive::Constant))), "amplitude_m", 4.4e-3);
+    assert_refused(host.ask(Request::Configure(sine(4.4e-3, DriveMode::Constant))), "amplitude_m", 4.4e-3);
     assert_refused(host.ask(Request::Configure(sine(1e-3, closed(0.05)))), "drive.drive_limit_m", 0.05);
-    host.done(Request::Configure(sine(4.39e-3, Drive::Constant)));
+    host.done(Request::Configure(sine(4.39e-3, DriveMode::Constant)));
     host.done(Request::Configure(sine(1e-3, closed(as_delivered_m()))));
 }
 
@@ -117,7 +117,7 @@ fn the_calibration_says_what_the_drive_delivers_also_after_the_experiment_was_co
     let mut host = Host::new(bare());
     let strong = Calibration { drive: DriveScale::assumed(0.02), ..Calibration::default() };
     host.done(Request::SetSettings(Settings { calibration: strong, ..Settings::default() }));
-    host.done(Request::Configure(sine(0.015, Drive::Constant)));
+    host.done(Request::Configure(sine(0.015, DriveMode::Constant)));
     host.done(Request::SetSettings(Settings::default()));
     assert_refused(host.ask(Request::Start), "amplitude_m", 0.015);
 }
@@ -138,7 +138,7 @@ fn ask_of<S: PlantScalar>(ask: Request) -> Result<Reply, Rejected> {
 
 #[test]
 fn the_virtual_rigs_of_both_precisions_refuse_alike() {
-    let ask = || Request::Configure(sine(5e-3, Drive::Constant));
+    let ask = || Request::Configure(sine(5e-3, DriveMode::Constant));
     assert_refused(ask_of::<f64>(ask()), "amplitude_m", 5e-3);
     assert_refused(ask_of::<f32>(ask()), "amplitude_m", 5e-3);
 }
@@ -161,18 +161,18 @@ fn a_closed_loop_that_needs_more_than_the_drive_delivers_is_cut_and_told() {
 fn a_base_that_does_not_move_while_it_is_driven_ends_the_drive() {
     // The amplifier is off.
     let mut host = Host::new(on_a_shaker(Shaker { current_limit_a: 1e-6, ..Shaker::default() }));
-    host.done(Request::Configure(sine(1e-3, Drive::Constant)));
+    host.done(Request::Configure(sine(1e-3, DriveMode::Constant)));
     host.done(Request::Start);
     host.pass(4_000);
-    assert_eq!(host.fault(), Some(Danger::BaseStill));
+    assert_eq!(host.fault(), Some(FaultCause::BaseStill));
 }
 
 #[test]
 fn a_base_that_moves_ten_times_too_far_ends_the_drive() {
     // Calibrated where the table is a mass.
     let mut host = Host::new(on_a_shaker(Shaker { calibrated_at_hz: 40.0, ..Shaker::default() }));
-    host.done(Request::Configure(sine(2e-5, Drive::Constant)));
+    host.done(Request::Configure(sine(2e-5, DriveMode::Constant)));
     host.done(Request::Start);
     host.pass(4_000);
-    assert_eq!(host.fault(), Some(Danger::BaseOverdriven));
+    assert_eq!(host.fault(), Some(FaultCause::BaseOverdriven));
 }

@@ -1,9 +1,9 @@
 //! The emergency stop and the brake, from the pressed button to the motor.
 
-use damprig_core::control::friction_spring::{SpringCommand, Stage, Target};
-use damprig_core::control::limits::Limits;
-use damprig_core::control::safety::{Danger, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
+use damprig_core::control::safety::{Limits, SafetyConfig};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::{Brake, State};
@@ -51,7 +51,7 @@ fn sine() -> Request {
     Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 10.0,
         dwell_s: 20.0,
@@ -82,7 +82,7 @@ fn press_and_expect_no_motion(host: &mut Host, what: &str) {
         assert!(!host.board.plant_mut().unwrap().spring_mut().unwrap().is_energised(), "{what}: the motor is on");
     }
     let status = host.status();
-    assert_eq!(status.spring.stage, Stage::Unhomed, "{what}");
+    assert_eq!(status.spring.stage, SpringStage::Unhomed, "{what}");
     assert_eq!(status.state, State::Faulted, "{what}");
 }
 
@@ -114,12 +114,12 @@ fn the_emergency_stop_ends_every_task_of_the_spring_at_once() {
         host.done(Request::Spring(SpringCommand::Release));
         host
     };
-    let cases: [(&str, &dyn Fn() -> Host, Stage); 5] = [
-        ("homing", &homing, Stage::Homing),
-        ("touch-off", &touching_off, Stage::TouchingOff),
-        ("setting", &setting, Stage::Setting),
-        ("holding", &holding, Stage::Holding),
-        ("releasing", &releasing, Stage::Releasing),
+    let cases: [(&str, &dyn Fn() -> Host, SpringStage); 5] = [
+        ("homing", &homing, SpringStage::Homing),
+        ("touch-off", &touching_off, SpringStage::TouchingOff),
+        ("setting", &setting, SpringStage::Setting),
+        ("holding", &holding, SpringStage::Holding),
+        ("releasing", &releasing, SpringStage::Releasing),
     ];
     for (what, begin, stage) in cases {
         let mut host = begin();
@@ -127,7 +127,7 @@ fn the_emergency_stop_ends_every_task_of_the_spring_at_once() {
         host.pass(300);
         assert_eq!(host.status().spring.stage, stage, "{what}");
         press_and_expect_no_motion(&mut host, what);
-        assert_eq!(host.fault(), Some(Danger::EmergencyStop), "{what}");
+        assert_eq!(host.fault(), Some(FaultCause::EmergencyStop), "{what}");
     }
 }
 
@@ -157,7 +157,7 @@ fn the_emergency_stop_ends_a_brake_that_another_fault_has_closed() {
         host.fault().is_some()
     });
     host.pass(300);
-    assert_eq!(host.fault(), Some(Danger::StructureDisplacement));
+    assert_eq!(host.fault(), Some(FaultCause::StructureDisplacement));
     assert!(seat_m(&mut host) > before, "the brake is closing");
     press_and_expect_no_motion(&mut host, "braking");
 }
@@ -181,7 +181,7 @@ fn after_an_emergency_stop_the_spring_must_be_homed_before_it_moves() {
     }
     host.spring(SpringCommand::Home);
     host.spring(SpringCommand::TouchOff);
-    assert_eq!(host.status().spring.stage, Stage::Holding);
+    assert_eq!(host.status().spring.stage, SpringStage::Holding);
 }
 
 /// A fault of the rig in the middle of a touch-off: the brake cannot close yet, and must as soon as it can.
@@ -193,8 +193,8 @@ fn a_brake_that_cannot_close_at_once_closes_as_soon_as_it_can() {
     host.pass(200);
     host.done(with_brake(AT_ONCE_M));
     host.pass(10);
-    assert_eq!(host.fault(), Some(Danger::StructureDisplacement));
-    assert_eq!(host.status().spring.stage, Stage::TouchingOff, "the touch-off goes on");
+    assert_eq!(host.fault(), Some(FaultCause::StructureDisplacement));
+    assert_eq!(host.status().spring.stage, SpringStage::TouchingOff, "the touch-off goes on");
     host.pass(20_000);
     let status = host.status();
     assert_eq!(status.brake, Brake::Holds, "{status:?}");
@@ -210,7 +210,7 @@ fn a_brake_that_holds_is_not_let_go_before_the_fault_is_cleared() {
     host.done(sine());
     host.done(Request::Start);
     host.pass(13_000);
-    assert_eq!((host.fault(), host.status().brake), (Some(Danger::StructureDisplacement), Brake::Holds));
+    assert_eq!((host.fault(), host.status().brake), (Some(FaultCause::StructureDisplacement), Brake::Holds));
     for command in [SpringCommand::Release, SpringCommand::Halt] {
         let refused = host.ask(Request::Spring(command)).unwrap_err().to_string();
         assert!(refused.contains("clear the fault first"), "{refused}");
@@ -218,5 +218,5 @@ fn a_brake_that_holds_is_not_let_go_before_the_fault_is_cleared() {
     host.done(Request::ClearFault);
     host.pass(5_000);
     let status = host.status();
-    assert_eq!((status.brake, status.spring.stage), (Brake::Open, Stage::Ready));
+    assert_eq!((status.brake, status.spring.stage), (Brake::Open, SpringStage::Ready));
 }

@@ -1,7 +1,8 @@
 //! The friction-damper spring's controller against a simulated drive, sound and broken.
 
+use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{
-    Cause, FrictionSpring, Happening, Inputs, Refusal, SpringCommand, SpringConfig, Stage, Target,
+    FrictionSpring, SpringCommand, SpringConfig, SpringEvent, SpringInputs, SpringRejected, SpringStage, Target,
 };
 use damprig_core::control::safety::rails::Verdict;
 use damprig_core::io::{Motor, SUBSAMPLES};
@@ -17,7 +18,7 @@ struct Bench {
     force_sensor: Verdict,
     /// The force sensor is wired the wrong way round.
     reversed: bool,
-    happenings: Vec<Happening>,
+    events: Vec<SpringEvent>,
     drive: Motor,
     /// Steps of every tick.
     log: Vec<i8>,
@@ -34,7 +35,7 @@ impl Bench {
             reads_n: None,
             force_sensor: Verdict::Reads,
             reversed: false,
-            happenings: vec![],
+            events: vec![],
             drive: Motor::default(),
             log: vec![],
         }
@@ -52,18 +53,18 @@ impl Bench {
     }
 
     fn make_ready(&mut self) {
-        self.ask(SpringCommand::Home);
-        self.until(Stage::Homed);
-        self.ask(SpringCommand::TouchOff);
-        self.until(Stage::Holding);
+        self.command(SpringCommand::Home);
+        self.until(SpringStage::Homed);
+        self.command(SpringCommand::TouchOff);
+        self.until(SpringStage::Holding);
     }
 
-    fn ask(&mut self, command: SpringCommand) {
+    fn command(&mut self, command: SpringCommand) {
         self.spring.handle(command).unwrap();
     }
 
     fn set(&mut self, target: Target) {
-        self.ask(SpringCommand::Set(target));
+        self.command(SpringCommand::Set(target));
     }
 
     fn tick(&mut self) {
@@ -71,7 +72,8 @@ impl Bench {
         let (block, at_switch) = self.plant.tick(self.drive);
         let read_n = block.iter().sum::<f32>() / SUBSAMPLES as f32;
         let force_n = self.reads_n.unwrap_or(if self.reversed { -read_n } else { read_n });
-        let inputs = Inputs {
+        let inputs = SpringInputs {
+            tick: self.log.len() as u32,
             force_n,
             force_sensor: self.force_sensor,
             at_switch,
@@ -79,17 +81,17 @@ impl Bench {
             base_amplitude_m: self.z_m,
             emergency_stop: false,
         };
-        let happening;
-        (self.drive, happening) = self.spring.tick(&inputs);
+        let event;
+        (self.drive, event) = self.spring.tick(&inputs);
         self.log.push(self.drive.steps);
-        self.happenings.extend(happening);
+        self.events.extend(event);
     }
 
     fn run(&mut self, ticks: usize) {
         (0..ticks).for_each(|_| self.tick());
     }
 
-    fn until(&mut self, stage: Stage) {
+    fn until(&mut self, stage: SpringStage) {
         for _ in 0..200_000 {
             self.tick();
             if self.spring.stage() == stage {
@@ -100,13 +102,13 @@ impl Bench {
     }
 
     /// Waits for this fault and for the motor to come to rest; it then stays so.
-    fn until_safe(&mut self, cause: Cause) {
-        self.until(Stage::Faulted);
-        assert_eq!(self.spring.status().fault.unwrap().cause, cause);
+    fn until_safe(&mut self, cause: SpringFaultCause) {
+        self.until(SpringStage::Faulted);
+        assert_eq!(self.spring.status().fault.unwrap().cause, FaultCause::Spring(cause));
         self.run(20_000);
         assert!(self.log.iter().rev().take(1000).all(|&steps| steps == 0), "the motor still moves");
         assert!(!self.drive.enabled, "the motor is still on");
-        assert_eq!(self.happenings.iter().filter(|h| matches!(h, Happening::Fault(_))).count(), 1);
+        assert_eq!(self.events.iter().filter(|h| matches!(h, SpringEvent::Fault(_))).count(), 1);
     }
 }
 
@@ -114,13 +116,13 @@ impl Bench {
 fn homing_finds_the_same_edge_from_anywhere() {
     for start_m in [0.0, 1e-5, 0.5e-3, 3.3e-3, 11e-3] {
         let mut bench = Bench::with(&SpringConfig::default(), &SpringPlant { start_m, ..SpringPlant::default() });
-        bench.ask(SpringCommand::Home);
-        bench.until(Stage::Homed);
+        bench.command(SpringCommand::Home);
+        bench.until(SpringStage::Homed);
         bench.run(2);
         // The edge is one step off the switch.
         let error = bench.plant.position_m() - bench.spring.status().position_m - 5e-6;
         assert!(error.abs() < 1e-8, "from {start_m}: {error}");
-        assert_eq!(bench.happenings, [Happening::Homed]);
+        assert_eq!(bench.events, [SpringEvent::Homed]);
     }
 }
 
@@ -136,16 +138,16 @@ fn touch_off_finds_the_zero_reading_within_its_stated_error() {
             let config = SpringConfig { touch_force_n: 0.4, ..SpringConfig::default() };
             let mut bench = Bench::with(&config, &plant);
             bench.make_ready();
-            let touch = bench.spring.status().touch.unwrap();
-            let error = touch.zero_m + 5e-6 - touch_m;
+            let zero = bench.spring.status().zero.unwrap();
+            let error = zero.zero_m + 5e-6 - touch_m;
             // Scatter about the line, and the mean without contact over 1500 samples, which the line does not see.
             let bias = noise_rms_n / 1500.0f32.sqrt() / 537.0;
-            let error_scale = touch.zero_error_m.hypot(bias);
+            let error_scale = zero.zero_error_m.hypot(bias);
             squares += error * error;
             stated += error_scale * error_scale;
             // One step, or what 1000 samples a point leave of the noise over √Σ(F−F̄)² = 1.05 N.
             let slope_error = 5.0 * noise_rms_n / 1000.0f32.sqrt() / 1.05 + 1e-3;
-            assert!((touch.stiffness_n_per_m / 537.0 - 1.0).abs() < slope_error, "{touch:?}");
+            assert!((zero.stiffness_n_per_m / 537.0 - 1.0).abs() < slope_error, "{zero:?}");
         }
         let ratio = (squares / stated).sqrt();
         // A χ² of 24 with scatter estimates of six degrees of freedom; positions in f32 and thresholds add to small noise.
@@ -158,8 +160,8 @@ fn touch_off_finds_the_zero_reading_within_its_stated_error() {
 fn a_deflection_is_kept_as_a_position() {
     let mut bench = Bench::ready();
     bench.set(Target::Deflection { deflection_m: 4e-3 });
-    bench.until(Stage::Setting);
-    bench.until(Stage::Holding);
+    bench.until(SpringStage::Setting);
+    bench.until(SpringStage::Holding);
     let deflection = bench.plant.position_m() - 12.3456e-3;
     assert!((deflection - 4e-3).abs() < 5e-6, "{deflection}");
     assert!((bench.spring.status().force_n - 537.0 * 4e-3).abs() < 0.01);
@@ -170,8 +172,8 @@ fn a_force_is_met_within_the_dead_band_and_then_the_motor_rests() {
     let mut bench = Bench::ready();
     for force_n in [2.0, 8.0, 0.5, 0.0, 13.5] {
         bench.set(Target::Force { force_n });
-        bench.until(Stage::Setting);
-        bench.until(Stage::Holding);
+        bench.until(SpringStage::Setting);
+        bench.until(SpringStage::Holding);
         let truth = bench.plant.normal_force_n();
         // The dead band, and the average's noise: 5 × 0.01/√1000.
         assert!((truth - force_n).abs() < 0.02 + 0.002, "{force_n}: {truth}");
@@ -185,7 +187,7 @@ fn a_friction_ratio_holds_while_the_base_amplitude_changes() {
     let mut bench = Bench::ready();
     bench.set(Target::FrictionRatio { ratio: 0.6 });
     bench.run(1000);
-    assert!(bench.spring.status().waiting && bench.spring.stage() == Stage::Setting, "no Z, no force");
+    assert!(bench.spring.status().waiting && bench.spring.stage() == SpringStage::Setting, "no Z, no force");
     assert!(bench.plant.normal_force_n() < 0.01);
     for z_m in [3e-3, 1e-3, 2e-3, 2.2e-3, 5e-3] {
         bench.z_m = Some(z_m);
@@ -210,10 +212,10 @@ fn rate_and_acceleration_are_never_exceeded() {
     let mut bench = Bench::ready();
     bench.log.clear();
     bench.set(Target::Force { force_n: 13.0 });
-    bench.until(Stage::Setting);
-    bench.until(Stage::Holding);
-    bench.ask(SpringCommand::Release);
-    bench.until(Stage::Ready);
+    bench.until(SpringStage::Setting);
+    bench.until(SpringStage::Holding);
+    bench.command(SpringCommand::Release);
+    bench.until(SpringStage::Ready);
     let sums: Vec<i32> = bench
         .log
         .iter()
@@ -253,7 +255,7 @@ fn no_step_is_made_while_the_structure_moves_too_much() {
     assert_eq!(bench.plant.position_m(), stopped);
     assert!(bench.spring.status().waiting);
     bench.x_peak_m = 0.0;
-    bench.until(Stage::Holding);
+    bench.until(SpringStage::Holding);
     assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
 }
 
@@ -273,7 +275,7 @@ fn the_brake_closes_whatever_the_structure_does() {
 fn a_spring_that_softens_is_corrected_without_a_fault() {
     let mut bench = Bench::ready();
     bench.set(Target::Force { force_n: 3.0 });
-    bench.until(Stage::Holding);
+    bench.until(SpringStage::Holding);
     bench.plant.set_stiffness(500.0);
     bench.run(5000);
     assert!((bench.plant.normal_force_n() - 3.0).abs() < 0.022, "{}", bench.plant.normal_force_n());
@@ -283,66 +285,66 @@ fn a_spring_that_softens_is_corrected_without_a_fault() {
 mod faults {
     use super::*;
 
-    fn homing(broken: impl Fn(&mut Bench), cause: Cause) {
+    fn homing(broken: impl Fn(&mut Bench), cause: SpringFaultCause) {
         let mut bench = Bench::new();
         broken(&mut bench);
-        bench.ask(SpringCommand::Home);
+        bench.command(SpringCommand::Home);
         bench.until_safe(cause);
-        bench.ask(SpringCommand::ClearFault);
-        assert_eq!(bench.spring.stage(), Stage::Unhomed);
+        bench.command(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), SpringStage::Unhomed);
     }
 
     #[test]
     fn a_jammed_motor_never_finds_the_switch() {
-        homing(|bench| bench.plant.broken.jammed = true, Cause::SwitchNotFound);
+        homing(|bench| bench.plant.broken.jammed = true, SpringFaultCause::SwitchNotFound);
     }
 
     #[test]
     fn a_switch_stuck_open_is_never_found() {
-        homing(|bench| bench.plant.broken.switch_stuck = Some(false), Cause::SwitchNotFound);
+        homing(|bench| bench.plant.broken.switch_stuck = Some(false), SpringFaultCause::SwitchNotFound);
     }
 
     #[test]
     fn a_switch_stuck_closed_is_never_left() {
-        homing(|bench| bench.plant.broken.switch_stuck = Some(true), Cause::SwitchStuck);
+        homing(|bench| bench.plant.broken.switch_stuck = Some(true), SpringFaultCause::SwitchStuck);
     }
 
     #[test]
     fn a_sensor_that_gives_no_number_ends_homing() {
-        homing(|bench| bench.reads_n = Some(f32::NAN), Cause::SensorLost);
+        homing(|bench| bench.reads_n = Some(f32::NAN), SpringFaultCause::SensorLost);
     }
 
     #[test]
     fn without_a_structure_no_touch_is_found_and_the_block_goes_back() {
         let mut bench = Bench::new();
-        bench.ask(SpringCommand::Home);
-        bench.until(Stage::Homed);
+        bench.command(SpringCommand::Home);
+        bench.until(SpringStage::Homed);
         bench.plant.broken.nothing_there = true;
-        bench.ask(SpringCommand::TouchOff);
-        bench.until_safe(Cause::NoTouch);
+        bench.command(SpringCommand::TouchOff);
+        bench.until_safe(SpringFaultCause::NoTouch);
         assert!((bench.plant.position_m() - 1e-3).abs() < 1e-5);
-        bench.ask(SpringCommand::ClearFault);
-        assert_eq!(bench.spring.stage(), Stage::Homed, "the position is still good");
+        bench.command(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), SpringStage::Homed, "the position is still good");
     }
 
     #[test]
     fn a_motor_that_jams_on_the_way_finds_no_touch() {
         let mut bench = Bench::new();
-        bench.ask(SpringCommand::Home);
-        bench.until(Stage::Homed);
+        bench.command(SpringCommand::Home);
+        bench.until(SpringStage::Homed);
         bench.plant.broken.jammed = true;
-        bench.ask(SpringCommand::TouchOff);
-        bench.until_safe(Cause::NoTouch);
+        bench.command(SpringCommand::TouchOff);
+        bench.until_safe(SpringFaultCause::NoTouch);
     }
 
     #[test]
     fn a_motor_that_stalls_right_after_the_touch_makes_the_spring_implausible() {
         let mut bench = Bench::new();
-        bench.ask(SpringCommand::Home);
-        bench.until(Stage::Homed);
+        bench.command(SpringCommand::Home);
+        bench.until(SpringStage::Homed);
         bench.plant.broken.stalls_above_n = Some(0.3);
-        bench.ask(SpringCommand::TouchOff);
-        bench.until_safe(Cause::SpringImplausible);
+        bench.command(SpringCommand::TouchOff);
+        bench.until_safe(SpringFaultCause::SpringImplausible);
         assert!(bench.plant.normal_force_n() == 0.0);
     }
 
@@ -351,20 +353,20 @@ mod faults {
         let mut bench = Bench::ready();
         bench.plant.broken.stalls_above_n = Some(4.0);
         bench.set(Target::Force { force_n: 10.0 });
-        bench.until_safe(Cause::ForceDoesNotFollow);
+        bench.until_safe(SpringFaultCause::ForceDoesNotFollow);
         assert!(bench.plant.normal_force_n() < 4.1);
-        bench.ask(SpringCommand::ClearFault);
-        assert_eq!(bench.spring.stage(), Stage::Unhomed, "the position is no longer trusted");
+        bench.command(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), SpringStage::Unhomed, "the position is no longer trusted");
     }
 
     #[test]
     fn a_stall_that_corrections_run_against_is_noticed() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 4.0 });
-        bench.until(Stage::Holding);
+        bench.until(SpringStage::Holding);
         bench.plant.broken.stalls_above_n = Some(3.9);
         bench.set(Target::Force { force_n: 4.3 });
-        bench.until_safe(Cause::ForceDoesNotFollow);
+        bench.until_safe(SpringFaultCause::ForceDoesNotFollow);
     }
 
     #[test]
@@ -372,24 +374,24 @@ mod faults {
         let mut bench = Bench::ready();
         bench.plant.broken.loses_every = 50;
         bench.set(Target::Force { force_n: 5.0 });
-        bench.until(Stage::Setting);
-        bench.until(Stage::Holding);
+        bench.until(SpringStage::Setting);
+        bench.until(SpringStage::Holding);
         assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022, "two per cent lost is made good");
         bench.plant.broken.loses_every = 4;
         bench.set(Target::Force { force_n: 10.0 });
-        bench.until_safe(Cause::ForceDoesNotFollow);
+        bench.until_safe(SpringFaultCause::ForceDoesNotFollow);
     }
 
     #[test]
     fn a_force_above_its_limit_releases_the_block() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
-        bench.until(Stage::Holding);
+        bench.until(SpringStage::Holding);
         bench.plant.set_stiffness(3000.0);
-        bench.until_safe(Cause::ForceAboveLargest);
+        bench.until_safe(SpringFaultCause::ForceAboveLargest);
         assert_eq!(bench.plant.normal_force_n(), 0.0);
-        bench.ask(SpringCommand::ClearFault);
-        assert_eq!(bench.spring.stage(), Stage::Homed, "the zero reading must be found again");
+        bench.command(SpringCommand::ClearFault);
+        assert_eq!(bench.spring.stage(), SpringStage::Homed, "the zero reading must be found again");
     }
 
     #[test]
@@ -398,10 +400,10 @@ mod faults {
         for (reads_n, verdict) in [(Some(f32::NAN), Verdict::Reads), (Some(-5.5), lost)] {
             let mut bench = Bench::ready();
             bench.set(Target::Force { force_n: 5.0 });
-            bench.until(Stage::Setting);
+            bench.until(SpringStage::Setting);
             bench.run(500);
             (bench.reads_n, bench.force_sensor) = (reads_n, verdict);
-            bench.until_safe(Cause::SensorLost);
+            bench.until_safe(SpringFaultCause::SensorLost);
             assert_eq!(bench.plant.normal_force_n(), 0.0);
         }
     }
@@ -419,7 +421,7 @@ mod faults {
         assert!(bench.plant.position_m() - before < 5.5 * 5e-6);
         assert!(bench.spring.status().fault.is_none());
         (bench.reads_n, bench.force_sensor) = (None, Verdict::Reads);
-        bench.until(Stage::Holding);
+        bench.until(SpringStage::Holding);
         assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022);
     }
 
@@ -429,8 +431,8 @@ mod faults {
         let mut bench =
             Bench::with(&SpringConfig::default(), &SpringPlant { start_m: 11.3e-3, ..SpringPlant::default() });
         bench.plant.broken.reversed = true;
-        bench.ask(SpringCommand::Home);
-        bench.until_safe(Cause::WrongDirection);
+        bench.command(SpringCommand::Home);
+        bench.until_safe(SpringFaultCause::WrongDirection);
         // The tolerance of 0.5 N, and the sensor's lag of some ticks at 1 N/s.
         assert!(bench.plant.normal_force_n() < 0.52, "{}", bench.plant.normal_force_n());
     }
@@ -439,15 +441,15 @@ mod faults {
     fn a_force_sensor_of_the_wrong_sign_ends_the_touch_off() {
         let mut bench = Bench::new();
         bench.reversed = true;
-        bench.ask(SpringCommand::Home);
-        bench.until(Stage::Homed);
-        bench.ask(SpringCommand::TouchOff);
+        bench.command(SpringCommand::Home);
+        bench.until(SpringStage::Homed);
+        bench.command(SpringCommand::TouchOff);
         let mut most_n = 0.0f32;
-        while bench.spring.stage() != Stage::Faulted {
+        while bench.spring.stage() != SpringStage::Faulted {
             bench.tick();
             most_n = most_n.max(bench.plant.normal_force_n());
         }
-        bench.until_safe(Cause::WrongSign);
+        bench.until_safe(SpringFaultCause::WrongSign);
         assert!(most_n < 0.52, "it pressed with {most_n} N");
         assert_eq!(bench.plant.normal_force_n(), 0.0, "the block has moved away");
     }
@@ -457,7 +459,7 @@ mod faults {
         let mut bench = Bench::ready();
         bench.reads_n = Some(0.4);
         bench.set(Target::Deflection { deflection_m: 4e-3 });
-        bench.until_safe(Cause::ForceDoesNotFollow);
+        bench.until_safe(SpringFaultCause::ForceDoesNotFollow);
     }
 
     #[test]
@@ -466,15 +468,15 @@ mod faults {
         bench.set(Target::Force { force_n: 5.0 });
         bench.run(300);
         bench.plant.broken.switch_stuck = Some(true);
-        bench.until_safe(Cause::LimitReached);
+        bench.until_safe(SpringFaultCause::LimitReached);
     }
 
     #[test]
     fn a_fault_is_not_cleared_while_the_block_moves_away() {
         let mut bench = Bench::ready();
         bench.reads_n = Some(f32::NAN);
-        bench.until(Stage::Faulted);
-        assert!(matches!(bench.spring.handle(SpringCommand::ClearFault), Err(Refusal::WrongStage { .. })));
+        bench.until(SpringStage::Faulted);
+        assert!(matches!(bench.spring.handle(SpringCommand::ClearFault), Err(SpringRejected::WrongStage { .. })));
     }
 }
 
@@ -483,18 +485,18 @@ fn commands_that_make_no_sense_say_the_stage_and_what_to_do() {
     let mut bench = Bench::new();
     let force = |force_n| SpringCommand::Set(Target::Force { force_n });
     let advice = |bench: &mut Bench, command| match bench.spring.handle(command) {
-        Err(Refusal::WrongStage { stage, advice }) => (stage, advice),
+        Err(SpringRejected::WrongStage { stage, advice }) => (stage, advice),
         other => panic!("{other:?}"),
     };
-    assert_eq!(advice(&mut bench, SpringCommand::TouchOff), (Stage::Unhomed, "home the spring first"));
-    assert_eq!(advice(&mut bench, force(1.0)), (Stage::Unhomed, "home the spring first"));
-    bench.ask(SpringCommand::Home);
-    assert_eq!(advice(&mut bench, SpringCommand::TouchOff).0, Stage::Homing);
-    bench.until(Stage::Homed);
-    assert_eq!(advice(&mut bench, force(1.0)), (Stage::Homed, "find the zero reading first (touch off)"));
-    bench.ask(SpringCommand::TouchOff);
-    assert_eq!(advice(&mut bench, force(1.0)).0, Stage::TouchingOff);
-    bench.until(Stage::Holding);
+    assert_eq!(advice(&mut bench, SpringCommand::TouchOff), (SpringStage::Unhomed, "home the spring first"));
+    assert_eq!(advice(&mut bench, force(1.0)), (SpringStage::Unhomed, "home the spring first"));
+    bench.command(SpringCommand::Home);
+    assert_eq!(advice(&mut bench, SpringCommand::TouchOff).0, SpringStage::Homing);
+    bench.until(SpringStage::Homed);
+    assert_eq!(advice(&mut bench, force(1.0)), (SpringStage::Homed, "find the zero reading first (touch off)"));
+    bench.command(SpringCommand::TouchOff);
+    assert_eq!(advice(&mut bench, force(1.0)).0, SpringStage::TouchingOff);
+    bench.until(SpringStage::Holding);
     for (target, name) in [
         (Target::Force { force_n: -1.0 }, "force_n"),
         (Target::Force { force_n: f32::NAN }, "force_n"),
@@ -503,13 +505,13 @@ fn commands_that_make_no_sense_say_the_stage_and_what_to_do() {
         (Target::FrictionRatio { ratio: -0.1 }, "friction_ratio"),
     ] {
         match bench.spring.handle(SpringCommand::Set(target)) {
-            Err(Refusal::Invalid(invalid)) => assert_eq!(invalid.parameter, name),
+            Err(SpringRejected::Invalid(invalid)) => assert_eq!(invalid.parameter, name),
             other => panic!("{target:?}: {other:?}"),
         }
     }
     bench.reads_n = Some(f32::NAN);
-    bench.until(Stage::Faulted);
-    assert_eq!(advice(&mut bench, SpringCommand::Home), (Stage::Faulted, "clear the spring's fault first"));
+    bench.until(SpringStage::Faulted);
+    assert_eq!(advice(&mut bench, SpringCommand::Home), (SpringStage::Faulted, "clear the spring's fault first"));
 }
 
 #[test]
@@ -517,11 +519,11 @@ fn halt_stops_where_it_is_and_keeps_the_zero_reading() {
     let mut bench = Bench::ready();
     bench.set(Target::Force { force_n: 10.0 });
     bench.run(700);
-    bench.ask(SpringCommand::Halt);
+    bench.command(SpringCommand::Halt);
     bench.run(300);
-    assert_eq!(bench.spring.stage(), Stage::Ready);
+    assert_eq!(bench.spring.stage(), SpringStage::Ready);
     assert!(bench.log.iter().rev().take(20).all(|&steps| steps == 0));
     bench.set(Target::Force { force_n: 1.0 });
-    bench.until(Stage::Holding);
+    bench.until(SpringStage::Holding);
     assert!((bench.plant.normal_force_n() - 1.0).abs() < 0.022);
 }

@@ -1,6 +1,6 @@
 //! Impact measurement against pulses whose time, impulse and contact are known.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{ForceScale, WallCounts};
@@ -115,7 +115,7 @@ fn measured_impulses_are_those_of_the_impact_law() {
     for step in 0..60_000 {
         truth.step = step;
         let t = f64::from(step);
-        sampled.step(&Segment::hermite(z(t), z(t + 1.0), slope(t), slope(t + 1.0)), &mut truth);
+        sampled.step(&BaseSegment::hermite(z(t), z(t + 1.0), slope(t), slope(t + 1.0)), &mut truth);
     }
     let hits: Vec<_> = truth.hits.iter().map(|hit| (hit.0, hit.1, hit.2 as f32)).collect();
     let sensors = WallSensors::default();

@@ -1,9 +1,9 @@
 //! Whose limits act: the board's, tightened by an experiment while it lasts, and the board's again after it.
 
-use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Stage, Target};
-use damprig_core::control::limits::{Fault, Limits};
-use damprig_core::control::safety::{Danger, ExperimentLimits, SafeStage, SafetyConfig};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::{Fault, FaultCause};
+use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
+use damprig_core::control::safety::{ExperimentLimits, Limits, SafeStage, SafetyConfig};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Reading, Sensors};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
@@ -116,7 +116,7 @@ fn resonance() -> SteppedSine {
     SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 5e-4,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 5.0,
         dwell_s: 5.0,
@@ -143,7 +143,7 @@ fn a_tightened_limit_trips_at_its_value_and_the_boards_own_is_in_force_once_the_
     host.drive(structure_within(0.02));
     host.pass(11_000);
     let [fault] = host.faults[..] else { panic!("{:?}", host.faults) };
-    assert_eq!((fault.cause, fault.limit), (Danger::StructureDisplacement, 0.02));
+    assert_eq!((fault.cause, fault.limit), (FaultCause::StructureDisplacement, 0.02));
     host.clear();
     host.drive(None);
     host.pass(11_000);
@@ -235,7 +235,7 @@ fn a_limit_too_tight_for_the_sensors_noise_does_not_keep_the_rig_from_being_clea
     let mut host = Host::new(settings());
     host.drive(Some(ExperimentLimits { base_m: Some(1e-6), ..ExperimentLimits::default() }));
     host.pass(1_000);
-    assert_eq!(host.faults[0].cause, Danger::BaseDisplacement);
+    assert_eq!(host.faults[0].cause, FaultCause::BaseDisplacement);
     host.clear();
     host.drive(None);
     host.pass(11_000);
@@ -248,7 +248,7 @@ fn a_limit_of_the_board_that_latches_its_own_fault_can_be_put_right() {
     wrong.safety.limits.base_m = 1e-6;
     let mut host = Host::new(wrong);
     host.pass(10_000);
-    assert_eq!((host.faults[0].cause, host.status().state), (Danger::BaseDisplacement, State::Faulted));
+    assert_eq!((host.faults[0].cause, host.status().state), (FaultCause::BaseDisplacement, State::Faulted));
     assert!(host.ask(Request::ClearFault).is_err());
     host.done(Request::SetSettings(settings()));
     host.pass(1_000);
@@ -293,9 +293,9 @@ fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another
     host.drive(None);
     host.pass(12_000);
     let status = host.status();
-    assert_eq!((status.state, status.spring.stage), (State::Idle, Stage::Holding));
+    assert_eq!((status.state, status.spring.stage), (State::Idle, SpringStage::Holding));
     host.mount(0.0);
-    assert_eq!(host.status().spring.stage, Stage::Unhomed);
+    assert_eq!(host.status().spring.stage, SpringStage::Unhomed);
 }
 
 #[test]
@@ -328,10 +328,10 @@ fn a_board_takes_other_settings_without_losing_its_springs_position_unless_they_
     let mut other = settings();
     other.safety.wall_force_n = 300.0;
     host.done(Request::SetSettings(other));
-    assert_eq!(host.status().spring.stage, Stage::Homed);
+    assert_eq!(host.status().spring.stage, SpringStage::Homed);
     other.spring.step_m = 4e-6;
     host.done(Request::SetSettings(other));
-    assert_eq!(host.status().spring.stage, Stage::Unhomed);
+    assert_eq!(host.status().spring.stage, SpringStage::Unhomed);
 }
 
 /// A board with a real structure, without flash.
@@ -386,7 +386,7 @@ impl RealBoard {
             self.control.tick(&sensors, &mut upload, &mut self.said);
             for message in self.said.0.drain(..) {
                 if let FromDevice::Event { event: Event::Fault(fault), .. } = message {
-                    assert_eq!(fault.cause, Danger::HostSilent);
+                    assert_eq!(fault.cause, FaultCause::HostSilent);
                     return Some(tick);
                 }
             }
@@ -419,6 +419,6 @@ fn the_ticks_that_a_host_has_granted_are_no_silence() {
     host.pass(30_000);
     assert_eq!(
         (host.faults.len(), host.status().state),
-        (0, State::Running(damprig_core::control::experiment::Stage::Settle))
+        (0, State::Running(damprig_core::control::outcome::ExperimentStage::Settle))
     );
 }

@@ -1,8 +1,8 @@
 //! Sensors that fail, from the cable to the fault that names them.
 
-use damprig_core::control::friction_spring::{Cause, Happening as Spring, SpringCommand, Stage};
-use damprig_core::control::safety::Danger;
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::fault::{FaultCause, SpringFaultCause};
+use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Spring, SpringStage};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
@@ -33,7 +33,7 @@ fn sine(settle_s: f32, dwell_s: f32) -> Request {
     Request::Configure(SteppedSine {
         start: Start::FromRest { level_m: 5e-4 },
         amplitude_m: 1.5e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s,
         dwell_s,
@@ -69,7 +69,7 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
             // The plant's samples of this tick are the next tick's.
             let ticks = ticks_to_fault(&mut host, 10);
             assert_eq!(ticks, 6, "{sensor:?}, {fault:?}");
-            assert_eq!(host.fault(), Some(Danger::SensorAtRail(sensor)), "{fault:?}");
+            assert_eq!(host.fault(), Some(FaultCause::SensorAtRail(sensor)), "{fault:?}");
             let words = host.fault().unwrap().text();
             assert!(words.contains(sensor.text()), "{words}");
         }
@@ -80,7 +80,7 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
 fn a_z_sensor_that_is_lost_in_closed_loop_does_not_throw_the_base() {
     let mut host = Host::new(PlantConfig { base: Base::Shaker(Shaker::default()), ..plant() });
     let Request::Configure(open) = sine(10.0, 10.0) else { panic!() };
-    let drive = Drive::ClosedLoop(Default::default());
+    let drive = DriveMode::ClosedLoop(Default::default());
     host.done(Request::Configure(SteppedSine { amplitude_m: 5e-4, ramp_s: 1.0, drive, ..open }));
     host.done(Request::SetTelemetry { every_ticks: 1, signals: [2].into_iter().collect(), impacts: false });
     host.done(Request::Start);
@@ -90,7 +90,7 @@ fn a_z_sensor_that_is_lost_in_closed_loop_does_not_throw_the_base() {
     host.rows.clear();
     breaks(&mut host, Sensor::Z, Some(SensorFault::Unplugged));
     host.pass(500);
-    assert_eq!(host.fault(), Some(Danger::SensorAtRail(Sensor::Z)));
+    assert_eq!(host.fault(), Some(FaultCause::SensorAtRail(Sensor::Z)));
     assert!(most(&host.rows) <= 1.01 * before, "{} m after {before} m", most(&host.rows));
 }
 
@@ -106,11 +106,15 @@ fn a_touch_off_with_an_unplugged_force_sensor_stops_at_once() {
         let before = seat_m(&mut host);
         host.pass(6);
         let status = host.status();
-        assert_eq!(status.spring.fault.map(|fault| fault.cause), Some(Cause::SensorLost), "{status:?}");
+        assert_eq!(
+            status.spring.fault.map(|fault| fault.cause),
+            Some(FaultCause::Spring(SpringFaultCause::SensorLost)),
+            "{status:?}"
+        );
         // 400 steps/s of 5 µm for 6 ms.
         assert!(seat_m(&mut host) - before < 2e-5, "it moved {} m", seat_m(&mut host) - before);
         host.pass(20_000);
-        assert_eq!(host.status().spring.stage, Stage::Faulted);
+        assert_eq!(host.status().spring.stage, SpringStage::Faulted);
         assert!(seat_m(&mut host) <= 1.01e-3, "the block has moved away");
         assert!(!host.board.plant_mut().unwrap().spring_mut().unwrap().is_energised());
         assert_eq!(host.events.iter().filter(|e| matches!(e, Event::Spring(Spring::Fault(_)))).count(), 1);
@@ -165,7 +169,7 @@ fn a_displacement_sensor_that_sticks_is_named() {
         host.pass(3_000);
         breaks(&mut host, sensor, Some(SensorFault::Stuck));
         ticks_to_fault(&mut host, 600);
-        assert_eq!(host.fault(), Some(Danger::SensorFrozen(sensor)));
+        assert_eq!(host.fault(), Some(FaultCause::SensorFrozen(sensor)));
     }
 }
 
@@ -177,7 +181,7 @@ fn a_wall_sensor_whose_zero_wanders_off_is_no_new_zero() {
     host.done(sine(10.0, 10.0));
     host.done(Request::Start);
     host.pass(5_000);
-    assert_eq!(host.fault(), Some(Danger::SensorDrifted(Sensor::WallLow)));
+    assert_eq!(host.fault(), Some(FaultCause::SensorDrifted(Sensor::WallLow)));
 }
 
 #[test]
@@ -188,6 +192,6 @@ fn a_displacement_within_the_span_is_a_displacement_and_no_lost_sensor() {
         host.pass(2);
         let status = host.status();
         let cause = status.fault.map(|fault| fault.cause);
-        assert_eq!(cause, (!lost).then_some(Danger::StructureDisplacement), "{status:?}");
+        assert_eq!(cause, (!lost).then_some(FaultCause::StructureDisplacement), "{status:?}");
     }
 }

@@ -1,10 +1,11 @@
 //! A record played on the base and a free vibration, on the rig with its simulated plant.
 
-use damprig_core::control::experiment::{Experiment, Stage};
-use damprig_core::control::safety::Danger;
-use damprig_core::control::transient::playback::{MOST_SAMPLES, Plan as PlaybackPlan, RecordId};
+use damprig_core::control::experiment::Experiment;
+use damprig_core::control::fault::FaultCause;
+use damprig_core::control::outcome::ExperimentStage;
+use damprig_core::control::transient::playback::{MOST_SAMPLES, PlaybackPlan, RecordId};
 use damprig_core::control::transient::{FreeVibration, Playback, free_vibration};
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::Sampled;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{DriveScale, Reading, Sensor, Sensors};
@@ -36,7 +37,7 @@ impl Log {
         found.unwrap_or_else(|| panic!("no result in {:?}", self.events))
     }
 
-    fn fault(&self) -> Option<Danger> {
+    fn fault(&self) -> Option<FaultCause> {
         self.events.iter().find_map(|(_, event)| if let Event::Fault(fault) = event { Some(fault.cause) } else { None })
     }
 }
@@ -165,7 +166,7 @@ fn the_structure_answers_a_record_as_the_integrator_does() {
     for n in 0..steps {
         let z = |n: u32| wanted_chirp(f64::from(n) * step_s, duration);
         let rate = |n: u32| 0.5 * (z(n + 1) - if n > 0 { z(n - 1) } else { 0.0 });
-        motion.step(&Segment::hermite(z(n), z(n + 1), rate(n), rate(n + 1)), &mut ());
+        motion.step(&BaseSegment::hermite(z(n), z(n + 1), rate(n), rate(n + 1)), &mut ());
         let x = motion.state().x;
         peak = peak.max(x.abs());
         squares += x * x;
@@ -232,13 +233,13 @@ fn an_interlock_ends_a_playback() {
     let play = || plan(playback(&record, 100.0));
     let log =
         run(&PlantConfig::ideal(bare()), play(), &record, |tick, _, sensors| sensors.emergency_stop = tick >= 3000);
-    assert_eq!(log.fault(), Some(Danger::EmergencyStop));
+    assert_eq!(log.fault(), Some(FaultCause::EmergencyStop));
     let log = run(&PlantConfig::ideal(bare()), play(), &record, |tick, _, sensors| {
         if tick >= 3000 {
             sensors.readings.z = Reading::still(1e-3);
         }
     });
-    assert_eq!(log.fault(), Some(Danger::SensorFrozen(Sensor::Z)), "a base that stands while the demand moves");
+    assert_eq!(log.fault(), Some(FaultCause::SensorFrozen(Sensor::Z)), "a base that stands while the demand moves");
 }
 
 #[test]
@@ -276,7 +277,7 @@ fn free() -> FreeVibration {
 }
 
 fn freed(free: FreeVibration) -> Experiment {
-    Experiment::FreeVibration(free_vibration::Plan::new(free).unwrap())
+    Experiment::FreeVibration(free_vibration::FreeVibrationPlan::new(free).unwrap())
 }
 
 #[test]
@@ -343,7 +344,7 @@ fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
         let log = run(&PlantConfig::ideal(bare()), freed(free()), &[], |_, _, sensors| {
             sensors.readings.x = Reading::still(if held { 0.03 } else { 0.001 });
         });
-        assert_eq!(log.fault(), Some(Danger::ReleaseTimeout));
+        assert_eq!(log.fault(), Some(FaultCause::ReleaseTimeout));
         assert!(log.drive_m.iter().all(|d| *d == 0.0));
         assert!((30_000..30_010).contains(&log.drive_m.len()) || log.drive_m.len() < 30_400);
     }
@@ -352,10 +353,10 @@ fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
 #[test]
 fn a_measurement_shorter_than_a_tick_would_never_end_and_is_refused() {
     for measure_s in [1e-9, 1e-4, 0.9e-3] {
-        let refused = free_vibration::Plan::new(FreeVibration { measure_s, ..free() }).unwrap_err();
+        let refused = free_vibration::FreeVibrationPlan::new(FreeVibration { measure_s, ..free() }).unwrap_err();
         assert_eq!(refused.parameter, "measure_s", "{measure_s}");
     }
-    assert!(free_vibration::Plan::new(FreeVibration { measure_s: 1e-3, ..free() }).is_ok());
+    assert!(free_vibration::FreeVibrationPlan::new(FreeVibration { measure_s: 1e-3, ..free() }).is_ok());
 }
 
 #[test]
@@ -369,7 +370,7 @@ fn a_free_vibration_is_held_measured_and_over() {
             stages.push(stage);
         }
     });
-    assert_eq!(stages, [Stage::Rest, Stage::Hold, Stage::Dwell]);
+    assert_eq!(stages, [ExperimentStage::Rest, ExperimentStage::Hold, ExperimentStage::Dwell]);
     assert!(
         matches!(log.events[..], [(_, Event::Transient(_)), (_, Event::Finished { points: 1, .. })]),
         "{:?}",

@@ -1,6 +1,6 @@
 //! The twin against a rig in `f64` whose sensors it sees: blocks of x and z with noise, and wall forces.
 
-use damprig_core::integrator::base::Segment;
+use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Contact;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
@@ -77,7 +77,7 @@ impl Bench {
             let (t, u) = (self.sample as f64, (self.sample + 1) as f64);
             let at = |t: f64| self.z_m * libm::sin(omega * t);
             let slope = |t: f64| self.z_m * omega * libm::cos(omega * t);
-            let segment = Segment::hermite(at(t), at(u), slope(t), slope(u));
+            let segment = BaseSegment::hermite(at(t), at(u), slope(t), slope(u));
             self.truth.step(&segment, &mut Strikes { walls: &mut self.walls, sub: f64::from(sub) });
             let base = at(u);
             x += 0.1 * (self.truth.state().x + self.noise());

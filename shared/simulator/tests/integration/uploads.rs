@@ -1,6 +1,6 @@
 //! Uploads over the line as a host makes them, and what is played and measured then.
 
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
 use damprig_core::measure::point::SteadyLimits;
@@ -284,7 +284,7 @@ fn a_stepped_sine_after_a_playback_is_what_it_was_before_it() {
     let sine = || SteppedSine {
         start: Start::FromRest { level_m: 0.05 },
         amplitude_m: 1e-4,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.5,
         settle_s: 1.0,
         dwell_s: 4.0,

@@ -2,7 +2,7 @@
 
 use damprig_board::peripherals::rcc::ResetCause;
 use damprig_board::{Board, Config, Output, Time};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_protocol::{Reply, Request, CrashCause, Description, Reset};
 
@@ -32,7 +32,7 @@ fn driving(config: &Config) -> Option<Board> {
     host.ask(Request::Configure(SteppedSine {
         start: Start::CarryOver,
         amplitude_m: 1e-3,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 2.0,
         dwell_s: 20.0,

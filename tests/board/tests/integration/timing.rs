@@ -1,8 +1,8 @@
 //! When things happen on the board: how old samples are, and what the motor's pulses look like.
 
 use damprig_board::{Board, Config, Output, Time};
-use damprig_core::control::friction_spring::{SpringCommand, Stage};
-use damprig_core::control::stepped_sine::{Drive, Start, SteppedSine};
+use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::Structure;
 use damprig_simulator::plant::spring::SpringPlant;
@@ -25,7 +25,7 @@ fn start(host: &mut Host) {
     host.ask(Request::Configure(SteppedSine {
         start: Start::CarryOver,
         amplitude_m: AMPLITUDE_M,
-        drive: Drive::Constant,
+        drive: DriveMode::Constant,
         ramp_s: 0.0,
         settle_s: 20.0,
         dwell_s: 20.0,
@@ -176,7 +176,7 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
     let steps = board.chip().plant().seat_steps().unwrap();
     assert_eq!(steps - steps_before, moved);
     let Reply::Status { status, .. } = Host::new(&mut board).ask(Request::Status) else { panic!("no status") };
-    assert_eq!(status.spring.stage, Stage::Homed);
+    assert_eq!(status.spring.stage, SpringStage::Homed);
     let step_m = SpringPlant::default().step_m;
     // The switch's edge is where the controller counts from.
     assert!((status.spring.position_m - steps as f32 * step_m).abs() <= 1.5 * step_m, "{status:?} {steps}");

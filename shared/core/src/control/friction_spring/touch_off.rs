@@ -1,13 +1,14 @@
-//! The touch-off: approach until the force rises, then settled readings up the spring and a line through them.
+//! The touch-off: approaches until the force rises, takes settled readings further up and fits the spring's line.
 
 use super::config::nearest;
 use super::line::{POINTS, fit};
-use super::{Cause, FrictionSpring, Happening, Mean, SpringFault, Target, Task, Touch};
+use super::{FrictionSpring, Mean, SpringEvent, State, Target, ZeroReading};
+use crate::control::fault::SpringFaultCause;
 
 /// Ticks in a row above the touch force that make a touch: a spike makes none.
 const TOUCH_TICKS: u8 = 3;
 
-/// Where a touch-off stands.
+/// A touch-off in progress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TouchOff {
     phase: Phase,
@@ -46,18 +47,18 @@ impl TouchOff {
 
 impl FrictionSpring {
     /// One tick of a touch-off; `reading_n` is the force as read.
-    pub(super) fn touch_off(&mut self, mut now: TouchOff, reading_n: f32) -> (i8, Option<Happening>) {
+    pub(super) fn touch_off(&mut self, mut now: TouchOff, reading_n: f32) -> (i8, Option<SpringEvent>) {
         let force_n = reading_n - self.bias_n;
         let mut steps = 0;
         match &mut now.phase {
             Phase::Retreat => {
-                steps = self.ramp.tick(&self.paces.fast, Some(self.paces.back_off));
-                if self.ramp.is_at(self.paces.back_off) {
+                steps = self.ramp.tick(&self.scaled.fast, Some(self.scaled.back_off));
+                if self.ramp.is_at(self.scaled.back_off) {
                     now.phase = Phase::Bias(Mean::default());
                 }
             }
             Phase::Bias(mean) => {
-                if let Some(bias_n) = mean.push(reading_n, self.paces.average + self.paces.settle) {
+                if let Some(bias_n) = mean.push(reading_n, self.scaled.average + self.scaled.settle) {
                     self.bias_n = bias_n;
                     now.phase = Phase::Approach(0);
                 }
@@ -66,31 +67,31 @@ impl FrictionSpring {
                 *ticks = if force_n >= self.config.touch_force_n { *ticks + 1 } else { 0 };
                 if *ticks >= TOUCH_TICKS {
                     now.phase = Phase::Stop;
-                } else if self.ramp.is_at(self.paces.travel) {
-                    let (value, limit) = (self.config.travel_m, self.config.travel_m);
-                    return (0, Some(self.trip(SpringFault { cause: Cause::NoTouch, value, limit })));
+                } else if self.ramp.is_at(self.scaled.travel) {
+                    let travel_m = self.config.travel_m;
+                    return (0, Some(self.trip(SpringFaultCause::NoTouch, travel_m, travel_m)));
                 } else {
-                    steps = self.go(self.paces.travel, self.paces.search);
+                    steps = self.go(self.scaled.travel, self.scaled.search);
                 }
             }
             Phase::Stop => {
-                steps = self.ramp.tick(&self.paces.search, None);
+                steps = self.ramp.tick(&self.scaled.search, None);
                 if self.ramp.is_still() {
                     self.ramp.halt();
                     now.from = self.ramp.steps();
-                    now.phase = Phase::Settle(self.paces.settle);
+                    now.phase = Phase::Settle(self.scaled.settle);
                 }
             }
             Phase::Climb(position) => {
-                steps = self.go(*position, self.paces.search);
+                steps = self.go(*position, self.scaled.search);
                 if self.ramp.is_at(*position) {
-                    now.phase = Phase::Settle(self.paces.settle);
+                    now.phase = Phase::Settle(self.scaled.settle);
                 }
             }
             Phase::Settle(left) if *left > 1 => *left -= 1,
             Phase::Settle(_) => now.phase = Phase::Read(Mean::default()),
             Phase::Read(mean) => {
-                if let Some(force_n) = mean.push(force_n, self.paces.average) {
+                if let Some(force_n) = mean.push(force_n, self.scaled.average) {
                     let above_m = self.position_m(self.ramp.steps() - now.from);
                     now.points[now.taken] = (above_m, force_n);
                     now.taken += 1;
@@ -100,35 +101,35 @@ impl FrictionSpring {
                     let span_m = self.config.touch_span_n / self.config.stiffness_n_per_m;
                     let rise = span_m / self.config.step_m * now.taken as f32 / (POINTS - 1) as f32;
                     let next = now.from + nearest(rise).max(now.taken as i32);
-                    if next > self.paces.travel {
-                        let (value, limit) = (self.position_m(next), self.config.travel_m);
-                        return (0, Some(self.trip(SpringFault { cause: Cause::LimitReached, value, limit })));
+                    if next > self.scaled.travel {
+                        let event =
+                            self.trip(SpringFaultCause::LimitReached, self.position_m(next), self.config.travel_m);
+                        return (0, Some(event));
                     }
                     now.phase = Phase::Climb(next);
                 }
             }
         }
-        self.task = Task::TouchOff(now);
+        self.state = State::TouchOff(now);
         (steps, None)
     }
 
-    fn end_touch_off(&mut self, done: &TouchOff) -> Happening {
+    fn end_touch_off(&mut self, done: &TouchOff) -> SpringEvent {
         let configured = self.config.stiffness_n_per_m;
         let line = match fit(&done.points) {
             Some(line) if line.slope >= 0.5 * configured && line.slope <= 2.0 * configured => line,
             other => {
                 let value = other.map_or(0.0, |line| line.slope);
-                return self.trip(SpringFault { cause: Cause::SpringImplausible, value, limit: configured });
+                return self.trip(SpringFaultCause::SpringImplausible, value, configured);
             }
         };
-        let touch = Touch {
+        let zero = ZeroReading {
             zero_m: self.position_m(done.from) + line.zero,
             zero_error_m: line.zero_error,
             stiffness_n_per_m: line.slope,
         };
-        self.touch = Some(touch);
-        // The zero reading is where it then waits.
-        self.begin(Target::Deflection { deflection_m: 0.0 }, self.config.steps(touch.zero_m));
-        Happening::Touched(touch)
+        // The spring then waits at the zero reading.
+        self.begin(zero, Target::Deflection { deflection_m: 0.0 }, self.config.steps(zero.zero_m), false);
+        SpringEvent::Touched(zero)
     }
 }

@@ -17,14 +17,15 @@
 //! The displacement limits themselves are [`super::limits`]'. A stuck processor is the watchdog's, and a broken board the
 //! hardware's: the relay is off without either.
 
+mod config;
 pub mod envelope;
 pub mod rails;
 mod tighten;
 pub mod watch;
 
-use super::friction_spring::Cause as SpringCause;
-use super::limits::Limits;
-use crate::io::{Invalid, Rail, Readings, SENSORS, Sensor, SensorSet, TICK_HZ, not_negative, positive, require};
+use super::fault::{Fault, FaultCause};
+use crate::io::{Invalid, Rail, Readings, SENSORS, Sensor, SensorSet, TICK_HZ};
+pub use config::{Limits, SafetyConfig};
 use envelope::Envelope;
 use postcard_schema::Schema;
 use rails::{RailWatch, SensorHealth, Verdict};
@@ -40,179 +41,6 @@ const FADE_S: f32 = 0.2;
 
 /// A drive of this many steps of the displacement sensors moves their readings.
 const RESOLVED_STEPS: f32 = 5.0;
-
-/// What the interlocks know.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct SafetyConfig {
-    /// The displacement limits.
-    pub limits: Limits,
-    /// Half-cycles ahead for which the structure's amplitude is foreseen; 0 to 20, 0 for none.
-    pub half_cycles_ahead: f32,
-    /// Smallest displacement that both sensors resolve, m: a drive of less than five times this shows no frozen sensor.
-    pub resolution_m: f32,
-    /// Time of identical samples, while driven, that makes a sensor frozen, s; at least half a period of the drive; 0 never.
-    pub frozen_s: f32,
-    /// Force on a wall that must not be reached, N.
-    pub wall_force_n: f32,
-    /// Time for which the drive may be saturated, s; 0: saturation is reported with the result and ends no drive.
-    pub saturated_s: f32,
-    /// Time without a message from the host after which the drive ends, s; 0 for no limit.
-    pub host_silent_s: f32,
-    /// |x| below which a restart is allowed, m.
-    pub restart_m: f32,
-    /// Normal force of the friction damper as a brake, N; 0 for none.
-    pub brake_n: f32,
-}
-
-impl Default for SafetyConfig {
-    /// Inside the usable spans of the lasers (±78.4 mm, 10 µm resolution assumed) and of an assumed wall sensor (455 N).
-    fn default() -> Self {
-        Self {
-            limits: Limits::default(),
-            half_cycles_ahead: 6.0,
-            resolution_m: 1e-5,
-            frozen_s: 0.5,
-            wall_force_n: 450.0,
-            saturated_s: 0.0,
-            host_silent_s: 10.0,
-            restart_m: 1e-3,
-            brake_n: 0.0,
-        }
-    }
-}
-
-impl SafetyConfig {
-    /// Checks every value.
-    ///
-    /// # Errors
-    /// Names the first parameter out of range.
-    pub fn validate(&self) -> Result<(), Invalid> {
-        self.limits.validate()?;
-        for (name, value) in [("safety.wall_force_n", self.wall_force_n), ("safety.restart_m", self.restart_m)] {
-            positive(name, f64::from(value))?;
-        }
-        for (name, value) in [
-            ("safety.resolution_m", self.resolution_m),
-            ("safety.frozen_s", self.frozen_s),
-            ("safety.saturated_s", self.saturated_s),
-            ("safety.host_silent_s", self.host_silent_s),
-            ("safety.brake_n", self.brake_n),
-            ("safety.half_cycles_ahead", self.half_cycles_ahead),
-        ] {
-            not_negative(name, f64::from(value))?;
-        }
-        let (ahead, restart) = (f64::from(self.half_cycles_ahead), f64::from(self.restart_m));
-        require(self.half_cycles_ahead <= 20.0, "safety.half_cycles_ahead", ahead, "from 0 to 20")?;
-        require(self.restart_m < self.limits.structure_m, "safety.restart_m", restart, "below limits.structure_m")
-    }
-}
-
-/// What ended a drive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Danger {
-    /// The emergency stop is pressed.
-    EmergencyStop,
-    /// A sample of this sensor is not a number.
-    SensorInvalid(Sensor),
-    /// This sensor is at a rail of its converter (m or N).
-    SensorAtRail(Sensor),
-    /// This sensor does not change (s).
-    SensorFrozen(Sensor),
-    /// This sensor's zero is off its calibration by more than may be followed (N).
-    SensorDrifted(Sensor),
-    /// |z| reached its limit (m).
-    BaseDisplacement,
-    /// |x| reached its limit (m).
-    StructureDisplacement,
-    /// |x| would reach its limit within a few half-cycles (m).
-    StructureForeseen,
-    /// A wall's force reached its limit (N).
-    WallForce,
-    /// The drive was at its limit for too long (s).
-    DriveSaturated,
-    /// Nothing was heard of the host for too long (s).
-    HostSilent,
-    /// The structure did not come to rest in the time given (m).
-    RestTimeout,
-    /// The closed loop of the base amplitude swung up (m).
-    BaseRunaway,
-    /// z is far below the demanded amplitude though the base is driven (m).
-    BaseStill,
-    /// z is far above the demanded amplitude (m).
-    BaseOverdriven,
-    /// The friction damper's spring faulted while the rig was driven.
-    Spring(SpringCause),
-    /// Nobody released the structure for a free vibration in the time given (m).
-    ReleaseTimeout,
-}
-
-/// A text that names the sensor.
-macro_rules! naming {
-    ($sensor:expr, $before:literal, $after:literal) => {
-        match $sensor {
-            Sensor::X => concat!($before, "the x sensor", $after),
-            Sensor::Z => concat!($before, "the z sensor", $after),
-            Sensor::SpringForce => concat!($before, "the spring force sensor", $after),
-            Sensor::WallLow => concat!($before, "the force sensor of the wall at −d", $after),
-            Sensor::WallHigh => concat!($before, "the force sensor of the wall at +d", $after),
-        }
-    };
-}
-
-impl Danger {
-    /// In words, for people.
-    #[must_use]
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::EmergencyStop => "the emergency stop is pressed",
-            Self::SensorInvalid(sensor) => naming!(sensor, "a block of samples was lost, ", " gives no number"),
-            Self::SensorAtRail(sensor) => {
-                naming!(sensor, "", " reads an end of its span: check its cable, supply and distance")
-            }
-            Self::SensorFrozen(sensor) => {
-                naming!(sensor, "", " does not change while the rig is driven: check its supply")
-            }
-            Self::SensorDrifted(sensor) => {
-                naming!(sensor, "the zero of ", " has drifted beyond impacts.offset_limit_n: check its amplifier")
-            }
-            Self::BaseDisplacement => "the base reached its displacement limit",
-            Self::StructureDisplacement => "the structure reached its displacement limit",
-            Self::StructureForeseen => "the structure's growing vibration would have passed its limit",
-            Self::WallForce => "the force on a wall reached its limit",
-            Self::DriveSaturated => "the drive was at its limit for too long: ask for less",
-            Self::HostSilent => "nothing was heard of the host for too long",
-            Self::RestTimeout => "the structure did not come to rest in time",
-            Self::BaseRunaway => {
-                "the base ran away from its demanded amplitude: check the signs of drive and z, and the calibration"
-            }
-            Self::BaseStill => {
-                "the base hardly moves though it is driven: check the amplifier, the relay and the z sensor"
-            }
-            Self::BaseOverdriven => {
-                "the base moves much further than it was asked to: check the calibration of drive and z, and the gain"
-            }
-            Self::Spring(cause) => cause.text(),
-            Self::ReleaseTimeout => "the structure was not held beyond the level and released in time",
-        }
-    }
-
-    /// The drive stops within the tick: a fade would go on with what is already wrong.
-    #[must_use]
-    pub fn cuts_at_once(self) -> bool {
-        matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway | Self::BaseOverdriven)
-    }
-}
-
-/// The latched cause.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Trip {
-    /// What.
-    pub danger: Danger,
-    /// The value that broke the limit, in the danger's unit.
-    pub value: f32,
-    /// The limit.
-    pub limit: f32,
-}
 
 /// How far the way to the safe state has been gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -230,6 +58,8 @@ pub enum SafeStage {
 /// What the tick showed beside the displacements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Signs {
+    /// The tick.
+    pub tick: u32,
     /// The drive is on in this tick.
     pub driving: bool,
     /// It is strong enough to see both displacements move.
@@ -289,7 +119,7 @@ pub struct Safety {
     saturated_ticks: u32,
     silent_ticks: u32,
     calm_ticks: u32,
-    trip: Option<Trip>,
+    fault: Option<Fault>,
     stage: SafeStage,
     fade: f32,
 }
@@ -352,7 +182,7 @@ impl Safety {
             saturated_ticks: 0,
             silent_ticks: 0,
             calm_ticks: 0,
-            trip: None,
+            fault: None,
             stage: SafeStage::Clear,
             fade: 1.0,
         }
@@ -360,8 +190,8 @@ impl Safety {
 
     /// The latched cause.
     #[must_use]
-    pub fn trip(&self) -> Option<&Trip> {
-        self.trip.as_ref()
+    pub fn fault(&self) -> Option<&Fault> {
+        self.fault.as_ref()
     }
 
     /// How far the way to the safe state has been gone.
@@ -411,27 +241,27 @@ impl Safety {
     }
 
     /// One tick. Returns what is allowed, and the cause in the tick in which it is latched.
-    pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Trip>) {
+    pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Fault>) {
         let [low, high] = signs.wall_rails;
         let rails: [Rail; SENSORS] = [readings.x.rail, readings.z.rail, readings.spring_rail, low, high];
         self.rails.push(&rails);
         let found = self.look(readings, signs);
-        let latched = found.filter(|trip| self.latch(*trip));
-        if self.trip.is_some() {
+        let latched = found.filter(|fault| self.latch(*fault));
+        if self.fault.is_some() {
             self.go_on(readings, signs, found);
         }
         let running = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
         // An emergency stop switches the motor off: nothing may press.
-        let brakes = self.trip.is_some_and(|trip| trip.danger != Danger::EmergencyStop) && !signs.emergency_stop;
+        let brakes = self.fault.is_some_and(|fault| fault.cause != FaultCause::EmergencyStop) && !signs.emergency_stop;
         let brake_n = (brakes && self.config.brake_n > 0.0).then_some(self.config.brake_n);
         (Allowed { drive: if running { self.fade } else { 0.0 }, relay: running, brake_n }, latched)
     }
 
-    /// Latches a cause that another part found; false, and nothing changes, if one is latched already.
-    pub fn latch(&mut self, trip: Trip) -> bool {
-        let first = self.trip.is_none();
+    /// Latches a fault that another part found; false, and nothing changes, if one is latched already.
+    pub fn latch(&mut self, fault: Fault) -> bool {
+        let first = self.fault.is_none();
         if first {
-            self.trip = Some(trip);
+            self.fault = Some(fault);
             self.stage = SafeStage::Fading;
         }
         first
@@ -468,11 +298,11 @@ impl Safety {
         &self.config
     }
 
-    /// The first danger of this tick.
-    fn look(&mut self, readings: &Readings, signs: &Signs) -> Option<Trip> {
+    /// The first fault of this tick.
+    fn look(&mut self, readings: &Readings, signs: &Signs) -> Option<Fault> {
         let is_driven = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
         let config = if is_driven { &self.config } else { &self.board };
-        let trip = |danger, value, limit| Some(Trip { danger, value, limit });
+        let fault = |cause, value, limit| Some(Fault { cause, tick: signs.tick, value, limit });
         if !signs.swinging || signs.drive_m < RESOLVED_STEPS * config.resolution_m {
             // What is not driven, or by less than can be seen, may stand.
             self.x.forgive();
@@ -489,56 +319,56 @@ impl Safety {
         self.saturated_ticks = if signs.saturated { self.saturated_ticks.saturating_add(1) } else { 0 };
         self.silent_ticks = if signs.host_heard { 0 } else { self.silent_ticks.saturating_add(1) };
         if signs.emergency_stop {
-            return trip(Danger::EmergencyStop, 0.0, 0.0);
+            return fault(FaultCause::EmergencyStop, 0.0, 0.0);
         }
         if signs.running
             && let Some((sensor, reading, edge)) = self.rails.first_lost()
         {
-            return trip(Danger::SensorAtRail(sensor), reading, edge);
+            return fault(FaultCause::SensorAtRail(sensor), reading, edge);
         }
         for (sensor, defect) in defects {
             match defect {
                 None => {}
-                Some(Defect::NotANumber) => return trip(Danger::SensorInvalid(sensor), 0.0, 0.0),
+                Some(Defect::NotANumber) => return fault(FaultCause::SensorInvalid(sensor), 0.0, 0.0),
                 Some(Defect::Frozen) => {
                     let frozen_s = frozen as f32 / TICK_HZ;
-                    return trip(Danger::SensorFrozen(sensor), frozen_s, frozen_s);
+                    return fault(FaultCause::SensorFrozen(sensor), frozen_s, frozen_s);
                 }
             }
         }
         for (sensor, drift) in [Sensor::WallLow, Sensor::WallHigh].into_iter().zip(signs.wall_drift) {
             if let Some((value, limit)) = drift.filter(|_| signs.running) {
-                return trip(Danger::SensorDrifted(sensor), value, limit);
+                return fault(FaultCause::SensorDrifted(sensor), value, limit);
             }
         }
         let (x, z, limits) = (readings.x.inside_peak_m, readings.z.inside_peak_m, &config.limits);
         if z >= limits.base_m {
-            return trip(Danger::BaseDisplacement, z, limits.base_m);
+            return fault(FaultCause::BaseDisplacement, z, limits.base_m);
         }
         if x >= limits.structure_m {
-            return trip(Danger::StructureDisplacement, x, limits.structure_m);
+            return fault(FaultCause::StructureDisplacement, x, limits.structure_m);
         }
         if signs.driving && config.half_cycles_ahead > 0.0 && foreseen >= limits.structure_m {
-            return trip(Danger::StructureForeseen, foreseen, limits.structure_m);
+            return fault(FaultCause::StructureForeseen, foreseen, limits.structure_m);
         }
         if signs.wall_force_n >= config.wall_force_n || signs.wall_force_n.is_nan() {
-            return trip(Danger::WallForce, signs.wall_force_n, config.wall_force_n);
+            return fault(FaultCause::WallForce, signs.wall_force_n, config.wall_force_n);
         }
         if signs.driving && config.saturated_s > 0.0 && self.saturated_ticks > saturated {
-            return trip(Danger::DriveSaturated, config.saturated_s, config.saturated_s);
+            return fault(FaultCause::DriveSaturated, config.saturated_s, config.saturated_s);
         }
         if signs.driving && config.host_silent_s > 0.0 && self.silent_ticks > silent {
-            return trip(Danger::HostSilent, config.host_silent_s, config.host_silent_s);
+            return fault(FaultCause::HostSilent, config.host_silent_s, config.host_silent_s);
         }
         None
     }
 
     /// One tick of the way from a cause to the safe state.
-    fn go_on(&mut self, readings: &Readings, signs: &Signs, found: Option<Trip>) {
-        let at_once = |trip: Option<Trip>| trip.is_some_and(|trip| trip.danger.cuts_at_once());
+    fn go_on(&mut self, readings: &Readings, signs: &Signs, found: Option<Fault>) {
+        let at_once = |fault: Option<Fault>| fault.is_some_and(|fault| fault.cause.cuts_at_once());
         if self.stage == SafeStage::Fading {
             self.fade -= 1.0 / (FADE_S * TICK_HZ);
-            if self.fade <= 0.0 || at_once(self.trip) || at_once(found) {
+            if self.fade <= 0.0 || at_once(self.fault) || at_once(found) {
                 self.fade = 0.0;
                 self.stage = SafeStage::Ringing;
             }

@@ -107,7 +107,7 @@ impl SafetyConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::limits::Limits;
+    use crate::control::safety::Limits;
 
     fn settings() -> SafetyConfig {
         SafetyConfig {

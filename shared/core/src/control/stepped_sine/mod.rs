@@ -6,8 +6,8 @@
 //! leaves its place without a step in displacement. The drive comes and goes on a smooth ramp if one is asked for, and
 //! is constant, or whatever [`super::base_loop`] needs for a constant base amplitude.
 //!
-//! [`SteppedSine`] is what a host asks for, [`Plan`] what has been checked. A plan is made outside the control tick, which
-//! has no time to look at a hundred frequencies; the [`Runner`] carries it out.
+//! [`SteppedSine`] is what a host asks for, [`SteppedSinePlan`] what has been checked. A plan is made outside the control tick, which
+//! has no time to look at a hundred frequencies; the [`SteppedSineRunner`] carries it out.
 
 mod runner;
 
@@ -17,7 +17,7 @@ use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
 use crate::measure::point::SteadyLimits;
 use heapless::Vec;
 use postcard_schema::Schema;
-pub use runner::Runner;
+pub use runner::SteppedSineRunner;
 use serde::{Deserialize, Serialize};
 
 /// Most frequencies in one experiment, as 2 to 3 Hz in steps of 0.01: each costs the controller 4 bytes in many places.
@@ -47,7 +47,7 @@ pub enum Start {
 
 /// What is held at the demanded amplitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Drive {
+pub enum DriveMode {
     /// The drive, as in the source document: a base that feels its load sags near resonance.
     #[default]
     Constant,
@@ -63,7 +63,7 @@ pub struct SteppedSine {
     /// Demanded base amplitude Z, m; greater than 0.
     pub amplitude_m: f32,
     /// What is held at that amplitude.
-    pub drive: Drive,
+    pub drive: DriveMode,
     /// Time over which the drive rises from silence and, between points and at the end, fades, s; 0 (at once) to settle_s.
     pub ramp_s: f32,
     /// Time after a frequency begins before it is measured, s; 0 or more.
@@ -94,7 +94,7 @@ impl SteppedSine {
         let ramp_s = f64::from(self.ramp_s);
         not_negative("ramp_s", ramp_s)?;
         require(self.ramp_s <= self.settle_s, "ramp_s", ramp_s, "at most settle_s: nothing is measured on the ramp")?;
-        if let Drive::ClosedLoop(parameters) = &self.drive {
+        if let DriveMode::ClosedLoop(parameters) = &self.drive {
             parameters.validate()?;
             require(
                 self.amplitude_m < parameters.drive_limit_m,
@@ -148,7 +148,7 @@ impl SteppedSine {
 
 /// A checked experiment, its times in ticks.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct SteppedSinePlan {
     sine: SteppedSine,
     settle_ticks: u32,
     /// Settling and the longest wait for a closed loop.
@@ -158,7 +158,7 @@ pub struct Plan {
     fall: f32,
 }
 
-impl Plan {
+impl SteppedSinePlan {
     /// Checks an experiment against the rig's tick.
     ///
     /// # Errors
@@ -168,8 +168,8 @@ impl Plan {
         let ticks = |seconds: f32| (f64::from(seconds) * f64::from(TICK_HZ) + 0.5) as u32;
         let per_tick = |seconds: f32| if seconds > 0.0 { 1.0 / (seconds * TICK_HZ) } else { 1.0 };
         let wait_s = match &sine.drive {
-            Drive::Constant => 0.0,
-            Drive::ClosedLoop(parameters) => parameters.wait_s,
+            DriveMode::Constant => 0.0,
+            DriveMode::ClosedLoop(parameters) => parameters.wait_s,
         };
         Ok(Self {
             settle_ticks: ticks(sine.settle_s),

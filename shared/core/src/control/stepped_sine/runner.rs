@@ -1,23 +1,22 @@
 //! Carries a checked stepped sine out, a tick at a time.
 
-use super::{Drive, FADE_S, Plan, Start};
+use super::{DriveMode, FADE_S, Start, SteppedSinePlan};
 use crate::control::base_follow::BaseFollow;
 use crate::control::base_loop::{BaseLoop, DELAY_TICKS, RUNAWAY};
-use crate::control::experiment::{Now, Outcome, Stage};
-use crate::control::limits::Fault;
+use crate::control::fault::{Fault, FaultCause};
+use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
-use crate::control::safety::Danger;
 use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A stepped sine in progress. Its [`Plan`] is the caller's: every call wants the same one.
+/// A stepped sine in progress. Its [`SteppedSinePlan`] is the caller's: every call wants the same one.
 #[derive(Clone, Debug)]
-pub struct Runner {
+pub struct SteppedSineRunner {
     index: usize,
-    stage: Stage,
+    stage: ExperimentStage,
     rest: RestWait,
     /// Since the present frequency began.
     driven_ticks: u32,
@@ -32,7 +31,7 @@ pub struct Runner {
     driving: bool,
     /// What can be delivered.
     range: DriveRange,
-    /// Used by [`Drive::ClosedLoop`] alone.
+    /// Used by [`DriveMode::ClosedLoop`] alone.
     base: BaseLoop,
     follow: BaseFollow,
     /// The drive was at its limit: in the last tick, and since the dwell began.
@@ -48,13 +47,13 @@ pub struct Runner {
     put_back: Option<u16>,
 }
 
-impl Runner {
+impl SteppedSineRunner {
     /// At the beginning of the first point; `drive` is what can be delivered.
     #[must_use]
-    pub fn new(plan: &Plan, drive: &DriveRange) -> Self {
+    pub fn new(plan: &SteppedSinePlan, drive: &DriveRange) -> Self {
         let mut runner = Self {
             index: 0,
-            stage: Stage::Rest,
+            stage: ExperimentStage::Rest,
             rest: RestWait::default(),
             driven_ticks: 0,
             phase: Phase::default(),
@@ -89,14 +88,14 @@ impl Runner {
 
     /// Where the present point stands.
     #[must_use]
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> ExperimentStage {
         self.stage
     }
 
     /// The present drive frequency, Hz; 0 while resting.
     #[must_use]
     pub fn frequency_hz(&self) -> f32 {
-        if self.stage == Stage::Rest { 0.0 } else { self.frequency_hz }
+        if self.stage == ExperimentStage::Rest { 0.0 } else { self.frequency_hz }
     }
 
     /// A cycle of the drive ended in the last tick.
@@ -124,7 +123,7 @@ impl Runner {
     }
 
     /// The point's place in the whole experiment.
-    fn place(&self, plan: &Plan) -> u16 {
+    fn place(&self, plan: &SteppedSinePlan) -> u16 {
         plan.sine.first_index.wrapping_add(self.index as u16)
     }
 
@@ -146,10 +145,10 @@ impl Runner {
         self.gain == 0.0 && !self.driving
     }
 
-    fn begin_point(&mut self, plan: &Plan) {
+    fn begin_point(&mut self, plan: &SteppedSinePlan) {
         match plan.sine.start {
             Start::FromRest { .. } => {
-                self.stage = Stage::Rest;
+                self.stage = ExperimentStage::Rest;
                 self.end_driving(plan);
                 self.rest = RestWait::default();
             }
@@ -157,20 +156,20 @@ impl Runner {
         }
     }
 
-    fn end_driving(&mut self, plan: &Plan) {
+    fn end_driving(&mut self, plan: &SteppedSinePlan) {
         self.driving = false;
         self.fall = plan.fall;
     }
 
-    fn begin_settling(&mut self, plan: &Plan) {
+    fn begin_settling(&mut self, plan: &SteppedSinePlan) {
         let frequency = plan.sine.frequencies_hz.get(self.index).copied().unwrap_or(0.0);
         self.frequency_hz = frequency;
         self.increment = Phase::increment(frequency, TICK_HZ);
         self.cycles = (plan.sine.dwell_s * frequency) as u32;
-        self.stage = Stage::Settle;
+        self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
         self.driving = true;
-        if let Drive::ClosedLoop(parameters) = &plan.sine.drive {
+        if let DriveMode::ClosedLoop(parameters) = &plan.sine.drive {
             if self.gain == 0.0 {
                 self.base = BaseLoop::new(parameters);
             }
@@ -179,24 +178,24 @@ impl Runner {
     }
 
     /// In a dwell of a closed loop: the base has left its tolerance, and there is time to begin anew.
-    fn base_slipped(&self, plan: &Plan) -> bool {
+    fn base_slipped(&self, plan: &SteppedSinePlan) -> bool {
         match &plan.sine.drive {
-            Drive::Constant => false,
-            Drive::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= plan.held_by_ticks,
+            DriveMode::Constant => false,
+            DriveMode::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= plan.held_by_ticks,
         }
     }
 
     /// Settled: measuring may begin at the next cycle.
-    fn is_settled(&self, plan: &Plan) -> bool {
+    fn is_settled(&self, plan: &SteppedSinePlan) -> bool {
         self.driven_ticks > plan.settle_ticks
             && match &plan.sine.drive {
-                Drive::Constant => true,
-                Drive::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > plan.held_by_ticks,
+                DriveMode::Constant => true,
+                DriveMode::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > plan.held_by_ticks,
             }
     }
 
-    fn begin_dwelling(&mut self, now: &Now) {
-        self.stage = Stage::Dwell;
+    fn begin_dwelling(&mut self, now: &TickInputs) {
+        self.stage = ExperimentStage::Dwell;
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
         self.meter = PointMeter::new(self.cycles);
@@ -204,7 +203,7 @@ impl Runner {
     }
 
     /// The drive for this tick, m, without measuring: for the fade after a stop.
-    pub fn fade(&mut self, plan: &Plan) -> f32 {
+    pub fn fade(&mut self, plan: &SteppedSinePlan) -> f32 {
         let drive = self.drive_m(plan, None).0;
         self.cycle_ended = self.phase.advance(self.increment);
         drive
@@ -212,7 +211,7 @@ impl Runner {
 
     /// The drive at the present phase, m, within what can be delivered, and a fault of the base. Fades while the drive is
     /// released: then, and without readings of z, the loop is open.
-    fn drive_m(&mut self, plan: &Plan, now: Option<&Now>) -> (f32, Option<Fault>) {
+    fn drive_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>) -> (f32, Option<Fault>) {
         let step = if self.driving { plan.rise } else { -self.fall };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
         let wave = self.phase.sin_cos();
@@ -224,7 +223,7 @@ impl Runner {
     }
 
     /// The demand, m, and a fault of the closed loop.
-    fn demand_m(&mut self, plan: &Plan, now: Option<&Now>, wave: (f32, f32)) -> (f32, Option<Fault>) {
+    fn demand_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
         // Without a corner at either end.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wave_then = self.waves[0];
@@ -232,10 +231,10 @@ impl Runner {
         self.waves[DELAY_TICKS as usize - 1] = wave;
         self.saturated = false;
         let amplitude = plan.sine.amplitude_m;
-        let (Drive::ClosedLoop(_), Some(now)) = (&plan.sine.drive, now) else {
+        let (DriveMode::ClosedLoop(_), Some(now)) = (&plan.sine.drive, now) else {
             let full = match plan.sine.drive {
-                Drive::Constant => amplitude * wave.0,
-                Drive::ClosedLoop(_) => self.base.open(wave),
+                DriveMode::Constant => amplitude * wave.0,
+                DriveMode::ClosedLoop(_) => self.base.open(wave),
             };
             return (ramp * full, None);
         };
@@ -250,14 +249,14 @@ impl Runner {
             self.base.end_cycle(amplitude);
             if let Some(value) = self.base.runaway(amplitude) {
                 let limit = RUNAWAY * amplitude;
-                return (drive, Some(Fault { cause: Danger::BaseRunaway, tick: now.tick, value, limit }));
+                return (drive, Some(Fault { cause: FaultCause::BaseRunaway, tick: now.tick, value, limit }));
             }
         }
         (drive, None)
     }
 
     /// Whether the base does at all what is asked of it.
-    fn follow(&mut self, plan: &Plan, now: &Now, drive: f32, wave: (f32, f32)) -> Option<Fault> {
+    fn follow(&mut self, plan: &SteppedSinePlan, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
         let z = &now.readings.z;
         self.follow.push(z.mean_m, drive, wave);
         if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear {
@@ -271,18 +270,18 @@ impl Runner {
     }
 
     /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
-    pub fn tick(&mut self, plan: &Plan, now: &Now) -> (f32, Outcome) {
+    pub fn tick(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> (f32, Outcome) {
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
-        let unrest = if self.stage == Stage::Rest { self.rest(plan, now) } else { None };
+        let unrest = if self.stage == ExperimentStage::Rest { self.rest(plan, now) } else { None };
         // A dwell begins at the start of a cycle, and so does a drive from rest.
-        if self.stage == Stage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
+        if self.stage == ExperimentStage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
             self.begin_dwelling(now);
         }
         let (drive, runaway) = self.drive_m(plan, Some(now));
         let fault = runaway.or(unrest);
         // Once the last point is measured, only the drive goes on, fading.
-        let measuring = self.stage == Stage::Dwell && self.index < plan.sine.frequencies_hz.len();
+        let measuring = self.stage == ExperimentStage::Dwell && self.index < plan.sine.frequencies_hz.len();
         if measuring {
             self.meter.push(now.readings, drive, self.phase.sin_cos());
             self.clipped.extend(now.clipped);
@@ -291,7 +290,7 @@ impl Runner {
         if self.cycle_ended && measuring {
             self.meter.end_cycle();
             if self.base_slipped(plan) {
-                self.stage = Stage::Settle;
+                self.stage = ExperimentStage::Settle;
             }
             if self.meter.cycles() == self.cycles && fault.is_none() {
                 return (drive, self.end_point(plan, now));
@@ -300,7 +299,7 @@ impl Runner {
         (drive, fault.map_or(Outcome::Running, Outcome::Failed))
     }
 
-    fn rest(&mut self, plan: &Plan, now: &Now) -> Option<Fault> {
+    fn rest(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> Option<Fault> {
         if self.gain > 0.0 {
             // The drive is still fading out: resting has not begun.
             return None;
@@ -319,13 +318,13 @@ impl Runner {
                 self.driven_ticks = 1;
             }
             Waited::TimedOut => {
-                return Some(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit: level });
+                return Some(Fault { cause: FaultCause::RestTimeout, tick: now.tick, value, limit: level });
             }
         }
         None
     }
 
-    fn end_point(&mut self, plan: &Plan, now: &Now) -> Outcome {
+    fn end_point(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> Outcome {
         let place = Place {
             index: self.place(plan),
             frequency_hz: self.frequency_hz,
@@ -357,10 +356,10 @@ mod tests {
 
     #[test]
     fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {
-        let plan = Plan::new(SteppedSine {
+        let plan = SteppedSinePlan::new(SteppedSine {
             start: Start::CarryOver,
             amplitude_m: 1e-3,
-            drive: Drive::ClosedLoop(ClosedLoop::default()),
+            drive: DriveMode::ClosedLoop(ClosedLoop::default()),
             ramp_s: 0.1,
             settle_s: 1.0,
             dwell_s: 4.0,
@@ -369,9 +368,10 @@ mod tests {
             first_index: 0,
         })
         .unwrap();
-        let (mut runner, readings) = (Runner::new(&plan, &DriveScale::default().range()), Readings::default());
+        let (mut runner, readings) =
+            (SteppedSineRunner::new(&plan, &DriveScale::default().range()), Readings::default());
         for tick in 0..1000 {
-            runner.tick(&plan, &Now { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
+            runner.tick(&plan, &TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
                 // The phase is the next tick's by now.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));

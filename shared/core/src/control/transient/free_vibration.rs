@@ -10,9 +10,8 @@
 //! duration by the host, which has a logarithm.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
-use crate::control::experiment::{Now, Outcome, Stage};
-use crate::control::limits::Fault;
-use crate::control::safety::Danger;
+use crate::control::fault::{Fault, FaultCause};
+use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::io::{Invalid, TICK_HZ, require};
 use crate::measure::transient::Decay;
 use postcard_schema::Schema;
@@ -80,7 +79,7 @@ const LEAST_SWING: f32 = 0.01;
 
 /// A checked free vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct FreeVibrationPlan {
     free: FreeVibration,
     hold_ticks: u32,
     put_back_ticks: u32,
@@ -88,7 +87,7 @@ pub struct Plan {
     measure_ticks: u32,
 }
 
-impl Plan {
+impl FreeVibrationPlan {
     /// Checks a free vibration.
     ///
     /// # Errors
@@ -180,10 +179,10 @@ impl Hold {
     }
 }
 
-/// A free vibration in progress. Its [`Plan`] is the caller's: every call wants the same one.
+/// A free vibration in progress. Its [`FreeVibrationPlan`] is the caller's: every call wants the same one.
 #[derive(Clone, Debug)]
-pub struct Runner {
-    stage: Stage,
+pub struct FreeVibrationRunner {
+    stage: ExperimentStage,
     waited_ticks: u32,
     hold: Hold,
     put_back: Option<u16>,
@@ -191,10 +190,10 @@ pub struct Runner {
     measuring: Measuring,
 }
 
-impl Default for Runner {
+impl Default for FreeVibrationRunner {
     fn default() -> Self {
         Self {
-            stage: Stage::Hold,
+            stage: ExperimentStage::Hold,
             waited_ticks: 0,
             hold: Hold::default(),
             put_back: None,
@@ -204,10 +203,10 @@ impl Default for Runner {
     }
 }
 
-impl Runner {
+impl FreeVibrationRunner {
     /// Where it stands.
     #[must_use]
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> ExperimentStage {
         self.stage
     }
 
@@ -218,21 +217,21 @@ impl Runner {
     }
 
     /// One tick's readings; nothing is driven. Returns what the tick led to.
-    pub fn tick(&mut self, plan: &Plan, now: &Now) -> Outcome {
+    pub fn tick(&mut self, plan: &FreeVibrationPlan, now: &TickInputs) -> Outcome {
         self.put_back = None;
         let x = now.readings.x.mean_m;
-        if self.stage == Stage::Hold {
+        if self.stage == ExperimentStage::Hold {
             self.waited_ticks += 1;
             if self.waited_ticks <= plan.put_back_ticks {
                 self.put_back = Some(plan.free.index);
             }
             if self.is_released(plan, libm::fabsf(x)) {
-                self.stage = Stage::Dwell;
+                self.stage = ExperimentStage::Dwell;
                 self.measuring = Measuring::from(now);
                 self.swings = Swings::from(x, self.hold.before_m);
             } else if self.waited_ticks > plan.timeout_ticks {
                 let (value, limit) = (self.hold.latest_m, plan.free.level_m);
-                return Outcome::Failed(Fault { cause: Danger::ReleaseTimeout, tick: now.tick, value, limit });
+                return Outcome::Failed(Fault { cause: FaultCause::ReleaseTimeout, tick: now.tick, value, limit });
             }
         } else if self.measuring.meter.ticks() < plan.measure_ticks {
             self.measuring.push(now, 0.0);
@@ -245,7 +244,7 @@ impl Runner {
     }
 
     /// Takes |x| (m) of a tick in which the structure is held, or not yet, or no more.
-    fn is_released(&mut self, plan: &Plan, x_m: f32) -> bool {
+    fn is_released(&mut self, plan: &FreeVibrationPlan, x_m: f32) -> bool {
         let hold = &mut self.hold;
         let is_known = hold.ticks >= plan.hold_ticks;
         if is_known && x_m < RELEASED * hold.before_m {

@@ -6,7 +6,7 @@ pub mod playback;
 pub use free_vibration::FreeVibration;
 pub use playback::Playback;
 
-use crate::control::experiment::{Now, Outcome};
+use crate::control::outcome::{Outcome, TickInputs};
 use crate::io::{Invalid, SensorSet, TICK_HZ, require};
 use crate::measure::transient::{Decay, TransientMeter};
 
@@ -42,18 +42,18 @@ struct Measuring {
 }
 
 impl Measuring {
-    fn from(now: &Now) -> Self {
+    fn from(now: &TickInputs) -> Self {
         Self { start_tick: now.tick, impacts_before: now.impacts, ..Self::default() }
     }
 
     /// Takes a tick: its readings, and the demand, m.
-    fn push(&mut self, now: &Now, demand_m: f32) {
+    fn push(&mut self, now: &TickInputs, demand_m: f32) {
         self.meter.push(now.readings, demand_m);
         self.clipped.extend(now.clipped);
     }
 
     /// The result, this tick being the last.
-    fn end(&self, now: &Now, index: u16, drive_saturated: bool, decay: &Decay) -> Outcome {
+    fn end(&self, now: &TickInputs, index: u16, drive_saturated: bool, decay: &Decay) -> Outcome {
         let mut result = self.meter.result();
         result.index = index;
         (result.start_tick, result.end_tick) = (self.start_tick, now.tick + 1);

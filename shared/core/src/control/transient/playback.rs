@@ -11,10 +11,9 @@
 //! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
-use crate::control::experiment::{Now, Outcome, Stage};
-use crate::control::limits::Fault;
+use crate::control::fault::{Fault, FaultCause};
+use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
-use crate::control::safety::Danger;
 use crate::control::stepped_sine::FADE_S;
 use crate::io::{DriveRange, Invalid, TICK_HZ, require};
 use crate::measure::transient::Decay;
@@ -91,7 +90,7 @@ impl Playback {
 
 /// A checked playback.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct PlaybackPlan {
     playback: Playback,
     /// Samples in a tick, in 2⁻³².
     increment: u32,
@@ -105,7 +104,7 @@ pub struct Plan {
 /// Nodes of the spline beyond either end of the record: from the second on it is at rest.
 const MARGIN: u32 = 2;
 
-impl Plan {
+impl PlaybackPlan {
     /// Checks a playback.
     ///
     /// # Errors
@@ -143,11 +142,11 @@ const VISIBLE_TICKS: u32 = (0.25 * TICK_HZ) as u32;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A playback in progress. Its [`Plan`] and its record are the caller's: every call wants the same ones.
+/// A playback in progress. Its [`PlaybackPlan`] and its record are the caller's: every call wants the same ones.
 #[derive(Clone, Debug)]
-pub struct Runner {
+pub struct PlaybackRunner {
     drive: DriveRange,
-    stage: Stage,
+    stage: ExperimentStage,
     rest: RestWait,
     put_back: Option<u16>,
     /// The spline's node before the present place, counted from [`MARGIN`] samples before the record, and the way to the next.
@@ -166,13 +165,13 @@ pub struct Runner {
     measuring: Measuring,
 }
 
-impl Runner {
+impl PlaybackRunner {
     /// At the beginning; `drive` is what can be delivered.
     #[must_use]
     pub fn new(drive: &DriveRange) -> Self {
         Self {
             drive: *drive,
-            stage: Stage::Rest,
+            stage: ExperimentStage::Rest,
             rest: RestWait::default(),
             put_back: None,
             node: 0,
@@ -192,7 +191,7 @@ impl Runner {
 
     /// Where it stands.
     #[must_use]
-    pub fn stage(&self) -> Stage {
+    pub fn stage(&self) -> ExperimentStage {
         self.stage
     }
 
@@ -233,27 +232,27 @@ impl Runner {
     }
 
     /// The drive for this tick, m, while it fades out after a stop.
-    pub fn fade(&mut self, plan: &Plan, record: &[i16]) -> f32 {
+    pub fn fade(&mut self, plan: &PlaybackPlan, record: &[i16]) -> f32 {
         self.drive_m(plan, record)
     }
 
     /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
-    pub fn tick(&mut self, plan: &Plan, record: &[i16], now: &Now) -> (f32, Outcome) {
+    pub fn tick(&mut self, plan: &PlaybackPlan, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
         let mut outcome = Outcome::Running;
         self.put_back = None;
-        if self.stage == Stage::Rest {
+        if self.stage == ExperimentStage::Rest {
             let (value, limit) = (now.readings.x.peak_m, plan.playback.rest_level_m);
             match self.rest.tick(value, limit) {
                 Waited::NotYet => {}
                 Waited::Begun => self.put_back = Some(plan.playback.index),
                 Waited::Quiet => self.begin(plan, now),
                 Waited::TimedOut => {
-                    outcome = Outcome::Failed(Fault { cause: Danger::RestTimeout, tick: now.tick, value, limit });
+                    outcome = Outcome::Failed(Fault { cause: FaultCause::RestTimeout, tick: now.tick, value, limit });
                 }
             }
         }
         let drive = self.drive_m(plan, record);
-        if self.stage == Stage::Dwell && self.driving {
+        if self.stage == ExperimentStage::Dwell && self.driving {
             self.measuring.push(now, drive);
             if self.is_over(record) {
                 if self.tail_left == 0 {
@@ -268,8 +267,8 @@ impl Runner {
         (drive, outcome)
     }
 
-    fn begin(&mut self, plan: &Plan, now: &Now) {
-        self.stage = Stage::Dwell;
+    fn begin(&mut self, plan: &PlaybackPlan, now: &TickInputs) {
+        self.stage = ExperimentStage::Dwell;
         self.driving = true;
         self.tail_left = plan.tail_ticks;
         self.measuring = Measuring::from(now);
@@ -280,7 +279,7 @@ impl Runner {
     }
 
     /// The demand at the present place, which moves on.
-    fn drive_m(&mut self, plan: &Plan, record: &[i16]) -> f32 {
+    fn drive_m(&mut self, plan: &PlaybackPlan, record: &[i16]) -> f32 {
         self.saturated = false;
         if !self.driving && self.gain == 0.0 {
             return 0.0;

@@ -3,7 +3,7 @@
 use core::cell::OnceCell;
 
 use super::excitation::{Excitation, Wave};
-use super::flow::{Flows, Leg, Path, Span, State};
+use super::flow::{ExactState, Flows, Leg, Path, Span};
 use super::guards;
 use super::observe::{Arc, Observer};
 use super::quick::Hit;
@@ -82,7 +82,7 @@ pub struct Exact {
     pub(super) soft: Option<Release>,
     pub(super) flows: Flows,
     pub(super) excitation: Excitation,
-    pub(super) state: State,
+    pub(super) state: ExactState,
     pub(super) wave: Wave,
     pub(super) time: Time,
     pub(super) mode: Mode,
@@ -130,7 +130,7 @@ impl Exact {
             soft,
             flows,
             excitation: *excitation,
-            state: State::default(),
+            state: ExactState::default(),
             wave: Wave::default(),
             time: Time::default(),
             mode,
@@ -160,7 +160,7 @@ impl Exact {
                 offset_m = if offset_m > 0.0 { d } else { -d };
             }
         }
-        self.state = State {
+        self.state = ExactState {
             x_m: initial.x_m,
             v_m_per_s: initial.v_m_per_s,
             offset_m,
@@ -184,7 +184,7 @@ impl Exact {
 
     /// The state reached.
     #[must_use]
-    pub fn state(&self) -> &State {
+    pub fn state(&self) -> &ExactState {
         &self.state
     }
 
@@ -441,8 +441,8 @@ impl Exact {
     #[inline]
     pub(super) fn report<O: Observer>(
         &self,
-        (start, wave): (&State, &Wave),
-        (end, end_wave): (&State, &Wave),
+        (start, wave): (&ExactState, &Wave),
+        (end, end_wave): (&ExactState, &Wave),
         (time, length_s): (Time, f64),
         span: Option<Span>,
         observer: &mut O,

@@ -14,7 +14,7 @@ pub const LARGEST_ARC_RAD: f64 = 0.8;
 /// Displacements and velocities; the particle (or the tuned mass) relative to the structure, so that walls and a
 /// held particle are exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State {
+pub struct ExactState {
     /// x, m.
     pub x_m: f64,
     /// x′, m/s.
@@ -25,7 +25,7 @@ pub struct State {
     pub slide_m_per_s: f64,
 }
 
-impl State {
+impl ExactState {
     /// y, m.
     #[must_use]
     pub fn y_m(&self) -> f64 {
@@ -356,7 +356,7 @@ impl Flows {
 
     /// Sizes of the terms that [`Flows::span`] adds up to each coefficient of x; none where second mass and structure
     /// are joined.
-    pub(super) fn sizes(&self, leg: &Leg, state: &State, wave: &Wave) -> Option<Series> {
+    pub(super) fn sizes(&self, leg: &Leg, state: &ExactState, wave: &Wave) -> Option<Series> {
         let unit = [state.x_m, state.v_m_per_s, leg.structure_acceleration, wave.sine, wave.cosine].map(f64::abs);
         match leg.path {
             Path::Alone | Path::Together => self.oscillator(leg.path).map(|table| {
@@ -373,7 +373,7 @@ impl Flows {
 
     /// The arc from `state`.
     #[inline]
-    pub(super) fn span(&self, leg: &Leg, state: &State, wave: &Wave) -> Span {
+    pub(super) fn span(&self, leg: &Leg, state: &ExactState, wave: &Wave) -> Span {
         let h = leg.step_s;
         let mut base = wave_series(self.base_share * wave.sine, self.base_share * wave.cosine, self.turning * h);
         base[0] += wave.offset;

@@ -57,5 +57,5 @@ pub mod time;
 
 pub use driver::{Exact, Touch, Work};
 pub use excitation::Excitation;
-pub use flow::State;
+pub use flow::ExactState;
 pub use observe::{Accumulation, Arc, ContactEnd, Impact, Observer};

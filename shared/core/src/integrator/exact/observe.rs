@@ -3,7 +3,7 @@
 use core::cell::OnceCell;
 
 use super::excitation::Wave;
-use super::flow::{Flows, Leg, Path, Span, State};
+use super::flow::{ExactState, Flows, Leg, Path, Span};
 use super::series;
 use crate::integrator::modes::{Mode, Sign};
 
@@ -21,9 +21,9 @@ pub struct Arc<'a> {
     /// The mode all along it.
     pub mode: Mode,
     /// The state at its start.
-    pub start: State,
+    pub start: ExactState,
     /// The state at its end.
-    pub end: State,
+    pub end: ExactState,
 }
 
 impl Arc<'_> {
@@ -56,7 +56,7 @@ impl Arc<'_> {
 
     /// The state `after_s` from its start, 0 to `length_s`.
     #[must_use]
-    pub fn state(&self, after_s: f64) -> State {
+    pub fn state(&self, after_s: f64) -> ExactState {
         self.span().state(after_s / self.leg.step_s)
     }
 }
@@ -65,10 +65,10 @@ impl Span {
     /// The state at `fraction` of the interval.
     #[inline]
     #[must_use]
-    pub fn state(&self, fraction: f64) -> State {
+    pub fn state(&self, fraction: f64) -> ExactState {
         let (x_m, v) = series::value_and_slope(&self.x, fraction);
         let (offset_m, slide) = series::value_and_slope(&self.offset, fraction);
-        State { x_m, v_m_per_s: v / self.step_s, offset_m, slide_m_per_s: slide / self.step_s }
+        ExactState { x_m, v_m_per_s: v / self.step_s, offset_m, slide_m_per_s: slide / self.step_s }
     }
 }
 
@@ -82,9 +82,9 @@ pub struct Impact {
     /// |x′ − y′| just before, m/s; greater than 0.
     pub approach_speed_m_per_s: f64,
     /// The state just before.
-    pub before: State,
+    pub before: ExactState,
     /// The state just after (the same at a soft wall).
-    pub after: State,
+    pub after: ExactState,
 }
 
 /// A soft wall lets go.
@@ -109,9 +109,9 @@ pub struct Accumulation {
     /// +1 where y − x = +d.
     pub side: Sign,
     /// The state just before the sum: the particle leaves the wall.
-    pub before: State,
+    pub before: ExactState,
     /// The state just after: the particle rests on it.
-    pub after: State,
+    pub after: ExactState,
     /// The part of the change of x′ that the structure's spring makes, m/s; the rest the impacts make.
     pub spring_m_per_s: f64,
 }
@@ -122,7 +122,7 @@ pub trait Observer {
     const ARCS: bool = true;
 
     /// The motion starts at `time_s` from `state`; what happens at the same instant follows.
-    fn start(&mut self, time_s: f64, state: &State) {
+    fn start(&mut self, time_s: f64, state: &ExactState) {
         let _ = (time_s, state);
     }
 
@@ -166,7 +166,7 @@ impl Observer for () {
 impl<A: Observer, B: Observer> Observer for (A, B) {
     const ARCS: bool = A::ARCS || B::ARCS;
 
-    fn start(&mut self, time_s: f64, state: &State) {
+    fn start(&mut self, time_s: f64, state: &ExactState) {
         self.0.start(time_s, state);
         self.1.start(time_s, state);
     }
@@ -205,7 +205,7 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 impl<O: Observer> Observer for &mut O {
     const ARCS: bool = O::ARCS;
 
-    fn start(&mut self, time_s: f64, state: &State) {
+    fn start(&mut self, time_s: f64, state: &ExactState) {
         (**self).start(time_s, state);
     }
 

@@ -3,7 +3,7 @@
 
 use super::driver::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
 use super::excitation::Wave;
-use super::flow::{Oscillator, State, dot};
+use super::flow::{ExactState, Oscillator, dot};
 use super::near::{Motion, back_after, inverse_cubic};
 use super::observe::Observer;
 use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
@@ -23,7 +23,7 @@ enum Verdict {
 pub(super) struct Hit {
     pub at: f64,
     pub side: Sign,
-    pub state: State,
+    pub state: ExactState,
     pub wave: Wave,
     /// Newton steps it took.
     steps: u32,
@@ -42,7 +42,7 @@ struct Full<'a> {
 
 impl<'a> Full<'a> {
     #[inline(always)]
-    fn new(table: &'a Oscillator, acceleration: f64, state: &State, wave: &Wave) -> Self {
+    fn new(table: &'a Oscillator, acceleration: f64, state: &ExactState, wave: &Wave) -> Self {
         let unit = [state.x_m, state.v_m_per_s, acceleration, wave.sine, wave.cosine];
         let (shift, gain) = (dot(&table.shift, &unit), dot(&table.gain, &unit));
         Self { table, unit, size: unit.map(f64::abs), shift, gain }
@@ -56,7 +56,7 @@ impl<'a> Full<'a> {
 
     /// Acceleration × step² at both ends, and how far it can lie beyond its chord, m.
     #[inline(always)]
-    fn accelerations(&self, end: &State, end_wave: &Wave) -> (f64, f64, f64) {
+    fn accelerations(&self, end: &ExactState, end_wave: &Wave) -> (f64, f64, f64) {
         let at_end = [end.x_m, end.v_m_per_s, self.unit[2], end_wave.sine, end_wave.cosine];
         let row = &self.table.rates[0];
         (dot(row, &self.unit), dot(row, &at_end), dot(&self.table.fourth, &self.size) * 0.125)
@@ -118,7 +118,7 @@ impl Exact {
 
     /// The state after a full arc.
     #[inline(always)]
-    fn after(&self, full: &Full<'_>, state: &State) -> State {
+    fn after(&self, full: &Full<'_>, state: &ExactState) -> ExactState {
         let h = full.table.step_s;
         let mut end = *state;
         end.x_m += full.shift;
@@ -133,7 +133,7 @@ impl Exact {
 
     /// What a full arc from `state` to `end` holds.
     #[inline(always)]
-    fn judge(&self, full: &Full<'_>, state: &State, end: &State, wave: &Wave, end_wave: &Wave) -> Verdict {
+    fn judge(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, wave: &Wave, end_wave: &Wave) -> Verdict {
         if let Grip::Slip(direction) = self.mode.grip
             && !self.slips_on(full, (state, wave), (end, end_wave), direction)
         {
@@ -171,7 +171,7 @@ impl Exact {
 
     /// Whether a particle that ends past a wall is pressed towards it all along the arc: then it crosses it once.
     #[inline(always)]
-    fn bounces(&self, full: &Full<'_>, state: &State, end: &State, end_wave: &Wave) -> Verdict {
+    fn bounces(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, end_wave: &Wave) -> Verdict {
         let side = sign(end.offset_m);
         let d = self.c.clearance;
         let gap = d - signed(side, state.offset_m);
@@ -188,9 +188,15 @@ impl Exact {
 
     /// Whether the structure slips in `direction` on the damper all along the arc.
     #[inline(always)]
-    fn slips_on(&self, full: &Full<'_>, start: (&State, &Wave), end: (&State, &Wave), direction: Sign) -> bool {
+    fn slips_on(
+        &self,
+        full: &Full<'_>,
+        start: (&ExactState, &Wave),
+        end: (&ExactState, &Wave),
+        direction: Sign,
+    ) -> bool {
         let turning = self.flows.base_share * self.flows.turning;
-        let slip = |(state, wave): (&State, &Wave)| signed(direction, state.v_m_per_s - turning * wave.cosine);
+        let slip = |(state, wave): (&ExactState, &Wave)| signed(direction, state.v_m_per_s - turning * wave.cosine);
         let angle = full.table.angle;
         let base_sag = turning * angle * angle * (full.size[3] + full.size[4]) * 0.125;
         slip(start).min(slip(end)) > full.sag() + base_sag
@@ -198,7 +204,7 @@ impl Exact {
 
     /// Whether a particle that moves with the structure does so all along the arc.
     #[inline(always)]
-    fn stays_held(&self, full: &Full<'_>, end: &State, end_wave: &Wave) -> bool {
+    fn stays_held(&self, full: &Full<'_>, end: &ExactState, end_wave: &Wave) -> bool {
         let Contact::Held(side) = self.mode.contact else {
             return true;
         };
@@ -214,7 +220,7 @@ impl Exact {
 
     /// The one root of a gap that is more than nothing, or grows, at the start and is less at the end.
     #[inline(never)]
-    fn find_hit(&self, table: &Oscillator, state: &State, wave: &Wave, side: Sign) -> Option<Hit> {
+    fn find_hit(&self, table: &Oscillator, state: &ExactState, wave: &Wave, side: Sign) -> Option<Hit> {
         let full = Full::new(table, self.leg.structure_acceleration, state, wave);
         let h = table.step_s;
         let gap = self.c.clearance - signed(side, state.offset_m);
@@ -229,7 +235,7 @@ impl Exact {
         let motion = Motion::new(table, &full.unit, wave);
         let (at, near, steps) = motion.gap_closes(side, gap, closing, pull, guess)?;
         let rate = near.rate * table.per_step;
-        let state = State {
+        let state = ExactState {
             x_m: near.x,
             v_m_per_s: state.v_m_per_s + rate,
             offset_m: signed(side, self.c.clearance),

@@ -1,7 +1,7 @@
 //! The figures of a run: true extrema, mean square, cycle maxima, contacts. Memory does not grow with its length.
 
 use super::excitation::Wave;
-use super::flow::{State, dot};
+use super::flow::{ExactState, dot};
 use super::near::{Motion, inverse_cubic};
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
@@ -245,7 +245,7 @@ impl Arc<'_> {
     fn turns_once(&self, from: f64, to: f64, least_m: f64) -> Option<f64> {
         let table = self.flows.oscillator(self.leg.path)?;
         let constant = self.leg.structure_acceleration;
-        let unit = |state: &State, wave: &Wave| [state.x_m, state.v_m_per_s, constant, wave.sine, wave.cosine];
+        let unit = |state: &ExactState, wave: &Wave| [state.x_m, state.v_m_per_s, constant, wave.sine, wave.cosine];
         let (start, end) = (unit(&self.start, &self.wave), unit(&self.end, &self.end_wave));
         let (bent, bent_end) = (dot(&table.rates[0], &start), dot(&table.rates[0], &end));
         // How far the acceleration can lie beyond its chord.

@@ -1,14 +1,20 @@
 //! What ends a flight: every quantity that must not become negative in a mode, and the first that would.
 
-use super::{Event, Flight, Joint, Sampled, Touch};
-use crate::integrator::base::Segment;
+use super::{Event, Flight, Joint, Sampled, WallTouch};
+use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{Contact, Grip, Mode, all_signed, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial, first_failure};
 use crate::scalar::Scalar;
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The first violated guard within `rest`, and the time until then.
-    pub(super) fn next_event(&self, mode: Mode, flight: &Flight<S>, base: &Segment<S>, rest: S) -> (S, Option<Event>) {
+    pub(super) fn next_event(
+        &self,
+        mode: Mode,
+        flight: &Flight<S>,
+        base: &BaseSegment<S>,
+        rest: S,
+    ) -> (S, Option<Event>) {
         let mut first = First { at: rest, event: None };
         let mut consider = |guard: &Polynomial<S>, event: Event| first.consider(guard, event);
         match mode.contact {
@@ -16,12 +22,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Contact::Free(direction) => {
                 let d = self.c.clearance;
                 let reach = polynomial::reach(&flight.offset, rest);
-                let touch = self.joint.link().map_or(Touch::Clear, |link| link.touch);
+                let touch = self.joint.link().map_or(WallTouch::Clear, |link| link.touch);
                 if let Some((side, guard)) = self.joint.link().and_then(|link| link.contact(&flight.offset)) {
                     consider(&guard, Event::LetGo(side));
                 } else if flight.offset[0].abs() + reach >= d {
                     for side in [1, -1] {
-                        if touch == Touch::Leaving(side) {
+                        if touch == WallTouch::Leaving(side) {
                             let mut past = all_signed(side, flight.offset);
                             past[0] -= d;
                             consider(&past, Event::Inside(side));

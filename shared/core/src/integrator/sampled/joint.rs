@@ -5,7 +5,7 @@
 //! their polynomials stay exact, and cost nothing while the particle is away from the walls.
 
 use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
-use crate::integrator::base::Segment;
+use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::integrator::units::Units;
@@ -47,7 +47,7 @@ pub type Joined<S> = Sampled<S, Link<S>>;
 
 /// What a soft wall does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Touch {
+pub enum WallTouch {
     /// Nothing: the particle is between the walls.
     Clear,
     /// The particle presses into the wall of that side.
@@ -68,7 +68,7 @@ pub struct Link<S> {
     longest: S,
     /// None for a tuned mass.
     release: Option<Release>,
-    pub(super) touch: Touch,
+    pub(super) touch: WallTouch,
     /// The particle has just touched: its penetration starts from zero and grows, whatever rounding says.
     pub(super) touched: bool,
 }
@@ -115,7 +115,7 @@ impl<S: Scalar> Link<S> {
             clearance: c.clearance,
             longest: S::from_f64(longest.min(1.0)),
             release,
-            touch: Touch::Clear,
+            touch: WallTouch::Clear,
             touched: false,
         })
     }
@@ -129,7 +129,7 @@ impl<S: Scalar> Link<S> {
     pub(super) fn acts(&self, mode: Mode) -> bool {
         match mode.contact {
             Contact::Held(_) => false,
-            Contact::Absent | Contact::Free(_) => self.is_tuned() || matches!(self.touch, Touch::Pressing(_)),
+            Contact::Absent | Contact::Free(_) => self.is_tuned() || matches!(self.touch, WallTouch::Pressing(_)),
         }
     }
 
@@ -141,14 +141,14 @@ impl<S: Scalar> Link<S> {
     /// Where it is at rest.
     fn rest_offset(&self) -> S {
         match self.touch {
-            Touch::Pressing(side) => signed(side, self.clearance),
-            Touch::Clear | Touch::Leaving(_) => S::ZERO,
+            WallTouch::Pressing(side) => signed(side, self.clearance),
+            WallTouch::Clear | WallTouch::Leaving(_) => S::ZERO,
         }
     }
 
     /// Its force on the structure.
     pub(super) fn force(&self, offset: S, slide: S) -> S {
-        if self.is_tuned() || matches!(self.touch, Touch::Pressing(_)) {
+        if self.is_tuned() || matches!(self.touch, WallTouch::Pressing(_)) {
             self.stiffness * (offset - self.rest_offset()) + self.damping * slide
         } else {
             S::ZERO
@@ -167,7 +167,7 @@ impl<S: Scalar> Link<S> {
 
     /// The guard that ends the contact, with the side.
     pub(super) fn contact(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
-        let Touch::Pressing(side) = self.touch else { return None };
+        let WallTouch::Pressing(side) = self.touch else { return None };
         let mut press = offset.map(|w| signed(side, w));
         press[0] -= self.clearance;
         if self.touched {
@@ -206,7 +206,7 @@ impl<S: Scalar> Joined<S> {
 
 impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The motion from the present state in a mode in which the joint acts.
-    pub(super) fn joined_flight(&self, link: &Link<S>, mode: Mode, base: &Segment<S>) -> Flight<S> {
+    pub(super) fn joined_flight(&self, link: &Link<S>, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
         let z = &base.0;
         let mut x = [S::ZERO; COEFFICIENTS];
         let mut stretch = [S::ZERO; COEFFICIENTS];
@@ -246,7 +246,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     /// The particle is at a soft wall.
-    pub(super) fn touch(&mut self, side: Sign, slip: S, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+    pub(super) fn touch(&mut self, side: Sign, slip: S, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = signed(side, self.state.slide);
         if approach > S::ZERO {
             observer.impact(&Impact { at, side, approach, kick: S::ZERO });
@@ -260,27 +260,34 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// A particle that friction held starts to slide in `direction`: if a soft wall is there, it presses on it from now on.
     pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut impl Observer<S>) {
         let at_wall = signed(direction, self.state.offset) >= self.c.clearance;
-        if at_wall && self.joint.link().is_some_and(|link| link.touch == Touch::Clear) {
+        if at_wall && self.joint.link().is_some_and(|link| link.touch == WallTouch::Clear) {
             self.press(direction, at, observer);
         }
     }
 
     fn press(&mut self, side: Sign, at: S, observer: &mut impl Observer<S>) {
         if let Some(link) = self.joint.link_mut() {
-            link.touch = Touch::Pressing(side);
+            link.touch = WallTouch::Pressing(side);
             link.touched = true;
             observer.contact_start(at, side);
         }
     }
 
     /// The soft wall of `side` lets go.
-    pub(super) fn let_go(&mut self, side: Sign, slip: S, base: &Segment<S>, at: S, observer: &mut impl Observer<S>) {
+    pub(super) fn let_go(
+        &mut self,
+        side: Sign,
+        slip: S,
+        base: &BaseSegment<S>,
+        at: S,
+        observer: &mut impl Observer<S>,
+    ) {
         let past = signed(side, self.state.offset) - self.c.clearance;
         if let Some(link) = self.joint.link_mut() {
             if link.release == Some(Release::ZeroForce) && past > S::ZERO {
-                link.touch = Touch::Leaving(side);
+                link.touch = WallTouch::Leaving(side);
             } else {
-                link.touch = Touch::Clear;
+                link.touch = WallTouch::Clear;
                 self.state.offset = signed(side, self.c.clearance);
             }
         }
@@ -291,7 +298,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The particle is back inside the clearance.
     pub(super) fn inside(&mut self, side: Sign) {
         if let Some(link) = self.joint.link_mut() {
-            link.touch = Touch::Clear;
+            link.touch = WallTouch::Clear;
             self.state.offset = signed(side, self.c.clearance);
         }
     }
@@ -299,11 +306,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Whether the particle is in a wall that still pushes.
     #[must_use]
     pub fn is_pressing(&self) -> bool {
-        self.joint.link().is_some_and(|link| matches!(link.touch, Touch::Pressing(_)))
+        self.joint.link().is_some_and(|link| matches!(link.touch, WallTouch::Pressing(_)))
     }
 
     /// The way in which the structure starts to slip when the damper's limit is reached.
-    pub(super) fn breaking_direction(&self, mode: Mode, base: &Segment<S>) -> Sign {
+    pub(super) fn breaking_direction(&self, mode: Mode, base: &BaseSegment<S>) -> Sign {
         let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
         if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
             needed -= link.force(self.state.offset, self.state.slide);

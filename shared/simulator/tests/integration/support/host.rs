@@ -1,7 +1,7 @@
 //! A host at a simulated board, for tests that go through the protocol.
 
+use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::SpringCommand;
-use damprig_core::control::safety::Danger;
 use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_device::board::DeviceInfo;
@@ -106,7 +106,7 @@ impl Host {
     }
 
     /// Cause of the first fault.
-    pub fn fault(&self) -> Option<Danger> {
+    pub fn fault(&self) -> Option<FaultCause> {
         let fault = |event: &Event| if let Event::Fault(fault) = event { Some(fault.cause) } else { None };
         self.events.iter().find_map(fault)
     }

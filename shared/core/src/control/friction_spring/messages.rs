@@ -1,5 +1,6 @@
 //! What goes into the friction-damper spring's controller and what comes out of it.
 
+use crate::control::fault::Fault;
 use crate::control::safety::rails::Verdict;
 use crate::io::Invalid;
 use postcard_schema::Schema;
@@ -7,9 +8,11 @@ use serde::{Deserialize, Serialize};
 
 /// One tick's readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inputs {
+pub struct SpringInputs {
     /// Spring force as read, compression positive, N: the mean of the tick's block.
     pub force_n: f32,
+    /// The tick.
+    pub tick: u32,
     /// What the force sensor is worth in this tick.
     pub force_sensor: Verdict,
     /// The limit switch is closed.
@@ -61,7 +64,7 @@ pub enum SpringCommand {
 
 /// What the controller is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Stage {
+pub enum SpringStage {
     /// The position is unknown; the motor is off.
     Unhomed,
     /// Looking for the limit switch.
@@ -82,7 +85,7 @@ pub enum Stage {
     Faulted,
 }
 
-impl Stage {
+impl SpringStage {
     /// In words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
@@ -102,110 +105,27 @@ impl Stage {
 
 /// Why a command was not carried out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Refusal {
+pub enum SpringRejected {
     /// A parameter is out of range.
     Invalid(Invalid),
     /// It makes no sense at this stage.
     WrongStage {
         /// The stage.
-        stage: Stage,
+        stage: SpringStage,
         /// What to do, in words.
         advice: &'static str,
     },
 }
 
-impl From<Invalid> for Refusal {
+impl From<Invalid> for SpringRejected {
     fn from(invalid: Invalid) -> Self {
         Self::Invalid(invalid)
     }
 }
 
-/// What went wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Cause {
-    /// The limit switch was not found within the travel (value, limit: m).
-    SwitchNotFound,
-    /// The limit switch stays closed though the seat should have left it (m).
-    SwitchStuck,
-    /// The limit switch closed, or the end of the travel came, where it should not (m).
-    LimitReached,
-    /// The whole travel was made without a touch (m).
-    NoTouch,
-    /// The measured stiffness is not between half and twice the configured one (N/m).
-    SpringImplausible,
-    /// The settled force is off the spring's line: lost steps, a stall, or a slipped block (N).
-    ForceDoesNotFollow,
-    /// The force reached its limit (N).
-    ForceAboveLargest,
-    /// The force sensor is at a rail of its converter, or gives no number (N).
-    SensorLost,
-    /// The force rises while the seat moves away from the structure (N).
-    WrongDirection,
-    /// The force falls below the reading without contact: nothing pulls on the block (N).
-    WrongSign,
-}
-
-/// What is done about a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SafePath {
-    /// The position is still trusted: the block moves away, then the motor is switched off.
-    Release,
-    /// The position is not trusted: the motor stops at once and is switched off. The screw holds itself.
-    SwitchOff,
-}
-
-impl Cause {
-    /// The way to the safe state.
-    #[must_use]
-    pub fn safe_path(self) -> SafePath {
-        match self {
-            Self::NoTouch | Self::SpringImplausible | Self::ForceAboveLargest | Self::SensorLost | Self::WrongSign => {
-                SafePath::Release
-            }
-            Self::SwitchNotFound
-            | Self::SwitchStuck
-            | Self::LimitReached
-            | Self::ForceDoesNotFollow
-            | Self::WrongDirection => SafePath::SwitchOff,
-        }
-    }
-
-    /// In words, for people.
-    #[must_use]
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::SwitchNotFound => "the limit switch was not found: check the motor, its direction and the switch",
-            Self::SwitchStuck => "the limit switch stays closed: check the switch and its wiring",
-            Self::LimitReached => "the end of the travel was reached unexpectedly: home again",
-            Self::NoTouch => "the block met no structure within its travel: check the block and the force sensor",
-            Self::SpringImplausible => {
-                "the measured stiffness is far from the configured: check spring and sensor scale"
-            }
-            Self::ForceDoesNotFollow => "the force does not follow the position: lost steps or a stall; home again",
-            Self::ForceAboveLargest => "the force reached its limit",
-            Self::SensorLost => "the spring force sensor reads an end of its span: check its cable and supply",
-            Self::WrongDirection => {
-                "the force rises while the block moves away: check the motor's direction and the force sensor's sign"
-            }
-            Self::WrongSign => "the force falls while the block presses: check the sign of the force sensor",
-        }
-    }
-}
-
-/// A latched fault of the spring.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct SpringFault {
-    /// What.
-    pub cause: Cause,
-    /// The value that broke the limit, in the cause's unit.
-    pub value: f32,
-    /// The limit.
-    pub limit: f32,
-}
-
 /// The zero reading.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Touch {
+pub struct ZeroReading {
     /// Where the force begins, m from the limit switch.
     pub zero_m: f32,
     /// Standard error of `zero_m`, m.
@@ -216,25 +136,25 @@ pub struct Touch {
 
 /// What is worth telling.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub enum Happening {
+pub enum SpringEvent {
     /// The limit switch was found and left.
     Homed,
     /// The zero reading is known.
-    Touched(Touch),
+    Touched(ZeroReading),
     /// The target is met: the averaged force, N.
     OnTarget {
         /// F_N, N.
         force_n: f32,
     },
     /// A fault was latched.
-    Fault(SpringFault),
+    Fault(Fault),
 }
 
 /// A summary.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SpringStatus {
     /// What it is doing.
-    pub stage: Stage,
+    pub stage: SpringStage,
     /// Seat position from the limit switch, m.
     pub position_m: f32,
     /// Last averaged force above the reading without contact, N.
@@ -246,7 +166,7 @@ pub struct SpringStatus {
     /// A step waits for the structure to become quiet, or a ratio for a measured Z.
     pub waiting: bool,
     /// The zero reading.
-    pub touch: Option<Touch>,
+    pub zero: Option<ZeroReading>,
     /// The latched fault.
-    pub fault: Option<SpringFault>,
+    pub fault: Option<Fault>,
 }
