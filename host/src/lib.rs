@@ -1,6 +1,7 @@
-//! The host side of the rig: campaigns, links, run folders, simulation, figures, and the `damprig` command.
+//! Host library and the `damprig` command: campaigns, link to the rig, run folders, simulation, reports.
 //!
-//! Every decision about how the rig moves is in `damprig-core`, the byte formats are in `damprig-protocol`.
+//! Decisions about the rig's motion belong to `damprig-core`, byte formats to `damprig-protocol`. docs/ARCHITECTURE.md has the
+//! layers of the modules.
 
 #[cfg(feature = "probe")]
 pub mod board;

@@ -12,17 +12,17 @@ use crate::input::section::Given;
 use crate::input::{Problem, Section};
 
 tables! {
-    "The table of a recorded base motion, with all its keys."
+    "The table of a recorded base motion."
 
-    "A recorded motion."
+    "A recorded base motion."
     base_record("base", "record") {
-        FILE: Required, [key("file", Kind::Text, "the record: a CSV or AT2 file, relative to this one")];
-        QUANTITY: Optional, [word("quantity", &["acceleration", "displacement"], "what the values are; an AT2 file says so")];
-        UNIT: Optional, [word("unit", names!(UNITS, unit => unit.0), "the values' unit; an AT2 file says so")];
-        SCALE: Optional, [number("scale", NotZero, "a factor on every value")];
-        TIME_STEP: Optional, [number("time_step_s", Positive, "from sample to sample; else there is a column of times")];
-        COLUMN: Optional, [key("column", Kind::TextOrPlace, "the values' column; else the only one that is not the times'")];
-        TIME_COLUMN: Optional, [key("time_column", Kind::TextOrPlace, "the times' column; else the first")];
+        FILE: Required, [key("file", Kind::Text, "CSV or AT2 file, path relative to this file")];
+        QUANTITY: Optional, [word("quantity", &["acceleration", "displacement"], "quantity of the values; given by an AT2 file")];
+        UNIT: Optional, [word("unit", names!(UNITS, unit => unit.0), "unit of the values; given by an AT2 file")];
+        SCALE: Optional, [number("scale", NotZero, "factor on every value")];
+        TIME_STEP: Optional, [number("time_step_s", Positive, "time between samples; otherwise the file has a time column")];
+        COLUMN: Optional, [key("column", Kind::TextOrPlace, "column of the values; default: the only one beside the time column")];
+        TIME_COLUMN: Optional, [key("time_column", Kind::TextOrPlace, "time column; default: the first")];
     }
 }
 
