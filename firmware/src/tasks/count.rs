@@ -111,7 +111,7 @@ pub fn run(counter: &InstructionCounter, device: &mut Simulated<f32>) -> ! {
     let [done, refused] = host.replies;
     assert!(refused < done && done + refused + 5 > u32::from(host.seq), "{} done, {} refused", done, refused);
     let points = host.device.control().rig().status().points;
-    let impacts = host.device.control().rig().signals()[12];
+    let impacts = host.device.control().rig().signals().impacts;
     assert!(points == 2 && impacts > 20.0, "the load did not run: {} points, {} impacts", points, impacts);
     hprintln!("instructions_per_tick_mean = {}", tally.sum / u64::from(tally.ticks));
     hprintln!("instructions_per_tick_worst = {}", tally.worst.max(orders.worst).max(served.worst));
