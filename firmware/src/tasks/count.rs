@@ -253,7 +253,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
     let [done, rejected] = rig.replies;
     assert!(rejected < done && done + rejected == u32::from(rig.seq), "{} done, {} rejected", done, rejected);
     let points = rig.controller.rig().status().points;
-    let impacts = rig.controller.rig().signals()[12];
+    let impacts = rig.controller.rig().signals().impacts;
     assert!(points == 2 && impacts > 20.0, "the load did not run: {} points, {} impacts", points, impacts);
     let ticks = u64::from(alone.ticks + served.ticks);
     hprintln!("instructions_per_tick_mean = {}", (alone.sum + served.sum) / ticks);

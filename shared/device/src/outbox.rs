@@ -74,8 +74,9 @@ impl Batch {
             values: Vec::new(),
         });
         // A full batch is closed below, so there is room for a row.
+        let values = row.values.values();
         for place in places {
-            let _ = open.values.push(row.values.get(usize::from(*place)).copied().unwrap_or_default());
+            let _ = open.values.push(values.get(usize::from(*place)).copied().unwrap_or_default());
         }
         if open.values.len() + width > MOST_VALUES || row.last {
             self.close();
@@ -101,7 +102,7 @@ impl Batch {
 mod tests {
     use super::*;
     use crate::queues::Chosen;
-    use damprig_core::rig::SIGNALS;
+    use damprig_core::rig::Signals;
 
     const WIDTH: usize = 6;
     /// In a full message.
@@ -109,7 +110,10 @@ mod tests {
 
     fn row(tick: u32) -> Row {
         let chosen = Chosen::new(&(0..WIDTH as u8).collect());
-        Row { tick, every_ticks: 5, chosen, values: [tick as f32; SIGNALS.len()], last: false }
+        let at = tick as f32;
+        let signals =
+            Signals { x: at, z: at, drive: at, frequency: at, x_peak: at, base_amplitude: at, ..Signals::default() };
+        Row { tick, every_ticks: 5, chosen, values: signals, last: false }
     }
 
     fn batches(rows: &[Row]) -> std::vec::Vec<Telemetry> {

@@ -8,6 +8,7 @@ use super::stepped_sine::{self, DriveMode};
 use super::transient::free_vibration;
 use super::transient::playback::{self, RecordId};
 use crate::io::DriveRange;
+use crate::measure::running::DriveReference;
 
 /// A checked experiment.
 #[derive(Clone, Debug, PartialEq)]
@@ -127,6 +128,15 @@ impl ExperimentRunner {
         match self {
             Self::SteppedSine(own) => own.frequency_hz(),
             _ => 0.0,
+        }
+    }
+
+    /// The drive's reference in the last tick; none without a drive frequency.
+    #[must_use]
+    pub fn reference(&self) -> Option<DriveReference> {
+        match self {
+            Self::SteppedSine(own) => own.reference(),
+            Self::Playback(_) | Self::FreeVibration(_) => None,
         }
     }
 

@@ -44,7 +44,7 @@ impl LockIn {
     }
 
     /// The parts in phase with the sine and the cosine.
-    fn components(&self, samples: u32) -> (f32, f32) {
+    pub(super) fn components(&self, samples: u32) -> (f32, f32) {
         if samples == 0 {
             return (0.0, 0.0);
         }

@@ -7,6 +7,8 @@ use crate::control::safety::rails::Verdict;
 use crate::io::{Motor, Readings, Sensors};
 use crate::measure::amplitude::CycleAmplitude;
 use crate::measure::impacts::ImpactMeter;
+use crate::measure::running::{DriveReference, RunningLockIn, RunningMotion};
+use crate::measure::velocity::Velocity;
 use crate::twin::{Twin, TwinSignals};
 
 /// Both dampers.
@@ -16,6 +18,9 @@ pub struct Dampers {
     pub(super) meter: ImpactMeter,
     pub(super) twin: Option<Twin>,
     amplitude: CycleAmplitude,
+    running: RunningLockIn,
+    velocity: Velocity,
+    pub(super) x_velocity_m_per_s: f32,
     pub(super) base_amplitude_m: Option<f32>,
     pub(super) impacts_in_cycle: u32,
     /// Pulses that ended before this tick are of a plant that has been put back.
@@ -36,6 +41,9 @@ impl Dampers {
             twin.restart();
         }
         self.amplitude = CycleAmplitude::default();
+        self.running = RunningLockIn::default();
+        self.velocity = Velocity::default();
+        self.x_velocity_m_per_s = 0.0;
         self.base_amplitude_m = None;
         self.impacts_in_cycle = 0;
         self.put_back_at = 0;
@@ -45,6 +53,7 @@ impl Dampers {
     pub fn put_back(&mut self, tick: u32) {
         // A contact that the putting back has cut off ends in the tick after.
         self.put_back_at = tick.wrapping_add(2);
+        self.velocity = Velocity::default();
         if let Some(twin) = &mut self.twin {
             twin.put_back();
         }
@@ -69,6 +78,17 @@ impl Dampers {
         if let Some(twin) = &mut self.twin {
             twin.tick(tick, readings.x.mean_m, readings.z.mean_m);
         }
+    }
+
+    /// Updates the displayed motion of structure and base with this tick's readings.
+    pub(super) fn update_motion(&mut self, readings: &Readings, reference: Option<DriveReference>) {
+        self.running.push(readings.x.mean_m, readings.z.mean_m, reference);
+        self.x_velocity_m_per_s = self.velocity.push(readings.x.mean_m);
+    }
+
+    /// Amplitudes and phases of the last whole cycle of the drive.
+    pub(super) fn motion(&self) -> &RunningMotion {
+        self.running.motion()
     }
 
     /// What the twin shows; nothing without one.

@@ -95,7 +95,7 @@ impl Rig {
             emergency_stop: false,
             brake: Brake::Open,
             events: EventQueue::default(),
-            signals: [0.0; SIGNALS.len()],
+            signals: Signals::default(),
         }
     }
 
@@ -139,7 +139,7 @@ impl Rig {
         self.tick
     }
 
-    /// The last tick's telemetry, in the order of [`SIGNALS`].
+    /// The last tick's telemetry.
     #[must_use]
     pub fn signals(&self) -> &Signals {
         &self.signals
@@ -361,6 +361,8 @@ impl Rig {
         let mut actuators = Actuators { motor, ..Actuators::default() };
         self.run_experiment(&readings, record, &allowed, &mut actuators);
         self.dampers.update_twin(tick, &readings);
+        let reference = self.runner.as_ref().and_then(ExperimentRunner::reference);
+        self.dampers.update_motion(&readings, reference);
         if self.begins_from_rest.is_some() {
             self.dampers.put_back(tick);
         }
@@ -515,29 +517,38 @@ impl Rig {
         let twin = dampers.twin_signals();
         let [low, high] = dampers.meter.highest_n();
         let number = |flag: bool| if flag { 1.0 } else { 0.0 };
-        self.signals = [
-            readings.x.mean_m,
-            readings.z.mean_m,
-            actuators.drive_m,
-            frequency_hz,
-            readings.x.peak_m,
-            dampers.base_amplitude_m.unwrap_or(0.0),
-            readings.spring_n - spring.bias_n(),
-            spring.position_now_m(),
-            spring.target_force_n(),
-            f32::from(spring.stage() as u8),
-            low,
-            high,
-            dampers.impacts() as f32,
-            dampers.impacts_in_cycle as f32,
-            twin.x_m,
-            twin.residual_rms_m,
-            twin.predicted as f32,
-            twin.detected as f32,
-            twin.missing as f32,
-            number(twin.alarm),
-            f32::from(self.safety.stage() as u8),
-        ];
+        let motion = dampers.motion();
+        self.signals = Signals {
+            x: readings.x.mean_m,
+            z: readings.z.mean_m,
+            drive: actuators.drive_m,
+            frequency: frequency_hz,
+            x_peak: readings.x.peak_m,
+            base_amplitude: dampers.base_amplitude_m.unwrap_or(0.0),
+            spring_force: readings.spring_n - spring.bias_n(),
+            spring_position: spring.position_now_m(),
+            spring_target: spring.target_force_n(),
+            spring_stage: f32::from(spring.stage() as u8),
+            wall_low: low,
+            wall_high: high,
+            impacts: dampers.impacts() as f32,
+            impacts_in_cycle: dampers.impacts_in_cycle as f32,
+            twin_x: twin.x_m,
+            twin_residual: twin.residual_rms_m,
+            twin_predicted: twin.predicted as f32,
+            twin_detected: twin.detected as f32,
+            twin_missing: twin.missing as f32,
+            twin_alarm: number(twin.alarm),
+            safety: f32::from(self.safety.stage() as u8),
+            x_amplitude: motion.x_amplitude_m,
+            x_phase: motion.x_phase_rad,
+            z_amplitude: motion.z_amplitude_m,
+            z_phase: motion.z_phase_rad,
+            x_over_z: motion.x_over_z,
+            x_velocity: dampers.x_velocity_m_per_s,
+            particle_offset: twin.particle_offset_m,
+            particle_velocity: twin.particle_velocity_m_per_s,
+        };
     }
 
     /// How far the way to the safe state has been gone.

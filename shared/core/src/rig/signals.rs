@@ -1,40 +1,100 @@
-//! The telemetry signals: what a host may choose from, by its place in this table.
+//! The telemetry signals: one line declares a signal's field, its name, its unit and its place in the table.
 
-/// Name and unit of every signal, in the order of [`super::Rig::signals`]; a number without a unit has an empty one.
-pub const SIGNALS: [(&str, &str); 21] = [
-    ("x", "m"),
-    ("z", "m"),
-    ("drive", "m"),
-    ("frequency", "Hz"),
-    ("x_peak", "m"),
-    // Z over the last whole cycle.
-    ("base_amplitude", "m"),
-    ("spring_force", "N"),
-    ("spring_position", "m"),
-    ("spring_target", "N"),
-    // Place in `friction_spring::SpringStage`.
-    ("spring_stage", ""),
-    // Highest force of the tick on the wall at −d, and at +d.
-    ("wall_low", "N"),
-    ("wall_high", "N"),
-    // Since the start.
-    ("impacts", ""),
-    // In the last whole cycle.
-    ("impacts_in_cycle", ""),
-    // Predicted x of the tick before.
-    ("twin_x", "m"),
-    ("twin_residual", "m"),
-    ("twin_predicted", ""),
-    ("twin_detected", ""),
-    ("twin_missing", ""),
-    // 1 while predicted impacts do not come.
-    ("twin_alarm", ""),
-    // Place in `safety::SafeStage`.
-    ("safety", ""),
-];
+macro_rules! signals {
+    ($($(#[doc = $doc:literal])+ $name:ident: $unit:literal,)+) => {
+        /// Every signal of one tick.
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct Signals {
+            $($(#[doc = $doc])+ pub $name: f32,)+
+        }
 
-/// Every signal of one tick.
-pub type Signals = [f32; SIGNALS.len()];
+        /// Name and unit of every signal in the order of [`Signals::values`]; a number without a unit has an empty one.
+        pub const SIGNALS: [(&str, &str); [$($unit),+].len()] = [$((stringify!($name), $unit)),+];
 
-/// How many of the table's first signals a rig sends if it is not told which: the motion.
+        impl Signals {
+            /// The values in the order of [`SIGNALS`].
+            #[must_use]
+            pub fn values(&self) -> [f32; SIGNALS.len()] {
+                [$(self.$name),+]
+            }
+        }
+    };
+}
+
+signals! {
+    /// Mean of x over the tick.
+    x: "m",
+    /// Mean of z over the tick.
+    z: "m",
+    /// Demanded base displacement.
+    drive: "m",
+    /// Drive frequency; 0 without one.
+    frequency: "Hz",
+    /// max |x| over the tick.
+    x_peak: "m",
+    /// Z over the last whole cycle: √2 times its RMS.
+    base_amplitude: "m",
+    /// Force of the friction damper's spring above the reading without contact.
+    spring_force: "N",
+    /// Position of the spring's seat from its limit switch.
+    spring_position: "m",
+    /// Demanded force of the spring; 0 without a target.
+    spring_target: "N",
+    /// Place in `friction_spring::SpringStage`.
+    spring_stage: "",
+    /// Highest force of the tick on the wall at −d.
+    wall_low: "N",
+    /// Highest force of the tick on the wall at +d.
+    wall_high: "N",
+    /// Impacts since the start.
+    impacts: "",
+    /// Impacts in the last whole cycle.
+    impacts_in_cycle: "",
+    /// x of the tick before as the twin predicts it.
+    twin_x: "m",
+    /// RMS of measured minus predicted x.
+    twin_residual: "m",
+    /// Predicted impacts that are strong enough to be measured.
+    twin_predicted: "",
+    /// Measured impacts.
+    twin_detected: "",
+    /// Predicted impacts that were not measured.
+    twin_missing: "",
+    /// 1 while predicted impacts do not come.
+    twin_alarm: "",
+    /// Place in `safety::SafeStage`.
+    safety: "",
+    /// Amplitude of x at the drive frequency over the last whole cycle; 0 without a drive frequency.
+    x_amplitude: "m",
+    /// Phase of x relative to z in that cycle, −π to π, within 6 mrad.
+    x_phase: "rad",
+    /// Amplitude of z at the drive frequency in that cycle.
+    z_amplitude: "m",
+    /// Phase of z relative to the drive in that cycle, −π to π, within 6 mrad.
+    z_phase: "rad",
+    /// X/Z in that cycle.
+    x_over_z: "",
+    /// Velocity of the structure: measured, the mean of the last 8 ms.
+    x_velocity: "m/s",
+    /// Particle relative to the structure, y − x, in the tick before as the twin estimates it; 0 without a twin.
+    particle_offset: "m",
+    /// Velocity of the particle relative to the structure, y′ − x′, in the tick before as the twin estimates it.
+    particle_velocity: "m/s",
+}
+
+/// How many of the table's first signals a rig sends by default: the motion.
 pub const MOTION_SIGNALS: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_has_the_place_of_its_name() {
+        let signals = Signals { x: 1.0, twin_x: 2.0, particle_velocity: 3.0, ..Signals::default() };
+        for (name, value) in [("x", 1.0), ("twin_x", 2.0), ("particle_velocity", 3.0), ("z", 0.0)] {
+            let place = SIGNALS.iter().position(|(known, _)| *known == name).unwrap();
+            assert_eq!(signals.values()[place], value, "{name}");
+        }
+    }
+}

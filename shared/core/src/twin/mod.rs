@@ -93,6 +93,10 @@ pub struct TwinSignals {
     pub x_m: f32,
     /// RMS of measured minus predicted x, m.
     pub residual_rms_m: f32,
+    /// Estimated y − x of the tick before, m.
+    pub particle_offset_m: f32,
+    /// Estimated y′ − x′ of the tick before, m/s.
+    pub particle_velocity_m_per_s: f32,
     /// Predicted impacts that are strong enough to be measured.
     pub predicted: u32,
     /// Measured impacts.
@@ -105,8 +109,16 @@ pub struct TwinSignals {
 
 impl TwinSignals {
     /// Of a twin that has seen nothing.
-    pub const NOTHING: Self =
-        Self { x_m: 0.0, residual_rms_m: 0.0, predicted: 0, detected: 0, missing: 0, alarm: false };
+    pub const NOTHING: Self = Self {
+        x_m: 0.0,
+        residual_rms_m: 0.0,
+        particle_offset_m: 0.0,
+        particle_velocity_m_per_s: 0.0,
+        predicted: 0,
+        detected: 0,
+        missing: 0,
+        alarm: false,
+    };
 }
 
 /// What a twin is made from: checked, and worked out where there is time for it.
@@ -261,9 +273,12 @@ impl Twin {
         self.before = (x_m, z_m);
         self.has_begun = true;
         let counts = self.matcher.counts();
+        let state = self.plan.motion.state();
         self.signals = TwinSignals {
-            x_m: self.plan.motion.state().x,
+            x_m: state.x,
             residual_rms_m: Scalar::sqrt(self.residual_square),
+            particle_offset_m: state.offset,
+            particle_velocity_m_per_s: state.slide / self.plan.step_s,
             predicted: counts.predicted,
             detected: counts.detected,
             missing: counts.missing,

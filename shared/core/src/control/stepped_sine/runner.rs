@@ -8,6 +8,7 @@ use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
 use crate::control::rest::{RestWait, Waited};
 use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
+use crate::measure::running::DriveReference;
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
@@ -96,6 +97,13 @@ impl SteppedSineRunner {
     #[must_use]
     pub fn frequency_hz(&self) -> f32 {
         if self.stage == ExperimentStage::Rest { 0.0 } else { self.frequency_hz }
+    }
+
+    /// The drive's reference in the last tick; none while resting.
+    #[must_use]
+    pub fn reference(&self) -> Option<DriveReference> {
+        let wave = self.waves[DELAY_TICKS as usize - 1];
+        (self.stage != ExperimentStage::Rest).then_some(DriveReference { wave, cycle_ended: self.cycle_ended })
     }
 
     /// A cycle of the drive ended in the last tick.
