@@ -60,7 +60,7 @@ fn a_controller_that_kept_up_alarms_nobody() {
     assert!(told["most_replies_waiting"].as_u64() > Some(0), "it was asked: {told}");
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
     assert!(page.contains("no tick durations"));
-    for alarm in ["came too late:", "came to the board broken", "found no room"] {
+    for alarm in ["came too late:", "damaged when they reached the board", "queue was full"] {
         assert!(!page.contains(alarm), "{alarm}");
     }
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("too late").not());

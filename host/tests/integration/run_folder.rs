@@ -59,7 +59,7 @@ fn a_journal_that_was_emptied_or_cut_is_refused_and_nothing_is_written_over() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let lines = journal_lines(&run);
-    let to_do = "keep this folder and begin a new run";
+    let to_do = "keep this folder and start a new run";
     write_journal(&run, &[]);
     refuses(&folder, &["manifest.json: 3 points taken", to_do]);
     as_if_killed(&run);
@@ -92,7 +92,7 @@ fn what_is_not_of_the_run_is_neither_joined_nor_written_over_nor_removed() {
     let beside = run.join("samples.parts/notes.txt");
     std::fs::write(&beside, "mine").unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-    answer.stdout(contains("warning: samples-000099.open.arrows: not a word of it can be read"));
+    answer.stdout(contains("warning: samples-000099.open.arrows: nothing in it can be read"));
     assert_eq!(std::fs::read(&unreadable).unwrap(), b"no stream");
     assert_eq!(std::fs::read(&beside).unwrap(), b"mine");
     assert_eq!((result_rows(&run), part.exists()), (6, false));
@@ -126,7 +126,7 @@ fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_that_is_not_it
     as_if_killed(&run);
     // The parts join into fewer rows than the file there has: it is not theirs.
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
-    answer.stderr(contains("it is not what samples.parts join into"));
+    answer.stderr(contains("differs from the joined samples.parts"));
     assert_eq!(sample_rows(&run), rows, "it was written over");
     // Once that is elsewhere the parts are joined; a second kill at the same place then finds its own file.
     std::fs::remove_file(run.join("samples.parquet")).unwrap();
@@ -177,7 +177,7 @@ fn a_line_torn_by_a_kill_is_no_damage_once_the_run_has_come_through() {
     as_if_killed(&run);
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().success();
-    answer.stdout(contains(format!("line {} was torn by a kill", lines.len())).and(contains("warning:").not()));
+    answer.stdout(contains(format!("line {} was cut off by a kill", lines.len())).and(contains("warning:").not()));
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_
     let changed = short().replace("noise_seed = 7", "noise_seed = 8");
     std::fs::write(run.join("campaign.toml"), changed).unwrap();
     let answer = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
-    answer.stdout(contains("rig.noise_seed: 7 when it was begun, 8 now"));
+    answer.stdout(contains("rig.noise_seed: 7 when it was started, 8 now"));
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn two_programs_do_not_take_one_folder() {
     first.write_campaign("name = \"first\"").unwrap();
     assert!(second.claim().unwrap_err().to_string().contains("another damprig is recording"));
     drop(journal);
-    assert!(second.claim().unwrap_err().to_string().contains("another damprig has just begun"));
+    assert!(second.claim().unwrap_err().to_string().contains("another damprig has just started"));
 }
 
 #[cfg(unix)]
@@ -238,8 +238,13 @@ fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
     std::fs::remove_file(&part).unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&part).status().unwrap().success());
     let verify = damprig(&folder).args(["runs", "verify", "out"]).timeout(PATIENCE).assert().code(1);
-    verify.stdout(contains("000001.parquet: cannot read it: this is a pipe, no plain file"));
+    verify.stdout(contains("000001.parquet: cannot read it: this is a pipe, not a regular file"));
     let export = ["runs", "export", "out", "--format", "csv"];
-    damprig(&folder).args(export).timeout(PATIENCE).assert().code(1).stderr(contains("this is a pipe, no plain file"));
+    damprig(&folder)
+        .args(export)
+        .timeout(PATIENCE)
+        .assert()
+        .code(1)
+        .stderr(contains("this is a pipe, not a regular file"));
     damprig(&folder).args(["run", "--resume", "out"]).timeout(PATIENCE).assert().success();
 }

@@ -374,7 +374,7 @@ fn a_campaign_with_soft_walls_or_a_tuned_mass_is_refused_before_it_is_predicted(
         let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
         let answer = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(2), "{answer}");
-        for word in ["test.toml:9:", &format!("set-up \"s\" has {what}"), "`damprig simulate` follows"] {
+        for word in ["test.toml:9:", &format!("set-up \"s\" has {what}"), "`damprig simulate` supports"] {
             assert!(answer.contains(word), "no {word:?} in:\n{answer}");
         }
     }
