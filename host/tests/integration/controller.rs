@@ -1,5 +1,5 @@
-//! How the controller kept up in a run: what it counted in this run alone, told wherever a run is looked at, and added up
-//! over the parts of a run that was taken up again.
+//! The controller's counters of a run: without counts from before the run, shown by every report, and added up over the parts
+//! of a resumed run.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -23,9 +23,9 @@ fn overrunning(message: &FromDevice, overruns: u32) -> Fate {
 }
 
 #[test]
-fn ticks_that_overran_in_the_run_are_told_and_those_before_it_are_not() {
+fn late_ticks_are_reported_of_this_run_only() {
     let folder = folder_with(&short());
-    // Forty before the run, and one more with every point.
+    // Forty before the run, and one with every point.
     let mut overruns = 40;
     let board = Served::start(move |message| {
         overruns += u32::from(is_point(message));
@@ -49,7 +49,7 @@ fn ticks_that_overran_in_the_run_are_told_and_those_before_it_are_not() {
 }
 
 #[test]
-fn a_controller_that_kept_up_alarms_nobody() {
+fn a_controller_without_counts_gives_no_warning() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success().stdout(contains("too late").not());
     let run = folder.path().join("out");
@@ -67,7 +67,7 @@ fn a_controller_that_kept_up_alarms_nobody() {
 }
 
 #[test]
-fn a_run_taken_up_again_adds_up_its_parts_without_what_happened_between_them() {
+fn a_resumed_run_adds_up_its_parts_without_counts_between_them() {
     let folder = folder_with(&short());
     let (overruns, mut points) = (Arc::new(AtomicU32::new(100)), 0);
     let counted = Arc::clone(&overruns);
@@ -92,7 +92,7 @@ fn a_run_taken_up_again_adds_up_its_parts_without_what_happened_between_them() {
 }
 
 #[test]
-fn a_board_that_was_reset_in_mid_run_counts_from_nothing() {
+fn a_board_that_was_reset_during_the_run_counts_from_zero() {
     let folder = folder_with(&short());
     let (mut overruns, mut points) = (40, 0);
     let board = Served::start(move |message| {
@@ -106,6 +106,6 @@ fn a_board_that_was_reset_in_mid_run_counts_from_nothing() {
     });
     damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
     let told = &manifest(&folder.path().join("out"))["controller"];
-    // The second point to the sixth. What it had counted before the reset was gone before anybody asked.
+    // The second point to the sixth. Its counts before the reset were lost with it.
     assert_eq!(told["overruns"], 5, "{told}");
 }

@@ -1,5 +1,5 @@
-//! Disks that are full, that cannot be written, or whose folder goes away: it is said, the rig is stopped, and what was
-//! taken before can be read.
+//! Full disks, read-only disks and removed folders: the error is reported, the rig is stopped, and earlier points can be
+//! read.
 
 #[cfg(target_os = "linux")]
 mod linux {
@@ -14,11 +14,11 @@ mod linux {
 
     use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, result_rows, sample_rows, short};
 
-    /// A small file system in memory; unmounted when it goes.
+    /// A small file system in memory; unmounted on drop.
     struct Small(PathBuf);
 
     impl Small {
-        /// `None`, with a word on the output, where nobody may mount.
+        /// `None`, with a message on the output, where mounting is not permitted.
         fn mount(at: &Path, size: &str) -> Option<Self> {
             std::fs::create_dir(at).unwrap();
             let options = format!("size={size}");
@@ -49,7 +49,7 @@ mod linux {
     }
 
     #[test]
-    fn a_full_disk_stops_the_rig_keeps_what_was_taken_and_goes_on_when_there_is_room() {
+    fn a_full_disk_stops_the_rig_and_the_run_is_resumed_when_there_is_room() {
         let folder = folder_with(&voluminous());
         let Some(disk) = Small::mount(&folder.path().join("disk"), "600k") else { return };
         let board = Served::start(|_| Fate::Pass);
@@ -69,7 +69,7 @@ mod linux {
         assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
     }
 
-    /// The command in a shell that has done `first`.
+    /// The command in a shell after `first`.
     fn in_a_shell(folder: &TempDir, first: &str, arguments: &[&str]) -> assert_cmd::Command {
         let mut shell = assert_cmd::Command::new("sh");
         shell.current_dir(folder.path()).arg("-c").arg(format!("{first}; exec \"$0\" \"$@\""));
@@ -94,13 +94,13 @@ mod linux {
     }
 
     #[test]
-    fn a_line_that_a_full_disk_took_in_part_does_not_spoil_the_next() {
+    fn a_line_that_a_full_disk_cut_short_does_not_damage_the_next() {
         let folder = TempDir::new().unwrap();
         let Some(disk) = Small::mount(&folder.path().join("disk"), "64k") else { return };
         let entry = |length: usize| Entry::Link { what: "x".repeat(length), at: String::new() };
         let mut journal = Journal::open(&disk.0).unwrap();
         journal.append(&entry(10)).unwrap();
-        // All blocks but the one that the journal has begun.
+        // All blocks but the journal's present one.
         let rest = std::fs::write(disk.0.join("rest"), vec![0; 64 << 10]);
         assert!(rest.is_err(), "the disk is not full");
         let error = journal.append(&entry(9000)).unwrap_err().to_string();
@@ -115,7 +115,7 @@ mod linux {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_is_said_before_anything_moves() {
+    fn a_folder_that_cannot_be_written_is_reported_before_anything_moves() {
         let folder = folder_with(&short());
         let board = Served::start(|_| Fate::Pass);
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "/proc/damprig"];
@@ -126,7 +126,7 @@ mod linux {
     }
 
     #[test]
-    fn a_disk_that_has_become_read_only_refuses_to_resume_and_lets_itself_be_read() {
+    fn on_a_read_only_disk_resuming_is_refused_and_the_run_can_be_read() {
         let folder = folder_with(&short());
         let Some(disk) = Small::mount(&folder.path().join("disk"), "30m") else { return };
         let mut points = 0;
@@ -145,7 +145,7 @@ mod linux {
     }
 
     #[test]
-    fn a_folder_removed_in_mid_run_is_noticed_and_the_rig_stopped() {
+    fn a_folder_removed_during_the_run_is_detected_and_the_rig_stopped() {
         let folder = folder_with(&voluminous());
         let run = folder.path().join("out");
         let (mut points, gone) = (0, run.clone());

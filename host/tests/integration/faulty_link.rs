@@ -1,5 +1,5 @@
-//! A campaign over links that drop, delay, duplicate and reorder what they carry: it completes with the results of a
-//! run that nobody disturbed, and what was lost of the samples is counted.
+//! A campaign over links that drop, delay, duplicate and reorder frames or bytes: it completes with the results of an
+//! undisturbed run, and lost samples are counted.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io;
@@ -21,15 +21,15 @@ use damprig::run_folder::write::writer::{Layout, Writer};
 use damprig::runner::{Run, RunError, Selection, Tally, Watcher};
 use tempfile::TempDir;
 
-/// The short campaign with ten times the samples: many messages to be hit.
+/// The short campaign with ten times the samples, so that many messages are disturbed.
 fn campaign() -> Campaign {
     Campaign::parse(Source::new("short.toml", short().replace("rate_hz = 100", "rate_hz = 1000"))).unwrap()
 }
 
-/// How many in a thousand are hit.
+/// Disturbed items in a thousand.
 const PER_MILLE: u32 = 10;
 
-/// What a fault happens to.
+/// The unit that a fault affects.
 #[derive(Clone, Copy, Debug)]
 enum Unit {
     /// Whole frames, from one zero to the next.
@@ -42,9 +42,9 @@ enum Unit {
 struct Faults {
     unit: Unit,
     random: fastrand::Rng,
-    /// The beginning of a frame that has not come to its end.
+    /// The beginning of an incomplete frame.
     begun: Vec<u8>,
-    /// What is late, and how many others go before it.
+    /// Delayed items, and how many others overtake them.
     late: VecDeque<(usize, Vec<u8>)>,
     hit: Arc<AtomicU64>,
 }
@@ -55,7 +55,7 @@ impl Faults {
         Self { unit, random, begun: vec![], late: VecDeque::new(), hit }
     }
 
-    /// What comes out when `bytes` go in.
+    /// The output for the input `bytes`.
     fn carry(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut out = Vec::new();
         for &byte in bytes {
@@ -112,7 +112,7 @@ impl Link for Faulty {
         self.rig.receive(&mut bytes, wait)?;
         into.extend(self.back.carry(&bytes));
         if bytes.is_empty() {
-            // Nothing overtakes what is late any more.
+            // Delayed items are released.
             self.back.release(into, |_| true);
             let mut late = Vec::new();
             self.out.release(&mut late, |_| true);
@@ -157,7 +157,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
     (writer, tally)
 }
 
-/// Every figure, as text: of a number, equal text is equal bits.
+/// Every value as text; equal text of a number means equal bits.
 fn figures(writer: &Writer) -> Vec<String> {
     writer
         .results()
@@ -197,24 +197,24 @@ fn over_faults(unit: Unit, seed: u64) {
     let hit = hit.load(Ordering::Relaxed);
     assert!(hit > 10, "{hit}");
     println!("{unit:?}, seed {seed}: {hit} hit, {} rows, {lost} lost, {:?}", disturbed.rows(), tally.counters);
-    // Every row of the segments that came to their end is there or counted.
+    // Every row of the finished segments is recorded or counted as lost.
     let starts = disturbed.state().segments.len();
     if starts == undisturbed.state().segments.len() {
         let end = |w: &Writer| w.state().finished.iter().map(|f| u64::from(f.end_tick) + 1).sum::<u64>();
         assert_eq!(disturbed.rows() + lost, end(&disturbed), "{unit:?}, seed {seed}");
     }
-    // Each gap stands before the row after it.
+    // Each gap is stated in the row after it.
     let gap = |row: &String| row.split("gap U64(").nth(1).and_then(|t| t.split(')').next()?.parse::<u64>().ok());
     let gaps: u64 = samples(&faulty).map(|(_, row)| gap(&row).unwrap()).sum();
     assert_eq!(gaps, disturbed.state().sealed.iter().map(|s| s.lost_rows).sum::<u64>(), "one tick a row");
-    // A row that has arrived is the row of the undisturbed run, and belongs to the same point.
+    // Each recorded row is that of the undisturbed run, with the same point.
     let without_gap = |row: String| row.split("gap ").next().unwrap().to_string();
     let rows = |folder: &Path| -> BTreeMap<String, String> {
         samples(folder).map(|(key, row)| (key, without_gap(row))).collect()
     };
     let (here, there) = (rows(&faulty), rows(&whole));
     if starts == undisturbed.state().segments.len() {
-        // If the event that ends an experiment is lost, the idle rig's rows follow until the host asks: they have no counterpart.
+        // If the event that ends an experiment is lost, rows of the idle rig follow until the host requests the status.
         let parts = |key: &str| {
             let (experiment, tick) = key.rsplit_once("U64(").unwrap();
             (experiment.to_string(), tick.trim().trim_end_matches(')').parse::<u64>().unwrap())
@@ -232,10 +232,10 @@ fn over_faults(unit: Unit, seed: u64) {
     }
     match unit {
         Unit::Frame => assert!(disturbed.rows() * 10 > undisturbed.rows() * 9),
-        // Nearly every message of 64 values is hit by then.
+        // At this rate nearly every message of 64 values is disturbed.
         Unit::Byte => {
             assert!(tally.counters.bad_frames_host > 0 && tally.counters.missing_records > 0);
-            // The board's own word, on its way over the same line.
+            // The board's own count, sent over the same link.
             let told = tally.controller.expect("the board was asked");
             assert!(told.bad_frames > 0 && told.overruns == 0, "{told:?}");
             assert_eq!(tally.counters.bad_frames_device, told.bad_frames);

@@ -1,5 +1,5 @@
-//! A rig that has tripped is brought to idle when its structure has come to rest, however long that takes; and a board with
-//! a clock of its own hears of its host.
+//! A faulted rig is brought to idle when its structure is at rest, however long that takes; and a board with its own clock
+//! gets keep-alive messages.
 
 use std::io;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
 
-/// Long against an answer within the process, short for a test.
+/// Much longer than a reply within the process takes.
 const TIMEOUT: Duration = Duration::from_millis(100);
 
 /// A board of its own clock, which goes on by some ticks whenever the host listens; the structure swings by 90 mm, beyond its
@@ -118,13 +118,13 @@ fn tripped() -> (Session, Arc<AtomicBool>) {
 }
 
 #[test]
-fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_told() {
+fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_informed() {
     let (mut session, is_held) = tripped();
     let mut told = Vec::new();
     session
         .bring_to_idle(|what| {
             told.push(what.to_string());
-            // The engineer puts a hand on it.
+            // The engineer stops it by hand.
             is_held.store(true, Ordering::Relaxed);
         })
         .expect("it comes to rest");

@@ -1,4 +1,4 @@
-//! Whose limits act in a campaign: the board's, which it may tighten for its own duration and never loosen.
+//! Limits in a campaign: the board's act; the campaign may tighten them for its duration, never loosen them.
 
 use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, short};
 use damprig_protocol::{Event, FromDevice};
@@ -39,7 +39,7 @@ const HARD: &str = "base_amplitude_m = 0.004\nparticle = { mass_ratio = 0.4, cle
 /// A particle whose impacts reach 80 N to 100 N.
 const SOFT: &str = "base_amplitude_m = 0.002\nparticle = { mass_ratio = 0.1, clearance_m = 0.015, wall = { kind = \"restitution\", coefficient = 0.5 } }";
 
-/// A simulated board that lives on between the commands, and a folder to run them in.
+/// A simulated board that keeps running between the commands, and a folder to run them in.
 struct Lab {
     rig: String,
     folder: TempDir,
@@ -79,7 +79,7 @@ fn acting<'m>(manifest: &'m serde_json::Value, setting: &str) -> &'m serde_json:
 }
 
 #[test]
-fn a_saved_limit_trips_a_campaign_at_its_value_and_not_at_the_one_as_delivered() {
+fn a_saved_limit_trips_at_its_value_not_at_the_default() {
     let lab = Lab::new();
     let (code, words) = lab.run(&campaign("", HARD), "delivered");
     assert_eq!(code, 0, "{words}");
@@ -92,7 +92,7 @@ fn a_saved_limit_trips_a_campaign_at_its_value_and_not_at_the_one_as_delivered()
     assert_eq!((&force["value"], &force["origin"]), (&300.0.into(), &"board (stored)".into()));
 }
 
-/// What ends a campaign that has tightened a limit of its board.
+/// How a campaign that has tightened a limit of its board ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum End {
     Complete,
@@ -156,7 +156,7 @@ fn a_tightened_limit_acts_in_its_campaign_alone_however_that_ends() {
         assert_eq!(force["value"], expected);
         assert_eq!(force["origin"], "campaign (rig.wall_force_limit_n)");
         assert_eq!(force["board_value"], 300.0);
-        // The board has its own limit again: less does not trip, more does.
+        // The board's own limit acts again: a smaller value does not trip, a larger one does.
         let (code, words) = lab.run(&campaign("", SOFT), "soft");
         assert_eq!(code, 0, "{end:?}: {words}");
         let (code, words) = lab.run(&campaign("", HARD), "hard");
@@ -293,7 +293,7 @@ fn last_force_n(lab: &Lab, out: &str) -> f64 {
 }
 
 #[test]
-fn what_a_set_up_does_not_say_of_its_spring_is_the_boards() {
+fn spring_properties_that_a_set_up_leaves_out_are_the_boards() {
     let lab = Lab::new();
     lab.settings(&["set", "spring.friction_coefficient=0.25", "--save"]);
     let damper = |more: &str| {
@@ -340,7 +340,7 @@ fn the_report_lists_the_limits_that_acted_with_their_origin() {
 }
 
 #[test]
-fn a_board_that_forgets_its_settings_in_mid_run_ends_the_run_with_the_difference() {
+fn a_board_that_loses_its_settings_during_the_run_ends_the_run_with_the_difference() {
     let mut points = 0;
     let lab = Lab::with(move |message| {
         points += usize::from(is_point(message));

@@ -1,5 +1,5 @@
-//! A run that was killed, cut off or stopped goes on where it was: nothing is measured twice, nothing is lost, and the
-//! results are those of a run that nobody disturbed.
+//! Resuming a run that was killed, cut off or stopped: no point is measured twice, none is lost, and the results are those of
+//! an undisturbed run.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -14,7 +14,7 @@ use damprig::run_folder::schema::journal_state::JournalState;
 use predicates::prelude::*;
 use predicates::str::contains;
 
-/// What tells when a point was measured, not what was measured.
+/// Columns that depend on when a point was measured.
 const OF_THE_CLOCK: [&str; 3] = ["start_tick", "end_tick", "segment"];
 
 /// The measured columns of the results as text: equal text is equal bits, but for the sign of a NaN.
@@ -34,21 +34,21 @@ fn taken(run: &Path) -> JournalState {
     JournalState::of(&journal::read(run).unwrap().entries)
 }
 
-/// The short campaign with more points, more samples and a sweep that is carried over.
+/// The short campaign with more points, more samples and a sweep that carries its motion over.
 fn longer() -> String {
     let carried = "\n[[experiment]]\nname = \"carried\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.45, 2.55]\nstart = \"carry_over\"\nset_ups = [\"bare\"]\nsettle_s = 2.0\ndwell_s = 4.0\n";
     let more = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.05 }";
     short().replace("frequencies_hz = [2.4, 2.5, 2.6]", more).replace("rate_hz = 100", "rate_hz = 1000") + carried
 }
 
-/// How many kills: 8, or what `DAMPRIG_KILLS` says.
+/// Number of kills: 8, or `DAMPRIG_KILLS`.
 fn kills() -> u64 {
     std::env::var("DAMPRIG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(8)
 }
 
 #[cfg(unix)]
 #[test]
-fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
+fn a_run_killed_at_any_instant_is_resumed_and_gives_the_same_results() {
     let folder = folder_with(&longer());
     let begun = Instant::now();
     damprig(&folder).args(["run", "test.toml", "--out", "whole"]).assert().success();
@@ -62,9 +62,9 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
         runs += 1;
         let run = folder.path().join(format!("killed-{runs}"));
         let name = run.file_name().unwrap().to_str().unwrap().to_string();
-        // Killed again and again until it has come through.
+        // Killed repeatedly until it is complete.
         loop {
-            // Nothing to go on with: the kill came before the folder had a campaign.
+            // Nothing to resume: the kill came before the folder had a campaign.
             let is_new = !run.join("campaign.toml").exists();
             if is_new && run.exists() {
                 unborn += 1;
@@ -85,16 +85,16 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
                 .spawn()
                 .unwrap();
             if left > 0 {
-                // Any instant will do, so nothing is awaited here.
+                // A kill at any instant is allowed, so nothing is waited for.
                 std::thread::sleep(Duration::from_secs_f64(random.f64() * whole_run.as_secs_f64()));
                 child.kill().unwrap();
                 left -= 1;
             }
             let output = child.wait_with_output().unwrap();
-            // Sealed parts and results of before are still there, unchanged.
+            // Earlier closed parts and results are unchanged.
             if run.join(journal::JOURNAL).exists() {
                 let now = taken(&run);
-                // As text: a NaN is no other than itself.
+                // As text: NaN is not equal to itself.
                 let rows: Vec<String> = now.rows().iter().chain(now.superseded()).map(|r| format!("{r:?}")).collect();
                 for row in before.rows().iter().map(|r| format!("{r:?}")) {
                     assert!(rows.contains(&row), "a result was lost: {row}");
@@ -132,7 +132,7 @@ fn a_run_killed_at_any_instant_is_taken_up_again_and_gives_the_same_results() {
 }
 
 #[test]
-fn a_complete_run_says_so_and_is_left_alone() {
+fn resuming_a_complete_run_changes_nothing() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let before = std::fs::read(folder.path().join("out/manifest.json")).unwrap();
@@ -142,7 +142,7 @@ fn a_complete_run_says_so_and_is_left_alone() {
 }
 
 #[test]
-fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
+fn a_resumed_run_measures_the_missing_points_and_reports_them() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     assert_eq!(result_rows(&run), 3);
@@ -160,10 +160,10 @@ fn a_resumed_run_measures_what_is_missing_and_says_what_it_did() {
 }
 
 #[test]
-fn a_sweep_that_carries_its_motion_over_begins_anew() {
+fn a_sweep_that_carries_its_motion_over_starts_from_its_beginning() {
     let campaign = short().replace("start = \"from_rest\"", "start = \"carry_over\"");
     let (folder, _) = cut_off(&campaign);
-    // Cut off with one more point taken than a set-up has: one counts no more when the second sweep begins anew.
+    // Cut off one point into the second set-up: that point is superseded when its sweep starts from its beginning.
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     answer.stdout(contains("starts from its beginning: the motion at 2.4 Hz cannot be carried over"));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
@@ -193,10 +193,10 @@ fn another_device_is_refused_with_every_difference() {
 }
 
 #[test]
-fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
+fn a_run_that_cannot_be_resumed_names_the_damage_and_what_can_be_read() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
-    // A part of the samples is cut in half: the results do not need it.
+    // A part of the samples is cut in half: the results are not affected.
     let part = run.join(&taken(&run).sealed[0].file.name);
     let bytes = std::fs::read(&part).unwrap();
     std::fs::write(&part, &bytes[..bytes.len() / 2]).unwrap();
@@ -215,7 +215,7 @@ fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
     )));
     assert_eq!(result_rows(&run), 6);
     assert_eq!(std::fs::read(&part).unwrap().len(), bytes.len() / 2, "nothing is rewritten");
-    // Without a journal nobody knows what is taken.
+    // Without a journal the points taken are unknown.
     std::fs::remove_file(run.join(journal::JOURNAL)).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
     answer.stderr(contains("out has no journal.jsonl").and(contains("`damprig runs verify out`")));
@@ -223,7 +223,7 @@ fn what_cannot_be_resumed_says_what_is_wrong_and_what_is_good() {
 }
 
 #[test]
-fn a_link_that_comes_back_loses_no_point() {
+fn a_link_that_is_reconnected_loses_no_point() {
     let folder = folder_with(&short());
     let mut points = 0;
     let rig = Served::again_and_again(move |message| {
@@ -238,7 +238,7 @@ fn a_link_that_comes_back_loses_no_point() {
 }
 
 #[test]
-fn a_board_that_is_reset_in_mid_run_goes_on_at_the_interrupted_point() {
+fn after_a_reset_of_the_board_the_run_continues_at_the_interrupted_point() {
     let folder = folder_with(&short());
     let mut points = 0;
     let rig = Served::again_and_again(move |message| {

@@ -1,4 +1,4 @@
-//! `damprig run` from the file to the folder, and what is left of a run that ends badly.
+//! `damprig run` from the file to the folder, and the folders of runs that end early.
 
 use crate::common::{
     Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, rows, sample_rows, short,
@@ -65,9 +65,9 @@ fn a_folder_in_use_is_refused_before_anything_moves() {
 }
 
 #[test]
-fn nobody_at_the_port_is_said_at_once() {
+fn a_port_that_nobody_listens_on_is_reported_at_once() {
     let folder = folder_with(&short());
-    // A port that was free a moment ago.
+    // A port that was just free.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let rig = format!("tcp:127.0.0.1:{port}");
     let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().code(1);
@@ -78,7 +78,7 @@ fn nobody_at_the_port_is_said_at_once() {
 }
 
 #[test]
-fn a_link_that_breaks_in_mid_run_keeps_what_was_taken() {
+fn a_link_that_breaks_during_the_run_keeps_the_points_taken() {
     let folder = folder_with(&short());
     let mut points = 0;
     let board = Served::start(move |message| {
@@ -97,7 +97,7 @@ fn a_link_that_breaks_in_mid_run_keeps_what_was_taken() {
 }
 
 #[test]
-fn a_device_that_falls_silent_is_given_up_and_told_to_stop() {
+fn a_silent_device_ends_the_run_and_is_told_to_stop() {
     let folder = folder_with(&short());
     let mut points = 0;
     let board = Served::start(move |message| {
@@ -147,14 +147,14 @@ fn another_protocol_version_is_refused_with_both_sides_named() {
 }
 
 #[test]
-fn broken_frames_are_counted_and_change_no_result() {
+fn damaged_frames_are_counted_and_change_no_result() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "clean"]).assert().success();
     let (mut messages, mut events) = (0, 0);
     let board = Served::start(move |message| {
         messages += 1;
         let hit = match message {
-            // Three points and the word that all is finished, twice: every second one is lost.
+            // Three points and the end of the experiment, on two set-ups: every second event is lost.
             FromDevice::Event { .. } => {
                 events += 1;
                 events % 2 == 0
@@ -175,7 +175,7 @@ fn broken_frames_are_counted_and_change_no_result() {
 /// A disk is "full" for a process that may not write files beyond a size.
 #[cfg(unix)]
 #[test]
-fn a_full_disk_is_said_and_the_parts_stay_readable() {
+fn a_full_disk_is_reported_and_the_parts_stay_readable() {
     let folder = folder_with(&short());
     let binary = assert_cmd::cargo::cargo_bin("damprig");
     // 40 blocks of 512 bytes: room for the samples of a point, not of all points in one file.
@@ -236,7 +236,7 @@ fn ctrl_c_and_a_request_to_terminate_stop_the_rig_and_keep_what_was_taken() {
 
 #[cfg(unix)]
 #[test]
-fn a_killed_run_leaves_its_points_readable_and_says_that_it_was_running() {
+fn a_killed_run_leaves_its_points_readable_and_its_status_running() {
     let (folder, _, _) = signalled("-KILL");
     let run = folder.path().join("out");
     assert_eq!(manifest(&run)["status"], "running");
@@ -247,7 +247,7 @@ fn a_killed_run_leaves_its_points_readable_and_says_that_it_was_running() {
 /// A friction damper whose spring the rig homes, touches off and sets by itself does what one of that constant force does;
 /// beside a particle it does so too.
 #[test]
-fn a_campaign_tunes_its_spring_by_itself() {
+fn a_campaign_sets_its_spring_by_itself() {
     let campaign = r#"
 name = "tuned"
 [structure]
@@ -303,7 +303,7 @@ signals = ["x", "spring_force", "impacts", "twin_residual", "twin_alarm"]
 }
 
 #[test]
-fn every_impact_that_was_felt_is_a_row_and_the_walls_take_turns() {
+fn every_measured_impact_is_a_row_and_the_sides_alternate() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let path = folder.path().join("out/impacts.parquet");
@@ -321,7 +321,7 @@ fn every_impact_that_was_felt_is_a_row_and_the_walls_take_turns() {
 }
 
 #[test]
-fn every_campaign_that_is_shipped_is_sound() {
+fn every_shipped_campaign_is_valid() {
     let campaigns = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns");
     let files = std::fs::read_dir(campaigns).unwrap().map(|entry| entry.unwrap().path());
     let files: Vec<_> = files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();

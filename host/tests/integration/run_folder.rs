@@ -1,10 +1,11 @@
-//! Run folders that somebody or something has changed before a run is taken up again: what cannot be told apart from the
-//! run's own is refused, and nothing that the journal does not know is joined, written over or removed.
+//! Resuming in a run folder that was changed meanwhile: ambiguous files are refused, and no file that the journal does not
+//! list is joined, overwritten or removed.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::common::{PATIENCE, cut_off, damprig, manifest, result_rows, sample_rows, short};
+use damprig::run_folder::RunFolder;
 use damprig::run_folder::journal::{self, JOURNAL, Journal};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::OutputFolder;
@@ -12,7 +13,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-/// Every file of a folder with what it holds.
+/// Every file of a folder with its content.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
@@ -26,7 +27,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
-/// Resuming is refused with these words and has changed nothing.
+/// Resuming is refused with these words and changes nothing.
 fn refuses(folder: &TempDir, words: &[&str]) {
     let run = folder.path().join("out");
     let before = contents(&run);
@@ -45,7 +46,7 @@ fn write_journal(run: &Path, lines: &[String]) {
     std::fs::write(run.join(JOURNAL), lines.concat()).unwrap();
 }
 
-/// As a kill leaves the manifest.
+/// Changes the manifest to that of a killed run.
 fn as_if_killed(run: &Path) {
     let mut value = manifest(run);
     value["status"] = "running".into();
@@ -55,7 +56,7 @@ fn as_if_killed(run: &Path) {
 }
 
 #[test]
-fn a_journal_that_was_emptied_or_cut_is_refused_and_nothing_is_written_over() {
+fn a_journal_that_was_emptied_or_cut_is_refused_and_nothing_is_overwritten() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let lines = journal_lines(&run);
@@ -77,7 +78,7 @@ fn a_journal_that_was_emptied_or_cut_is_refused_and_nothing_is_written_over() {
 }
 
 #[test]
-fn what_is_not_of_the_run_is_neither_joined_nor_written_over_nor_removed() {
+fn files_of_another_run_are_not_joined_overwritten_or_removed() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let part = run.join("samples.parts/000001.parquet");
@@ -99,12 +100,12 @@ fn what_is_not_of_the_run_is_neither_joined_nor_written_over_nor_removed() {
 }
 
 #[test]
-fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_that_is_not_its_own() {
+fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_of_another_run() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let parts = folder.path().join("parts");
     std::fs::create_dir(&parts).unwrap();
-    // Complete, joined; then the parts are put back and the journal's last lines taken away.
+    // The run is completed and joined; then the parts are restored and the journal's last lines removed.
     let kept = contents(&run.join("samples.parts"));
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     let rows = sample_rows(&run);
@@ -124,11 +125,11 @@ fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_that_is_not_it
     std::fs::create_dir(run.join("samples.parts")).unwrap();
     kept.iter().for_each(|(path, bytes)| std::fs::write(path, bytes).unwrap());
     as_if_killed(&run);
-    // The parts join into fewer rows than the file there has: it is not theirs.
+    // The parts have fewer rows than the existing file, so it is of another run.
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
     answer.stderr(contains("differs from the joined samples.parts"));
     assert_eq!(sample_rows(&run), rows, "it was written over");
-    // Once that is elsewhere the parts are joined; a second kill at the same place then finds its own file.
+    // Without that file the parts are joined; after a second kill at the same place the file is the run's own.
     std::fs::remove_file(run.join("samples.parquet")).unwrap();
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     let own = std::fs::read(run.join("samples.parquet")).unwrap();
@@ -157,7 +158,7 @@ fn a_manifest_of_a_later_format_or_of_another_run_is_refused() {
 }
 
 #[test]
-fn both_a_folder_and_a_campaign_are_refused_with_a_usage_that_works() {
+fn a_folder_and_a_campaign_together_are_refused_with_the_correct_usage() {
     let folder = crate::common::folder_with(&short());
     let answer = damprig(&folder).args(["run", "--resume", "out", "test.toml"]).assert().code(2);
     let right = contains("damprig run [OPTIONS] --resume <DIR>\n");
@@ -165,11 +166,11 @@ fn both_a_folder_and_a_campaign_are_refused_with_a_usage_that_works() {
 }
 
 #[test]
-fn a_line_torn_by_a_kill_is_no_damage_once_the_run_has_come_through() {
+fn a_line_torn_by_a_kill_is_not_damage_once_the_run_is_complete() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let mut lines = journal_lines(&run);
-    // Killed in the middle of noting how it ended.
+    // Killed while the last line was written.
     let last = lines.last_mut().unwrap();
     assert!(last.contains("\"entry\":\"ended\""));
     last.truncate(last.len() / 2);
@@ -181,7 +182,7 @@ fn a_line_torn_by_a_kill_is_no_damage_once_the_run_has_come_through() {
 }
 
 #[test]
-fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_is_named() {
+fn the_other_parts_are_exported_beside_a_damaged_one_and_a_changed_campaign_is_named() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     let all = sample_rows(&run) as u64;
@@ -197,10 +198,10 @@ fn a_damaged_part_keeps_nobody_from_exporting_the_others_and_a_changed_campaign_
 }
 
 #[test]
-fn two_programs_do_not_take_one_folder() {
+fn two_programs_cannot_record_into_one_folder() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
-    // Torn, so that opening it to append would be seen.
+    // A torn line would show an attempt to append.
     let text = std::fs::read_to_string(run.join(JOURNAL)).unwrap();
     std::fs::write(run.join(JOURNAL), &text[..text.len() - 9]).unwrap();
     let before = contents(&run);
@@ -210,7 +211,7 @@ fn two_programs_do_not_take_one_folder() {
     assert!(contents(&run) == before);
     drop(other);
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-    // Both have found the same folder empty; the first to claim it has it.
+    // Both have found the folder empty; only the first to claim it gets it.
     let new = folder.path().join("new");
     let (first, second) = (OutputFolder::create_at(&new).unwrap(), OutputFolder::create_at(&new).unwrap());
     let journal = first.claim().unwrap();
@@ -222,14 +223,14 @@ fn two_programs_do_not_take_one_folder() {
 
 #[cfg(unix)]
 #[test]
-fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
+fn links_and_pipes_in_a_run_folder_do_not_block() {
     let (folder, _) = cut_off(&short());
     let run = folder.path().join("out");
     for name in ["again", "once-more"] {
         std::os::unix::fs::symlink(".", run.join(name)).unwrap();
     }
     damprig(&folder).args(["runs", "."]).assert().success().stdout(contains("3/6"));
-    // A copy of the folder made of hard links would change with it.
+    // A copy of the folder made with hard links would change too.
     std::fs::hard_link(run.join(JOURNAL), folder.path().join("copy")).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
     answer.stderr(contains("2 names (hard links)").and(contains("cp out/journal.jsonl")));
@@ -247,4 +248,29 @@ fn links_and_pipes_in_a_run_folder_hold_nobody_up() {
         .code(1)
         .stderr(contains("this is a pipe, not a regular file"));
     damprig(&folder).args(["run", "--resume", "out"]).timeout(PATIENCE).assert().success();
+}
+
+#[test]
+fn a_manifest_reads_back_as_written() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let text = serde_json::to_string(RunFolder::open(&run).unwrap().manifest()).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), manifest(&run));
+}
+
+#[test]
+fn the_manifest_of_an_early_run_is_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    // The keys that the first runs had, with settings and a model of another layout.
+    let text = r#"{"campaign": "hybrid", "status": "complete", "started": "2026-01-02T03:04:05+01:00[Europe/Berlin]",
+        "damprig": "damprig 0.0.1", "device": {"link": "virtual", "board": "virtual", "firmware": "0.0.1",
+        "tick_hz": 1000.0, "settings": {"step": 5}}, "points_planned": 3, "points_taken": 3, "sample_rows": 0,
+        "telemetry_rate_hz": 100.0, "signals": [{"name": "x_m", "unit": "m"}],
+        "set_ups": [{"name": "bare", "model": {"mass": 1}}]}"#;
+    std::fs::write(folder.path().join("manifest.json"), text).unwrap();
+    let run = RunFolder::open(folder.path()).unwrap();
+    let manifest = run.manifest();
+    assert_eq!((manifest.format, manifest.is_complete(), manifest.every_ticks()), (1, true, Some(10)));
+    assert!(manifest.device.as_ref().unwrap().settings.is_none());
+    assert!(manifest.set_ups[0].predicted_max_x_m.is_nan());
 }

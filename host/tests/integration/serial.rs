@@ -1,4 +1,4 @@
-//! Boards at a serial line, and boards with a clock of their own.
+//! Boards at a serial port, and boards with their own clock.
 
 #[cfg(unix)]
 mod unix {
@@ -33,7 +33,7 @@ mod unix {
         let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
         let name = other.name().expect("it has a name");
         std::thread::spawn(move || {
-            // Kept open: without anyone at its other end the line is broken.
+            // Kept open: a pseudo-terminal without another end is broken.
             let _other = other;
             let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("0.0.0", "at a line")));
             line.set_timeout(Duration::from_millis(20)).expect("a timeout");
@@ -80,7 +80,7 @@ mod unix {
     }
 
     #[test]
-    fn a_serial_line_that_fell_silent_is_closed_and_opened_again() {
+    fn a_silent_serial_port_is_closed_and_reopened() {
         let folder = folder_with(&short());
         let rig = format!("serial:{}", at_a_serial_line(3, false));
         let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
@@ -96,7 +96,7 @@ mod unix {
     }
 
     #[test]
-    fn a_serial_line_that_falls_silent_again_before_its_rig_is_idle_is_opened_once_more() {
+    fn a_serial_port_that_is_silent_again_before_its_rig_is_idle_is_reopened_again() {
         let folder = folder_with(&short());
         let rig = format!("serial:{}", at_a_serial_line(3, true));
         let arguments = ["run", "test.toml", "--rig", &rig, "--out", "line", "--timeout", "1"];
@@ -107,7 +107,7 @@ mod unix {
     #[test]
     fn auto_without_a_board_names_what_to_write_instead() {
         let folder = folder_with(&short());
-        // Where a board is plugged in, this is no test.
+        // Only where no board is plugged in.
         if damprig::client::devices::ports().is_ok_and(|ports| ports.iter().any(|p| p.usb.is_some())) {
             eprintln!("not tested: a USB serial device is plugged in");
             return;
@@ -117,7 +117,7 @@ mod unix {
         damprig(&folder).args(["devices"]).assert().success();
     }
 
-    /// Device seconds in a second: its clock runs so much faster than the host's.
+    /// Device seconds per host second.
     const FAST: f64 = 5.0;
 
     /// A board with a real structure, which follows the base at twice its amplitude.
@@ -199,7 +199,7 @@ mod unix {
     }
 
     #[test]
-    fn a_board_with_a_clock_of_its_own_has_it_mapped_to_the_hosts() {
+    fn the_clock_of_a_board_is_fitted_to_the_hosts() {
         let campaign = short().replace("start = \"from_rest\"", "start = \"from_rest\"\nset_ups = [\"bare\"]");
         let folder = folder_with(&campaign);
         let rig = with_its_own_clock();

@@ -1,5 +1,5 @@
-//! A disk that stands still in the middle of a run on a rig that does not wait: the link goes on, the results are right,
-//! and what was dropped is counted where it is missing.
+//! A disk that stalls during a run of a board with its own clock: the link is not blocked, the results are right, and dropped
+//! samples are counted where they are missing.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -20,10 +20,10 @@ use damprig::run_folder::{ResultRow, StorageError};
 use damprig::runner::{Run, RunError, Selection, Watcher};
 use tempfile::TempDir;
 
-/// So many rows may wait for the disk: those of one point, and not those of two.
+/// Capacity of the queue: the rows of one point, but not of two.
 const ROWS_WAITING: usize = 700;
 
-/// Between the disk and those who look at it.
+/// Opens and closes the disk.
 #[derive(Default)]
 struct Gate {
     state: Mutex<State>,
@@ -33,7 +33,7 @@ struct Gate {
 #[derive(Default)]
 struct State {
     is_shut: bool,
-    /// The disk has something in hand and does not move.
+    /// The disk holds a message and is stalled.
     is_held: bool,
     /// Results that are on the disk.
     results: usize,
@@ -51,7 +51,7 @@ impl Gate {
     }
 }
 
-/// A writer whose disk stands while the gate is shut.
+/// A writer whose disk stalls while the gate is shut.
 struct Slow {
     writer: Writer,
     gate: Arc<Gate>,
@@ -77,7 +77,7 @@ impl Sink for Slow {
     }
 }
 
-/// Stops the disk at the first result, and lets it go at the third: the link itself says when.
+/// Stalls the disk from the first result to the third.
 struct Clerk {
     gate: Arc<Gate>,
     points: usize,
@@ -93,7 +93,7 @@ impl Watcher for Clerk {
         match self.points {
             1 if self.disturbs => self.gate.wait_until("the disk stands", |state| state.is_held),
             2 if self.disturbs => {}
-            // A simulated rig is faster than any disk, unless it waits for one.
+            // A simulated rig is faster than a disk unless it waits.
             points => self.gate.wait_until("the disk has caught up", |state| state.results == points),
         }
     }
@@ -129,7 +129,7 @@ fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
     };
     let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
     let gate = Arc::new(Gate::default());
-    // A recorder that does not wait: as for a rig whose clock goes on.
+    // A recorder that does not wait for room: as for a board with its own clock.
     let slow = Slow { writer, gate: Arc::clone(&gate) };
     let mut recorder = Recorder::with_room(slow, false, 2 * ROWS_WAITING);
     let mut clerk = Clerk { gate, points: 0, disturbs };
@@ -160,19 +160,19 @@ fn rows(folder: &Path) -> Vec<(String, f64, f64)> {
 }
 
 #[test]
-fn a_disk_that_stands_costs_the_samples_of_that_time_and_nothing_else() {
+fn a_stalled_disk_costs_only_the_samples_of_that_time() {
     let folder = TempDir::new().unwrap();
     let (whole, slow) = (folder.path().join("whole"), folder.path().join("slow"));
     let (undisturbed, none) = run(&whole, false);
     let (disturbed, dropped) = run(&slow, true);
-    // The run came to its end though its disk stood for a third of the first set-up, and measured the same.
+    // The run is complete although its disk stalled for a third of the first set-up, with the same results.
     assert_eq!(format!("{:?}", disturbed.results()), format!("{:?}", undisturbed.results()));
-    // Two points of 5 s at 100 Hz and more passed meanwhile, and seven hundred rows found room.
+    // Two points of 5 s at 100 Hz and more passed meanwhile, and seven hundred rows fit into the queue.
     assert_eq!(none, 0);
     assert!(dropped > 300, "{dropped} rows dropped");
     assert_eq!(disturbed.rows() + dropped, undisturbed.rows());
     assert_eq!((disturbed.state().losses().lost_rows, undisturbed.state().losses().lost_rows), (dropped, 0));
-    // Where: after the first result, before the next set-up. What is there is what the undisturbed run has.
+    // The gap is after the first result and before the next set-up. All other rows are those of the undisturbed run.
     let (here, there) = (rows(&slow), rows(&whole));
     let stopped_at = disturbed.results()[0].end_tick as f64;
     let every_ticks = 10.0;

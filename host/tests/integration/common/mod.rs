@@ -1,5 +1,4 @@
-//! What the tests of the command share: the binary, campaigns on the disk, and boards behind a TCP port that
-//! can be made to misbehave.
+//! Shared by the tests of the command: the binary, campaigns on the disk, and boards behind a TCP port with injected faults.
 
 #![allow(dead_code)] // Each test file uses its part.
 
@@ -25,7 +24,7 @@ pub fn damprig(folder: &TempDir) -> Command {
     command
 }
 
-/// The short campaign that is shipped.
+/// The shipped short campaign.
 pub fn short() -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns/short.toml");
     std::fs::read_to_string(path).expect("the shipped campaign")
@@ -78,20 +77,20 @@ pub enum Fate {
     Replace(Box<FromDevice>),
     /// Close the connection instead.
     Close,
-    /// Send nothing any more, but stay connected.
+    /// Send nothing from here on, but stay connected.
     Mute,
-    /// The board loses its supply for a moment; the connection stays.
+    /// The board is reset by a short loss of power; the connection stays.
     Reset,
 }
 
-/// A simulated board behind a TCP port of this machine; `fate` is asked for every message.
+/// A simulated board behind a TCP port of this machine; `fate` decides about every message.
 pub struct Served {
     /// For `--rig`.
     pub rig: String,
     thread: JoinHandle<Heard>,
 }
 
-/// What a board was asked, and how many experiments it finished.
+/// The requests that a board received, and the number of experiments that it finished.
 #[derive(Default)]
 struct Heard {
     received: Vec<ToDevice>,
@@ -110,8 +109,8 @@ impl Served {
         Self { rig, thread }
     }
 
-    /// Serves one connection after the other, as long as the test lasts; the board stays what it is in between. Gives
-    /// its place for `--rig`.
+    /// Serves one connection after the other, as long as the test lasts; the board keeps its state in between. Gives its
+    /// address for `--rig`.
     pub fn again_and_again(mut fate: impl FnMut(&FromDevice) -> Fate + Send + 'static) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
@@ -124,12 +123,12 @@ impl Served {
         rig
     }
 
-    /// What the host sent, once it has gone.
+    /// The requests of the host, after it has disconnected.
     pub fn received(self) -> Vec<ToDevice> {
         self.thread.join().expect("the board's thread").received
     }
 
-    /// Whether the host left the rig standing: told to stop, or with everything finished that it began.
+    /// Whether the host left the rig at rest: told to stop, or with every experiment finished that it started.
     pub fn was_left_standing(self) -> bool {
         let heard = self.thread.join().expect("the board's thread");
         let asked = |ask: &Request| {
@@ -201,7 +200,7 @@ pub fn is_point(message: &FromDevice) -> bool {
 /// Long enough for a loaded machine, short enough to fail.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A run of the short campaign that was cut off when its fourth point came by.
+/// A run of the short campaign that was cut off at its fourth point.
 pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
     let folder = folder_with(campaign);
     let mut points = 0;
