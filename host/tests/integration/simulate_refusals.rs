@@ -183,7 +183,7 @@ fn a_run_with_very_many_impacts_warns_and_obeys_ctrl_c() {
         .unwrap();
     let mut told = BufReader::new(process.stderr.take().unwrap());
     let mut line = String::new();
-    while !line.contains("Ctrl-C keeps what is done") {
+    while !line.contains("Ctrl-C stops the run") {
         line.clear();
         assert!(told.read_line(&mut line).unwrap() > 0, "it ended before it warned");
     }
