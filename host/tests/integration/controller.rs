@@ -35,7 +35,7 @@ fn late_ticks_are_reported_of_this_run_only() {
         .args(["run", "test.toml", "--rig", &board.rig, "--out", "out"])
         .assert()
         .success()
-        .stdout(contains("; 6 ticks of the board came too late"));
+        .stdout(contains("; 6 ticks of the board were late"));
     let run = folder.path().join("out");
     let told = &manifest(&run)["controller"];
     assert_eq!((&told["overruns"], &told["longest_tick_us"]), (&6.into(), &1234.into()), "{told}");

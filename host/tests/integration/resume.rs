@@ -137,7 +137,7 @@ fn resuming_a_complete_run_changes_nothing() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let before = std::fs::read(folder.path().join("out/manifest.json")).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
-    answer.stdout(contains("The run is complete: all 6 points are taken. Nothing was done."));
+    answer.stdout(contains("The run is complete: all 6 points are measured. Nothing was done."));
     assert_eq!(std::fs::read(folder.path().join("out/manifest.json")).unwrap(), before);
 }
 
@@ -205,7 +205,7 @@ fn a_run_that_cannot_be_resumed_names_the_damage_and_what_can_be_read() {
     let resumed = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
     resumed.stdout(
         contains("warning: samples.parts/000001.parquet: changed since it was closed")
-            .and(contains(format!("{lost} lost (dropped 0)"))),
+            .and(contains(format!("{lost} lost (0 dropped)"))),
     );
     assert_eq!(manifest(&run)["counters"]["lost_rows"], lost);
     assert_eq!(manifest(&run)["sample_rows"], sample_rows(&run));

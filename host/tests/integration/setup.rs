@@ -320,7 +320,7 @@ fn a_ratio_without_a_base_amplitude_is_refused_with_the_key_to_write() {
 
 #[test]
 fn a_base_amplitude_is_given_once_and_only_if_it_is_used() {
-    let twice = ["`base.amplitude_m` = 0.003", "`base_amplitude_m` is given too"];
+    let twice = ["`base.amplitude_m` = 0.003", "`base_amplitude_m` gives the same quantity"];
     refused(case(&format!("{STRUCTURE}{SINE}{RUN}base_amplitude_m = 0.003\n")), &twice);
     let vain = ["`base_amplitude_m` = 0.003", "is not used", "write base = { kind = \"sine\""];
     refused(case(&format!("{STRUCTURE}{RUN}base_amplitude_m = 0.003\n")), &vain);

@@ -154,7 +154,7 @@ fn a_force_moves_an_undamped_structure_as_a_base_of_the_same_spring_force_does()
 #[test]
 fn a_force_and_a_moving_base_are_refused_together() {
     let force = "force = { kind = \"half_sine\", amplitude_n = 1, duration_s = 0.1 }\n";
-    let words = ["`force` and a moving `base` are both given", "one or the other"];
+    let words = ["`force` and a moving `base` are both given", "give one of them"];
     Bench::new().refused(&format!("{STRUCTURE}{SINE}{RUN}{force}"), &words);
     let kind = ["`force.kind` = \"half-sine\"", "did you mean \"half_sine\"?"];
     Bench::new().refused(&format!("{STRUCTURE}{RUN}{}", force.replace("half_sine", "half-sine")), &kind);
@@ -336,7 +336,7 @@ fn check_bouncing_ball(bench: &Bench, case: &str, end_s: f64, tolerance: f64) {
     let text = damprig(&bench.0).args(["simulate", "case.toml", "--out", "motion.csv"]).output().unwrap();
     let text = String::from_utf8_lossy(&text.stdout).to_string();
     let line = text.lines().find(|line| line.contains("accumulations")).expect("a line says so");
-    assert!(line.contains(" 1: the particle came to rest on a wall at "), "{line}");
+    assert!(line.contains(" 1; the particle came to rest on a wall at "), "{line}");
     let table = std::fs::read_to_string(bench.0.path().join("motion.accumulations.csv")).unwrap();
     let rows: Vec<&str> = table.lines().collect();
     assert_eq!((rows.len(), rows[0]), (2, "t_s,side"), "{table}");

@@ -120,7 +120,7 @@ fn steady_cycles_that_the_run_does_not_have_are_refused() {
 #[test]
 fn a_json_list_is_reported_as_json() {
     let told = |text: &str, expected: &[&str]| refused(&[("case.json", text)], &["case.json"], expected);
-    told("[{\"structure\": {}}]", &["this JSON is not an object", "a file of its own"]);
+    told("[{\"structure\": {}}]", &["this JSON is not an object", "in its own file"]);
     told(" [ ]", &["this JSON is not an object"]);
 }
 

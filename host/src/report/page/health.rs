@@ -182,7 +182,7 @@ fn controller(data: &PageData) -> Markup {
 fn gaps(data: &PageData) -> Markup {
     let more = data.gaps.count - data.gaps.list.len();
     html! {
-        h3 { "SampleGaps" }
+        h3 { "Gaps" }
         div.wide { table {
             thead { tr {
                 th.word { "Set-up" } th.word { "Experiment" } th { "Segment" }
