@@ -79,12 +79,13 @@ fn of_export(path: &Path) -> String {
     of_bytes(&bytes[if is_mat { MAT_TEXT_BYTES } else { 0 }..])
 }
 
-/// Gives a run the same start and program as every other, which its exports repeat.
+/// Gives a run the same start, program and protocol as every other: its exports repeat them.
 fn settle_manifest(run: &Path) {
     let path = run.join("manifest.json");
     let mut manifest: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
     manifest["started"] = "2026-01-01T00:00:00+00:00[Etc/UTC]".into();
     manifest["damprig"] = "damprig".into();
+    manifest["device"]["protocol_schema"] = "0".into();
     fs::write(&path, manifest.to_string()).unwrap();
 }
 
