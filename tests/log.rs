@@ -24,9 +24,8 @@ fn every_log_line_carries_the_boards_time_in_milliseconds() {
 }
 
 #[test]
-fn the_controllers_lines_can_be_looked_up_in_its_image() {
+fn the_controllers_line_can_be_looked_up_in_its_image() {
     let Some(formats) = formats("nucleo-g474re") else { return };
-    for line in ["damprig {} on {}", "the line took no bytes"] {
-        assert!(formats.iter().any(|format| format.contains(line)), "{line:?} is not in {formats:?}");
-    }
+    let line = "damprig {} on {}";
+    assert!(formats.iter().any(|format| format.contains(line)), "{line:?} is not in {formats:?}");
 }

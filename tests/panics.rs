@@ -7,22 +7,12 @@ use damprig_tests::support::images::find;
 use object::{Object, ObjectSymbol, SymbolKind};
 
 /// Part of the symbol's name (equal bodies are one, under either's), and why it may stay.
-const JUSTIFIED: [(&[&str], &str); 11] = [
+const JUSTIFIED: [(&[&str], &str); 8] = [
     (&["rust_begin_unwind"], "the handler itself: records the place and resets"),
     (&["panic_fmt"], "what the others call"),
     (&["panicking5panic"], "what the others call"),
     (&["panic_bounds_check"], "indices are counted within their arrays; positions of rings and lists are taken modulo"),
     (&["slice_index_fail"], "lengths are cut to the slice first: blocks, frames, rings"),
-    (
-        &["len_mismatch_fail"],
-        "both sides of a copy are cut to one length first: rings of bytes, words of the flash, texts",
-    ),
-    (
-        &["expect_failed", "panic_const_div_by_zero"],
-        "one body for several that are equal: divisors are constants or checked, a finished future is not polled again by its \
-         executor, a list is filled from no more than it holds",
-    ),
-    (&["assert_failed"], "embassy's rings of the converters: half a ring is read at a time, by the array's type"),
     (
         &["unwrap_failed"],
         "taking the peripherals and spawning the tasks, once, at the start; the flash driver's words, cut to their size",
