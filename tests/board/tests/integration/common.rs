@@ -11,9 +11,9 @@ use std::thread::{self, JoinHandle};
 use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::model::{SetUp, Structure};
-use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Reply, Request, FromDevice, NumberedRequest, ToDevice};
+use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use escargot::CargoBuild;
 
 /// Device seconds a second, at most: far from the time-outs of either side.

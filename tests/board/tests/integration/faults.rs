@@ -4,7 +4,7 @@ use damprig_board::peripherals::rcc::ResetCause;
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
-use damprig_protocol::{Reply, Request, CrashCause, Description, Reset};
+use damprig_protocol::{CrashCause, Description, Reply, Request, Reset};
 
 use crate::common::{Host, bare, image, run};
 

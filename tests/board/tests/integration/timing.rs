@@ -5,9 +5,9 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::Structure;
+use damprig_protocol::{FromDevice, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::{Base, PlantConfig};
-use damprig_protocol::{Reply, Request, FromDevice};
 
 use crate::common::{Host, bare, image, run};
 
