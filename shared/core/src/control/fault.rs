@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// A latched fault: it stays until it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Fault {
-    /// What went wrong.
+    /// Cause of the fault.
     pub cause: FaultCause,
     /// The tick in which the fault was detected.
     pub tick: u32,

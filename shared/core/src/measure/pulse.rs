@@ -169,7 +169,7 @@ impl Channel {
         }
     }
 
-    /// Forgets a pulse in progress.
+    /// Drops a pulse in progress.
     pub(super) fn reset(&mut self) {
         self.phase = Phase::Idle;
         self.since = u32::MAX;

@@ -48,8 +48,7 @@ impl State {
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Command {
-    /// Tighten limits for the configured experiment. They are in force from its start until the rig is idle again. Idle
-    /// only.
+    /// Tighten limits for the configured experiment, from its start until the rig is idle again. Idle only.
     SetLimits(ExperimentLimits),
     /// Set the properties of the friction damper's spring until the end of its experiment. The spring must then be
     /// homed again. Idle only.

@@ -348,7 +348,7 @@ impl Twin {
         let leaving = leaves * record.impulse_n_s;
         let (c, state) = (self.plan.motion.coefficients(), self.plan.motion.state());
         let per_impulse = side / self.plan.impulse_per_kick;
-        // Leaving speed and time since the impact in the twin; zero if the twin has not met the wall.
+        // The twin's leaving speed and time since the impact. The speed is zero if the twin has not met the wall.
         let (expected_leaving, expected_since) = (leaves * expected.impulse_n_s, since - expected.late * per_tick);
         let (offset, slide) = if expected.count == 1 {
             let moved = leaving * since - expected_leaving * expected_since;

@@ -22,11 +22,11 @@ use serde::{Deserialize, Serialize};
 pub struct FreeVibration {
     /// |x| beyond which the structure counts as held, m.
     pub level_m: f32,
-    /// How long it must be held, s.
-    pub hold_s: f32,
     /// Time for which it must be held, s.
-    pub timeout_s: f32,
+    pub hold_s: f32,
     /// Longest time until the release, s.
+    pub timeout_s: f32,
+    /// Time measured after the release, s.
     pub measure_s: f32,
     /// Cycles over which the decay is measured.
     pub cycles: u16,

@@ -21,7 +21,7 @@ use crate::sine::Phase;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Most samples of a record: the size of the controller's buffer, 40 KiB.
+/// Most samples of a record: the controller's buffer of 40 KiB holds this many.
 pub const MOST_SAMPLES: usize = 20_480;
 
 /// Identifies a record.
