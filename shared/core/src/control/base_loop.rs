@@ -33,21 +33,24 @@
 //! ```
 //! The first factor is positive real. The second is the admittance of a dissipative table with a *passive* load. A loop
 //! of a passive and a strictly passive part is stable for every K > 0 and every passive load, linear or nonlinear: bare
-//! structure, impacts and friction alike. At ζ = 0.0038 this shows in the envelope's poles, s (s + σ + κ + jδ) + K (s +
-//! σ + jδ) = 0. For K ≫ κ one pole is at −K and one at −(σ + jδ)(1 − κ/K), damped for every δ.
+//! structure, impacts and friction alike. At ζ = 0.0038 this shows in the envelope's poles,
+//! s (s + σ + κ + jδ) + K (s + σ + jδ) = 0. For K ≫ κ one pole is at −K and one at −(σ + jδ)(1 − κ/K), damped for every
+//! δ.
 //!
 //! The limit on K comes from the delay τ from drive to reading. Two ticks of it are known ([`DELAY_TICKS`]), and the
 //! correlation uses the phase of two ticks before. R Y lies in the disk over [0, 1] (its real part is at least its
-//! modulus squared), so where its phase is −α its modulus is at most cos α. The loop's phase reaches −180° where ωτ =
-//! π/2 − α. There its modulus is at most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3) K τ. So **K <
-//! 3/(8τ)** for every passive load: 94 /s at τ = 4 ms. [`MOST_GAIN_PER_S`] is below half of it. Near Ω an uncompensated
-//! phase θ = Ωτ could at worst excite an envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the structure's own σ.
+//! modulus squared), so where its phase is −α its modulus is at most cos α. The loop's phase reaches −180° at the
+//! frequency where ωτ = π/2 − α. There its modulus is at most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3)
+//! K τ.
+//! So **K < 3/(8τ)** for every passive load: 94 /s at τ = 4 ms. [`MOST_GAIN_PER_S`] is below half of it. Near Ω an
+//! uncompensated phase θ = Ωτ could at worst excite an envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the
+//! structure's own σ.
 //!
 //! # Settling
 //! After a start on a bare structure at fn, the first error is κ/(K + κ) (1.6 % at K = 20 /s). It fades with e^(−σt);
 //! beside fn it beats with δ. The error with a damped structure is smaller and shorter. A point is measured only after
 //! the amplitude has been within tolerance for [`HELD_CYCLES`]. If the amplitude leaves the tolerance, the measurement
-//! starts again, until the longest wait is over.
+//! starts again, until the longest wait is over. After that the point is measured in any case.
 //!
 //! # Other shakers
 //! In *current* mode the table is a mass whose only resistance is that of its suspension. It is passive too, but with

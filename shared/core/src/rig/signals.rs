@@ -27,9 +27,9 @@ signals! {
     x: "m",
     /// Mean of z over the tick.
     z: "m",
-    /// Drive frequency; 0 if there is none.
+    /// Demanded base displacement.
     drive: "m",
-    /// Drive frequency; 0 without one.
+    /// Drive frequency; 0 if there is none.
     frequency: "Hz",
     /// max |x| over the tick.
     x_peak: "m",
