@@ -1,8 +1,8 @@
-//! Every decision of the damprig rig: the models, the integrators, measurement and control.
+//! The core of damprig: models, integrators, measurement, control and interlocks of the rig.
 //!
-//! No standard library, no allocation, no `unsafe`, no clock: a caller hands in samples and commands and
-//! gets actuator values and replies. The same code runs on the controller board, in the emulator and on a
-//! computer. Byte formats live in `damprig-protocol`; pins and registers in the firmware.
+//! It uses no standard library, no allocation, no `unsafe` and no clock. A caller passes in samples and commands and
+//! receives actuator values and replies. The same code runs on the controller board, in the emulator and on a computer.
+//! Byte formats are in `damprig-protocol`; pins and registers are in the firmware.
 
 #![no_std]
 #![forbid(unsafe_code)]

@@ -1,9 +1,9 @@
-//! The numbers a calculation runs in: `f64` on a computer, `f32` on the controller, from one source.
+//! The real number type of the calculations: `f64` on a computer and `f32` on the controller, from one source.
 //!
-//! The trait holds only what IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`) and a root made of that, so code
-//! written against it gives the same bits on every machine. Anything else (sine, exponential) is called
-//! by path from [`libm`] or [`crate::sine`] at the place where it is needed. `num_traits::Float` was not
-//! taken: built for a host it forwards to the system's functions, whose last bits differ.
+//! The trait holds only operations that IEEE 754 defines to the last bit (`+ − × ÷`, comparison, `|·|`) and a square
+//! root made of them, so code written against it gives the same bits on every machine. Other functions (sine,
+//! exponential) are called by path from [`libm`] or [`crate::sine`] where they are needed. `num_traits::Float` is not
+//! used: built for a host it forwards to the system's functions, whose last bits differ.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -30,19 +30,19 @@ pub trait Scalar:
     const ZERO: Self;
     /// 1
     const ONE: Self;
-    /// Spacing of the numbers just above 1.
+    /// Distance from 1 to the next larger number.
     const EPSILON: Self;
 
-    /// The nearest number to `value`.
+    /// The representable number nearest to `value`.
     fn from_f64(value: f64) -> Self;
 
-    /// A small whole number.
+    /// Converts a small whole number.
     fn from_u8(value: u8) -> Self;
 
     /// The value as `f64` (exact for both floating-point types).
     fn to_f64(self) -> f64;
 
-    /// The square root of a number that is not negative, within a unit in the last place.
+    /// The square root of a non-negative number, within one unit in the last place.
     #[must_use]
     fn sqrt(self) -> Self;
 
@@ -111,11 +111,12 @@ impl Scalar for f32 {
         f64::from(self)
     }
 
-    /// By Heron's steps from half the exponent, which is within 3.5 %: three of them leave roundings only (1 unit in the
-    /// last place). A controller divides in one instruction, while `libm` finds one bit after the other.
+    /// Three Heron steps from an estimate made by halving the exponent. The estimate is within 3.5 %; after three steps
+    /// only rounding is left (1 unit in the last place). The controller divides in one instruction, while `libm`
+    /// computes the root bit by bit.
     fn sqrt(self) -> Self {
         if self < Self::MIN_POSITIVE {
-            // Scaled by 2⁴⁸ it is a normal number; what is below zero has no root.
+            // A subnormal number is scaled by 2⁴⁸ to a normal one. A negative number has no root.
             return match self {
                 0.0 => self,
                 _ if self < 0.0 => Self::NAN,
@@ -132,7 +133,7 @@ impl Scalar for f32 {
         root
     }
 
-    /// One instruction of the controller's.
+    /// A single instruction on the controller.
     #[inline]
     fn abs(self) -> Self {
         libm::fabsf(self)

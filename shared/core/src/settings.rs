@@ -1,8 +1,9 @@
-//! What a rig is before a host says anything: its sensors' scales, its limits, and the constants of its friction damper and
-//! its walls.
+//! Persistent rig configuration: sensor scales, limits, and the constants of the friction damper and of impact
+//! detection.
 //!
-//! A board keeps them over power cuts; where and how is `damprig-device`'s and the firmware's. They are the base of every
-//! experiment, which may tighten limits and describe its friction damper's spring while it lasts, and no more.
+//! The board keeps the settings through a power cut; `damprig-device` and the firmware store them. Every experiment
+//! starts from these settings. While it lasts, an experiment may tighten limits and describe its friction damper's
+//! spring; it may change nothing else.
 
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
@@ -14,19 +15,19 @@ use serde::{Deserialize, Serialize};
 /// The settings of a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Settings {
-    /// What the converters' counts mean. A simulated board's displacements and spring force come in SI units: there only the
-    /// walls' scale and the drive's range have an effect.
+    /// Scales of the converters' counts. A simulated board's displacements and spring force come in SI units; there
+    /// only the walls' scale and the drive's range have an effect.
     pub calibration: Calibration,
-    /// The interlocks.
+    /// Limits and times of the interlocks.
     pub safety: SafetyConfig,
-    /// The friction damper's drive.
+    /// Constants of the friction damper's drive.
     pub spring: SpringConfig,
-    /// How impacts are found.
+    /// Thresholds of impact detection.
     pub impacts: ImpactConfig,
 }
 
 impl Default for Settings {
-    /// The rig's as delivered: everything assumed, nothing measured.
+    /// The rig as delivered: every value is assumed, none is measured.
     fn default() -> Self {
         Self {
             calibration: Calibration::default(),
@@ -38,7 +39,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks every value, and that each limit lies where its sensor can see it: a limit beyond the usable span would never trip.
+    /// Checks every value, and that each limit lies inside its sensor's usable span. A limit beyond that span would
+    /// never trip.
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -65,21 +67,21 @@ impl Settings {
     }
 }
 
-/// Where the settings in use come from.
+/// Origin of the settings in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
-    /// As delivered: nothing of this layout is stored.
+    /// As delivered: no settings of this layout are stored.
     #[default]
     Default,
-    /// What was saved last.
+    /// The settings that were saved last.
     Stored,
-    /// As delivered, because what is stored is damaged.
+    /// As delivered: the stored settings are damaged.
     Damaged,
-    /// A host set them since; they are not saved.
+    /// Set by a host and not saved.
     Host,
 }
 
-/// Settings checked and made ready: to take them over is a move.
+/// Checked settings with everything derived from them. Adopting them is a plain copy.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     /// The settings.
@@ -90,7 +92,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Checks and prepares. Takes its time: not for the control tick.
+    /// Checks and prepares the settings. Too slow for the control tick.
     ///
     /// # Errors
     /// Names the first parameter out of range.

@@ -1,21 +1,22 @@
-//! Phase as an integer, and the one sine and cosine that drive and lock-in share.
+//! Integer phase accumulator, and the sine and cosine that the drive and the lock-in share.
 //!
-//! An accumulator of 32 bits wraps once a cycle, so a phase never drifts and a cycle boundary is an
-//! overflow. The sine is core's own because the bits must be the same on every machine.
+//! The 32-bit accumulator wraps once per cycle, so the phase never drifts and a cycle boundary is an overflow. The core
+//! has its own sine because the bits must be the same on every machine.
 
 use serde::{Deserialize, Serialize};
 
-/// A phase: 2³² to the cycle.
+/// A phase; 2³² is one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Phase(pub u32);
 
 impl Phase {
-    /// The step per tick for `frequency_hz` at `tick_hz`, a whole number below 2¹⁶; resolution `tick_hz`/2³² (0.23 µHz at
-    /// 1 kHz). The longest for a frequency of `tick_hz` or above.
+    /// The phase step per tick for `frequency_hz` at `tick_hz`. `tick_hz` is a whole number below 2¹⁶. The resolution
+    /// is `tick_hz`/2³² (0.23 µHz at 1 kHz). A frequency of `tick_hz` or above gives the largest step.
     #[must_use]
     #[inline]
     pub fn increment(frequency_hz: f32, tick_hz: f32) -> u32 {
-        // The frequency in parts of 2³², divided sixteen bits at a time: exact, and a controller has no long division.
+        // The frequency in units of 2⁻³² Hz, divided sixteen bits at a time: exact, without the long division that a
+        // controller lacks.
         let (whole, tick) = (frequency_hz as u32, (tick_hz as u32).clamp(1, 0xffff));
         if whole >= tick {
             return u32::MAX;
@@ -26,24 +27,24 @@ impl Phase {
         ((first / tick) << 16).saturating_add(second / tick)
     }
 
-    /// Advances; tells whether a cycle was completed.
+    /// Advances the phase; returns true if a cycle was completed.
     pub fn advance(&mut self, increment: u32) -> bool {
         let (phase, wrapped) = self.0.overflowing_add(increment);
         self.0 = phase;
         wrapped
     }
 
-    /// Sine and cosine of the phase; absolute error at most 2·10⁻⁷ (tested over all octants).
+    /// Sine and cosine of the phase. The absolute error is at most 2·10⁻⁷ (tested over all octants).
     #[must_use]
     pub fn sin_cos(self) -> (f32, f32) {
-        // Fold to an eighth of a cycle: 29 bits of fraction, mirrored in the odd octants.
+        // Fold to one eighth of a cycle: a 29-bit fraction, mirrored in the odd octants.
         let octant = self.0 >> 29;
         let fraction = self.0 & 0x1fff_ffff;
         let folded = if octant & 1 == 0 { fraction } else { 0x2000_0000 - fraction };
         const RADIANS_PER_COUNT: f32 = (core::f64::consts::TAU / 4_294_967_296.0) as f32;
         let a = folded as f32 * RADIANS_PER_COUNT;
         let square = a * a;
-        // Taylor series about 0; the first terms left out are (π/4)⁹/9! = 3·10⁻⁷·… below f32's resolution of 1.
+        // Taylor series about 0. The first omitted terms are (π/4)⁹/9! = 3·10⁻⁷·… below f32's resolution of 1.
         let sine = a + a
             * square
             * (-1.0 / 6.0 + square * (1.0 / 120.0 + square * (-1.0 / 5040.0 + square * (1.0 / 362_880.0))));
@@ -85,7 +86,7 @@ mod tests {
             let (frequency_hz, tick_hz) = (n as f32 * 0.004_987, if n % 2 == 0 { 1000.0 } else { 50_000.0 });
             let exact = f64::from(frequency_hz) * 4_294_967_296.0 / f64::from(tick_hz);
             let increment = f64::from(Phase::increment(frequency_hz, tick_hz));
-            // Parts of a frequency below 2⁻³² Hz do not count.
+            // Frequency differences below 2⁻³² Hz are ignored.
             assert!((increment - exact).abs() <= 0.500_01, "{frequency_hz} Hz at {tick_hz} Hz: {increment}, {exact}");
         }
         assert_eq!(Phase::increment(1000.0, 1000.0), u32::MAX);

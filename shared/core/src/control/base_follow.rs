@@ -1,18 +1,19 @@
-//! Whether the base does at all what the drive asks of it.
+//! Check that the base follows the drive.
 //!
-//! Over every whole cycle of a drive at its full amplitude, the amplitude of z at the drive frequency is compared with the
-//! demanded one. They may differ by much on a sound rig: the structure pulls the base down near its resonance (to 0.16 of the
-//! demand on the default shaker, `tests/integration/base_loop.rs`), and a shaker that is a source of velocity moves further below
-//! the frequency at which it is calibrated. So the bounds are wide, and outside them something is broken or wired wrongly: an
-//! amplifier that is off, a relay that stays open, a z sensor that looks elsewhere, a scale that is off by a power of ten.
+//! In every whole cycle of a drive at full amplitude, the amplitude of z at the drive frequency is compared with the
+//! demanded amplitude. The two may differ widely on a sound rig. Near its resonance the structure pulls the base down
+//! (to 0.16 of the demand on the default shaker, `shared/simulator/tests/integration/base_loop.rs`), and a
+//! velocity-source shaker moves further below the frequency at which it is calibrated. The bounds are therefore wide.
+//! Outside them something is broken or wired wrongly: an amplifier that is off, a relay that stays open, a z sensor
+//! that points elsewhere, a scale that is wrong by a power of ten.
 
 use crate::control::fault::FaultCause;
 use crate::scalar::Scalar;
 
-/// Below this share of the demand the base does not follow.
+/// Least amplitude of z as a share of the demand; below it the base does not follow.
 pub const LEAST: f32 = 0.01;
 
-/// Above this multiple of the demand the base is overdriven.
+/// Largest amplitude of z as a multiple of the demand; above it the base is overdriven.
 pub const MOST: f32 = 10.0;
 
 /// Sums over the present cycle.
@@ -25,19 +26,19 @@ pub struct BaseFollow {
 }
 
 impl BaseFollow {
-    /// Takes a tick: z and drive, m, and the drive's sine and cosine.
+    /// Takes one tick: z and drive, m, and the drive's sine and cosine.
     pub fn push(&mut self, z_m: f32, drive_m: f32, (sine, cosine): (f32, f32)) {
         self.z = (self.z.0 + z_m * sine, self.z.1 + z_m * cosine);
         self.drive = (self.drive.0 + drive_m * sine, self.drive.1 + drive_m * cosine);
         self.ticks += 1;
     }
 
-    /// The present cycle tells nothing: the drive is not at its full amplitude, or z cannot be believed.
+    /// Excludes the present cycle: the drive is not at its full amplitude, or the reading of z is unreliable.
     pub fn disturb(&mut self) {
         self.disturbed = true;
     }
 
-    /// Closes a cycle in which the base was asked for this amplitude, m. What is wrong with it, with the amplitude of z and its
+    /// Closes a cycle with this demanded amplitude, m. Returns the fault cause, if any, with the amplitude of z and its
     /// limit, m.
     pub fn end_cycle(&mut self, demand_m: f32) -> Option<(FaultCause, f32, f32)> {
         let Self { z, drive, ticks, disturbed } = core::mem::take(self);
@@ -46,7 +47,8 @@ impl BaseFollow {
         }
         let amplitude = |(sine, cosine): (f32, f32)| Scalar::sqrt(sine * sine + cosine * cosine) * 2.0 / ticks as f32;
         let (z_m, drive_m) = (amplitude(z), amplitude(drive));
-        // A closed loop may have to rise first; the bound is half, as a sum over a cycle is off by a tick of it.
+        // A closed loop may still be rising. The bound is half the demand because a sum over a cycle is uncertain by
+        // one tick of it.
         if z_m < LEAST * demand_m && drive_m > 0.5 * demand_m {
             return Some((FaultCause::BaseStill, z_m, LEAST * demand_m));
         }

@@ -1,28 +1,29 @@
-//! The closed base-amplitude loop: the base moves as `Z sin φ`, whatever the structure on it does.
+//! Closed-loop control of the base amplitude: the base moves as `Z sin φ` under any load by the structure.
 //!
-//! # Why it is hard
-//! A shaker in voltage mode is a source of velocity with a resistance R = (Bl)²/R_coil; its load pulls on it. Drive to
-//! base has the structure's own poles as *zeros*: at fn, damped by no more than σ = ζω (0.06 /s at ζ = 0.0038). Near them,
-//! with u and z the slowly varying complex amplitudes at the drive frequency, δ its distance from fn (rad/s) and
-//! κ = Mω²/2R,
+//! # Plant
+//! A shaker in voltage mode is a velocity source with a resistance R = (Bl)²/R_coil, on which its load pulls. The
+//! transfer function from drive to base has the structure's own poles as *zeros*: at fn, damped by only σ = ζω (0.06 /s
+//! at ζ = 0.0038). Let u and z be the slowly varying complex amplitudes at the drive frequency, δ the distance of the
+//! drive frequency from fn (rad/s) and κ = Mω²/2R. Near the zeros,
 //!
 //! ```text
 //! z/u = h(s) = (s + σ + jδ)/(s + σ + κ + jδ)
 //! ```
-//! so at fn a steady drive gives a base that first moves as without load and then sags by 1 + κ/σ (six times with
-//! the default shaker) over some seconds, and the drive must follow the structure's slow breathing.
+//! At fn a steady drive therefore gives a base that first moves as without load and then sags by 1 + κ/σ (six times
+//! with the default shaker) over some seconds. The drive must follow the slow changes of the structure's amplitude.
 //!
-//! # Why not once a cycle
-//! An integrator `u̇ = K (Z − z)` on the lock-in of every cycle T acts on what is T old: K T < 1 is its bound
-//! (below, with τ = T), so K of about 1 /s in practice, and the sag runs ahead of it by κ/(K + κ) = 25 %, which fades with the
-//! structure: e^(−σt), a minute. So the same integrator runs at every tick, in the frame that rotates with the drive. From
-//! outside it is
+//! # Control law
+//! An integrator `u̇ = K (Z − z)` on the lock-in of every cycle T acts on a value that is T old. Its bound is K T < 1
+//! (below, with τ = T), so K is about 1 /s in practice. The sag then runs ahead of the integrator by κ/(K + κ) = 25 %,
+//! which fades with the structure as e^(−σt): a minute. The same integrator therefore runs at every tick, in the frame
+//! that rotates with the drive. In the fixed frame it is
 //!
 //! ```text
 //! C(s) = (2K/Ωc) s²/(s² + Ω²),   e = Z sin φ − z
 //! u = (2K/Ωc) e + S sin φ + Q cos φ,   Ṡ = −2K (Ω/Ωc) e cos φ,   Q̇ = 2K (Ω/Ωc) e sin φ
 //! ```
-//! with Ωc the frequency at which the drive is calibrated: a resonator that cannot be off in frequency (φ is the drive's phase) and that neither sees nor moves the mean.
+//! with Ωc the frequency at which the drive is calibrated. This is a resonator. Its frequency is always exact, because
+//! φ is the drive's phase. It neither responds to the mean of z nor drives it.
 //!
 //! # Stability
 //! With the table's admittance under load Y(s) = 1/(ms + R + k/s + Z_load(s)) the open loop is
@@ -30,25 +31,32 @@
 //! ```text
 //! L(s) = 2K · s/(s² + Ω²) · R Y(s)
 //! ```
-//! The first factor is positive real; the second is the admittance of a dissipating table with a *passive* load. A
-//! loop of a passive and a strictly passive part is stable for every K > 0 and every passive load: linear or not,
-//! bare structure, impacts and friction alike. At ζ = 0.0038 this shows in the envelope's poles,
-//! s (s + σ + κ + jδ) + K (s + σ + jδ) = 0: for K ≫ κ one at −K and one at −(σ + jδ)(1 − κ/K), damped for every δ.
+//! The first factor is positive real. The second is the admittance of a dissipative table with a *passive* load. A loop
+//! of a passive and a strictly passive part is stable for every K > 0 and every passive load, linear or nonlinear: bare
+//! structure, impacts and friction alike. At ζ = 0.0038 this shows in the envelope's poles,
+//! s (s + σ + κ + jδ) + K (s + σ + jδ) = 0. For K ≫ κ one pole is at −K and one at −(σ + jδ)(1 − κ/K), damped for every
+//! δ.
 //!
-//! What remains is the delay τ from drive to reading. Two ticks of it are known ([`DELAY_TICKS`]) and the correlation
-//! uses the phase of then. R Y lies in the disk over [0, 1] (its real part is at least its modulus squared), so where its
-//! phase is −α its modulus is at most cos α; the loop turns to −180° where ωτ = π/2 − α, and has there at
-//! most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3) K τ. So **K < 3/(8τ)** for every passive load: 94 /s at
-//! τ = 4 ms; [`MOST_GAIN_PER_S`] is below half of it. Near Ω a phase θ = Ωτ that is not compensated could at worst excite an
-//! envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the structure's own σ.
+//! The limit on K comes from the delay τ from drive to reading. Two ticks of it are known ([`DELAY_TICKS`]), and the
+//! correlation uses the phase of two ticks before. R Y lies in the disk over [0, 1] (its real part is at least its
+//! modulus squared), so where its phase is −α its modulus is at most cos α. The loop's phase reaches −180° at the
+//! frequency where ωτ = π/2 − α. There its modulus is at most 2K ω sin(ωτ)/(ω² − Ω²), which above 2Ω is less than (8/3)
+//! K τ.
+//! So **K < 3/(8τ)** for every passive load: 94 /s at τ = 4 ms. [`MOST_GAIN_PER_S`] is below half of it. Near Ω an
+//! uncompensated phase θ = Ωτ could at worst excite an envelope at K θ²/4 (10⁻³ /s for a further 1 ms), below the
+//! structure's own σ.
 //!
-//! The first error of a start on a bare structure at fn is κ/(K + κ) (1.6 % at K = 20 /s) and fades with e^(−σt);
-//! beside fn it beats with δ. A damped structure's is smaller and shorter. A point is measured only once the amplitude has
-//! been within tolerance for [`HELD_CYCLES`], and again from the start if it leaves it, until the longest wait is over.
+//! # Settling
+//! After a start on a bare structure at fn, the first error is κ/(K + κ) (1.6 % at K = 20 /s). It fades with e^(−σt);
+//! beside fn it beats with δ. The error with a damped structure is smaller and shorter. A point is measured only after
+//! the amplitude has been within tolerance for [`HELD_CYCLES`]. If the amplitude leaves the tolerance, the measurement
+//! starts again, until the longest wait is over. After that the point is measured in any case.
 //!
-//! In *current* mode the table is a mass with no resistance but its suspension's: passive too, but with little margin
-//! against the delay (it keeps Z, and overshoots by a quarter: `tests/base_loop.rs`). On a source of displacement, or
-//! with a wrong sign, the loop swings up, and [`BaseLoop::runaway`] ends it.
+//! # Other shakers
+//! In *current* mode the table is a mass whose only resistance is that of its suspension. It is passive too, but with
+//! little margin against the delay: it keeps Z and overshoots by a quarter
+//! (`shared/simulator/tests/integration/base_loop.rs`). On a displacement source, or with a wrong sign, the loop is
+//! unstable, and [`BaseLoop::runaway`] ends it.
 
 use crate::io::{DriveScale, Invalid, positive, require};
 use crate::measure::lock_in::LockIn;
@@ -59,35 +67,35 @@ use serde::{Deserialize, Serialize};
 /// Largest K, 1/s.
 pub const MOST_GAIN_PER_S: f32 = 40.0;
 
-/// Ticks from a drive value to the block of samples that shows it: one of waiting, half a tick of holding, half a
+/// Ticks from a drive value to the block of samples that shows it: one tick of waiting, half a tick of hold, half a
 /// block of averaging.
 pub const DELAY_TICKS: u32 = 2;
 
-/// Cycles in a row within the tolerance that make the base count as held.
+/// Consecutive cycles within the tolerance after which the base counts as held.
 pub const HELD_CYCLES: u32 = 3;
 
-/// Half of a cycle's travel over the demanded amplitude at which the loop is given up: at whatever frequency it swings.
+/// Half of a cycle's travel, relative to the demanded amplitude, at which the loop is stopped. It detects a runaway at
+/// any frequency.
 pub const RUNAWAY: f32 = 1.5;
 
-/// The loop's parameters.
+/// Parameters of the closed loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ClosedLoop {
-    /// K, 1/s: the rate at which an error of the amplitude fades without load; greater than 0, at most
-    /// [`MOST_GAIN_PER_S`].
+    /// K, 1/s: the rate at which an amplitude error decays without load; greater than 0, at most [`MOST_GAIN_PER_S`].
     pub gain_per_s: f32,
-    /// Where the drive is calibrated, Hz: there the table without load moves by the demanded amplitude (twice the
-    /// movement is twice the gain); greater than 0.
+    /// Frequency at which the drive is calibrated, Hz: there the unloaded table moves by the demanded amplitude (twice
+    /// the movement is twice the gain); greater than 0.
     pub calibrated_at_hz: f32,
     /// Relative error of the amplitude within which the base counts as held; 0.001 to 0.5.
     pub tolerance: f32,
-    /// Longest time to wait, beyond the settling, for the base to be held, s; from 0 to 3600.
+    /// Longest time to wait after settling for the base to be held, s; from 0 to 3600.
     pub wait_s: f32,
-    /// The drive stays within ± this, m; greater than 0, at most what the drive delivers.
+    /// Limit of |drive|, m; greater than 0, at most what the drive can deliver.
     pub drive_limit_m: f32,
 }
 
 impl Default for ClosedLoop {
-    /// The limit is what the drive of a rig as delivered gives.
+    /// The drive limit is the range of the drive as delivered.
     fn default() -> Self {
         let drive_limit_m = DriveScale::default().range().amplitude_m();
         Self { gain_per_s: 20.0, calibrated_at_hz: 2.5, tolerance: 0.01, wait_s: 120.0, drive_limit_m }
@@ -105,7 +113,7 @@ impl ClosedLoop {
         require(self.gain_per_s <= MOST_GAIN_PER_S, "drive.gain_per_s", gain, "at most 40")?;
         positive("drive.calibrated_at_hz", f64::from(self.calibrated_at_hz))?;
         let tolerance = f64::from(self.tolerance);
-        // An amplitude over one cycle is known to one tick of it.
+        // The amplitude over one cycle is known to one tick of the cycle.
         require((0.001..=0.5).contains(&self.tolerance), "drive.tolerance", tolerance, "from 0.001 to 0.5")?;
         let wait = f64::from(self.wait_s);
         require((0.0..=3600.0).contains(&self.wait_s), "drive.wait_s", wait, "from 0 to 3600")?;
@@ -113,7 +121,7 @@ impl ClosedLoop {
     }
 }
 
-/// The loop at work.
+/// State of the closed loop.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BaseLoop {
     /// 2K Ω/Ωc per tick.
@@ -137,13 +145,13 @@ pub struct BaseLoop {
 }
 
 impl BaseLoop {
-    /// For validated parameters, silent.
+    /// A loop with validated parameters and no drive.
     #[must_use]
     pub fn new(parameters: &ClosedLoop) -> Self {
         Self { limit: parameters.drive_limit_m, tolerance: parameters.tolerance, ..Self::default() }
     }
 
-    /// Goes on at another frequency; the drive's amplitude and phase carry over.
+    /// Changes the frequency; the drive's amplitude and phase carry over.
     pub fn tune(&mut self, parameters: &ClosedLoop, frequency_hz: f32, tick_hz: f32) {
         self.step = 2.0 * parameters.gain_per_s * (frequency_hz / parameters.calibrated_at_hz) / tick_hz;
         self.proportional = 2.0 * parameters.gain_per_s / (core::f32::consts::TAU * parameters.calibrated_at_hz);
@@ -155,7 +163,8 @@ impl BaseLoop {
         self.half_travel = 0.0;
     }
 
-    /// One tick: the error at the phase that the samples are of, and the drive for the phase of now, m.
+    /// Runs one tick. `then` is the sine and cosine of the phase that the samples belong to; `now` is that of this
+    /// tick. Returns the drive, m.
     pub fn tick(&mut self, target_m: f32, z_m: f32, then: (f32, f32), now: (f32, f32)) -> f32 {
         self.lock_in.push(z_m, then);
         let (low, high) = self.travel.unwrap_or((z_m, z_m));
@@ -175,16 +184,16 @@ impl BaseLoop {
         drive.max(-self.limit).min(self.limit)
     }
 
-    /// The drive without feedback: as it last was, m.
+    /// The drive without feedback, at its last amplitude and phase, m.
     #[must_use]
     pub fn open(&self, now: (f32, f32)) -> f32 {
         self.sine * now.0 + self.cosine * now.1
     }
 
-    /// Closes a cycle of the phase that the samples are of.
+    /// Closes a cycle of the phase that the samples belong to.
     pub fn end_cycle(&mut self, target_m: f32) {
         self.lock_in.end_cycle();
-        // The nominal length: with z in phase with the sine, the tick more or less at the cycle's end adds nothing.
+        // The nominal length: with z in phase with the sine, one tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
         self.amplitude = Scalar::sqrt(self.lock_in.squared_amplitude(1)) / samples;
         self.lock_in = LockIn::default();
@@ -193,7 +202,7 @@ impl BaseLoop {
         self.held = if within { self.held.saturating_add(1) } else { 0 };
     }
 
-    /// The base has been within tolerance for [`HELD_CYCLES`].
+    /// The base has been within the tolerance for [`HELD_CYCLES`].
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.held >= HELD_CYCLES

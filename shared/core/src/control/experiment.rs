@@ -1,7 +1,8 @@
-//! The experiments that a rig can be given, and what they have in common: one is planned outside the tick, then
-//! carried out a tick at a time.
+//! The kinds of experiment and their common interface: an experiment is planned outside the tick and then run one tick
+//! at a time.
 //!
-//! [`Experiment`] is what has been checked, [`ExperimentRunner`] what is in progress; here is only the choice between the kinds.
+//! [`Experiment`] is a checked plan and [`ExperimentRunner`] is an experiment in progress. This module only dispatches
+//! to the kinds.
 
 use super::outcome::{ExperimentStage, Outcome, TickInputs};
 use super::stepped_sine::{self, DriveMode};
@@ -14,16 +15,16 @@ use crate::measure::running::DriveReference;
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
 pub enum Experiment {
-    /// One frequency after another.
+    /// A stepped sine: one frequency after another.
     SteppedSine(stepped_sine::SteppedSinePlan),
-    /// An uploaded record.
+    /// Playback of an uploaded record.
     Playback(playback::PlaybackPlan),
-    /// A structure that is held and released.
+    /// Free vibration of a structure that is held and released.
     FreeVibration(free_vibration::FreeVibrationPlan),
 }
 
 impl Experiment {
-    /// The record that has to be there for it.
+    /// The record that the experiment plays; it must be loaded before the start.
     #[must_use]
     pub fn record(&self) -> Option<RecordId> {
         match self {
@@ -32,9 +33,9 @@ impl Experiment {
         }
     }
 
-    /// The largest drive that it asks for, m, with the name of the parameter that says so: the amplitude at constant drive, the
-    /// limit of a closed loop, the peak of a record, of which `record_peak_counts` is the largest |sample|. `None` where nothing
-    /// is driven or the record is not there yet.
+    /// The largest drive that the experiment demands, m, with the name of the parameter that sets it: the amplitude at
+    /// constant drive, the limit of a closed loop, or the peak of a record. `record_peak_counts` is the largest
+    /// |sample| of the record. `None` if the experiment has no drive or the record is not loaded yet.
     #[must_use]
     pub fn largest_drive_m(&self, record_peak_counts: Option<u16>) -> Option<(&'static str, f32)> {
         match self {
@@ -50,30 +51,30 @@ impl Experiment {
     }
 }
 
-/// An experiment in progress. Its [`Experiment`] is the caller's: every call wants the same one.
+/// An experiment in progress. The caller keeps its [`Experiment`] and passes the same one to every call.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)]
 pub enum ExperimentRunner {
-    /// One frequency after another.
+    /// A stepped sine: one frequency after another.
     SteppedSine(stepped_sine::SteppedSineRunner),
-    /// An uploaded record.
+    /// Playback of an uploaded record.
     Playback(playback::PlaybackRunner),
-    /// A structure that is held and released.
+    /// Free vibration of a structure that is held and released.
     FreeVibration(free_vibration::FreeVibrationRunner),
 }
 
-/// What the drive of an experiment does.
+/// State of an experiment's drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Driving {
-    /// It is on.
+    /// The drive is on.
     pub on: bool,
-    /// The base is meant to move visibly.
+    /// The drive is strong enough for the base to move visibly.
     pub swinging: bool,
-    /// It was at its limit in the last tick.
+    /// The drive was at its limit in the last tick.
     pub saturated: bool,
 }
 
-/// The same question to whichever runner it is.
+/// Calls the same method on the runner of any kind.
 macro_rules! ask {
     ($runner:expr, $own:ident => $answer:expr) => {
         match $runner {
@@ -85,7 +86,7 @@ macro_rules! ask {
 }
 
 impl ExperimentRunner {
-    /// At the beginning; `drive` is what can be delivered.
+    /// A runner at the beginning of the experiment. `drive` is the range that the drive can deliver.
     #[must_use]
     pub fn new(experiment: &Experiment, drive: &DriveRange) -> Self {
         match experiment {
@@ -95,19 +96,19 @@ impl ExperimentRunner {
         }
     }
 
-    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to. `record` is what a
-    /// playback plays.
+    /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
+    /// tick. `record` is the record that a playback plays.
     pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
         match (self, experiment) {
             (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now),
             (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now),
             (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => (0.0, runner.tick(plan, now)),
-            // Not of this runner: nothing moves.
+            // The plan is of another kind: the drive stays at zero.
             _ => (0.0, Outcome::Running),
         }
     }
 
-    /// The drive for this tick, m, without measuring: for the fade after a stop.
+    /// The drive for this tick, m, without measuring. Used for the fade after a stop.
     pub fn fade(&mut self, experiment: &Experiment, record: &[i16]) -> f32 {
         match (self, experiment) {
             (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.fade(plan),
@@ -116,13 +117,13 @@ impl ExperimentRunner {
         }
     }
 
-    /// Where it stands.
+    /// The present stage.
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         ask!(self, own => own.stage())
     }
 
-    /// The present drive frequency, Hz; 0 where there is none.
+    /// The present drive frequency, Hz; 0 if there is none.
     #[must_use]
     pub fn frequency_hz(&self) -> f32 {
         match self {
@@ -131,7 +132,7 @@ impl ExperimentRunner {
         }
     }
 
-    /// The drive's reference in the last tick; none without a drive frequency.
+    /// The drive's reference in the last tick; `None` without a drive frequency.
     #[must_use]
     pub fn reference(&self) -> Option<DriveReference> {
         match self {
@@ -149,7 +150,7 @@ impl ExperimentRunner {
         }
     }
 
-    /// What the drive does.
+    /// State of the drive.
     #[must_use]
     pub fn driving(&self) -> Driving {
         match self {
@@ -163,13 +164,13 @@ impl ExperimentRunner {
         }
     }
 
-    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
+    /// Index of the point that begins from rest in this tick. A simulated plant is reset to its start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         ask!(self, own => own.begins_from_rest())
     }
 
-    /// Lets the drive fade out, whatever comes after.
+    /// Starts the final fade-out of the drive.
     pub fn release_drive(&mut self) {
         match self {
             Self::SteppedSine(own) => own.release_drive(),

@@ -1,4 +1,4 @@
-//! Faults: the cause that ended a drive or stopped the friction damper's spring, its tick, the value and the limit.
+//! Faults of the rig and of the friction damper's spring: cause, tick, value and limit.
 
 use crate::io::Sensor;
 use postcard_schema::Schema;
@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 /// A latched fault: it stays until it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Fault {
-    /// What went wrong.
+    /// Cause of the fault.
     pub cause: FaultCause,
-    /// The tick in which it was found.
+    /// The tick in which the fault was detected.
     pub tick: u32,
-    /// The value that broke the limit, in the cause's unit.
+    /// The value that violated the limit, in the cause's unit.
     pub value: f32,
     /// The limit.
     pub limit: f32,
 }
 
-/// What ended a drive.
+/// Cause of a fault. The unit of its value and limit is in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum FaultCause {
     /// The emergency stop is pressed.
@@ -26,37 +26,37 @@ pub enum FaultCause {
     SensorInvalid(Sensor),
     /// This sensor is at a rail of its converter (m or N).
     SensorAtRail(Sensor),
-    /// This sensor does not change (s).
+    /// This sensor's samples do not change (s).
     SensorFrozen(Sensor),
-    /// This sensor's zero is off its calibration by more than may be followed (N).
+    /// This sensor's zero has drifted from its calibration beyond the limit (N).
     SensorDrifted(Sensor),
     /// |z| reached its limit (m).
     BaseDisplacement,
     /// |x| reached its limit (m).
     StructureDisplacement,
-    /// |x| would reach its limit within a few half-cycles (m).
+    /// |x| is predicted to reach its limit within a few half-cycles (m).
     StructureForeseen,
     /// A wall's force reached its limit (N).
     WallForce,
     /// The drive was at its limit for too long (s).
     DriveSaturated,
-    /// Nothing was heard of the host for too long (s).
+    /// No message from the host for too long (s).
     HostSilent,
-    /// The structure did not come to rest in the time given (m).
+    /// The structure did not come to rest within the time allowed (m).
     RestTimeout,
-    /// The closed loop of the base amplitude swung up (m).
+    /// The closed loop of the base amplitude is unstable: z has grown far beyond the demanded amplitude (m).
     BaseRunaway,
     /// z is far below the demanded amplitude though the base is driven (m).
     BaseStill,
     /// z is far above the demanded amplitude (m).
     BaseOverdriven,
-    /// The friction damper's spring faulted while the rig was driven.
+    /// The friction damper's spring had a fault while the rig was driven.
     Spring(SpringFaultCause),
-    /// Nobody released the structure for a free vibration in the time given (m).
+    /// The structure was not released for a free vibration within the time allowed (m).
     ReleaseTimeout,
 }
 
-/// A text that names the sensor.
+/// A text that contains the sensor's name.
 macro_rules! naming {
     ($sensor:expr, $before:literal, $after:literal) => {
         match $sensor {
@@ -70,7 +70,7 @@ macro_rules! naming {
 }
 
 impl FaultCause {
-    /// In words, for people.
+    /// The cause in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -106,49 +106,49 @@ impl FaultCause {
         }
     }
 
-    /// The drive stops within the tick: a fade would go on with what is already wrong.
+    /// The drive is cut within the tick: a fade would prolong these faults.
     #[must_use]
     pub fn cuts_at_once(self) -> bool {
         matches!(self, Self::EmergencyStop | Self::BaseDisplacement | Self::BaseRunaway | Self::BaseOverdriven)
     }
 }
 
-/// What ended the work of the friction damper's spring.
+/// Cause of a fault of the friction damper's spring. The unit of its value and limit is in brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum SpringFaultCause {
     /// The limit switch was not found within the travel (value, limit: m).
     SwitchNotFound,
-    /// The limit switch stays closed though the seat should have left it (m).
+    /// The limit switch stays closed although the seat should have left it (m).
     SwitchStuck,
-    /// The limit switch closed, or the end of the travel came, where it should not (m).
+    /// The limit switch closed, or the end of the travel was reached, unexpectedly (m).
     LimitReached,
-    /// The whole travel was made without a touch (m).
+    /// The seat covered the whole travel without a touch (m).
     NoTouch,
-    /// The measured stiffness is not between half and twice the configured one (N/m).
+    /// The measured stiffness is not between half and twice the configured stiffness (N/m).
     SpringImplausible,
-    /// The settled force is off the spring's line: lost steps, a stall, or a slipped block (N).
+    /// The settled force is off the spring's line: lost steps, a stall or a slipped block (N).
     ForceDoesNotFollow,
     /// The force reached its limit (N).
     ForceAboveLargest,
-    /// The force sensor is at a rail of its converter, or gives no number (N).
+    /// The force sensor is at a rail of its converter, or reads NaN (N).
     SensorLost,
     /// The force rises while the seat moves away from the structure (N).
     WrongDirection,
-    /// The force falls below the reading without contact: nothing pulls on the block (N).
+    /// The force falls below the reading without contact, although nothing can pull on the block (N).
     WrongSign,
 }
 
-/// What is done about a fault.
+/// Reaction of the friction damper's spring to a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SafePath {
-    /// The position is still trusted: the block moves away, then the motor is switched off.
+    /// The position is still known: the block moves away, then the motor is switched off.
     Release,
-    /// The position is not trusted: the motor stops at once and is switched off. The screw holds itself.
+    /// The position is unreliable: the motor stops at once and is switched off. The screw is self-locking.
     SwitchOff,
 }
 
 impl SpringFaultCause {
-    /// The way to the safe state.
+    /// The reaction to this fault.
     #[must_use]
     pub fn safe_path(self) -> SafePath {
         match self {
@@ -163,7 +163,7 @@ impl SpringFaultCause {
         }
     }
 
-    /// In words, for people.
+    /// The cause in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {

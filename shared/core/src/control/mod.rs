@@ -1,4 +1,5 @@
-//! What the rig does: experiments, the friction spring, and the interlocks that end a drive. [`crate::rig`] joins them.
+//! Control of the rig: experiments, the friction spring, and the interlocks that end a drive. [`crate::rig`] combines
+//! them.
 
 pub mod base_follow;
 pub mod base_loop;

@@ -1,4 +1,4 @@
-//! The inputs and the outcome of one tick of an experiment, and its stage.
+//! Inputs, outcome and stage of an experiment in one tick.
 
 use super::fault::Fault;
 use crate::io::{Readings, SensorSet};
@@ -7,7 +7,7 @@ use crate::measure::transient::TransientResult;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Where an experiment, or a point of it, stands.
+/// Stage of an experiment, or of one of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ExperimentStage {
     /// Waiting for the structure to come to rest.
@@ -16,33 +16,33 @@ pub enum ExperimentStage {
     Settle,
     /// Driving and measuring.
     Dwell,
-    /// Waiting for a person to hold and release the structure.
+    /// Waiting for a person to deflect, hold and release the structure.
     Hold,
 }
 
-/// What a tick of an experiment led to.
+/// Outcome of one tick of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// It goes on.
+    /// The experiment continues.
     Running,
     /// A point is complete.
     Point(PointResult),
-    /// The last point is complete.
+    /// The last point is complete, and with it the experiment.
     Finished(PointResult),
-    /// It cannot go on.
+    /// The experiment cannot continue.
     Failed(Fault),
     /// A record or a free vibration is complete, and with it the experiment.
     Transient(TransientResult),
 }
 
-/// What a tick of an experiment looks at.
+/// Inputs of one tick of an experiment.
 #[derive(Clone, Copy, Debug)]
 pub struct TickInputs<'a> {
     /// The tick.
     pub tick: u32,
-    /// Its readings.
+    /// Sensor readings of the tick.
     pub readings: &'a Readings,
-    /// Impacts measured so far.
+    /// Impacts measured since the start.
     pub impacts: u32,
     /// Sensors with a sample at a rail in this tick.
     pub clipped: SensorSet,

@@ -1,30 +1,30 @@
-//! Waiting for the structure to come to rest before an experiment drives it.
+//! Rest detection: waits until the structure is at rest before an experiment drives it.
 
 use crate::io::TICK_HZ;
 
-/// How long |x| must stay below the rest level, s.
+/// Time for which |x| must stay below the rest level, s.
 pub const REST_HOLD_S: f32 = 0.5;
 
-/// How long the structure may take to come to rest, s: a structure of ζ = 0.0038 needs about 80 s from 50 mm.
+/// Longest wait for the structure to come to rest, s. A structure of ζ = 0.0038 needs about 80 s from 50 mm.
 const REST_TIMEOUT_S: f32 = 600.0;
 
 const REST_HOLD_TICKS: u32 = (REST_HOLD_S * TICK_HZ) as u32;
 const REST_TIMEOUT_TICKS: u32 = (REST_TIMEOUT_S * TICK_HZ) as u32;
 
-/// What a tick of waiting has shown.
+/// Result of one tick of waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waited {
-    /// The structure still moves, or has not been quiet for long enough.
+    /// The structure still moves, or has not been at rest for long enough.
     NotYet,
-    /// The first tick of waiting: a simulated plant is to be put back to its start.
+    /// First tick of the wait: a simulated plant is reset to its start.
     Begun,
-    /// It is at rest.
+    /// The structure is at rest.
     Quiet,
-    /// It took too long.
+    /// The wait has exceeded its longest time.
     TimedOut,
 }
 
-/// The wait.
+/// A wait for rest in progress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RestWait {
     ticks: u32,
@@ -32,10 +32,10 @@ pub struct RestWait {
 }
 
 impl RestWait {
-    /// One tick: largest |x| in it and the level below which it is quiet, m.
+    /// Takes one tick: the largest |x| in it, and the level below which the structure is at rest, m.
     pub fn tick(&mut self, x_peak_m: f32, level_m: f32) -> Waited {
         self.ticks += 1;
-        // The samples of the tick in which a plant is put back are still of the motion before.
+        // In the tick in which a plant is reset, the samples still belong to the motion before the reset.
         let begun = self.ticks == 1;
         let quiet = x_peak_m < level_m && !begun;
         self.quiet_ticks = if quiet { self.quiet_ticks + 1 } else { 0 };

@@ -1,4 +1,4 @@
-//! The calibration: the scales of all channels, as the board uses them.
+//! Calibration of the rig's channels: the scales between converter counts and SI units.
 
 use super::counted_block::CountedBlock;
 use super::invalid::{Invalid, finite, positive, require};
@@ -14,23 +14,23 @@ use serde::{Deserialize, Serialize};
 /// Channels of the slow converter: x, z and the friction damper's spring.
 pub const SLOW_CHANNELS: usize = 3;
 
-/// A tick's block of the slow channels, oldest first: counts of x, z and the spring.
+/// One tick's samples of the slow channels, oldest first: counts of x, z and the spring.
 pub type SlowBlock = [[u16; SLOW_CHANNELS]; SUBSAMPLES];
 
-/// Its conversions.
+/// Conversions in one [`SlowBlock`].
 pub const SLOW_BLOCK: usize = SLOW_CHANNELS * SUBSAMPLES;
 
-/// Conversions of a tick's block of both wall forces.
+/// Conversions in one tick's block of both wall forces.
 pub const WALL_BLOCK: usize = 2 * WALL_SUBSAMPLES;
 
-/// A zero that an open input does not read.
+/// Requires a live zero: a zero reading that differs from what an open input reads.
 fn live_zero(name: &'static str, counts: f32, usable: &Usable<u16>) -> Result<(), Invalid> {
     finite(name, f64::from(counts))?;
     let is_live = f32::from(2 * usable.low) <= counts && counts < f32::from(usable.high);
     require(is_live, name, f64::from(counts), "a live zero: 2 % to 99 % of the converter's span")
 }
 
-/// The rig's channels.
+/// The scales of all channels of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Calibration {
     /// Structure displacement x.
@@ -46,9 +46,9 @@ pub struct Calibration {
 }
 
 impl Default for Calibration {
-    /// The two lasers: ±80 mm as 0 V to 5 V (source document), which a divider (assumed exact) brings to the
-    /// converter's span. The spring's force sensor: 0.5 V to 5 V for 0 N to 50 N (assumed), so 0 N is a tenth of the span: 0.33 V at
-    /// the pin. The walls' as [`ForceScale::assumed`]. The drive as [`DriveScale::default`].
+    /// Defaults. The two lasers give 0 V to 5 V for ±80 mm (source document), which a divider (assumed exact) maps to
+    /// the converter's span. The spring's force sensor gives 0.5 V to 5 V for 0 N to 50 N (assumed), so 0 N is a tenth
+    /// of the span: 0.33 V at the pin. The walls use [`ForceScale::assumed`], the drive [`DriveScale::default`].
     fn default() -> Self {
         let laser = DisplacementScale::over_whole_span(0.08);
         let full = f32::from(SLOW_FULL_SCALE_COUNTS);
@@ -63,7 +63,7 @@ impl Default for Calibration {
 }
 
 impl Calibration {
-    /// The spring forces between the rails, N.
+    /// The spring forces inside the usable span, N.
     #[must_use]
     pub fn usable_spring_n(&self) -> Usable<f32> {
         SLOW_USABLE.map(|counts| self.spring.to_force_n(f32::from(counts)))
@@ -91,7 +91,7 @@ impl Calibration {
         self.drive.validate()
     }
 
-    /// What a tick's block comes to.
+    /// Reduces one tick's block to readings in SI units.
     #[must_use]
     pub fn readings(&self, slow: &SlowBlock) -> Readings {
         let [x, z, spring] = [0, 1, 2].map(|channel| CountedBlock::of(slow, channel));
@@ -140,7 +140,7 @@ mod tests {
         let block = |counts: u16| rig.readings(&[[32_760, 32_760, counts]; SUBSAMPLES]);
         assert_eq!((block(6_552).spring_n, block(6_552).spring_rail), (0.0, Rail::Clear));
         assert!((block(36_036).spring_n - 25.0).abs() < 1e-4, "half of the rest of the span");
-        // 3 mV on an open input are 60 counts.
+        // 3 mV on an open input is 60 counts.
         let Rail::All { reading, edge } = block(60).spring_rail else { panic!("an open input is no force") };
         assert!((reading + 5.505).abs() < 1e-3 && (edge + 5.0).abs() < 1e-3, "{reading} {edge}");
     }
@@ -173,7 +173,8 @@ mod tests {
         let rig = Calibration::default();
         let slow =
             core::array::from_fn(|k| [32_760 + 3 * k as u16, 32_760 - (3 * k as u16 + 1), 6_552 + 3 * k as u16 + 2]);
-        // Triple k holds 3k, −(3k + 1) and 3k + 2 counts: their means over k from 0 to 9, and their farthest.
+        // Triple k holds 3k, −(3k + 1) and 3k + 2 counts. Expected: their means over k from 0 to 9, and their farthest
+        // values.
         let Readings { x, z, spring_n, .. } = rig.readings(&slow);
         assert_eq!((x.mean_m, x.peak_m), (13.5 * rig.x.metres_per_count, 27.0 * rig.x.metres_per_count));
         assert_eq!((z.mean_m, z.peak_m), (-14.5 * rig.z.metres_per_count, 28.0 * rig.z.metres_per_count));

@@ -1,17 +1,17 @@
-//! The reduction of a tick's block of converter counts to a [`Reading`] or a force.
+//! Reduction of one tick's block of converter counts to a [`Reading`] or a force.
 
 use super::rail::Rail;
 use super::rate::SUBSAMPLES;
 use super::reading::Reading;
 use super::scale::{ForceScale, SLOW_USABLE};
 
-/// A block of a slow channel's counts as far as it has been looked at.
+/// Running sum and extremes of one slow channel's counts over a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct CountedBlock {
     sum: u32,
     low: u16,
     high: u16,
-    /// Of the samples that are not at a rail.
+    /// Lowest and highest count among the samples that are not at a rail.
     inside: [u16; 2],
     at_rail: u8,
 }
@@ -23,7 +23,7 @@ impl Default for CountedBlock {
 }
 
 impl CountedBlock {
-    /// Of one of the channels that a converter takes one after the other.
+    /// Reduces one channel of a block in which the channels are interleaved.
     #[must_use]
     pub fn of<const CHANNELS: usize>(block: &[[u16; CHANNELS]; SUBSAMPLES], channel: usize) -> Self {
         let mut counted = Self::default();
@@ -31,7 +31,7 @@ impl CountedBlock {
         counted
     }
 
-    /// Takes the next of [`SUBSAMPLES`] samples.
+    /// Adds the next of [`SUBSAMPLES`] samples.
     #[inline]
     pub fn push(&mut self, counts: u16) {
         self.sum += u32::from(counts);
@@ -52,7 +52,7 @@ impl CountedBlock {
         SLOW_USABLE.map(to_si).rail(usize::from(self.at_rail), SUBSAMPLES, mean)
     }
 
-    /// The displacement that it means, where `zero_counts` mean none and a count `per_count` m.
+    /// The displacement reading, with zero at `zero_counts` and `per_count` m per count.
     #[must_use]
     pub fn reading(&self, zero_counts: f32, per_count: f32) -> Reading {
         let at = |counts: u16| (f32::from(counts) - zero_counts) * per_count;
@@ -71,7 +71,7 @@ impl CountedBlock {
         }
     }
 
-    /// The mean force that it means, N, and what of it is at a rail.
+    /// The mean force, N, and how much of the block is at a rail.
     #[must_use]
     pub fn force(&self, scale: &ForceScale) -> (f32, Rail) {
         let mean_n = scale.to_force_n(self.mean());
@@ -96,12 +96,12 @@ mod tests {
             let same = |reading: &Reading| (reading.peak_m, reading.inside_peak_m, reading.still_at);
             assert_eq!(same(&reading), same(&numbers));
             assert_eq!((reading.rail.is_all(), reading.rail), (numbers.rail.is_all(), rail_at(&reading, numbers.rail)));
-            // Ten roundings of a sum at half the span, against one.
+            // Ten roundings of a sum at half the span, compared with one.
             assert!((reading.mean_m - numbers.mean_m).abs() <= 10.0 * f32::EPSILON * 0.08, "{reading:?}, {numbers:?}");
         }
     }
 
-    /// The same rail, with the mean of the reading: the two round differently.
+    /// The same rail with the mean of `reading`: the two means round differently.
     fn rail_at(reading: &Reading, rail: Rail) -> Rail {
         match rail {
             Rail::All { edge, .. } => Rail::All { reading: reading.mean_m, edge },

@@ -1,14 +1,14 @@
-//! What the drive's output can deliver, and what is asked of it.
+//! Linear range of the drive's output, and the checks of a demand against it.
 //!
-//! The output is linear over a part of its converter's span; the calibration says which displacements that is. An experiment
-//! that asks for more is refused when it is configured and again when it starts ([`DriveRange::allow`]). A demand that
-//! leaves the range all the same (a closed loop, a record between its samples) is cut ([`DriveRange::limit`]) and told as
-//! saturation.
+//! The output is linear over a part of its converter's span; the calibration gives the displacements of that part. An
+//! experiment that demands more is rejected when it is configured and again when it starts ([`DriveRange::allow`]). A
+//! demand can still leave the range in a closed loop or between two samples of a record; it is then cut
+//! ([`DriveRange::limit`]) and reported as saturation.
 
-/// What to do about a demand that the drive cannot deliver.
+/// Advice for a demand that the drive cannot deliver.
 const ADVICE: &str = "ask for less: the drive's output is linear only up to there (settings, calibration.drive)";
 
-/// The displacements that the drive can demand of the base.
+/// The base displacements that the drive can demand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveRange {
     /// Lowest, m; below 0.
@@ -37,17 +37,17 @@ impl DriveRange {
         self.high_m.min(-self.low_m)
     }
 
-    /// The drive that is nearest to a demand, and whether that was cut; 0 for a demand that is not a number.
+    /// The drive nearest to the demand, and whether the demand was cut. A NaN demand gives 0.
     #[must_use]
     pub fn limit(&self, demand_m: f32) -> (f32, bool) {
         let drive_m = if demand_m.is_nan() { 0.0 } else { demand_m.clamp(self.low_m, self.high_m) };
         (drive_m, drive_m != demand_m)
     }
 
-    /// Whether an amplitude can be delivered.
+    /// Checks that the drive can deliver an amplitude.
     ///
     /// # Errors
-    /// It is above [`DriveRange::amplitude_m`].
+    /// The amplitude is above [`DriveRange::amplitude_m`].
     pub fn allow(&self, parameter: &'static str, amplitude_m: f32) -> Result<(), AboveLimit> {
         let limit = self.amplitude_m();
         if amplitude_m <= limit {

@@ -1,6 +1,6 @@
-//! Plain input and output types of the control tick: sensors, actuators, channels, scales and calibration.
+//! Input and output types of the control tick: sensors, actuators, channels, scales and calibration.
 //!
-//! The lowest layer of the crate. Everything above imports its types from here, by one path each.
+//! This is the lowest layer of the crate. Every other module imports these types from here, by one path each.
 
 mod actuators;
 mod calibration;

@@ -1,14 +1,14 @@
-//! The rails of a converter: which samples lie at an end of its span, and what a block of samples has of them.
+//! Rail detection: which samples lie at an end of a converter's span, and how much of a block does.
 //!
-//! Every sensor has a live zero: its signal without a load lies inside the usable span ([`Usable`]). An open input reads a rail.
-//! A sample within [`RAIL_SHARE`] of the span from either end is *at a rail*. The board finds rails in the converter's
-//! counts, a simulated plant in its sensors' SI readings; both give the same [`Rail`].
+//! Every sensor has a live zero: its signal without load lies inside the usable span ([`Usable`]). An open input reads
+//! a rail. A sample within [`RAIL_SHARE`] of the span from either end is *at a rail*. The board detects rails in the
+//! converter's counts, a simulated plant in its sensors' SI readings; both give the same [`Rail`].
 
-/// Share of a converter's span at either end within which a sample is at a rail. 3 mV on an open input are 0.1 %.
+/// Share of a converter's span, at either end, within which a sample is at a rail. 3 mV on an open input is 0.1 %.
 pub const RAIL_SHARE: f32 = 0.01;
 
-/// The part of a channel's span between the rails: a sample at or beyond either end is at a rail. `T` is `u16` for counts, `f32`
-/// for SI readings.
+/// The part of a channel's span between the rails. A sample at or beyond either end is at a rail. `T` is `u16` for
+/// counts and `f32` for SI readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Usable<T> {
     /// Lower end.
@@ -18,7 +18,7 @@ pub struct Usable<T> {
 }
 
 impl<T: Copy + PartialOrd> Usable<T> {
-    /// The sample is at a rail. Not a number is at none.
+    /// The sample is at a rail. NaN is not at a rail.
     #[inline]
     #[must_use]
     pub fn is_at_rail(&self, sample: T) -> bool {
@@ -27,24 +27,24 @@ impl<T: Copy + PartialOrd> Usable<T> {
 }
 
 impl Usable<u16> {
-    /// Of a converter that gives 0 to `full_scale`.
+    /// The usable counts of a converter that gives 0 to `full_scale`.
     #[must_use]
     pub const fn of_counts(full_scale: u16) -> Self {
         let margin = (full_scale as f32 * RAIL_SHARE) as u16;
         Self { low: margin, high: full_scale - margin }
     }
 
-    /// In the unit of a sensor.
+    /// The usable span in the sensor's unit.
     #[must_use]
     pub fn map(&self, to_si: impl Fn(u16) -> f32) -> Usable<f32> {
         let (low, high) = (to_si(self.low), to_si(self.high));
-        // A sensor may look the other way.
+        // A scale may be negative.
         if low < high { Usable { low, high } } else { Usable { low: high, high: low } }
     }
 }
 
 impl Usable<f32> {
-    /// Of a span from `low` to `high`.
+    /// The usable part of a span from `low` to `high`.
     #[must_use]
     pub fn of_span(low: f32, high: f32) -> Self {
         let margin = RAIL_SHARE * (high - low);
@@ -57,7 +57,7 @@ impl Usable<f32> {
         self.high.min(-self.low)
     }
 
-    /// What a block comes to of which `at_rail` of `samples` samples are at a rail, and whose mean is this.
+    /// The [`Rail`] of a block: `at_rail` of `samples` samples are at a rail, and `mean` is the block's mean.
     #[must_use]
     pub fn rail(&self, at_rail: usize, samples: usize, mean: f32) -> Rail {
         if at_rail == 0 {
@@ -73,16 +73,16 @@ impl Usable<f32> {
 /// How much of a tick's block of samples is at a rail.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Rail {
-    /// No sample.
+    /// No sample is at a rail.
     #[default]
     Clear,
-    /// Some samples: the signal is clipped.
+    /// Some samples are at a rail: the signal is clipped.
     Some,
-    /// Every sample: this is no signal.
+    /// Every sample is at a rail: there is no signal.
     All {
         /// Mean of the block, in the sensor's unit.
         reading: f32,
-        /// The end of the usable span that it is beyond.
+        /// The end of the usable span that the reading is beyond.
         edge: f32,
     },
 }
@@ -109,7 +109,7 @@ mod tests {
         let metres = Usable::of_span(-0.08, 0.08);
         assert!((metres.low + 0.0784).abs() < 1e-8 && (metres.amplitude() - 0.0784).abs() < 1e-8);
         assert!(metres.is_at_rail(f32::INFINITY) && !metres.is_at_rail(f32::NAN));
-        // A sensor that looks the other way.
+        // A sensor with a negative scale.
         let reversed = counts.map(|counts| -f32::from(counts));
         assert_eq!((reversed.low, reversed.high), (-4_055.0, -40.0));
     }

@@ -1,43 +1,44 @@
-//! The reduction of a tick's block of samples to its mean, its peak and its rails.
+//! Reduction of one tick's block of samples to its mean, its peak and its rails.
 //!
-//! A simulated plant gives SI values ([`Reading::within`]), a board gives the converter's counts ([`super::CountedBlock`]).
+//! A simulated plant supplies SI values ([`Reading::within`]); a board supplies the converter's counts
+//! ([`super::CountedBlock`]).
 
 use super::rail::{Rail, Usable};
 use super::rate::SUBSAMPLES;
 
-/// What a displacement's block comes to.
+/// One tick's block of a displacement, reduced.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// Mean, m: the decimated value that control and lock-in use. No number if a sample is none.
+    /// Mean, m: the decimated value that control and lock-in use. NaN if a sample is NaN.
     pub mean_m: f32,
-    /// max |·|, m. No number if a sample is none.
+    /// max |·|, m. NaN if a sample is NaN.
     pub peak_m: f32,
-    /// max |·| of the samples that are not at a rail, m; 0 if all are.
+    /// max |·| of the samples that are not at a rail, m; 0 if every sample is at a rail.
     pub inside_peak_m: f32,
-    /// Every sample is this one.
+    /// The common value of all samples, if they are identical.
     pub still_at: Option<f32>,
-    /// What is at a rail.
+    /// How much of the block is at a rail.
     pub rail: Rail,
 }
 
 impl Reading {
-    /// Of a block of equal samples, none at a rail.
+    /// The reading of a block of identical samples, none at a rail.
     #[must_use]
     pub const fn still(sample_m: f32) -> Self {
         let peak_m = f32::from_bits(sample_m.to_bits() & 0x7fff_ffff);
         Self { mean_m: sample_m, peak_m, inside_peak_m: peak_m, still_at: Some(sample_m), rail: Rail::Clear }
     }
 
-    /// Looks at every sample once; none is at a rail.
+    /// Reduces a block; no sample counts as at a rail.
     #[must_use]
     pub fn of(block: &[f32; SUBSAMPLES]) -> Self {
         Self::within(block, &Usable { low: f32::NEG_INFINITY, high: f32::INFINITY })
     }
 
-    /// Looks at every sample of a sensor with this usable span once.
+    /// Reduces a block of a sensor with this usable span.
     #[must_use]
     pub fn within(block: &[f32; SUBSAMPLES], usable: &Usable<f32>) -> Self {
-        // Without the sign, numbers are in the order of their bits, and what is no number is above them all.
+        // Without the sign bit, floats sort in the order of their bits, and NaN sorts above every number.
         let first = block[0].to_bits();
         let (mut sum, mut peak, mut inside, mut differs, mut at_rail) = (0.0, 0, 0, 0, 0);
         for sample in block {
@@ -62,7 +63,7 @@ impl Reading {
     }
 }
 
-/// What a tick's blocks come to.
+/// One tick's blocks, reduced.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Readings {
     /// Structure displacement.
@@ -71,12 +72,13 @@ pub struct Readings {
     pub z: Reading,
     /// Mean spring force, N.
     pub spring_n: f32,
-    /// What of the spring force's block is at a rail.
+    /// How much of the spring force's block is at a rail.
     pub spring_rail: Rail,
 }
 
 impl Readings {
-    /// Of the displacements' readings and a block of the spring's force as read, oldest first, compression positive, N.
+    /// Combines the displacement readings with a block of the spring force as read, oldest first, compression positive,
+    /// N.
     #[must_use]
     pub fn new(x: Reading, z: Reading, spring_n: &[f32; SUBSAMPLES], usable_spring: &Usable<f32>) -> Self {
         let (mut sum, mut at_rail) = (0.0, 0);

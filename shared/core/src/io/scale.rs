@@ -1,4 +1,4 @@
-//! The linear scales between the converters' counts and SI units.
+//! Linear scales between converter counts and SI units.
 
 use super::drive_range::DriveRange;
 use super::invalid::{Invalid, require};
@@ -6,7 +6,7 @@ use super::rail::Usable;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Largest count on a channel of the slow converter: sixteen conversions of twelve bits, added up.
+/// Largest count on a channel of the slow converter: the sum of sixteen twelve-bit conversions.
 pub const SLOW_FULL_SCALE_COUNTS: u16 = 16 * 4_095;
 
 /// Largest count of the drive's output: twelve bits.
@@ -21,24 +21,24 @@ pub const SLOW_USABLE: Usable<u16> = Usable::of_counts(SLOW_FULL_SCALE_COUNTS);
 /// The usable counts of a wall's channel.
 pub const WALL_USABLE: Usable<u16> = Usable::of_counts(WALL_FULL_SCALE_COUNTS);
 
-/// What a count on a displacement's channel means: m = (counts − zero) · m per count.
+/// Scale of a displacement channel: m = (counts − zero) · m per count.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct DisplacementScale {
-    /// m per count; not 0, negative for a sensor that looks the other way.
+    /// m per count; not 0, negative for a sensor that is mounted the other way round.
     pub metres_per_count: f32,
     /// Counts at zero.
     pub zero_counts: f32,
 }
 
 impl DisplacementScale {
-    /// A sensor of ± `range_m` over the slow converter's whole span, zero in its middle.
+    /// The scale of a sensor of ± `range_m` over the slow converter's whole span, with zero in its middle.
     #[must_use]
     pub const fn over_whole_span(range_m: f32) -> Self {
         let full = SLOW_FULL_SCALE_COUNTS as f32;
         Self { zero_counts: 0.5 * full, metres_per_count: 2.0 * range_m / full }
     }
 
-    /// Half of what the slow converter's whole span means, m: a sensor of ± this fills the span.
+    /// Half of the slow converter's whole span, m: a sensor of ± this range fills the span.
     #[must_use]
     pub fn range_m(&self) -> f32 {
         let range_m = 0.5 * f32::from(SLOW_FULL_SCALE_COUNTS) * self.metres_per_count;
@@ -51,17 +51,17 @@ impl DisplacementScale {
         (f32::from(counts) - self.zero_counts) * self.metres_per_count
     }
 
-    /// The displacements between the rails, m.
+    /// The displacements inside the usable span, m.
     #[must_use]
     pub fn usable_m(&self) -> Usable<f32> {
         SLOW_USABLE.map(|counts| self.to_si(counts))
     }
 }
 
-/// What a count of the drive's output means: m = (counts − zero) · m per count, where the output is linear.
+/// Scale of the drive's output: m = (counts − zero) · m per count, over the linear range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct DriveScale {
-    /// m per count; not 0, negative for an amplifier that looks the other way.
+    /// m per count; not 0, negative for an inverting amplifier.
     pub metres_per_count: f32,
     /// Counts at no drive; inside the linear range.
     pub zero_counts: f32,
@@ -72,15 +72,15 @@ pub struct DriveScale {
 }
 
 impl Default for DriveScale {
-    /// Assumed: ±5 mm of the base over the output's span.
+    /// Assumed: ±5 mm of the base over the whole span of the output.
     fn default() -> Self {
         Self::assumed(0.005)
     }
 }
 
 impl DriveScale {
-    /// ± `range_m` over the whole span of a 12-bit output of 0 V to 3.3 V, whose buffer is linear from 0.2 V to 0.2 V below the
-    /// supply (STM32G474, data sheet).
+    /// ± `range_m` over the whole span of a 12-bit output of 0 V to 3.3 V. Its buffer is linear from 0.2 V to 0.2 V
+    /// below the supply (STM32G474, data sheet).
     #[must_use]
     pub const fn assumed(range_m: f32) -> Self {
         let full = OUTPUT_FULL_SCALE_COUNTS as f32;
@@ -102,7 +102,7 @@ impl DriveScale {
         if low_m < high_m { DriveRange { low_m, high_m } } else { DriveRange { low_m: high_m, high_m: low_m } }
     }
 
-    /// The counts nearest to a demand, inside the linear range; the zero's for a demand that is not a number.
+    /// The counts nearest to a demand, inside the linear range. A NaN demand gives the counts of zero.
     #[must_use]
     pub fn to_counts(&self, demand_m: f32) -> u16 {
         let demand_m = if demand_m.is_nan() { 0.0 } else { demand_m };
@@ -136,36 +136,36 @@ pub(super) fn not_zero(name: &'static str, per_count: f32) -> Result<(), Invalid
     require(is_scale, name, f64::from(per_count), "a finite number other than 0")
 }
 
-/// What a converter's count on a wall's channel means.
+/// Scale of a force channel: N = (counts − zero) · N per count.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ForceScale {
     /// N per count; greater than 0.
     pub newtons_per_count: f32,
-    /// Counts without a force, 0 to [`WALL_FULL_SCALE_COUNTS`]; what drifts from there is followed.
+    /// Counts without a force, 0 to [`WALL_FULL_SCALE_COUNTS`]. Drift from there is followed.
     pub zero_counts: f32,
 }
 
 impl Default for ForceScale {
-    /// Assumed: a sensor of 460 N over a 12-bit converter, its zero set to a tenth of the span.
+    /// Assumed: a sensor of 460 N on a 12-bit converter, with its zero at a tenth of the span.
     fn default() -> Self {
         Self::assumed()
     }
 }
 
 impl ForceScale {
-    /// As the default.
+    /// The default scale.
     #[must_use]
     pub const fn assumed() -> Self {
         Self { newtons_per_count: 0.125, zero_counts: 410.0 }
     }
 
-    /// The force, N, of counts or of a mean of counts.
+    /// The force, N, for counts or a mean of counts.
     #[must_use]
     pub fn to_force_n(&self, counts: f32) -> f32 {
         (counts - self.zero_counts) * self.newtons_per_count
     }
 
-    /// The counts nearest to a force, within those of `lowest` to `highest`.
+    /// The counts nearest to a force, clamped to `lowest` to `highest`.
     #[must_use]
     pub fn to_counts(&self, force_n: f32, lowest: u16, highest: u16) -> u16 {
         // A cast drops the fraction and saturates.
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(drive.to_counts(f32::NAN), 2_048);
     }
 
-    /// 0.2 V to 3.1 V of 3.3 V are 248.2 to 3846.8 counts.
+    /// 0.2 V to 3.1 V of 3.3 V is 248.2 to 3846.8 counts.
     #[test]
     fn a_demand_beyond_the_linear_range_stays_at_its_end() {
         let drive = Calibration::default().drive;

@@ -1,4 +1,4 @@
-//! The five sensors of a rig, by name, and sets of them.
+//! The five sensors of the rig by name, and sets of sensors.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -22,10 +22,10 @@ pub enum Sensor {
 }
 
 impl Sensor {
-    /// All of them; a sensor's place is `sensor as usize`.
+    /// All sensors. The index of a sensor is `sensor as usize`.
     pub const ALL: [Self; SENSORS] = [Self::X, Self::Z, Self::SpringForce, Self::WallLow, Self::WallHigh];
 
-    /// Its name, for people.
+    /// The sensor's name for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl Sensor {
     }
 }
 
-/// Some of the sensors.
+/// A set of sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SensorSet(u8);
 
@@ -53,20 +53,20 @@ impl SensorSet {
         self.0 |= other.0;
     }
 
-    /// The sensor is one of them.
+    /// The set contains the sensor.
     #[must_use]
     pub fn contains(self, sensor: Sensor) -> bool {
         self.0 & 1 << sensor as u8 != 0
     }
 
-    /// There is none.
+    /// The set is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 }
 
-/// The names, separated by commas.
+/// Writes the names, separated by commas.
 impl core::fmt::Display for SensorSet {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let mut separator = "";

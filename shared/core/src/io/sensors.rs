@@ -1,15 +1,15 @@
-//! The input of a tick: reduced displacements and spring force, the wall forces sample by sample, and the switches.
+//! Sensor inputs of a tick: reduced displacements and spring force, every wall-force sample, and the switches.
 
 use super::rate::WALL_SUBSAMPLES;
 use super::reading::{Reading, Readings};
 use super::scale::ForceScale;
 
-/// What the sensors tell since the last tick.
+/// All sensor values since the last tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// Displacements and the spring's force.
+    /// Displacements and the spring force.
     pub readings: Readings,
-    /// Forces on the walls at −d and +d in the converter's counts, on the [`ForceScale`] that the rig has.
+    /// Forces on the walls at −d and +d in converter counts, on the rig's [`ForceScale`].
     pub walls: [WallCounts; WALL_SUBSAMPLES],
     /// The spring's limit switch is closed.
     pub at_limit: bool,
@@ -18,7 +18,7 @@ pub struct Sensors {
 }
 
 impl Default for Sensors {
-    /// Everything at rest.
+    /// All sensors at rest.
     fn default() -> Self {
         let resting = ForceScale::default().zero_counts as u16;
         Self {
@@ -31,7 +31,7 @@ impl Default for Sensors {
 }
 
 impl Sensors {
-    /// A block that could not be taken: every displacement is NaN, so a running experiment ends with a sensor fault.
+    /// The input for a lost block: both displacements are NaN, so a running experiment ends with a sensor fault.
     #[must_use]
     pub fn lost() -> Self {
         let nan = Reading { mean_m: f32::NAN, peak_m: f32::NAN, ..Reading::default() };
@@ -39,7 +39,7 @@ impl Sensors {
     }
 }
 
-/// Readings of both walls at one instant, as a converter that takes one wall after the other leaves them in memory.
+/// One sample of both walls, laid out as a converter that samples one wall after the other leaves them in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct WallCounts([u16; 2]);
@@ -51,7 +51,7 @@ impl WallCounts {
         Self([low, high])
     }
 
-    /// The reading of wall 0 (at −d) or 1.
+    /// The counts of wall 0 (at −d) or wall 1 (at +d).
     #[must_use]
     #[inline]
     pub fn of(&self, wall: usize) -> u16 {

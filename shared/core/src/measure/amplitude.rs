@@ -1,16 +1,16 @@
-//! The amplitude of a nearly harmonic displacement, cycle by cycle, without a phase: √2 times its RMS about its mean.
+//! Amplitude of a nearly harmonic displacement, cycle by cycle, without a phase: √2 times its RMS about its mean.
 //!
-//! For controllers that need Z while a point runs; what is reported of a point is the [`super::lock_in`]'s. A cycle is cut to
-//! whole ticks: with n ticks a cycle that is wrong by at most 1/(2n), 0.13 % at 2.5 Hz. Noise of RMS σ adds σ²/Z² of the
-//! amplitude, harmonics half the square of their part.
+//! For controllers that need Z while a point runs. The reported result of a point comes from the [`super::lock_in`]. A
+//! cycle is cut to whole ticks: with n ticks per cycle the error is at most 1/(2n), 0.13 % at 2.5 Hz. Noise of RMS σ
+//! adds σ²/Z² of the amplitude; a harmonic adds half the square of its share.
 
 use crate::io::TICK_HZ;
 use crate::scalar::Scalar;
 
-/// Follows one displacement.
+/// Measures the amplitude of one displacement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CycleAmplitude {
-    /// First value of the cycle: sums are taken about it, so an offset costs no digits.
+    /// First value of the cycle. Sums are taken about it, so an offset costs no precision.
     about: f32,
     sum: f32,
     squares: f32,
@@ -19,8 +19,8 @@ pub struct CycleAmplitude {
 }
 
 impl CycleAmplitude {
-    /// Takes one tick's value; the amplitude of the last whole cycle, `None` before there is one and without a frequency
-    /// (0 or less, Hz).
+    /// Takes one tick's value and returns the amplitude of the last whole cycle. Returns `None` before the first whole
+    /// cycle and without a drive frequency (0 or less, Hz).
     pub fn push(&mut self, value_m: f32, frequency_hz: f32) -> Option<f32> {
         if frequency_hz.is_nan() || frequency_hz <= 0.0 {
             *self = Self::default();
@@ -37,7 +37,7 @@ impl CycleAmplitude {
             let n = self.count as f32;
             let mean = self.sum / n;
             let variance = self.squares / n - mean * mean;
-            // Rounding can take a variance of nothing below zero; no number stays none.
+            // Rounding can make a zero variance negative. A variance that is not finite gives no amplitude.
             let latest = variance.is_finite().then(|| Scalar::sqrt(2.0 * variance.max(0.0)));
             *self = Self { latest, ..Self::default() };
         }

@@ -1,20 +1,21 @@
-//! Impacts on the cavity's walls, read off the two wall-force channels.
+//! Impact detection on the cavity's walls from the two wall-force channels.
 //!
-//! A pulse begins where the force passes a threshold and ends where it has stayed below half of it; a few samples on
-//! either side belong to it, so that its foot is not lost. What is reported:
-//! - **time**: the pulse's centre of area. For a symmetric pulse that is exact to a small part of a sample, whatever
-//!   the threshold, while a crossing depends on threshold, peak and phase. The contact began half a contact time before.
-//! - **impulse**: the sum of the samples. The kinks at the ends of a half-sine of n samples make that wrong by at most
+//! A pulse begins where the force passes a threshold and ends where it has stayed below half of it. A few guard samples
+//! on either side belong to the pulse, so that its foot is included. An impact record holds:
+//! - **time**: the pulse's centre of area. For a symmetric pulse it is exact to a small part of a sample for every
+//!   threshold, while a crossing time depends on threshold, peak and phase. The contact began half a contact time
+//!   earlier.
+//! - **impulse**: the sum of the samples. The kinks at the ends of a half-sine of n samples make it wrong by at most
 //!   π²/(12 n²): 0.8 % with ten samples in the contact, 0.03 % with fifty.
 //! - **peak**: the parabola through the three highest samples, unless they are clipped.
 //!
-//! A hard wall rings: within the refractory time a new pulse must exceed a part of the last peak. A contact that does not
-//! end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset (charge
-//! amplifiers drift) is followed while nothing touches, within [`ImpactConfig::offset_limit_n`] of the calibrated zero: an open
-//! input is no new zero. Following one channel is `pulse`'s business, recording a
-//! pulse's shape [`super::snippet`]'s.
+//! A hard wall rings. Within the refractory time a new pulse must therefore exceed a part of the last peak. A contact
+//! that does not end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset
+//! (charge amplifiers drift) is followed while there is no contact, within [`ImpactConfig::offset_limit_n`] of the
+//! calibrated zero, so that an open input is never taken as a new zero. `pulse` follows one channel; [`super::snippet`]
+//! records a pulse's shape.
 //!
-//! Everything before a pulse's end is done in the converter's whole counts: sums of whole numbers lose nothing.
+//! Until a pulse ends, all arithmetic is on the converter's integer counts, so the sums are exact.
 
 pub use super::pulse::GUARD;
 use super::pulse::{Before, Channel, Ended, Finding, LONGEST_BLOCK, Paces};
@@ -26,29 +27,30 @@ use crate::io::{
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Time constant with which the offset is followed, s.
+/// Time constant of the offset tracking, s.
 const OFFSET_S: f32 = 1.0;
 
-/// How impacts are told from noise, ringing and rest.
+/// Thresholds that separate impacts from noise, ringing and resting contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ImpactConfig {
-    /// Force that begins a pulse, N: well above the noise, and above m·|x″| of a particle that rests on a wall.
+    /// Force that begins a pulse, N: well above the noise, and above m·|x″| of a particle resting on a wall.
     pub threshold_n: f32,
-    /// Readings from here on are clipped, N.
+    /// Readings of this force or more are clipped, N.
     pub clip_n: f32,
-    /// After a pulse, the time in which the next must be more than ringing, s.
+    /// Time after a pulse in which ringing is rejected, s.
     pub refractory_s: f32,
-    /// Part of the last peak that ringing may reach, 0 to 1.
+    /// Largest ringing as a part of the last peak, 0 to 1.
     pub ringing: f32,
-    /// A contact longer than this is a particle at rest, s.
+    /// Longest contact of an impact, s; a longer one is a particle at rest.
     pub longest_contact_s: f32,
-    /// The offset is followed within ± this of the calibrated zero, N; more is a sensor fault.
+    /// Largest offset from the calibrated zero that is followed, N; a larger one is a sensor fault.
     pub offset_limit_n: f32,
 }
 
 impl Default for ImpactConfig {
-    /// Assumed: 0.16 kg on a structure of up to 10 m/s² presses with 1.6 N; a wall rings for a millisecond or two. Clipped
-    /// just below the end of [`ForceScale`]'s usable span. The offset may drift by 5 % of the span; its live zero is 10 %.
+    /// Assumed: 0.16 kg on a structure of up to 10 m/s² presses with 1.6 N; a wall rings for one or two milliseconds.
+    /// The clipping force is just below the end of [`ForceScale`]'s usable span. The offset may drift by 5 % of the
+    /// span; the live zero is 10 %.
     fn default() -> Self {
         Self {
             threshold_n: 2.5,
@@ -85,46 +87,46 @@ impl ImpactConfig {
 /// One impact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ImpactRecord {
-    /// The tick in which the pulse ended.
+    /// Tick in which the pulse ended.
     pub tick: u32,
-    /// The pulse's centre in ticks from the start of `tick`: negative where it lies in an earlier one.
+    /// The pulse's centre in ticks from the start of `tick`; negative if it lies in an earlier tick.
     pub centre_ticks: f32,
-    /// +1 on the wall at y − x = +d.
+    /// +1 for the wall at y − x = +d, −1 for the wall at −d.
     pub side: i8,
-    /// Highest force, N; a lower bound where clipped.
+    /// Highest force, N; a lower bound if clipped.
     pub peak_n: f32,
-    /// ∫ F dt, N·s; a lower bound where clipped.
+    /// ∫ F dt, N·s; a lower bound if clipped.
     pub impulse_n_s: f32,
     /// Contact time of the half-sine with this peak and impulse, πJ/(2F), s.
     pub contact_s: f32,
-    /// A reading reached the sensor's limit.
+    /// A reading reached the clipping force.
     pub clipped: bool,
-    /// The contact did not end within the longest contact time.
+    /// The contact lasted longer than the longest contact time.
     pub held: bool,
 }
 
 /// Counts since the last [`ImpactMeter::reset`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ImpactCounts {
-    /// On the wall at −d and at +d.
+    /// Impacts on the wall at −d and at +d.
     pub impacts: [u32; 2],
-    /// Of these, clipped.
+    /// Impacts that were clipped.
     pub clipped: u32,
-    /// Of these, held.
+    /// Impacts that were held.
     pub held: u32,
-    /// Pulses that were taken for ringing.
+    /// Pulses rejected as ringing.
     pub suppressed: u32,
 }
 
 impl ImpactCounts {
-    /// On both walls.
+    /// Impacts on both walls.
     #[must_use]
     pub fn total(&self) -> u32 {
         self.impacts[0].wrapping_add(self.impacts[1])
     }
 }
 
-/// Checked constants in counts and samples.
+/// Checked detection constants in counts and samples.
 #[derive(Clone, Copy, Debug)]
 pub struct ImpactSettings {
     config: ImpactConfig,
@@ -134,7 +136,7 @@ pub struct ImpactSettings {
 }
 
 impl ImpactSettings {
-    /// For channels of `samples_per_tick` samples a tick (1 to 64) on this scale.
+    /// The constants for channels on this scale with `samples_per_tick` samples per tick (1 to 64).
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -153,7 +155,7 @@ impl ImpactSettings {
         Ok(Self::of(config, scale, samples_per_tick))
     }
 
-    /// From checked constants.
+    /// Converts checked constants.
     fn of(config: &ImpactConfig, scale: &ForceScale, samples_per_tick: u8) -> Self {
         let rate_hz = TICK_HZ * f32::from(samples_per_tick);
         let samples = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
@@ -163,7 +165,7 @@ impl ImpactSettings {
             clip: config.clip_n / scale.newtons_per_count + scale.zero_counts,
             ringing: config.ringing,
             refractory: samples(config.refractory_s),
-            // Sums of this many counts stay within their whole numbers.
+            // Sums over this many counts fit their integer types.
             longest: samples(config.longest_contact_s).clamp(GUARD as u32 + 2, 1 << 15),
             offset_gain: 1.0 / (OFFSET_S * rate_hz),
             offset_low: scale.zero_counts - drift,
@@ -172,7 +174,7 @@ impl ImpactSettings {
         Self { config: *config, scale: *scale, samples_per_tick: usize::from(samples_per_tick), paces }
     }
 
-    /// The same constants on the scale of another sensor.
+    /// The same constants for a sensor with another scale.
     #[must_use]
     pub fn on(&self, scale: &ForceScale) -> Self {
         Self::of(&self.config, scale, self.samples_per_tick as u8)
@@ -186,15 +188,16 @@ impl Default for ImpactSettings {
     }
 }
 
-/// Finds impacts in both channels.
+/// Detects impacts on both walls.
 #[derive(Clone, Debug)]
 pub struct ImpactMeter {
     settings: ImpactSettings,
     channels: [Channel; 2],
     before: Before,
-    /// Highest reading of each wall in the last block while it was touched, counts above its offset; 0 if it was not.
+    /// Highest reading of each wall in the last block during a contact, in counts above its offset; 0 without a
+    /// contact.
     highest: [f32; 2],
-    /// What of each wall's last block is at a rail.
+    /// How much of each wall's last block is at a rail.
     rails: [Rail; 2],
     counts: ImpactCounts,
     counted_before_cycle: u32,
@@ -208,7 +211,7 @@ impl Default for ImpactMeter {
 }
 
 impl ImpactMeter {
-    /// As [`ImpactSettings::new`], at once.
+    /// Checks the constants as [`ImpactSettings::new`] does and makes the meter.
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -216,7 +219,7 @@ impl ImpactMeter {
         Ok(Self::of(&ImpactSettings::new(config, scale, samples_per_tick)?))
     }
 
-    /// Untouched walls.
+    /// A meter with no contact on either wall.
     #[must_use]
     pub fn of(settings: &ImpactSettings) -> Self {
         Self {
@@ -231,7 +234,7 @@ impl ImpactMeter {
         }
     }
 
-    /// Goes on under other settings; pulses in progress are forgotten.
+    /// Continues with other settings. Pulses in progress are dropped.
     pub fn adopt(&mut self, settings: &ImpactSettings) {
         self.settings = *settings;
         self.channels = [settings, settings].map(|s| Channel::new(s.scale.zero_counts, &s.paces));
@@ -243,25 +246,25 @@ impl ImpactMeter {
         &self.counts
     }
 
-    /// What its counts mean.
+    /// The scale of the wall channels.
     #[must_use]
     pub fn scale(&self) -> &ForceScale {
         &self.settings.scale
     }
 
-    /// Highest force on each wall in the last block while it was touched, above its offset, N; 0 if it was not.
+    /// Highest force above the offset on each wall in the last block during a contact, N; 0 without a contact.
     #[must_use]
     pub fn highest_n(&self) -> [f32; 2] {
         self.highest.map(|counts| counts * self.settings.scale.newtons_per_count)
     }
 
-    /// What of each wall's last block is at a rail of the converter.
+    /// How much of each wall's last block is at a rail of the converter.
     #[must_use]
     pub fn rails(&self) -> [Rail; 2] {
         self.rails
     }
 
-    /// For each wall whose zero is off its calibration by more than may be followed: what it reads, and what may be, N.
+    /// For each wall whose zero has drifted beyond the limit: the mean idle reading and the limit, N.
     #[must_use]
     pub fn drift_n(&self) -> [Option<(f32, f32)>; 2] {
         [0, 1].map(|wall: usize| {
@@ -270,14 +273,14 @@ impl ImpactMeter {
         })
     }
 
-    /// Counts from zero again; pulses in progress are forgotten.
+    /// Resets the counts to zero. Pulses in progress are dropped.
     pub fn reset(&mut self) {
         self.channels.iter_mut().for_each(Channel::reset);
         self.counts = ImpactCounts::default();
         self.counted_before_cycle = 0;
     }
 
-    /// Closes a cycle of the drive: the impacts that ended in it.
+    /// Closes a cycle of the drive and returns the number of impacts that ended in it.
     pub fn end_cycle(&mut self) -> u32 {
         let total = self.counts.total();
         total.wrapping_sub(core::mem::replace(&mut self.counted_before_cycle, total))
@@ -289,13 +292,13 @@ impl ImpactMeter {
         &self.snippet
     }
 
-    /// Records the next impact's shape.
+    /// Arms the recorder for the next impact's shape.
     pub fn arm_snippet(&mut self) {
         self.snippet.arm();
     }
 
-    /// Takes one tick's block of pairs, the wall at −d first. A sample n of N was taken at (n + 1)/N of the tick. A block
-    /// longer than announced is cut. Impacts that end in it are `found`.
+    /// Takes one tick's block of pairs, the wall at −d first. Sample n of N was taken at (n + 1)/N of the tick. A block
+    /// longer than `samples_per_tick` is cut. `found` is called for every impact that ends in the block.
     pub fn push(&mut self, tick: u32, block: &[WallCounts], mut found: impl FnMut(&ImpactRecord)) {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
         self.rails = [0, 1].map(|wall| self.rail(block, wall));
@@ -359,7 +362,7 @@ impl ImpactMeter {
     }
 }
 
-/// Every how many samples one counts for a channel's offset.
+/// Decimation of the samples that track a channel's offset.
 const OFFSET_EVERY: usize = 10;
 
 /// The mean of every [`OFFSET_EVERY`]th of a wall's readings, from the first.

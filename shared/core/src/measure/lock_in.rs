@@ -1,12 +1,12 @@
-//! Amplitude and phase of a signal at the drive frequency.
+//! Lock-in: amplitude and phase of a signal at the drive frequency.
 
 use super::sum::Sum;
 use crate::scalar::Scalar;
 
 /// Correlates a signal with the drive's sine and cosine over whole cycles.
 ///
-/// Sums run plainly within a cycle and with their rounding errors over the cycles ([`Sum`]), so a long dwell loses nothing
-/// while a tick costs two multiplications.
+/// Within a cycle the sums are plain; over the cycles they carry their rounding errors ([`Sum`]). A long dwell
+/// therefore loses no precision, and a tick costs two multiplications.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LockIn {
     cycle: (f32, f32),
@@ -14,7 +14,7 @@ pub struct LockIn {
 }
 
 impl LockIn {
-    /// Takes one sample and the reference's sine and cosine at the same tick.
+    /// Takes one sample, and the reference's sine and cosine at the same tick.
     #[inline]
     pub fn push(&mut self, sample: f32, (sine, cosine): (f32, f32)) {
         self.cycle.0 += sample * sine;
@@ -28,22 +28,22 @@ impl LockIn {
         self.cycle = (0.0, 0.0);
     }
 
-    /// Amplitude (the signal's unit) and phase (rad, positive where the signal leads the reference) over the
-    /// closed cycles, which held `samples` samples. Zero without any.
+    /// Amplitude (in the signal's unit) and phase (rad, positive where the signal leads the reference) over the closed
+    /// cycles. `samples` is the number of samples in them. Zero if there are none.
     #[must_use]
     pub fn amplitude_and_phase(&self, samples: u32) -> (f32, f32) {
         let (sine, cosine) = self.components(samples);
         (Scalar::sqrt(sine * sine + cosine * cosine), libm::atan2f(cosine, sine))
     }
 
-    /// The squared amplitude alone: what a sum over harmonics needs, without a root or an angle for each.
+    /// The squared amplitude alone, without a root or an angle. Used for a sum over harmonics.
     #[must_use]
     pub fn squared_amplitude(&self, samples: u32) -> f32 {
         let (sine, cosine) = self.components(samples);
         sine * sine + cosine * cosine
     }
 
-    /// The parts in phase with the sine and the cosine.
+    /// The components in phase with the sine and with the cosine.
     pub(super) fn components(&self, samples: u32) -> (f32, f32) {
         if samples == 0 {
             return (0.0, 0.0);
@@ -72,7 +72,8 @@ mod tests {
             }
         }
         let (amplitude, angle) = lock_in.amplitude_and_phase(samples);
-        // A cycle boundary is known to one tick of 80 × 400: at most 2 · (0.0123 + 0.004)/0.0123/32000 = 8.3e-5.
+        // A cycle boundary is known to one tick of 80 × 400: the error is at most 2 · (0.0123 + 0.004)/0.0123/32000 =
+        // 8.3e-5.
         assert!((amplitude / 0.0123 - 1.0).abs() < 8.3e-5, "{amplitude}");
         assert!((angle - core::f32::consts::FRAC_PI_4).abs() < 8.3e-5, "{angle}");
     }

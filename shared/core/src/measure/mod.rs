@@ -1,5 +1,7 @@
-//! What is read off the sensor signals: amplitude and phase at the drive frequency, peaks, RMS, cycle maxima, impacts,
-//! and whether a point has become steady. Every quantity is a small state machine fed once a tick.
+//! Measurement of the sensor signals: amplitude and phase at the drive frequency, peaks, RMS, cycle maxima, impacts,
+//! and steadiness of a point.
+//!
+//! Every quantity is a small state machine that is fed once per tick.
 
 pub mod amplitude;
 pub mod impacts;

@@ -1,4 +1,4 @@
-//! Everything that is measured at one frequency of a stepped sine.
+//! Measurement of one point, that is one frequency of a stepped sine: amplitudes, phase, RMS, maxima and steadiness.
 
 use super::lock_in::LockIn;
 use super::sum::Sum;
@@ -8,7 +8,7 @@ use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// When a point counts as steady.
+/// Limits for a point to count as steady.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SteadyLimits {
     /// Largest relative change of the cycle maxima per cycle, over the second half of the dwell.
@@ -23,19 +23,20 @@ impl Default for SteadyLimits {
     }
 }
 
-/// The result of one frequency. Lengths in m, angles in rad; every figure is of the dwell's whole cycles.
+/// The result of one frequency. Lengths in m, angles in rad; every value is over the dwell's whole cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PointResult {
-    /// Place in the whole experiment's frequency list, from 0.
+    /// Index in the whole experiment's frequency list, from 0.
     pub index: u16,
     /// Drive frequency, Hz.
     pub frequency_hz: f32,
     /// Base amplitude Z at the drive frequency (lock-in), m.
     pub z_amplitude_m: f32,
-    /// Distortion of the base: the 2nd to 5th harmonics' amplitudes (root of the sum of squares) over Z. Resolves about
-    /// 1/(cycles × ticks per cycle).
+    /// Distortion of the base: the amplitudes of the 2nd to 5th harmonics (root of the sum of squares) over Z. The
+    /// resolution is about 1/(cycles × ticks per cycle).
     pub z_distortion: f32,
-    /// Drive amplitude at the drive frequency, m: the demanded one at constant drive, what it took in closed loop.
+    /// Drive amplitude at the drive frequency, m: the demanded amplitude at constant drive, the amplitude that the loop
+    /// applied in closed loop.
     pub drive_amplitude_m: f32,
     /// The drive was at its limit during the dwell: Z may be below its target.
     pub drive_saturated: bool,
@@ -53,7 +54,7 @@ pub struct PointResult {
     pub x_max_m: f32,
     /// max |x| in the last cycle, m.
     pub x_last_cycle_max_m: f32,
-    /// Relative change of the cycle maxima per cycle over the second half.
+    /// Relative change of the cycle maxima per cycle over the second half of the dwell.
     pub change_per_cycle: f32,
     /// Relative RMS scatter of the cycle maxima about that trend.
     pub scatter: f32,
@@ -69,7 +70,7 @@ pub struct PointResult {
     pub end_tick: u32,
 }
 
-/// Measures one point, a tick at a time.
+/// Measures one point, one tick at a time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PointMeter {
     x: LockIn,
@@ -90,7 +91,7 @@ pub struct PointMeter {
 }
 
 impl PointMeter {
-    /// For a dwell of `cycles` whole cycles; the trend is taken over the second half.
+    /// A meter for a dwell of `cycles` whole cycles. The trend is taken over the second half.
     #[must_use]
     pub fn new(cycles: u32) -> Self {
         Self { trend_from: cycles / 2, ..Self::default() }
@@ -102,7 +103,7 @@ impl PointMeter {
         self.cycles
     }
 
-    /// Takes one tick's samples and drive (m) with the drive's sine and cosine at that tick.
+    /// Takes one tick's readings and drive (m) with the drive's sine and cosine at that tick.
     #[inline]
     pub fn push(&mut self, readings: &Readings, drive_m: f32, reference: (f32, f32)) {
         let (x, z) = (readings.x.mean_m, readings.z.mean_m);
@@ -142,7 +143,7 @@ impl PointMeter {
         self.cycle_samples = 0;
     }
 
-    /// The figures of the closed cycles.
+    /// The result over the closed cycles.
     #[must_use]
     pub fn result(&self, place: &Place, limits: &SteadyLimits) -> PointResult {
         let (x_amplitude, x_phase) = self.x.amplitude_and_phase(self.samples);
@@ -178,10 +179,10 @@ impl PointMeter {
     }
 }
 
-/// Where and when a point was measured, and what was counted meanwhile.
+/// Index, time and counts of a measured point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place {
-    /// In the whole experiment's frequency list.
+    /// Index in the whole experiment's frequency list.
     pub index: u16,
     /// Drive frequency, Hz.
     pub frequency_hz: f32,
@@ -189,15 +190,15 @@ pub struct Place {
     pub start_tick: u32,
     /// Tick after the last measured sample.
     pub end_tick: u32,
-    /// The drive was at its limit.
+    /// The drive was at its limit during the measurement.
     pub drive_saturated: bool,
-    /// Sensors that were clipped while it was measured.
+    /// Sensors that were clipped during the measurement.
     pub clipped: SensorSet,
     /// Measured impacts.
     pub impacts: u32,
 }
 
-/// An angle brought into −π … π.
+/// An angle wrapped into −π … π.
 fn wrapped(angle: f32) -> f32 {
     use core::f32::consts::{PI, TAU};
     if angle > PI {
@@ -230,7 +231,7 @@ mod tests {
             }
         }
         let result = meter.result(&Place::default(), &SteadyLimits::default());
-        // Cycles end on a tick: what one tick of 20 × 400 adds to a harmonic, 2 · 1.2/8000.
+        // Cycles end on a tick. One tick of 20 × 400 adds 2 · 1.2/8000 to a harmonic.
         assert!((result.z_distortion - 0.05).abs() < 3e-4, "{}", result.z_distortion);
         assert!((result.drive_amplitude_m / 2e-3 - 1.0).abs() < 3e-4, "{}", result.drive_amplitude_m);
     }

@@ -1,16 +1,16 @@
-//! One wall's channel as [`super::impacts`] follows it: idle, in a pulse, or in a contact that does not end.
+//! Pulse detection on one wall's channel, for [`super::impacts`]: idle, in a pulse, or in a contact that does not end.
 //!
-//! Samples are the converter's counts and stay whole numbers until a pulse has ended.
+//! Samples are converter counts and stay integers until a pulse has ended.
 
 use crate::io::WallCounts;
 
-/// Samples before the crossing and after the end that belong to a pulse.
+/// Samples before the threshold crossing and after the end that belong to a pulse.
 pub const GUARD: usize = 4;
 
-/// Most samples in a block.
+/// Largest number of samples in a block.
 pub const LONGEST_BLOCK: usize = 64;
 
-/// The last samples before a block: the guards of a pulse that begins at its start.
+/// The last samples before a block: the guards of a pulse that begins at the block's start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Before([WallCounts; GUARD]);
 
@@ -19,7 +19,7 @@ impl Before {
         Self([WallCounts::new(resting, resting); GUARD])
     }
 
-    /// The block is over.
+    /// Takes a finished block.
     pub(super) fn push(&mut self, block: &[WallCounts]) {
         *self = self.up_to(block, block.len());
     }
@@ -27,7 +27,7 @@ impl Before {
     /// The guards before sample `at` of the block.
     fn up_to(&self, block: &[WallCounts], at: usize) -> Self {
         Self(core::array::from_fn(|n| {
-            // So many samples before `at`.
+            // Number of samples before `at`.
             let back = GUARD - n;
             let in_block = at.checked_sub(back).and_then(|place| block.get(place));
             *in_block.unwrap_or(&self.0[(GUARD + at).saturating_sub(back).min(GUARD - 1)])
@@ -35,18 +35,18 @@ impl Before {
     }
 }
 
-/// The constants in counts and samples.
+/// The detection constants in counts and samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Paces {
-    /// Above the offset.
+    /// Threshold above the offset.
     pub threshold: f32,
-    /// A reading of this is clipped.
+    /// Readings of this or more are clipped.
     pub clip: f32,
     pub ringing: f32,
     pub refractory: u32,
     pub longest: u32,
     pub offset_gain: f32,
-    /// Between these the offset is followed.
+    /// Range within which the offset is followed.
     pub offset_low: f32,
     pub offset_high: f32,
 }
@@ -55,12 +55,11 @@ pub(super) struct Paces {
 enum Phase {
     Idle,
     Pulse,
-    /// A contact that has been reported and has not ended.
+    /// A contact that has been recorded and has not ended.
     Rest,
 }
 
-/// A pulse as far as it has been seen, counted above a whole number near the offset. Its samples are numbered from the
-/// first guard.
+/// A pulse so far, in counts above an integer near the offset. Its samples are numbered from the first guard.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulse {
     above: i32,
@@ -72,12 +71,12 @@ struct Pulse {
     peak_is_last: bool,
     last: i32,
     count: u32,
-    /// Samples below half the threshold at its end, at most [`GUARD`].
+    /// Samples in a row below half the threshold at the pulse's end, at most [`GUARD`].
     low: usize,
 }
 
 impl Pulse {
-    /// Takes the next sample, which is low below `low` counts.
+    /// Takes the next sample. A reading below `low` counts as low.
     fn push(&mut self, reading: u16, low: i32) {
         let height = i32::from(reading) - self.above;
         if height > self.peak {
@@ -108,23 +107,23 @@ impl Pulse {
 /// A pulse that has ended, in counts and samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ended {
-    /// Σ of the force.
+    /// Σ of the force samples.
     pub sum: f32,
-    /// From the block's start to the pulse's centre.
+    /// Samples from the block's start to the pulse's centre.
     pub centre: f32,
     pub peak: f32,
     pub clipped: bool,
     pub held: bool,
 }
 
-/// What a channel comes upon in a block.
+/// What a channel finds in a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Finding {
-    /// A pulse begins with this sample.
+    /// A pulse begins with the sample at this index.
     Began(usize),
     /// A pulse has ended.
     Ended(Ended),
-    /// A pulse has ended that was ringing.
+    /// A pulse has ended and is rejected as ringing.
     Rang,
 }
 
@@ -132,26 +131,26 @@ pub(super) enum Finding {
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     offset: f32,
-    /// Mean of idle samples towards which the offset may not be followed further.
+    /// Mean of the idle samples while the offset is held at an end of its range.
     drifted_to: Option<f32>,
-    /// Readings from here on begin a pulse.
+    /// A reading of this or more begins a pulse.
     limit: u16,
     phase: Phase,
     pulse: Pulse,
     /// Samples since the last pulse ended.
     since: u32,
     last_peak: f32,
-    /// Highest reading in the present block while something touches.
+    /// Highest reading in the present block during a contact; 0 without one.
     highest: u16,
 }
 
-/// The smallest whole number that is not below; counts are far within an `i32`.
+/// The smallest integer that is not below `value`. Counts are far within the range of `i32`.
 fn ceil(value: f32) -> i32 {
     let whole = value as i32;
     if whole as f32 >= value { whole } else { whole + 1 }
 }
 
-/// Where a pulse begins, within what a reading can be.
+/// The reading that begins a pulse, clamped to possible readings.
 fn limit(offset: f32, paces: &Paces) -> u16 {
     ceil(offset + paces.threshold).clamp(0, 0x7fff) as u16
 }
@@ -170,13 +169,13 @@ impl Channel {
         }
     }
 
-    /// Forgets a pulse in progress.
+    /// Drops a pulse in progress.
     pub(super) fn reset(&mut self) {
         self.phase = Phase::Idle;
         self.since = u32::MAX;
     }
 
-    /// The highest reading since it was last asked, above the offset: 0 if nothing touched.
+    /// The highest reading above the offset since the last call; 0 without a contact.
     pub(super) fn take_highest(&mut self) -> f32 {
         match core::mem::take(&mut self.highest) {
             0 => 0.0,
@@ -184,22 +183,22 @@ impl Channel {
         }
     }
 
-    /// The mean of idle samples, counts, where the offset may not be followed so far.
+    /// The mean of the idle samples, counts, while the offset is held at an end of its range.
     pub(super) fn drifted_to(&self) -> Option<f32> {
         self.drifted_to
     }
 
-    /// Nothing is in progress.
+    /// No pulse or contact is in progress.
     pub(super) fn is_idle(&self) -> bool {
         self.phase == Phase::Idle
     }
 
-    /// The reading from which on a pulse begins.
+    /// The reading at and above which a pulse begins.
     pub(super) fn limit(&self) -> u16 {
         self.limit
     }
 
-    /// Takes `count` idle samples of this mean.
+    /// Takes `count` idle samples with this mean.
     pub(super) fn idle(&mut self, mean: f32, count: usize, paces: &Paces) {
         self.since = self.since.saturating_add(count as u32);
         let followed = self.offset + (mean - self.offset) * (count as f32 * paces.offset_gain);
@@ -208,7 +207,7 @@ impl Channel {
         self.limit = limit(self.offset, paces);
     }
 
-    /// Goes on from sample `from` of the block to the next finding.
+    /// Continues from sample `from` of the block to the next finding.
     pub(super) fn go_on(
         &mut self,
         wall: usize,
@@ -223,7 +222,7 @@ impl Channel {
                 Phase::Idle => {
                     let crossing = rest.iter().position(|pair| pair.of(wall) >= self.limit);
                     let quiet = crossing.unwrap_or(rest.len());
-                    // The offset is followed in blocks without a pulse.
+                    // The offset is updated only in blocks without a pulse.
                     self.since = self.since.saturating_add(quiet as u32);
                     *from += quiet;
                     crossing?;
@@ -258,7 +257,7 @@ impl Channel {
         None
     }
 
-    /// A pulse begins after these samples. They are below what it begins with, so none of them is its peak.
+    /// Begins a pulse after these guard samples. They are below the crossing sample, so none of them is the peak.
     fn begin(&mut self, wall: usize, guards: &Before) {
         self.phase = Phase::Pulse;
         let above = self.offset as i32;
@@ -271,13 +270,13 @@ impl Channel {
         self.pulse = pulse;
     }
 
-    /// The pulse has ended with the sample before `end` of the block.
+    /// Ends the pulse with the sample before `end` of the block.
     fn end(&mut self, end: usize, paces: &Paces) -> Finding {
         let pulse = self.pulse;
         let held = pulse.low < GUARD;
         self.phase = if held { Phase::Rest } else { Phase::Idle };
         let since = core::mem::take(&mut self.since);
-        // What the whole number that was taken off leaves of the offset.
+        // The part of the offset that the integer `above` does not remove.
         let fraction = self.offset - pulse.above as f32;
         if since < paces.refractory && pulse.peak as f32 - fraction < paces.ringing * self.last_peak {
             return Finding::Rang;

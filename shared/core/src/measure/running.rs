@@ -1,12 +1,13 @@
 //! Running amplitude and phase of x and z at the drive frequency, for display.
 //!
-//! Each value is a lock-in over the last whole cycle of the drive and changes once a cycle. Noise of RMS σ makes the amplitude
-//! uncertain by σ √(2/n) with n ticks in a cycle. In a cycle in which the frequency changes the values mean nothing.
+//! Each value is a lock-in over the last whole cycle of the drive and changes once per cycle. Noise of RMS σ gives the
+//! amplitude an uncertainty of σ √(2/n), with n ticks in a cycle. The values are meaningless in a cycle in which the
+//! frequency changes.
 
 use super::lock_in::LockIn;
 use crate::scalar::Scalar;
 
-/// The drive's sine and cosine in a tick, and whether a cycle ends with it.
+/// The drive's sine and cosine in a tick, and whether a cycle ends with that tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveReference {
     /// Sine and cosine of the drive's phase.
@@ -15,7 +16,8 @@ pub struct DriveReference {
     pub cycle_ended: bool,
 }
 
-/// Amplitudes and phases over the last whole cycle; all 0 before it and without a drive frequency.
+/// Amplitudes and phases over the last whole cycle. All are 0 before the first whole cycle and without a drive
+/// frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RunningMotion {
     /// Amplitude of x, m.
@@ -30,10 +32,10 @@ pub struct RunningMotion {
     pub x_over_z: f32,
 }
 
-/// Largest error of a displayed phase, rad: `micromath`'s `atan2`.
+/// Largest error of a displayed phase, rad: the error of `micromath`'s `atan2`.
 pub const PHASE_ERROR_RAD: f32 = 6e-3;
 
-/// Measures [`RunningMotion`], a tick at a time.
+/// Measures [`RunningMotion`], one tick at a time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RunningLockIn {
     x: LockIn,
@@ -43,7 +45,7 @@ pub struct RunningLockIn {
 }
 
 impl RunningLockIn {
-    /// Takes one tick's means of x and z, m, with the drive's reference; without one everything becomes 0.
+    /// Takes one tick's means of x and z, m, with the drive's reference. Without a reference every value becomes 0.
     pub fn push(&mut self, x_m: f32, z_m: f32, reference: Option<DriveReference>) {
         let Some(DriveReference { wave, cycle_ended }) = reference else {
             *self = Self::default();
@@ -67,7 +69,7 @@ impl RunningLockIn {
     }
 }
 
-/// From the parts of x and z in phase with the drive's sine and cosine.
+/// Amplitudes and phases from the sine and cosine components of x and z.
 fn motion(x: (f32, f32), z: (f32, f32)) -> RunningMotion {
     let amplitude = |(sine, cosine): (f32, f32)| Scalar::sqrt(sine * sine + cosine * cosine);
     let (x_amplitude_m, z_amplitude_m) = (amplitude(x), amplitude(z));
@@ -80,7 +82,7 @@ fn motion(x: (f32, f32), z: (f32, f32)) -> RunningMotion {
     }
 }
 
-/// atan2 for display, within [`PHASE_ERROR_RAD`]; 0 without a direction.
+/// atan2 for display, within [`PHASE_ERROR_RAD`]; 0 if both arguments are 0.
 fn displayed_angle(sine: f32, cosine: f32) -> f32 {
     if sine == 0.0 && cosine == 0.0 { 0.0 } else { micromath::F32Ext::atan2(sine, cosine) }
 }
@@ -124,7 +126,7 @@ mod tests {
             }
         }
         let RunningMotion { x_amplitude_m, x_phase_rad, z_amplitude_m, z_phase_rad, x_over_z } = *running.motion();
-        // The end of a cycle is known to one tick of 400: at most 1/400 of amplitude and angle.
+        // The end of a cycle is known to one tick of 400: the error of amplitude and angle is at most 1/400.
         let tick = 1.0 / 400.0;
         assert!((x_amplitude_m / 0.03 - 1.0).abs() < tick && (z_amplitude_m / 0.003 - 1.0).abs() < tick);
         assert!((x_over_z / 10.0 - 1.0).abs() < 2.0 * tick, "{x_over_z}");

@@ -1,11 +1,12 @@
-//! The shape of one impact: force samples from before its trigger until after its end.
+//! Recorder of one impact's shape: force samples from before its trigger until after its end.
 //!
-//! While it is armed it is a ring of the newest samples; an impact lets it run on until the trigger has come as near to
-//! its start as it should, and there it stops. So a tick in which an impact begins does no more than others.
+//! While armed, the recorder is a ring of the newest samples. After an impact it runs on until [`HISTORY`] samples from
+//! before the trigger are left, and then stops. A tick in which an impact begins therefore costs no more than any other
+//! tick.
 
 use crate::io::WallCounts;
 
-/// Samples in a snippet, of which the first [`HISTORY`] are from before the trigger.
+/// Samples in a snippet. The first [`HISTORY`] of them are from before the trigger.
 pub const SNIPPET: usize = 256;
 
 /// Samples from before the trigger.
@@ -14,19 +15,19 @@ pub const HISTORY: usize = 64;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Off,
-    /// Waits until it holds a history, so many samples more, before it waits for an impact.
+    /// The history fills up before an impact can trigger: this many samples are missing.
     Gathering(usize),
     Armed,
-    /// So many samples are missing.
+    /// Triggered: this many samples are missing.
     Filling(usize),
     Full,
 }
 
-/// Records once when armed, and keeps what it has until it is armed again.
+/// Records one impact when armed, and keeps it until it is armed again.
 #[derive(Clone, Debug)]
 pub struct Snippet {
     samples: [WallCounts; SNIPPET],
-    /// The oldest.
+    /// Index of the oldest sample.
     at: usize,
     wall: usize,
     phase: Phase,
@@ -37,19 +38,19 @@ impl Snippet {
         Self { samples: [WallCounts::new(0, 0); SNIPPET], at: 0, wall: 0, phase: Phase::Off }
     }
 
-    /// Impacts of the next [`HISTORY`] samples come too early.
+    /// Arms the recorder. Impacts within the next [`HISTORY`] samples do not trigger it.
     pub(super) fn arm(&mut self) {
         self.phase = Phase::Gathering(HISTORY);
     }
 
-    /// It waits for an impact, or for the end of one.
+    /// The recorder waits for an impact, or for the end of one.
     #[must_use]
     pub fn is_armed(&self) -> bool {
         !matches!(self.phase, Phase::Off | Phase::Full)
     }
 
-    /// Copies readings in counts, the oldest first, from the one in place `from` on, as many as there are and `to` takes: how
-    /// many, and the side (+1 or −1). `None` until it is full.
+    /// Copies readings in counts, oldest first, from index `from` on, as many as are available and as fit into `to`.
+    /// Returns the number copied and the side (+1 or −1); `None` until the snippet is full.
     pub fn copy(&self, from: usize, to: &mut [u16]) -> Option<(usize, i8)> {
         if self.phase != Phase::Full {
             return None;
@@ -64,7 +65,7 @@ impl Snippet {
         Some((copied, if self.wall == 0 { -1 } else { 1 }))
     }
 
-    /// A pulse has begun with sample `at` of the present block.
+    /// Triggers the recorder: a pulse has begun with sample `at` of the present block.
     pub(super) fn trigger(&mut self, wall: usize, at: usize) {
         if self.phase == Phase::Armed {
             self.phase = Phase::Filling(at + SNIPPET - HISTORY);
@@ -72,7 +73,7 @@ impl Snippet {
         }
     }
 
-    /// The block is over: what of it belongs to the snippet is kept.
+    /// Takes the samples of a finished block.
     pub(super) fn push(&mut self, block: &[WallCounts]) {
         let (phase, length) = match self.phase {
             Phase::Off | Phase::Full => return,

@@ -1,7 +1,7 @@
-//! Long sums in `f32` that lose nothing: what every addition rounds away is summed apart.
+//! Compensated summation in `f32`: the rounding error of every addition is summed separately.
 
-/// A sum with its rounding errors (Knuth's two-sum): good to about 48 bits, in nine operations that the controller's
-/// hardware has. Sums in `f64`, which it does not have, cost it a hundred instructions each.
+/// A sum with its rounding errors (Knuth's two-sum), good to about 48 bits. An addition takes nine operations that the
+/// controller's hardware has. Sums in `f64`, which the hardware lacks, take a hundred instructions each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sum {
     high: f32,
@@ -9,7 +9,7 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// Adds.
+    /// Adds a value.
     #[inline]
     pub fn push(&mut self, value: f32) {
         let sum = self.high + value;

@@ -1,14 +1,15 @@
-//! What is measured of a motion that is no steady vibration: a record played on the base, or a free vibration.
+//! Measurement of a transient motion: a record played on the base, or a free vibration.
 //!
-//! Peaks and RMS of x, z and x − z, and how well the base did what it was told. The base does it late, by a delay that
-//! depends on shaker and converters; so the error e(t) = z(t) − w(t) to what was wanted is taken at the delay that makes it
-//! smallest. With e against the demand of [`NOMINAL_DELAY_TICKS`] before, z ≈ w − τw′ gives in closed form
+//! It measures peaks and RMS of x, z and x − z, and how well the base follows its demand. The base follows late, by a
+//! delay that depends on the shaker and the converters. The error e(t) = z(t) − w(t) from the demand w is therefore
+//! taken at the delay that makes it smallest. With e against the demand of [`NOMINAL_DELAY_TICKS`] earlier, z ≈ w − τw′
+//! gives in closed form
 //!
 //! ```text
 //! τ = −Σ e w′ / Σ w′²,      Σ (z − w + τw′)² = Σ e² − (Σ e w′)² / Σ w′²
 //! ```
-//! Sums are [`Sum`]s, so the difference resolves 10⁻³ of the largest |e|; the linear term leaves (Ωτ)²/2 of the amplitude,
-//! 3·10⁻⁵ at 2.5 Hz and half a tick.
+//! Sums are [`Sum`]s, so the difference resolves 10⁻³ of the largest |e|. The linear approximation leaves (Ωτ)²/2 of
+//! the amplitude, 3·10⁻⁵ at 2.5 Hz and half a tick.
 
 use super::sum::Sum;
 use crate::io::{Readings, SensorSet, TICK_HZ};
@@ -16,35 +17,35 @@ use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Ticks from a demand to the reading that it is compared with before the best delay is sought.
+/// Ticks from a demand to the reading that it is compared with, before the best delay is determined.
 pub const NOMINAL_DELAY_TICKS: f32 = 2.0;
 
 /// The result of one record, or of one free vibration. Lengths in m.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct TransientResult {
-    /// Place in the whole experiment, from 0.
+    /// Index in the whole experiment, from 0.
     pub index: u16,
     /// Tick of the first measured sample.
     pub start_tick: u32,
     /// Tick after the last measured sample.
     pub end_tick: u32,
-    /// max |x|, m; of every sample.
+    /// max |x| over every sample, m.
     pub x_peak_m: f32,
     /// RMS of x, m.
     pub x_rms_m: f32,
-    /// max |z|, m; of every sample.
+    /// max |z| over every sample, m.
     pub z_peak_m: f32,
     /// RMS of z, m.
     pub z_rms_m: f32,
-    /// max |x − z|, m; of the ticks' means.
+    /// max |x − z| over the means of the ticks, m.
     pub relative_peak_m: f32,
     /// RMS of x − z, m.
     pub relative_rms_m: f32,
     /// RMS of the demanded displacement, m.
     pub wanted_rms_m: f32,
-    /// RMS of z less the demand, at the delay that makes it smallest, m.
+    /// RMS of z minus the demand, at the delay that makes it smallest, m.
     pub base_error_rms_m: f32,
-    /// That delay, from the demand to the reading, s; 0 where nothing was demanded.
+    /// That delay, from the demand to the reading, s; 0 without a demand.
     pub base_delay_s: f32,
     /// The demand was cut at its limit.
     pub drive_saturated: bool,
@@ -52,38 +53,38 @@ pub struct TransientResult {
     pub clipped: SensorSet,
     /// Measured impacts on both walls.
     pub impacts: u32,
-    /// How a free vibration decayed; zeros of a record.
+    /// Decay of a free vibration; all zero for a record.
     pub decay: Decay,
 }
 
 /// The decay of a free vibration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Decay {
-    /// |x| when it was released, m.
+    /// |x| at the release, m.
     pub start_m: f32,
-    /// max |x| after `cycles` whole cycles, on the side where it began, m.
+    /// max |x| after `cycles` whole cycles, on the side where the vibration began, m.
     pub end_m: f32,
-    /// Whole cycles between both: those asked for, or as many as there were before |x| was a hundredth of its start.
+    /// Whole cycles between the two: the number requested, or the number before |x| fell to a hundredth of its start.
     pub cycles: u16,
-    /// Length of these cycles, s; 0 without one.
+    /// Duration of these cycles, s; 0 if there are none.
     pub span_s: f32,
 }
 
-/// Measures, a tick at a time.
+/// Measures a transient, one tick at a time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TransientMeter {
-    /// Of x², z², (x − z)², e², e w′, w′², w².
+    /// Sums of x², z², (x − z)², e², e w′, w′², w².
     sums: [Sum; 7],
     x_peak: f32,
     z_peak: f32,
     relative_peak: f32,
-    /// The demands of this tick and the three before, newest first.
+    /// The demands of this tick and of the three before, newest first.
     demands: [f32; 4],
     ticks: u32,
 }
 
 impl TransientMeter {
-    /// Takes one tick's readings, and the displacement demanded in it, m.
+    /// Takes one tick's readings and the displacement demanded in it, m.
     pub fn push(&mut self, readings: &Readings, demand_m: f32) {
         let (x, z) = (readings.x.mean_m, readings.z.mean_m);
         self.demands = [demand_m, self.demands[0], self.demands[1], self.demands[2]];
@@ -113,14 +114,14 @@ impl TransientMeter {
         self.ticks
     }
 
-    /// The figures; place, time, impacts and decay are the caller's.
+    /// The result. The caller fills in index, ticks, saturation, clipping, impacts and decay.
     #[must_use]
     pub fn result(&self) -> TransientResult {
         let per_tick = 1.0 / self.ticks.max(1) as f32;
         let rms = |sum: f32| Scalar::sqrt(sum * per_tick);
         let [x, z, relative, error, along, rate, wanted] = self.sums.map(|sum| sum.value());
         let late = if rate > 0.0 { -along / rate } else { 0.0 };
-        // Rounding can take an error of nothing below zero.
+        // Rounding can make a zero error negative.
         let error = (error + late * along).max(0.0);
         let delay = if rate > 0.0 { (NOMINAL_DELAY_TICKS + late) * (1.0 / TICK_HZ) } else { 0.0 };
         TransientResult {
@@ -175,7 +176,7 @@ mod tests {
         for late in [1.0, 1.6, 2.0, 2.45, 3.2] {
             let result = measured(late, 0.0);
             assert!((f64::from(result.base_delay_s) * 1e3 - late).abs() < 2e-2, "{late}: {}", result.base_delay_s);
-            // (Ωτ)²/2 of the linear term with |τ| up to 1.2 ticks, and the first ticks.
+            // The linear approximation's (Ωτ)²/2 with |τ| up to 1.2 ticks, and the first ticks.
             assert!(result.base_error_rms_m < 7e-4, "{late}: {}", result.base_error_rms_m);
         }
     }

@@ -1,10 +1,11 @@
-//! Whether a sequence of cycle maxima still drifts, and how much it scatters.
+//! Drift and scatter of a sequence of cycle maxima.
 
 use super::sum::Sum;
 use crate::scalar::Scalar;
 
-/// Least-squares line through equally spaced values, updated value by value: the squared residuals are summed as they
-/// appear (each the error of the line so far, reduced by its leverage), so nothing is lost by subtracting large sums.
+/// Least-squares line through equally spaced values, updated value by value. Squared residuals are summed as they
+/// appear (each is the error of the line so far, reduced by its leverage), so no precision is lost by subtracting large
+/// sums.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Trend {
     count: u32,
@@ -29,7 +30,7 @@ impl Trend {
             self.mean.push(value);
             return;
         }
-        // From the mean of the indices so far to this one.
+        // Distance from the mean of the indices so far to this index.
         let along = 0.5 * (n + 1.0);
         let difference = value - self.mean.value();
         let spread = spread(n);
@@ -98,7 +99,7 @@ mod tests {
         let slope = (times_index - sum * (n - 1.0) / 2.0) / (n * (n * n - 1.0) / 12.0);
         let residual = squares - n * mean * mean - slope * slope * n * (n * n - 1.0) / 12.0;
         let (found_slope, scatter) = trend.slope_and_scatter().unwrap();
-        // 24 bits, and what 10 000 roundings of a random walk add.
+        // 24 bits, plus the random walk of 10 000 roundings.
         assert!((f64::from(found_slope) * mean / slope - 1.0).abs() < 1e-4, "{found_slope} {slope}");
         assert!((f64::from(scatter) * mean / libm::sqrt(residual / n) - 1.0).abs() < 1e-4, "{scatter}");
     }

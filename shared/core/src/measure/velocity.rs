@@ -1,14 +1,15 @@
 //! Velocity of a displacement from its last samples, for display.
 //!
-//! The difference over [`SPAN`] ticks: the mean velocity of that time, so the value is half of it (4 ms) late. For a sine of f
-//! the amplitude is low by (π f · 8 ms)²/6, 0.07 % at 2.5 Hz. Noise of RMS σ in the displacement gives σ √2 / 8 ms.
+//! The velocity is the difference over [`SPAN`] ticks, that is the mean velocity of that time. It is therefore late by
+//! half of that time (4 ms). For a sine of frequency f the amplitude is low by (π f · 8 ms)²/6, 0.07 % at 2.5 Hz. Noise
+//! of RMS σ in the displacement gives σ √2 / 8 ms.
 
 use crate::io::TICK_HZ;
 
 /// Ticks over which the difference is taken.
 pub const SPAN: usize = 8;
 
-/// Follows one displacement.
+/// Computes the velocity of one displacement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Velocity {
     past: [f32; SPAN],
@@ -17,7 +18,7 @@ pub struct Velocity {
 }
 
 impl Velocity {
-    /// Takes one tick's mean, m; the velocity, m/s, and 0 for the first [`SPAN`] ticks.
+    /// Takes one tick's mean, m, and returns the velocity, m/s; 0 for the first [`SPAN`] ticks.
     pub fn push(&mut self, value_m: f32) -> f32 {
         let before = core::mem::replace(&mut self.past[self.next % SPAN], value_m);
         self.next = (self.next + 1) % SPAN;

@@ -1,4 +1,4 @@
-//! Commands to the rig, its state, its status and its events.
+//! Commands to the rig, and its state, status and events.
 
 use crate::control::experiment::Experiment;
 use crate::control::fault::Fault;
@@ -15,12 +15,12 @@ use crate::twin::TwinConfig;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// What the rig is doing.
+/// State of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum State {
-    /// Nothing; the drive is off.
+    /// No experiment; the drive is off.
     Idle,
-    /// An experiment, at this stage of its present point.
+    /// An experiment is running, at this stage of its present point.
     Running(ExperimentStage),
     /// The drive is fading out after a stop or the last point.
     Stopping,
@@ -29,7 +29,7 @@ pub enum State {
 }
 
 impl State {
-    /// In words, for people.
+    /// The state in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -50,58 +50,59 @@ impl State {
 pub enum Command {
     /// Tighten limits for the configured experiment, from its start until the rig is idle again. Idle only.
     SetLimits(ExperimentLimits),
-    /// Describe the friction damper's spring of the set-up until the end of its experiment; it has to be homed again. Idle
-    /// only.
+    /// Set the properties of the friction damper's spring until the end of its experiment. The spring must then be
+    /// homed again. Idle only.
     SetSpring(SpringSetUp),
-    /// Let a twin run along, or none. Idle only.
+    /// Set or remove the twin. Idle only.
     SetTwin(Option<TwinConfig>),
-    /// Set the experiment; it starts under the board's limits unless some are tightened. Idle only.
+    /// Set the experiment. It starts under the board's limits unless some are tightened. Idle only.
     Configure(Experiment),
-    /// Use these settings of the board. Idle only, or faulted with the drive off: a limit that was set wrong may have latched the
-    /// fault. A friction damper's drive with other settings has to be homed again.
+    /// Adopt these settings of the board. Allowed when idle, and when faulted with the drive off, because a wrong limit
+    /// may have latched the fault. With other settings of its drive, the friction damper must be homed again.
     SetSettings(Settings),
-    /// The friction damper's drive was replaced, as on a simulated plant that was set: its position is unknown. Idle only.
+    /// Set the position of the friction damper's drive to unknown, because the drive was replaced, for example with a
+    /// new simulated plant. Idle only.
     ReplaceSpring,
-    /// Begin the configured experiment at tick 0. Idle only.
+    /// Start the configured experiment at tick 0. Idle only.
     Start,
-    /// End the experiment: the drive fades out.
+    /// End the experiment; the drive fades out.
     Stop,
-    /// Forget a latched fault, once the rig is safe.
+    /// Clear a latched fault. The rig must be safe.
     ClearFault,
-    /// For the friction damper's spring.
+    /// A command to the friction damper's spring.
     Spring(SpringCommand),
     /// Record the shape of the next impact.
     ArmSnippet,
 }
 
-/// The friction damper as a brake after a fault.
+/// State of the friction damper as a brake after a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Brake {
-    /// It is not wanted.
+    /// No brake is required.
     Open,
-    /// It is wanted and cannot close: the spring has no zero reading or a fault, or has not ended what it was doing.
+    /// The brake is required but cannot close: the spring has no zero reading, has a fault, or is still busy.
     Waits,
-    /// It closes.
+    /// The brake is closing.
     Closes,
-    /// It presses with its force.
+    /// The brake presses with its force.
     Holds,
 }
 
-/// What the rig reports by itself.
+/// An event that the rig reports on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Event {
     /// A point is complete.
     Point(PointResult),
-    /// The experiment is complete and the drive is silent.
+    /// The experiment is complete and the drive has faded out.
     Finished {
         /// Points completed.
         points: u16,
-        /// Telemetry rows that found no room since the start. The rig leaves it 0; the controller, which queues the rows, sets it.
+        /// Telemetry rows dropped since the start. The rig leaves it 0; the controller, which queues the rows, sets it.
         rows_dropped: u32,
     },
     /// An interlock ended the experiment.
     Fault(Fault),
-    /// The friction damper's spring has something to tell.
+    /// An event of the friction damper's spring.
     Spring(spring::SpringEvent),
     /// The particle hit a wall.
     Impact(ImpactRecord),
@@ -109,10 +110,10 @@ pub enum Event {
     Transient(TransientResult),
 }
 
-/// A summary of the state.
+/// Status of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Status {
-    /// What the rig is doing.
+    /// State of the rig.
     pub state: State,
     /// Ticks since the last start.
     pub tick: u32,
@@ -120,15 +121,15 @@ pub struct Status {
     pub points: u16,
     /// The latched fault.
     pub fault: Option<Fault>,
-    /// How far the way to the safe state has been gone.
+    /// Stage of the sequence to the safe state.
     pub safe: SafeStage,
-    /// Which sensors are lost, also while the rig is idle, and which were clipped.
+    /// Sensors that are lost (also detected while the rig is idle), and sensors that were clipped.
     pub sensors: SensorHealth,
-    /// The friction damper as a brake.
+    /// State of the friction damper as a brake.
     pub brake: Brake,
-    /// The friction damper's spring.
+    /// Status of the friction damper's spring.
     pub spring: SpringStatus,
-    /// Events that found no room, since power-on.
+    /// Events dropped since power-on because the queue was full.
     pub events_lost: u32,
 }
 

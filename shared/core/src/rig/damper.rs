@@ -1,4 +1,4 @@
-//! The dampers' part of a tick: wall forces, the friction damper's spring, and the twin that follows the rig.
+//! The dampers' part of a tick: wall forces, the friction damper's spring, and the twin.
 
 use super::Brake;
 use super::event_queue::EventQueue;
@@ -11,7 +11,7 @@ use crate::measure::running::{DriveReference, RunningLockIn, RunningMotion};
 use crate::measure::velocity::Velocity;
 use crate::twin::{Twin, TwinSignals};
 
-/// Both dampers.
+/// State of both dampers and of their measurements.
 #[derive(Clone, Debug, Default)]
 pub struct Dampers {
     pub(super) spring: FrictionSpring,
@@ -23,7 +23,7 @@ pub struct Dampers {
     pub(super) x_velocity_m_per_s: f32,
     pub(super) base_amplitude_m: Option<f32>,
     pub(super) impacts_in_cycle: u32,
-    /// Pulses that ended before this tick are of a plant that has been put back.
+    /// Pulses that ended before this tick belong to a plant that has been reset.
     put_back_at: u32,
 }
 
@@ -34,7 +34,7 @@ impl Dampers {
         self.meter.counts().total()
     }
 
-    /// The ticks' count begins anew: counts from zero, the twin at rest; the spring stays where it is.
+    /// Starts the tick count anew: counts at zero, the twin at rest. The spring keeps its position.
     pub fn restart(&mut self) {
         self.meter.reset();
         if let Some(twin) = &mut self.twin {
@@ -49,9 +49,9 @@ impl Dampers {
         self.put_back_at = 0;
     }
 
-    /// The twin begins again with a simulated plant that is put back to its start after this tick.
+    /// Restarts the twin, because a simulated plant is reset to its start after this tick.
     pub fn put_back(&mut self, tick: u32) {
-        // A contact that the putting back has cut off ends in the tick after.
+        // A contact that the reset has cut off ends in the next tick.
         self.put_back_at = tick.wrapping_add(2);
         self.velocity = Velocity::default();
         if let Some(twin) = &mut self.twin {
@@ -59,7 +59,7 @@ impl Dampers {
         }
     }
 
-    /// Measures the base amplitude and the impacts of this tick. The impacts go into `events`.
+    /// Measures this tick's base amplitude and impacts. The impacts are added to `events`.
     pub(super) fn measure(&mut self, tick: u32, sensors: &Sensors, frequency_hz: f32, events: &mut EventQueue) {
         self.base_amplitude_m = self.amplitude.push(sensors.readings.z.mean_m, frequency_hz);
         let Self { meter, twin, put_back_at, .. } = self;
@@ -73,7 +73,7 @@ impl Dampers {
         });
     }
 
-    /// The twin follows this tick's readings.
+    /// Updates the twin with this tick's readings.
     pub(super) fn update_twin(&mut self, tick: u32, readings: &Readings) {
         if let Some(twin) = &mut self.twin {
             twin.tick(tick, readings.x.mean_m, readings.z.mean_m);
@@ -91,18 +91,18 @@ impl Dampers {
         self.running.motion()
     }
 
-    /// What the twin shows; nothing without one.
+    /// Signals of the twin; [`TwinSignals::NOTHING`] without one.
     #[must_use]
     pub fn twin_signals(&self) -> &TwinSignals {
         self.twin.as_ref().map_or(&TwinSignals::NOTHING, Twin::signals)
     }
 
-    /// A cycle of the drive has ended.
+    /// Closes a cycle of the drive.
     pub fn end_cycle(&mut self) {
         self.impacts_in_cycle = self.meter.end_cycle();
     }
 
-    /// The spring's tick: the motor's steps, and what happened.
+    /// Runs the spring's tick: returns the motor's demand and an event, if any.
     pub(super) fn tick_spring(
         &mut self,
         tick: u32,
@@ -120,7 +120,7 @@ impl Dampers {
         })
     }
 
-    /// Commands the brake until it closes, where one is wanted, N.
+    /// Commands the brake until it closes, if a braking force (N) is required.
     pub fn brake(&mut self, wanted_n: Option<f32>) -> Brake {
         let Some(force_n) = wanted_n else { return Brake::Open };
         if !self.spring.is_braking() && !self.spring.brake(force_n) {
@@ -129,7 +129,7 @@ impl Dampers {
         if self.spring.stage() == SpringStage::Holding { Brake::Holds } else { Brake::Closes }
     }
 
-    /// Lets go of what was pressed as a brake. A spring that cannot has let go already.
+    /// Releases the brake. A spring that rejects the release has already let go.
     pub fn let_go(&mut self) {
         if self.spring.is_braking() {
             let _ = self.spring.handle(SpringCommand::Release);
@@ -159,7 +159,7 @@ mod tests {
         let set_up = set_up(2.5, 7.5e-3);
         let quiet = Sensors::default();
         let mut touched = quiet;
-        // A half-sine of 0.4 ms in the middle of the tick's block, ended when the block is.
+        // A half-sine of 0.4 ms in the middle of the tick's block; it ends before the block does.
         for (n, pair) in touched.walls[10..30].iter_mut().enumerate() {
             let force = 800.0 * libm::sinf(core::f32::consts::PI * (n as f32 + 0.5) / 20.0);
             *pair = WallCounts::new(pair.of(0), pair.of(1) + force as u16);

@@ -1,7 +1,7 @@
-//! The events of a tick, until the caller takes them.
+//! Bounded queue of a tick's events, until the caller takes them.
 //!
-//! Bounded: an event that finds no room is dropped and counted. Impacts leave room for the few others that a tick can have,
-//! so that a wall sensor that chatters cannot push out a fault or a result.
+//! An event that finds no room is dropped and counted. Impacts leave room for the few other events of a tick, so that a
+//! chattering wall sensor cannot displace a fault or a result.
 
 use super::Event;
 use crate::measure::impacts::ImpactRecord;
@@ -10,10 +10,10 @@ use heapless::Deque;
 /// Most impacts in the queue.
 pub const MOST_IMPACTS: usize = 8;
 
-/// Most events in the queue: the impacts, and one each of the spring, a fault, a result and the experiment's end.
+/// Most events in the queue: the impacts, and one each of spring event, fault, result and end of experiment.
 pub const MOST_EVENTS: usize = MOST_IMPACTS + 4;
 
-/// Events in the order in which they happened.
+/// The events in the order of their occurrence.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EventQueue {
     events: Deque<Event, MOST_EVENTS>,
@@ -28,7 +28,7 @@ impl EventQueue {
         }
     }
 
-    /// Adds an impact. They come first in a tick.
+    /// Adds an impact. Impacts come first in a tick.
     pub fn push_impact(&mut self, record: &ImpactRecord) {
         if self.events.len() < MOST_IMPACTS {
             self.push(Event::Impact(*record));
@@ -37,7 +37,7 @@ impl EventQueue {
         }
     }
 
-    /// The events that wait.
+    /// The events in the queue.
     pub fn iter(&self) -> impl Iterator<Item = &Event> {
         self.events.iter()
     }
@@ -47,7 +47,7 @@ impl EventQueue {
         self.events.pop_front()
     }
 
-    /// Events that found no room, since power-on.
+    /// Events dropped since power-on because the queue was full.
     pub fn lost(&self) -> u32 {
         self.lost
     }

@@ -1,10 +1,10 @@
-//! The rig's one decision maker: samples and commands in, actuator values, replies and events out.
+//! The rig's state machine: takes samples and commands, returns actuator values, replies and events.
 //!
-//! Plain synchronous functions; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks come first in a tick, so that the spring and the drive
-//! do in it what they allow. [`crate::io`] has the types that go in and come out, [`command`] the
-//! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. What carries commands and results to
-//! a host is in `damprig-protocol`.
+//! All functions are synchronous; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
+//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks run first in a tick, so that the
+//! spring and the drive obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
+//! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands and
+//! results to and from a host.
 
 pub mod command;
 pub mod damper;
@@ -31,16 +31,16 @@ use heapless::Deque;
 pub use rejected::{Rejected, clipped};
 pub use signals::{MOTION_SIGNALS, SIGNALS, Signals};
 
-/// Results that the rig keeps for a host that missed one.
+/// Number of results that the rig keeps for a host that missed one.
 pub const KEPT_RESULTS: usize = 8;
 
 /// The rig.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    /// The board's: what is in force unless an experiment tightens or describes some of it.
+    /// Settings of the board. They are in force unless the experiment tightens limits or describes its spring.
     settings: Settings,
     experiment: Option<Experiment>,
-    /// Of the configured experiment.
+    /// Limits of the configured experiment.
     limits: ExperimentLimits,
     runner: Option<ExperimentRunner>,
     safety: Safety,
@@ -57,7 +57,7 @@ pub struct Rig {
     begins_from_rest: Option<u16>,
     host_heard: bool,
     drive: DriveRange,
-    /// In the last tick.
+    /// The emergency stop was pressed in the last tick.
     emergency_stop: bool,
     brake: Brake,
     events: EventQueue,
@@ -99,13 +99,13 @@ impl Rig {
         }
     }
 
-    /// The board's settings.
+    /// Settings of the board.
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// The present state.
+    /// Present status of the rig.
     #[must_use]
     pub fn status(&self) -> Status {
         Status {
@@ -121,31 +121,31 @@ impl Rig {
         }
     }
 
-    /// What the rig is doing.
+    /// State of the rig.
     #[must_use]
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// The place of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
+    /// Index of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.begins_from_rest
     }
 
-    /// The tick that comes next, counted from the last start.
+    /// Number of the next tick, counted from the last start.
     #[must_use]
     pub fn next_tick(&self) -> u32 {
         self.tick
     }
 
-    /// The last tick's telemetry.
+    /// Telemetry of the last tick.
     #[must_use]
     pub fn signals(&self) -> &Signals {
         &self.signals
     }
 
-    /// A result of the present experiment by its place in the whole, while it is kept.
+    /// A result of the present experiment by its index in the whole experiment, if it is still kept.
     #[must_use]
     pub fn result(&self, index: u16) -> Option<&PointResult> {
         self.results.iter().find(|result| result.index == index)
@@ -163,32 +163,32 @@ impl Rig {
         self.experiment.as_ref().and_then(Experiment::record)
     }
 
-    /// The recorder of an impact's shape, and what its counts mean.
+    /// The recorder of an impact's shape, and the scale of its counts.
     #[must_use]
     pub fn snippet(&self) -> (&Snippet, &crate::io::ForceScale) {
         (self.dampers.meter.snippet(), self.dampers.meter.scale())
     }
 
-    /// Something was heard of the host.
+    /// Notes that a message from the host was received.
     pub fn hear_host(&mut self) {
         self.host_heard = true;
     }
 
-    /// The events that wait to be taken.
+    /// The events in the queue.
     pub fn events(&self) -> impl Iterator<Item = &Event> {
         self.events.iter()
     }
 
-    /// Takes the oldest event. To be called after every tick until there is none: the queue holds one tick's events, and what
-    /// finds no room in it is lost and counted in [`Status::events_lost`].
+    /// Takes the oldest event. Call it after every tick until it returns `None`: the queue holds one tick's events. An
+    /// event that finds no room is dropped and counted in [`Status::events_lost`].
     pub fn pop_event(&mut self) -> Option<Event> {
         self.events.pop()
     }
 
-    /// Refuses what may only be done while nothing moves.
+    /// Rejects a request that needs an idle rig.
     ///
     /// # Errors
-    /// The rig is not idle: says which state it is in and what to do.
+    /// The rig is not idle. The error holds its state and what to do.
     pub fn must_be_idle(&self) -> Result<(), Rejected> {
         let state = self.state;
         match state {
@@ -248,11 +248,11 @@ impl Rig {
         Ok(())
     }
 
-    /// Whether the drive can deliver what an experiment asks of it; `record_peak_counts` is the largest |sample| of the record
-    /// that it plays, where that is there.
+    /// Checks that the drive can deliver what an experiment demands. `record_peak_counts` is the largest |sample| of
+    /// the record that it plays, if the record is loaded.
     ///
     /// # Errors
-    /// It asks for more.
+    /// The experiment demands more.
     pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         match experiment.largest_drive_m(record_peak_counts) {
             Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
@@ -275,23 +275,23 @@ impl Rig {
         Ok(())
     }
 
-    /// The board's own settings are in force again.
+    /// Puts the board's own settings in force again.
     fn end_experiment(&mut self) {
         self.safety.end_experiment();
         self.dampers.spring.end_set_up(&self.settings.spring);
     }
 
-    /// Whether the configured experiment could begin now; `record_peak_counts` is the largest |sample| of the record that is
-    /// there.
+    /// Checks that the configured experiment could start now. `record_peak_counts` is the largest |sample| of the
+    /// loaded record.
     ///
     /// # Errors
-    /// As [`Rig::handle`] of a start.
+    /// As [`Rig::handle`] with [`Command::Start`].
     pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
         self.must_be_idle()?;
         let Some(experiment) = &self.experiment else {
             return Err(Rejected::wrong_state(self.state, "configure an experiment first"));
         };
-        // The settings may have changed since it was configured.
+        // The settings may have changed since the experiment was configured.
         self.check_drive(experiment, record_peak_counts)?;
         match self.dampers.spring.stage() {
             SpringStage::Faulted => Err(Rejected::wrong_stage(SpringStage::Faulted, "clear the spring's fault first")),
@@ -350,7 +350,7 @@ impl Rig {
         Ok(self.dampers.spring.handle(command)?)
     }
 
-    /// One control tick; `record` is lent to it for a playback. What happened waits in [`Rig::pop_event`].
+    /// Runs one control tick; `record` is the record for a playback. [`Rig::pop_event`] returns the events of the tick.
     pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> Actuators {
         let (tick, readings) = (self.tick, sensors.readings);
         let frequency_hz = self.runner.as_ref().map_or(0.0, ExperimentRunner::frequency_hz);
@@ -380,7 +380,7 @@ impl Rig {
         allowed
     }
 
-    /// The friction spring's tick. Its fault ends an experiment.
+    /// Runs the friction spring's tick. A fault of the spring ends an experiment.
     fn run_spring(&mut self, sensors: &Sensors) -> Motor {
         let force_sensor = self.safety.verdict(Sensor::SpringForce);
         let (motor, event) = self.dampers.tick_spring(self.tick, sensors, force_sensor);
@@ -395,7 +395,7 @@ impl Rig {
         motor
     }
 
-    /// The experiment's tick: the drive, within what the interlocks allow.
+    /// Runs the experiment's tick: the drive, within what the interlocks permit.
     fn run_experiment(&mut self, readings: &Readings, record: &[i16], allowed: &Allowed, actuators: &mut Actuators) {
         self.begins_from_rest = None;
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
@@ -427,7 +427,7 @@ impl Rig {
     fn signs(&mut self, sensors: &Sensors, frequency_hz: f32) -> Signs {
         let meter = &self.dampers.meter;
         let wall_rails = meter.rails();
-        // What is at a rail is no force.
+        // A reading at a rail is not a force.
         let force_n = |wall: usize| if wall_rails[wall].is_all() { 0.0 } else { meter.highest_n()[wall] };
         let (low, high) = (force_n(0), force_n(1));
         self.emergency_stop = sensors.emergency_stop;
@@ -448,14 +448,15 @@ impl Rig {
         }
     }
 
-    /// Latches a fault that the experiment or the spring found, unless there is one already.
+    /// Latches a fault that the experiment or the spring detected, unless a fault is already latched.
     fn latch(&mut self, fault: Fault) {
         if self.safety.latch(fault) {
             self.trip(fault);
         }
     }
 
-    /// The cause is latched already: the drive is let go. What the interlocks allow from now on says whether the brake closes.
+    /// Reacts to a fault that is already latched: the drive is released. The interlocks' output of each tick determines
+    /// whether the brake closes.
     fn trip(&mut self, fault: Fault) {
         self.fault = Some(fault);
         self.state = State::Faulted;
@@ -465,7 +466,7 @@ impl Rig {
         self.events.push(Event::Fault(fault));
     }
 
-    /// Notes what the experiment's tick led to.
+    /// Records the outcome of the experiment's tick.
     fn record(&mut self, outcome: Outcome) {
         match outcome {
             Outcome::Running => {}
@@ -491,7 +492,7 @@ impl Rig {
         }
     }
 
-    /// Everything is measured: the drive may fade.
+    /// Ends the measurement: the drive may fade.
     fn finish(&mut self) {
         self.finishing = true;
         if self.state != State::Faulted {
@@ -499,7 +500,7 @@ impl Rig {
         }
     }
 
-    /// The drive has become silent: back to idle, unless a fault is latched.
+    /// The drive has faded out: returns to idle, unless a fault is latched.
     fn come_to_rest(&mut self) {
         if self.state == State::Faulted {
             return;
@@ -551,7 +552,7 @@ impl Rig {
         };
     }
 
-    /// How far the way to the safe state has been gone.
+    /// Stage of the sequence to the safe state.
     #[must_use]
     pub fn safe_stage(&self) -> SafeStage {
         self.safety.stage()

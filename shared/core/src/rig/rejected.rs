@@ -1,4 +1,4 @@
-//! Why a request was not carried out, as it goes over the line.
+//! The error of a rejected request, as it is sent to the host.
 
 use super::State;
 use crate::control::friction_spring as spring;
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub enum Rejected {
     /// A parameter is out of range.
     Invalid {
-        /// Its name with its unit.
+        /// The parameter's name with its unit.
         parameter: String<40>,
         /// Its value.
         value: f64,
@@ -22,35 +22,35 @@ pub enum Rejected {
     },
     /// A limit of an experiment is looser than the board's.
     Looser {
-        /// The board's setting.
+        /// Name of the board's setting.
         setting: String<40>,
-        /// What was asked for.
+        /// The requested value.
         value: f32,
         /// The board's value.
         board: f32,
     },
-    /// It makes no sense in this state.
+    /// The request is not possible in this state.
     WrongState {
-        /// The state.
+        /// State of the rig.
         state: State,
         /// What to do.
         advice: String<48>,
     },
-    /// It makes no sense at this stage of the friction damper's spring.
+    /// The request is not possible at this stage of the friction damper's spring.
     WrongStage {
-        /// The stage.
+        /// Stage of the spring.
         stage: spring::SpringStage,
         /// What to do.
         advice: String<48>,
     },
-    /// This board cannot do it.
+    /// This board does not support the request.
     NotHere {
-        /// Why.
+        /// The reason.
         why: String<64>,
     },
     /// A value is above a limit of the board's settings.
     AboveLimit {
-        /// Its name with its unit.
+        /// The parameter's name with its unit.
         parameter: String<40>,
         /// Its value.
         value: f32,
@@ -61,32 +61,32 @@ pub enum Rejected {
     },
 }
 
-/// As much of `text` as fits.
+/// The start of `text` that fits into `N` bytes.
 #[must_use]
 pub fn clipped<const N: usize>(text: &str) -> String<N> {
     String::try_from(start_of(text, N)).unwrap_or_default()
 }
 
-/// The whole characters of `text` within its first `most` bytes.
+/// The longest start of `text` that ends at a character boundary within `most` bytes.
 fn start_of(text: &str, most: usize) -> &str {
     let end = (0..=most.min(text.len())).rev().find(|&end| text.is_char_boundary(end));
     end.and_then(|end| text.get(..end)).unwrap_or_default()
 }
 
 impl Rejected {
-    /// Not in this state of the rig.
+    /// The request is not possible in this state of the rig.
     #[must_use]
     pub fn wrong_state(state: State, advice: &str) -> Self {
         Self::WrongState { state, advice: clipped(advice) }
     }
 
-    /// Not at this stage of the friction damper's spring.
+    /// The request is not possible at this stage of the friction damper's spring.
     #[must_use]
     pub fn wrong_stage(stage: spring::SpringStage, advice: &str) -> Self {
         Self::WrongStage { stage, advice: clipped(advice) }
     }
 
-    /// Not on this board, or not now.
+    /// The request is not possible on this board, or not now.
     #[must_use]
     pub fn not_here(why: &str) -> Self {
         Self::NotHere { why: clipped(why) }

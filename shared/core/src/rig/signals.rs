@@ -1,14 +1,15 @@
-//! The telemetry signals: one line declares a signal's field, its name, its unit and its place in the table.
+//! Telemetry signals: one line declares a signal's field, name, unit and index in the table.
 
 macro_rules! signals {
     ($($(#[doc = $doc:literal])+ $name:ident: $unit:literal,)+) => {
-        /// Every signal of one tick.
+        /// Every telemetry signal of one tick.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct Signals {
             $($(#[doc = $doc])+ pub $name: f32,)+
         }
 
-        /// Name and unit of every signal in the order of [`Signals::values`]; a number without a unit has an empty one.
+        /// Name and unit of every signal in the order of [`Signals::values`]. The unit of a dimensionless signal is
+        /// empty.
         pub const SIGNALS: [(&str, &str); [$($unit),+].len()] = [$((stringify!($name), $unit)),+];
 
         impl Signals {
@@ -28,19 +29,19 @@ signals! {
     z: "m",
     /// Demanded base displacement.
     drive: "m",
-    /// Drive frequency; 0 without one.
+    /// Drive frequency; 0 if there is none.
     frequency: "Hz",
     /// max |x| over the tick.
     x_peak: "m",
     /// Z over the last whole cycle: √2 times its RMS.
     base_amplitude: "m",
-    /// Force of the friction damper's spring above the reading without contact.
+    /// Force of the friction damper's spring above its reading without contact.
     spring_force: "N",
-    /// Position of the spring's seat from its limit switch.
+    /// Position of the spring's seat from the limit switch.
     spring_position: "m",
     /// Demanded force of the spring; 0 without a target.
     spring_target: "N",
-    /// Place in `friction_spring::SpringStage`.
+    /// Stage of the spring: the index in `friction_spring::SpringStage`.
     spring_stage: "",
     /// Highest force of the tick on the wall at −d.
     wall_low: "N",
@@ -48,9 +49,9 @@ signals! {
     wall_high: "N",
     /// Impacts since the start.
     impacts: "",
-    /// Impacts in the last whole cycle.
+    /// Impacts in the last whole cycle of the drive.
     impacts_in_cycle: "",
-    /// x of the tick before as the twin predicts it.
+    /// x of the tick before as predicted by the twin.
     twin_x: "m",
     /// RMS of measured minus predicted x.
     twin_residual: "m",
@@ -60,9 +61,9 @@ signals! {
     twin_detected: "",
     /// Predicted impacts that were not measured.
     twin_missing: "",
-    /// 1 while predicted impacts do not come.
+    /// 1 while the twin's alarm for missing impacts is raised.
     twin_alarm: "",
-    /// Place in `safety::SafeStage`.
+    /// Stage of the interlocks: the index in `safety::SafeStage`.
     safety: "",
     /// Amplitude of x at the drive frequency over the last whole cycle; 0 without a drive frequency.
     x_amplitude: "m",
@@ -74,15 +75,17 @@ signals! {
     z_phase: "rad",
     /// X/Z in that cycle.
     x_over_z: "",
-    /// Velocity of the structure: measured, the mean of the last 8 ms.
+    /// Measured velocity of the structure: its mean over the last 8 ms.
     x_velocity: "m/s",
-    /// Particle relative to the structure, y − x, in the tick before as the twin estimates it; 0 without a twin.
+    /// Displacement of the particle relative to the structure, y − x, in the tick before as estimated by the twin; 0
+    /// without a twin.
     particle_offset: "m",
-    /// Velocity of the particle relative to the structure, y′ − x′, in the tick before as the twin estimates it.
+    /// Velocity of the particle relative to the structure, y′ − x′, in the tick before as estimated by the twin; 0
+    /// without a twin.
     particle_velocity: "m/s",
 }
 
-/// How many of the table's first signals a rig sends by default: the motion.
+/// Number of signals, from the start of the table, that a rig sends by default: the motion.
 pub const MOTION_SIGNALS: usize = 4;
 
 #[cfg(test)]

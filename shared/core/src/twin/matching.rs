@@ -1,29 +1,29 @@
-//! Pairs predicted with measured impacts, and notices when predicted ones do not come.
+//! Matching of predicted with measured impacts, and the alarm when predicted impacts are missing.
 
 use crate::io::{Invalid, TICK_HZ, not_negative, require};
 use heapless::Vec;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Impacts that wait for their partner, each way.
+/// Most impacts that wait for a partner, predicted and measured each.
 const MOST_WAITING: usize = 8;
 
-/// How impacts are paired.
+/// Settings of the matching.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MatcherConfig {
-    /// Farthest apart that a predicted and a measured impact on the same wall may be, s.
+    /// Largest time between a predicted and a measured impact on the same wall that are paired, s.
     pub window_s: f32,
-    /// How long after its time a predicted impact may still be reported by the measurement, s: longer than the longest
-    /// contact. From then on it is missing.
+    /// Time after its instant in which a predicted impact may still be reported by the measurement, s: longer than the
+    /// longest contact. After that it counts as missing.
     pub wait_s: f32,
-    /// Predicted impacts weaker than this may come or not, N·s: their pulse may stay below the threshold.
+    /// Impulse below which a predicted impact need not be measured, N·s: its pulse may stay below the threshold.
     pub smallest_impulse_n_s: f32,
-    /// Missing impacts in a row that raise the alarm; a paired one takes it back.
+    /// Consecutive missing impacts that raise the alarm; a paired impact clears it.
     pub alarm_after: u8,
 }
 
 impl Default for MatcherConfig {
-    /// A pulse of 2 ms with 0.02 N·s peaks at 16 N, six times the default threshold.
+    /// A pulse of 2 ms and 0.02 N·s peaks at 16 N, six times the default threshold.
     fn default() -> Self {
         Self { window_s: 0.02, wait_s: 0.1, smallest_impulse_n_s: 0.02, alarm_after: 3 }
     }
@@ -51,13 +51,13 @@ impl MatcherConfig {
 /// Counts since the last restart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MatcherCounts {
-    /// Predicted impacts strong enough to be measured.
+    /// Predicted impacts that are strong enough to be measured.
     pub predicted: u32,
     /// Measured impacts.
     pub detected: u32,
-    /// Pairs.
+    /// Pairs of a predicted and a measured impact.
     pub paired: u32,
-    /// Predicted, strong enough, and not measured.
+    /// Predicted impacts that are strong enough and were not measured.
     pub missing: u32,
 }
 
@@ -68,25 +68,25 @@ struct Waiting {
     at: f32,
     side: i8,
     impulse_n_s: f32,
-    /// Must come.
+    /// The impact is strong enough that it must be measured.
     strong: bool,
 }
 
 impl Waiting {
-    /// Ticks from this to `other`.
+    /// Ticks from this impact to the given time.
     fn until(&self, tick: u32, at: f32) -> f32 {
         tick.wrapping_sub(self.tick).cast_signed() as f32 + at - self.at
     }
 }
 
-/// The predictions that a measured impact was paired with.
+/// The predictions that were paired with one measured impact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Paired {
-    /// How many: a chatter's bounces can share one pulse.
+    /// Number of predictions. Several bounces of a chatter can share one pulse.
     pub count: u8,
-    /// Their impulses' sum, N·s.
+    /// Sum of their impulses, N·s.
     pub impulse_n_s: f32,
-    /// How long after the measured impact the nearest was predicted, ticks.
+    /// Time from the measured impact to the nearest prediction, ticks.
     pub late: f32,
 }
 
@@ -97,7 +97,7 @@ impl Paired {
     }
 }
 
-/// The pairing in progress.
+/// State of the matching.
 #[derive(Clone, Debug)]
 pub struct Matcher {
     window: f32,
@@ -111,7 +111,7 @@ pub struct Matcher {
 }
 
 impl Matcher {
-    /// With validated constants.
+    /// A matcher with validated settings.
     #[must_use]
     pub fn new(config: &MatcherConfig) -> Self {
         Self {
@@ -126,7 +126,7 @@ impl Matcher {
         }
     }
 
-    /// Counts from zero, nothing waits.
+    /// Resets the counts and drops all waiting impacts.
     pub fn restart(&mut self) {
         self.predicted.clear();
         self.detected.clear();
@@ -140,13 +140,13 @@ impl Matcher {
         &self.counts
     }
 
-    /// So many predicted impacts in a row did not come.
+    /// The alarm is raised: this many consecutive predicted impacts were missing.
     #[must_use]
     pub fn alarm(&self) -> bool {
         self.missing_in_a_row >= self.alarm_after
     }
 
-    /// An impact was predicted, `at` ticks from the start of `tick`.
+    /// Takes a predicted impact, `at` ticks from the start of `tick`.
     pub fn predict(&mut self, tick: u32, at: f32, side: i8, impulse_n_s: f32) {
         let strong = impulse_n_s >= self.smallest_impulse_n_s;
         self.counts.predicted = self.counts.predicted.wrapping_add(u32::from(strong));
@@ -158,8 +158,8 @@ impl Matcher {
         }
     }
 
-    /// An impact was measured, `at` ticks from the start of `tick`, with a pulse of `length` ticks: pairs it with the nearest
-    /// prediction, and with those that fell into the same pulse.
+    /// Takes a measured impact, `at` ticks from the start of `tick`, with a pulse of `length` ticks. Pairs it with the
+    /// nearest prediction, and with the predictions that fall into the same pulse.
     pub fn detect(&mut self, tick: u32, at: f32, side: i8, length: f32) -> Paired {
         self.counts.detected = self.counts.detected.wrapping_add(1);
         let detection = Waiting { tick, at, side, impulse_n_s: 0.0, strong: false };
@@ -189,7 +189,7 @@ impl Matcher {
         self.missing_in_a_row = 0;
     }
 
-    /// The oldest prediction gives way: it counts as missing if it was strong.
+    /// Drops the oldest prediction. It counts as missing if it was strong.
     fn make_room(&mut self) -> bool {
         let oldest = self.predicted.remove(0);
         self.miss(&oldest);
@@ -203,7 +203,7 @@ impl Matcher {
         }
     }
 
-    /// Gives up what has waited for longer than it may, as seen at the start of `tick`.
+    /// Drops the impacts that have waited too long at the start of `tick`.
     pub fn expire(&mut self, tick: u32) {
         let (window, wait) = (self.window, self.wait);
         self.detected.retain(|waiting| waiting.until(tick, 0.0) <= window + 2.0);
@@ -214,7 +214,7 @@ impl Matcher {
     }
 }
 
-/// Takes the nearest partner within the window out of `waiting`.
+/// Removes from `waiting` the nearest partner within the window and returns it.
 fn take_nearest(waiting: &mut Vec<Waiting, MOST_WAITING>, partner: &Waiting, window: f32) -> Option<Waiting> {
     let mut nearest = None;
     let mut least = window;

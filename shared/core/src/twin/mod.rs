@@ -1,20 +1,22 @@
-//! The rig's twin: the `f32` sampled integrator, driven by the measured base motion, in step with the rig.
+//! Digital twin of the rig: the `f32` sampled integrator, driven by the measured base motion in step with the rig.
 //!
-//! Every tick it predicts the structure's displacement and the particle's impacts from the measured z alone, and says how
-//! far the rig is from that: the RMS of the residual, and impacts that were predicted and did not come. The latter is how
-//! a stuck particle, a lost ball or a dead force sensor shows.
+//! In every tick the twin predicts the structure's displacement and the particle's impacts from the measured z alone.
+//! It reports the difference from the rig: the RMS of the residual, and the predicted impacts that were not measured.
+//! Missing impacts indicate a stuck particle, a lost ball or a dead force sensor.
 //!
-//! An open loop would lose the rig: its starting state is unknown, and unstable motions part after some fifty cycles. So
-//! the twin is an observer. The structure is drawn to the measured x with the poles of a well-damped oscillator at
-//! [`TwinConfig::follow_hz`], slowly enough that an impact still shows in the residual. Every measured impact
-//! puts the particle where that impact says it is: off the wall with e·w, where the approach speed w = J(1+β)/(m(1+e))
-//! follows from the measured impulse J, and makes good the difference between J and what the twin gave the structure.
+//! An open loop would lose the rig: its starting state is unknown, and unstable motions diverge after some fifty
+//! cycles. The twin is therefore an observer. The structure is corrected towards the measured x with the poles of a
+//! well-damped oscillator at [`TwinConfig::follow_hz`], slowly enough that an impact still shows in the residual. Every
+//! measured impact corrects the particle: it leaves the wall with e·w, where the approach speed w = J(1+β)/(m(1+e))
+//! follows from the measured impulse J. The structure is corrected by the difference between J and the impulse that the
+//! twin applied to it.
 //!
-//! Each tick's means of z and x are a sample, and [`Twin::tick`] takes one step of a tick's length for it (two for a
-//! structure above 16 Hz). The base's cubic needs one sample of the future, so the twin is one tick behind the rig: a prediction
-//! is compared with the x of the tick before. Pairing predictions with measurements is [`matching`]'s.
+//! Each tick's means of z and x are one sample, and [`Twin::tick`] takes one step of a tick's length for it (two for a
+//! structure above 16 Hz). The base's cubic needs one sample of the future, so the twin is one tick behind the rig: a
+//! prediction is compared with the x of the tick before. [`matching`] pairs predictions with measurements.
 //!
-//! The work of a tick is bounded: [`MOST_EVENTS_PER_TICK`] events of the motion, [`DETECTIONS_WAITING`] measured impacts.
+//! The work of a tick is bounded: at most [`MOST_EVENTS_PER_TICK`] events of the motion, and at most
+//! [`DETECTIONS_WAITING`] measured impacts.
 
 pub mod matching;
 
@@ -30,34 +32,35 @@ use matching::{Matcher, MatcherConfig};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Most events (impacts, sticking, slipping) of the twin's motion in one tick. A particle that chatters to rest may have more: it
-/// rests from the last one on ([`Sampled::step_bounded`]). The bounces left out begin and end within the tick, so their approach
-/// is below a T/2: 5 mm/s and 1 mN s at 10 m/s² and 0.16 kg, a twentieth of the smallest impulse that must be measured
-/// ([`MatcherConfig`]).
+/// Most events (impacts, sticking, slipping) of the twin's motion in one tick. A particle that chatters to rest may
+/// have more; it is then at rest from the last one on ([`Sampled::step_bounded`]). The omitted bounces begin and end
+/// within the tick, so their approach speed is below a T/2: 5 mm/s and 1 mN s at 10 m/s² and 0.16 kg, a twentieth of
+/// the smallest impulse that must be measured ([`MatcherConfig`]).
 pub const MOST_EVENTS_PER_TICK: u8 = 8;
 
-/// Measured impacts that wait for the twin to pass their time; more are not learned from.
+/// Most measured impacts that wait until the twin has passed their time. Further impacts do not correct the twin.
 pub const DETECTIONS_WAITING: usize = 8;
 
-/// How far the twin must be past a measured impact to learn from it, ticks: by then it has met the wall itself, unless it
-/// is wrong by as much.
+/// Time by which the twin must have passed a measured impact before it is corrected by it, ticks. By then the twin has
+/// met the wall itself, unless its error is as large as that.
 const LEARNT_AFTER: f32 = 2.0;
 
-/// Most steps of a tick; a structure above 31 Hz needs more.
+/// Most integrator steps per tick; a structure above 31 Hz needs more.
 const MOST_STEPS: u8 = 2;
 
 /// Time of a tick's mean, in ticks from its start.
 const MEAN_AT: f32 = (SUBSAMPLES as f32 + 1.0) / (2 * SUBSAMPLES) as f32;
 
-/// The twin's time at the start of a tick's work, in ticks from the start of that tick: the mean of the last tick but one.
+/// Time of the twin's state at the start of a tick's work, in ticks from the start of that tick: the mean of the tick
+/// before the last.
 const BEFORE: f32 = MEAN_AT - 2.0;
 
-/// What the twin is.
+/// Settings of the twin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct TwinConfig {
-    /// The set-up that it believes in.
+    /// The set-up that the twin simulates.
     pub set_up: SetUp,
-    /// How fast the structure is drawn to the measured x, Hz; 0 to 20. 0 lets it run free.
+    /// Rate at which the structure is corrected towards the measured x, Hz; 0 to 20. With 0 there is no correction.
     pub follow_hz: f32,
     /// Time constant of the residual's RMS, s.
     pub residual_s: f32,
@@ -66,7 +69,7 @@ pub struct TwinConfig {
 }
 
 impl TwinConfig {
-    /// For this set-up, following at 1 Hz.
+    /// The default settings for a set-up, with a correction rate of 1 Hz.
     #[must_use]
     pub fn new(set_up: SetUp) -> Self {
         Self { set_up, follow_hz: 1.0, residual_s: 1.0, matching: MatcherConfig::default() }
@@ -103,12 +106,12 @@ pub struct TwinSignals {
     pub detected: u32,
     /// Predicted impacts that were not measured.
     pub missing: u32,
-    /// As many in a row were missing as raise the alarm.
+    /// The alarm is raised: [`MatcherConfig::alarm_after`] consecutive impacts are missing.
     pub alarm: bool,
 }
 
 impl TwinSignals {
-    /// Of a twin that has seen nothing.
+    /// The signals before the first tick, and without a twin.
     pub const NOTHING: Self = Self {
         x_m: 0.0,
         residual_rms_m: 0.0,
@@ -121,11 +124,11 @@ impl TwinSignals {
     };
 }
 
-/// What a twin is made from: checked, and worked out where there is time for it.
+/// Checked settings with everything derived from them. A plan is made outside the control tick.
 #[derive(Clone, Copy, Debug)]
 pub struct TwinPlan {
     motion: Sampled<f32>,
-    /// Of a tick.
+    /// Integrator steps per tick.
     steps: u8,
     /// Gains on x (1) and v (1/step).
     gains: (f32, f32),
@@ -140,10 +143,10 @@ pub struct TwinPlan {
 }
 
 impl TwinPlan {
-    /// For a twin that begins at rest.
+    /// The plan of a twin that begins at rest.
     ///
     /// # Errors
-    /// Names a value that is not physical, or a part that the sampled driver has no equations for.
+    /// Names a value that is not physical, or a part of the set-up that the sampled integrator does not support.
     pub fn new(config: &TwinConfig) -> Result<Self, Invalid> {
         config.validate()?;
         let tick_s = 1.0 / f64::from(TICK_HZ);
@@ -157,7 +160,7 @@ impl TwinPlan {
         )?;
         let step_s = tick_s / f64::from(steps);
         let motion = Sampled::new(set_up, Units::metres(step_s), &Initial::default())?;
-        // x″ + 2ζω x′ + ω² x of the error, ζ = 0.7; the structure's own stiffness only adds to it.
+        // Error dynamics x″ + 2ζω x′ + ω² x with ζ = 0.7. The structure's own stiffness only adds to them.
         let omega = 2.0 * core::f64::consts::PI * f64::from(config.follow_hz);
         let gains = ((1.4 * omega * tick_s) as f32, (omega * omega * tick_s * step_s) as f32);
         let (mut restitution, mut approach_per_impulse) = (0.0, 0.0);
@@ -182,17 +185,17 @@ impl TwinPlan {
     }
 }
 
-/// The twin.
+/// The twin in operation.
 #[derive(Clone, Debug)]
 pub struct Twin {
-    /// Its motion is the one under way.
+    /// Its `motion` is the present motion of the twin.
     plan: TwinPlan,
     track: BaseTrack<f32>,
     /// The base's displacement at the twin's time, m.
     base_m: f32,
     /// The means of x and z in the tick before, m.
     before: (f32, f32),
-    /// There is a tick before.
+    /// There was a tick before.
     has_begun: bool,
     detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
     matcher: Matcher,
@@ -225,7 +228,7 @@ impl Twin {
         }
     }
 
-    /// Back to rest, counts and alarm too.
+    /// Resets the twin to rest, with its counts and alarm.
     pub fn restart(&mut self) {
         self.put_back();
         self.matcher.restart();
@@ -233,7 +236,7 @@ impl Twin {
         self.signals = TwinSignals::NOTHING;
     }
 
-    /// Back to rest with a simulated plant that is put back to its start; what was counted stays counted.
+    /// Resets the motion to rest when a simulated plant is reset to its start. The counts stay.
     pub fn put_back(&mut self) {
         self.plan.motion.rest();
         self.track = BaseTrack::default();
@@ -243,14 +246,14 @@ impl Twin {
         self.detections.clear();
     }
 
-    /// The motion itself.
+    /// The integrator with the present motion.
     #[must_use]
     pub fn motion(&self) -> &Sampled<f32> {
         &self.plan.motion
     }
 
-    /// A measured impact, before the [`Twin::tick`] in which it was found. It waits until the twin has passed its time; one
-    /// that finds no room, or whose time is not a number, is not counted as detected.
+    /// Takes a measured impact, before the [`Twin::tick`] in which it was found. The impact waits until the twin has
+    /// passed its time. An impact that finds no room, or whose time is not finite, is not counted as detected.
     pub fn detected(&mut self, record: &ImpactRecord) {
         if record.centre_ticks.is_finite() && record.contact_s.is_finite() {
             let _ = self.detections.push_back(*record);
@@ -263,8 +266,8 @@ impl Twin {
         &self.signals
     }
 
-    /// One tick, from the means of its x and z, m. A mean that is not a number counts as that of the tick before: it would
-    /// never leave the state again.
+    /// Runs one tick with its means of x and z, m. A mean that is not finite is replaced by that of the tick before,
+    /// because it would stay in the state for ever.
     pub fn tick(&mut self, tick: u32, x_m: f32, z_m: f32) -> TwinSignals {
         let (x_m, z_m) = if x_m.is_finite() && z_m.is_finite() { (x_m, z_m) } else { self.before };
         self.learn_from_impacts(tick);
@@ -287,7 +290,7 @@ impl Twin {
         self.signals
     }
 
-    /// Learns from the measured impacts that the twin has passed.
+    /// Corrects the twin by the measured impacts whose time it has passed.
     fn learn_from_impacts(&mut self, tick: u32) {
         while let Some(record) = self.detections.front().copied() {
             let began = record.centre_ticks - 0.5 * record.contact_s * TICK_HZ;
@@ -300,7 +303,7 @@ impl Twin {
         }
     }
 
-    /// Follows the base to the mean of the tick before, and notes the impacts on the way.
+    /// Integrates to the mean of the tick before, and passes the impacts on the way to the matcher.
     fn advance(&mut self, tick: u32, z_m: f32) {
         let steps = self.plan.steps;
         let base = self.track.push(z_m);
@@ -317,7 +320,7 @@ impl Twin {
         self.matcher.expire(tick);
     }
 
-    /// Draws the structure to the x that was measured at the twin's time.
+    /// Corrects the structure towards the x that was measured at the twin's time.
     fn correct(&mut self) {
         if !self.has_begun {
             return;
@@ -327,13 +330,13 @@ impl Twin {
         self.plan.motion.nudge(self.plan.gains.0 * residual, self.plan.gains.1 * residual);
     }
 
-    /// Pairs a measured impact that began so many ticks from the start of its tick and so many ticks ago, and learns from it
-    /// where the particle is.
+    /// Matches a measured impact and corrects the particle by it. The impact began `began` ticks from the start of its
+    /// tick and `since` ticks ago.
     fn learn(&mut self, record: &ImpactRecord, began: f32, since: f32) {
-        // The measurement's guards are part of a pulse too.
+        // The measurement's guard samples belong to the pulse too.
         let length = record.contact_s * TICK_HZ + 1.0;
         let expected = self.matcher.detect(record.tick, began, record.side, length);
-        // The sum of a shared pulse, a clipped or an unfinished one is not an impact's impulse.
+        // The sum of a shared, clipped or unfinished pulse is not the impulse of one impact.
         let sure = expected.count < 2 && !record.clipped && !record.held;
         if !sure || self.plan.approach_per_impulse == 0.0 {
             return;
@@ -345,13 +348,13 @@ impl Twin {
         let leaving = leaves * record.impulse_n_s;
         let (c, state) = (self.plan.motion.coefficients(), self.plan.motion.state());
         let per_impulse = side / self.plan.impulse_per_kick;
-        // What the twin took for it, and since when: nothing if it has not met the wall.
+        // The twin's leaving speed and time since the impact. The speed is zero if the twin has not met the wall.
         let (expected_leaving, expected_since) = (leaves * expected.impulse_n_s, since - expected.late * per_tick);
         let (offset, slide) = if expected.count == 1 {
             let moved = leaving * since - expected_leaving * expected_since;
             (state.offset - side * moved, state.slide - side * (leaving - expected_leaving))
         } else {
-            // From the wall, the structure's acceleration being its spring's.
+            // Motion from the wall. The structure's acceleration is that of its spring.
             let pull = -c.stiffness / c.mass * (state.x - self.base_m);
             let moved = leaving * since + 0.5 * side * pull * since * since;
             (side * (c.clearance - moved), -side * leaving - pull * since)
@@ -362,16 +365,16 @@ impl Twin {
     }
 }
 
-/// The impacts of one tick, counted from its first step.
+/// The impacts of one tick, with times from its first step.
 struct Impacts {
-    /// The present step.
+    /// Index of the present step in the tick.
     step: f32,
     list: Vec<Impact<f32>, { MOST_EVENTS_PER_TICK as usize }>,
 }
 
 impl Observer<f32> for Impacts {
     fn impact(&mut self, impact: &Impact<f32>) {
-        // Cannot fail: a tick has no more events.
+        // Cannot fail: a tick has at most this many events.
         let _ = self.list.push(Impact { at: self.step + impact.at, ..*impact });
     }
 }

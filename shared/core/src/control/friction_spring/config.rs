@@ -1,32 +1,33 @@
-//! The constants of one friction-damper drive: checked once, then never changed while it works.
+//! Constants of a friction-damper drive. They are checked once and stay constant while the drive works.
 
 use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Most steps in one tick: what a board's pulse timer is asked for.
+/// Most steps in one tick that are requested of a board's pulse timer.
 pub const MOST_STEPS_PER_TICK: u8 = 16;
 
-/// Targets reach up to this part of [`SpringConfig::largest_force_n`]: the rest is room for the force to move in before
-/// it counts as a fault.
+/// Targets may reach this part of [`SpringConfig::largest_force_n`]. The rest is a margin in which the force may vary
+/// before it is a fault.
 pub const WORKING_PART: f32 = 0.9;
 
-/// Stepper, screw, spring and force sensor. Positions count from the limit switch towards the structure.
+/// Constants of the stepper, screw, spring and force sensor. Positions count from the limit switch towards the
+/// structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SpringConfig {
     /// Travel of the block's seat per motor step, m.
     pub step_m: f32,
-    /// Furthest position from the limit switch, m.
+    /// Farthest position from the limit switch, m.
     pub travel_m: f32,
-    /// Where the seat waits when the block is released, m from the limit switch.
+    /// Position of the seat when the block is released, m from the limit switch.
     pub back_off_m: f32,
-    /// Fastest rate, steps/s; at most [`MOST_STEPS_PER_TICK`] per tick.
+    /// Highest rate, steps/s; at most [`MOST_STEPS_PER_TICK`] per tick.
     pub rate_hz: f32,
-    /// Rate while looking for the switch and for the touch, steps/s: slow enough for the motor to stop at once.
+    /// Rate of the searches for the switch and for the touch, steps/s: low enough for the motor to stop at once.
     pub search_rate_hz: f32,
     /// Change of the rate, steps/s²; at least 16.
     pub acceleration_hz_per_s: f32,
-    /// k_s of the spring, N/m, as far as known: the touch-off measures it.
+    /// Nominal k_s of the spring, N/m; the touch-off measures the actual value.
     pub stiffness_n_per_m: f32,
     /// μ_e between block and structure.
     pub friction_coefficient: f32,
@@ -34,25 +35,27 @@ pub struct SpringConfig {
     pub structure_stiffness_n_per_m: f32,
     /// Rise of the force that counts as a touch, N: well above the noise of a tick's mean.
     pub touch_force_n: f32,
-    /// Further rise over which the touch-off measures the spring, N.
+    /// Further rise of the force over which the touch-off measures the spring, N.
     pub touch_span_n: f32,
-    /// Force errors up to this are left alone, N; at least the force of one step.
+    /// Force errors up to this are not corrected, N; at least the force of one step.
     pub dead_band_n: f32,
-    /// Force that must not be reached, N; inside the force sensor's usable span.
+    /// Limit of the force, N; inside the force sensor's usable span.
     pub largest_force_n: f32,
-    /// Largest distance of a settled force from the spring's line, N: more is a stall or a slipped block.
+    /// Largest deviation of a settled force from the spring's line, N. A larger one is a stall or a slipped block.
     pub follow_tolerance_n: f32,
-    /// Time after a move before the force is believed, s.
+    /// Time from the end of a move until the force is used, s.
     pub settle_s: f32,
     /// Time over which a force is averaged, s.
     pub average_s: f32,
-    /// No step towards the structure, nor any adjustment, within half a second of |x| above this, m; 0 steps always.
+    /// Limit of |x| for a quiet structure, m. No step towards the structure and no correction is made within half a
+    /// second of |x| above it. 0 switches the check off.
     pub quiet_m: f32,
 }
 
 impl Default for SpringConfig {
-    /// Assumed, as the source document names neither spring nor screw: 200 steps per turn of a 1 mm screw and a spring of
-    /// 500 N/m, which give γF = 0.6 at Z = 3 mm (2.4 N with μe = 0.3) after 4.7 mm. Structure: 1.6 kg at 2.5 Hz.
+    /// Assumed, because the source document specifies neither spring nor screw: 200 steps per turn of a 1 mm screw and
+    /// a spring of 500 N/m. They give γF = 0.6 at Z = 3 mm (2.4 N with μe = 0.3) after 4.7 mm. Structure: 1.6 kg at 2.5
+    /// Hz.
     fn default() -> Self {
         Self {
             step_m: 5e-6,
@@ -76,7 +79,8 @@ impl Default for SpringConfig {
     }
 }
 
-/// What a set-up says of spring, block and structure. Everything else, limits included, is the board's alone.
+/// Properties of spring, block and structure that a set-up describes. Everything else, limits included, is set by the
+/// board alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SpringSetUp {
     /// k_s of the spring, N/m; `None` for the board's.
@@ -99,7 +103,7 @@ impl SpringConfig {
         }
     }
 
-    /// Checks every value, and those that must fit each other.
+    /// Checks every value, and the relations between values.
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -163,7 +167,8 @@ impl SpringConfig {
             self.follow_tolerance_n,
             "above spring.dead_band_n",
         )?;
-        // The touch is seen three ticks late, the ramp then takes v²/2a to stop, and the spring may be twice as stiff.
+        // The touch is detected three ticks late, the ramp then takes v²/2a to stop, and the spring may be twice as
+        // stiff.
         let stop_steps = self.search_rate_hz * (self.search_rate_hz / (2.0 * self.acceleration_hz_per_s) + 0.005);
         let overshoot = 2.0 * stop_steps * self.step_m * self.stiffness_n_per_m;
         ask(
@@ -178,7 +183,7 @@ impl SpringConfig {
         Ok(())
     }
 
-    /// The largest force that may be asked for, N.
+    /// The largest force that a target may demand, N.
     #[must_use]
     pub fn working_force_n(&self) -> f32 {
         WORKING_PART * self.largest_force_n
@@ -190,18 +195,18 @@ impl SpringConfig {
         ratio * self.structure_stiffness_n_per_m * base_amplitude_m / self.friction_coefficient
     }
 
-    /// Whole steps nearest to a length, within ±10⁶.
+    /// The nearest number of whole steps to a length, within ±10⁶.
     pub(super) fn steps(&self, length_m: f32) -> i32 {
         nearest(length_m / self.step_m)
     }
 
-    /// Whole ticks nearest to a time, at least one.
+    /// The nearest number of whole ticks to a time, at least one.
     pub(super) fn ticks(seconds: f32) -> u32 {
         nearest(seconds * TICK_HZ).max(1) as u32
     }
 }
 
-/// The nearest whole number, within ±10⁶; 0 for NaN.
+/// The nearest integer, within ±10⁶; 0 for NaN.
 pub(super) fn nearest(value: f32) -> i32 {
     let value = if value < 0.0 { value - 0.5 } else { value + 0.5 };
     // A cast saturates and turns NaN into 0.

@@ -1,17 +1,17 @@
-//! Homing on the limit switch, and moving the block away from the structure.
+//! Homing of the spring's seat on the limit switch, and release of the block from the structure.
 
 use super::{FrictionSpring, SpringEvent, State, ZeroReading};
 use crate::control::fault::SpringFaultCause;
 
 impl FrictionSpring {
-    /// Towards the limit switch.
+    /// One tick of the search for the limit switch.
     pub(super) fn seek_switch(&mut self, at_switch: bool) -> (i8, Option<SpringEvent>) {
         if at_switch {
             self.ramp.declare(0);
             self.state = State::LeaveSwitch;
             return (0, None);
         }
-        // Half as far again as the travel: the start was anywhere, and the switch has some depth.
+        // One and a half times the travel: the start position is unknown, and the switch has some depth.
         let far = -self.scaled.travel - self.scaled.travel / 2;
         if self.ramp.is_at(far) {
             let limit_m = 1.5 * self.config.travel_m;
@@ -20,7 +20,7 @@ impl FrictionSpring {
         (self.ramp.tick(&self.scaled.search, Some(far)), None)
     }
 
-    /// Off the switch: its edge is the origin.
+    /// One tick of leaving the switch; its edge is the origin.
     pub(super) fn leave_switch(&mut self, at_switch: bool) -> (i8, Option<SpringEvent>) {
         if !at_switch {
             self.ramp.declare(0);
@@ -34,7 +34,7 @@ impl FrictionSpring {
         (self.ramp.tick(&self.scaled.search, Some(self.scaled.back_off)), None)
     }
 
-    /// To the position where the block waits.
+    /// One tick of the move to the position where the block waits.
     pub(super) fn back_off(&mut self) -> (i8, Option<SpringEvent>) {
         let steps = self.ramp.tick(&self.scaled.search, Some(self.scaled.back_off));
         if !self.ramp.is_at(self.scaled.back_off) {
@@ -44,7 +44,8 @@ impl FrictionSpring {
         (steps, Some(SpringEvent::Homed))
     }
 
-    /// Away from the structure. The switch ends it too, so a wrong count cannot run the seat into its stop.
+    /// One tick of the move away from the structure. The switch ends it too, so a wrong count cannot drive the seat
+    /// into its stop.
     pub(super) fn release(&mut self, zero: Option<ZeroReading>, at_switch: bool) -> i8 {
         if at_switch {
             self.ramp.halt();

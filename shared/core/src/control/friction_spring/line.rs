@@ -1,14 +1,14 @@
-//! The spring's line, fitted through the points of a touch-off.
+//! Least-squares line of force over position through the points of a touch-off.
 
 use crate::scalar::Scalar;
 
-/// Points of a touch-off.
+/// Number of points in a touch-off.
 pub const POINTS: usize = 8;
 
-/// Force over deflection: what a touch-off finds.
+/// The line of force over position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// Where the force begins: the zero reading, in the unit of the positions.
+    /// The zero reading: the position where the force begins, in the unit of the positions.
     pub zero: f32,
     /// Force per position.
     pub slope: f32,
@@ -16,8 +16,8 @@ pub struct Line {
     pub zero_error: f32,
 }
 
-/// Least squares through (position, force). Sums are taken about the means, so `f32` loses nothing. `None` where all
-/// positions or all forces are the same.
+/// Least-squares fit through (position, force). Sums are taken about the means, so `f32` loses no precision. `None` if
+/// all positions or all forces are equal.
 #[must_use]
 pub fn fit(points: &[(f32, f32); POINTS]) -> Option<Line> {
     let n = POINTS as f32;

@@ -1,4 +1,4 @@
-//! What goes into the friction-damper spring's controller and what comes out of it.
+//! Inputs, targets, commands, events and status of the friction-damper spring's controller.
 
 use crate::control::fault::Fault;
 use crate::control::safety::rails::Verdict;
@@ -6,87 +6,87 @@ use crate::io::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// One tick's readings.
+/// Inputs of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpringInputs {
     /// Spring force as read, compression positive, N: the mean of the tick's block.
     pub force_n: f32,
     /// The tick.
     pub tick: u32,
-    /// What the force sensor is worth in this tick.
+    /// Verdict on the force sensor in this tick.
     pub force_sensor: Verdict,
     /// The limit switch is closed.
     pub at_switch: bool,
     /// max |x| of the structure over the block, m.
     pub x_peak_m: f32,
-    /// Measured base amplitude Z, m; `None` while there is none.
+    /// Measured base amplitude Z, m; `None` if it is not known.
     pub base_amplitude_m: Option<f32>,
-    /// The emergency stop is pressed: the motor is switched off, whatever it is doing.
+    /// The emergency stop is pressed: the motor is switched off in every state.
     pub emergency_stop: bool,
 }
 
-/// What the spring is to be set to.
+/// A target of the spring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Target {
-    /// Δs from the zero reading, m. The position is kept, whatever the force does.
+    /// Δs from the zero reading, m. The position is held, whatever the force.
     Deflection {
         /// Δs, m; 0 or greater.
         deflection_m: f32,
     },
-    /// F_N, kept by force feedback.
+    /// F_N, held by force feedback.
     Force {
         /// F_N, N; 0 or greater.
         force_n: f32,
     },
-    /// γF = μe·F_N/(kZ), kept by force feedback while the measured Z changes.
+    /// γF = μe·F_N/(kZ), held by force feedback while the measured Z changes.
     FrictionRatio {
         /// γF; 0 or greater.
         ratio: f32,
     },
 }
 
-/// What may be asked of the controller.
+/// A command to the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SpringCommand {
     /// Find the limit switch.
     Home,
-    /// Find the zero reading, then wait there.
+    /// Find the zero reading, then stay there.
     TouchOff,
-    /// Press.
+    /// Press with this target.
     Set(Target),
     /// Move the block away from the structure.
     Release,
-    /// Stop where it is.
+    /// Stop at the present position.
     Halt,
-    /// Forget a latched fault.
+    /// Clear a latched fault.
     ClearFault,
 }
 
-/// What the controller is doing.
+/// Stage of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum SpringStage {
     /// The position is unknown; the motor is off.
     Unhomed,
-    /// Looking for the limit switch.
+    /// Searching for the limit switch.
     Homing,
-    /// The position is known, the zero reading is not.
+    /// The position is known; the zero reading is not known.
     Homed,
-    /// Looking for the zero reading.
+    /// Searching for the zero reading.
     TouchingOff,
-    /// The zero reading is known; no target.
+    /// The zero reading is known; there is no target.
     Ready,
-    /// On the way to a target or settling there.
+    /// Moving to a target or settling there.
     Setting,
-    /// On target, and kept there.
+    /// On target and holding it.
     Holding,
-    /// Moving the block away.
+    /// Moving the block away from the structure.
     Releasing,
     /// Stopped by a fault; the block may still be moving away.
     Faulted,
 }
 
 impl SpringStage {
-    /// In words, for people.
+    /// The stage in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -103,12 +103,12 @@ impl SpringStage {
     }
 }
 
-/// Why a command was not carried out.
+/// Why a command was rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpringRejected {
     /// A parameter is out of range.
     Invalid(Invalid),
-    /// It makes no sense at this stage.
+    /// The command is not possible at this stage.
     WrongStage {
         /// The stage.
         stage: SpringStage,
@@ -123,10 +123,10 @@ impl From<Invalid> for SpringRejected {
     }
 }
 
-/// The zero reading.
+/// Result of a touch-off: the zero reading with its standard error, and the measured stiffness.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ZeroReading {
-    /// Where the force begins, m from the limit switch.
+    /// Seat position at which the force begins, m from the limit switch.
     pub zero_m: f32,
     /// Standard error of `zero_m`, m.
     pub zero_error_m: f32,
@@ -134,14 +134,14 @@ pub struct ZeroReading {
     pub stiffness_n_per_m: f32,
 }
 
-/// What is worth telling.
+/// An event of the spring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SpringEvent {
-    /// The limit switch was found and left.
+    /// The spring is homed: the limit switch was found and left.
     Homed,
-    /// The zero reading is known.
+    /// The touch-off is complete: the zero reading is known.
     Touched(ZeroReading),
-    /// The target is met: the averaged force, N.
+    /// The target is reached: the averaged force, N.
     OnTarget {
         /// F_N, N.
         force_n: f32,
@@ -150,20 +150,20 @@ pub enum SpringEvent {
     Fault(Fault),
 }
 
-/// A summary.
+/// Status of the spring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SpringStatus {
-    /// What it is doing.
+    /// The present stage.
     pub stage: SpringStage,
     /// Seat position from the limit switch, m.
     pub position_m: f32,
     /// Last averaged force above the reading without contact, N.
     pub force_n: f32,
-    /// Force asked for at present, N; 0 without a target.
+    /// Present target force, N; 0 without a target.
     pub target_force_n: f32,
-    /// The target asks for more than may be given, and gets what may.
+    /// The target demands more than the permitted force; the permitted force is applied.
     pub saturated: bool,
-    /// A step waits for the structure to become quiet, or a ratio for a measured Z.
+    /// A step is waiting for the structure to become quiet, or a ratio for a measured Z.
     pub waiting: bool,
     /// The zero reading.
     pub zero: Option<ZeroReading>,

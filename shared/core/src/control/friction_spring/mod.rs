@@ -1,17 +1,18 @@
-//! The controller of the friction damper's spring: homing, touch-off, and targets held by force feedback.
+//! Controller of the friction damper's spring: homing, touch-off, and targets held by force feedback.
 //!
-//! A stepper moves the seat of a spring whose other end presses a block against the structure: F_N = k_s Δs, with Δs
-//! counted from the *zero reading*, the seat position at which the force begins. The **touch-off** finds it: the seat
-//! approaches until the force rises, then takes eight settled readings further up and fits a line through them. The line's
-//! foot is the zero reading, its slope the measured k_s, its scatter the standard error of the zero reading.
-//! Every target starts from the line and is corrected by the measured force. A settled force off the line is a fault: a
-//! motor without an encoder shows lost steps in no other way.
+//! A stepper moves the seat of a spring whose other end presses a block against the structure: F_N = k_s Δs. Δs is
+//! counted from the *zero reading*, the seat position at which the force begins. The **touch-off** measures it. The
+//! seat approaches until the force rises, then takes eight settled readings further up and fits a line through them.
+//! The line's zero crossing is the zero reading, its slope the measured k_s, its scatter gives the standard error of
+//! the zero reading. The controller approaches every target along this line and then corrects the position by the
+//! measured force. A settled force off the line is a fault, because a motor without an encoder shows lost steps in no
+//! other way.
 //!
-//! While the force sensor is at a rail its force is not judged and the motor brakes to a standstill. The emergency stop
-//! switches the motor off in its tick; the position is then unknown, so the spring has to be homed again.
+//! While the force sensor is at a rail, its force is ignored and the motor brakes to a standstill. The emergency stop
+//! switches the motor off in its tick. The position is then unknown, so the spring must be homed again.
 //!
-//! [`config`] holds the constants, [`ramp`] the motor's motion. Pulses and pins belong to the board. Backlash has no model:
-//! the spring keeps the nut on one flank.
+//! [`config`] holds the constants, [`ramp`] the motor's motion. Pulses and pins are in the board's code. Backlash is
+//! not modelled: the spring keeps the nut on one flank.
 
 pub mod config;
 mod homing;
@@ -31,23 +32,23 @@ pub use messages::{
 use ramp::{Ramp, RampLimits};
 use touch_off::TouchOff;
 
-/// Time for which the structure must have been quiet before a step, s: more than a period down to 2 Hz.
+/// Time for which the structure must have been quiet before a step, s: more than a period from 2 Hz up.
 const QUIET_HOLD_S: f32 = 0.5;
 
 const TOUCH_OFF_FIRST: &str = "find the zero reading first (touch off)";
 
-/// The state of the spring, with what is known of its position in it.
+/// State of the spring, with the position data known in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
     /// The position is unknown.
     Unhomed,
-    /// Towards the limit switch, with the lowest force reading so far, N.
+    /// Moving towards the limit switch, with the lowest force reading so far, N.
     SeekSwitch {
         lowest_n: f32,
     },
-    /// Off the switch, slowly: its edge is the origin.
+    /// Leaving the switch slowly; its edge is the origin.
     LeaveSwitch,
-    /// To the position where the block waits.
+    /// Moving to the position where the block waits.
     BackOff,
     /// At rest, without a zero reading.
     Homed,
@@ -55,30 +56,30 @@ enum State {
     /// At rest, with a zero reading.
     Ready(ZeroReading),
     Press(Press),
-    /// Away from the structure.
+    /// Moving away from the structure.
     Release(Option<ZeroReading>),
 }
 
-/// A target that is approached or held.
+/// A target that is being approached or held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Press {
     zero: ZeroReading,
     target: Target,
     phase: PressPhase,
     target_force_n: f32,
-    /// The target has been met once.
+    /// The target has been reached once.
     on_target: bool,
     braking: bool,
     saturated: bool,
-    /// A friction ratio waits for a measured Z.
+    /// A friction ratio is waiting for a measured Z.
     without_z: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum PressPhase {
-    /// To a position, steps.
+    /// Moving to a position, steps.
     Move(i32),
-    /// Ticks left until the force is settled.
+    /// Ticks left until the force has settled.
     Settle(u32),
     Average(Mean),
 }
@@ -91,7 +92,7 @@ struct Mean {
 }
 
 impl Mean {
-    /// Takes a value; the mean once there are `count`.
+    /// Adds a value; returns the mean once there are `count` values.
     fn push(&mut self, value: f32, count: u32) -> Option<f32> {
         self.sum += value;
         self.count += 1;
@@ -99,7 +100,7 @@ impl Mean {
     }
 }
 
-/// The constants in steps and ticks.
+/// Constants of the drive in steps and ticks.
 #[derive(Clone, Copy, Debug)]
 struct Scaled {
     fast: RampLimits,
@@ -111,7 +112,7 @@ struct Scaled {
     quiet: u32,
 }
 
-/// The controller.
+/// Controller of the friction damper's spring.
 #[derive(Clone, Copy, Debug)]
 pub struct FrictionSpring {
     config: SpringConfig,
@@ -123,21 +124,21 @@ pub struct FrictionSpring {
     bias_n: f32,
     /// Last averaged force, N.
     force_n: f32,
-    /// A step waits for a quiet structure.
+    /// A step is waiting for a quiet structure.
     waiting: bool,
     quiet_ticks: u32,
     fault: Option<Fault>,
 }
 
 impl Default for FrictionSpring {
-    /// At an unknown position, with the default constants.
+    /// Unknown position, with the default constants.
     fn default() -> Self {
         Self::of(&SpringConfig::default())
     }
 }
 
 impl FrictionSpring {
-    /// At an unknown position, with the motor off.
+    /// Unknown position, with the motor off.
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -146,7 +147,7 @@ impl FrictionSpring {
         Ok(Self::of(config))
     }
 
-    /// From checked constants.
+    /// Makes a controller from checked constants.
     fn of(config: &SpringConfig) -> Self {
         let ramp_limits = |rate| RampLimits::new(rate, config.acceleration_hz_per_s);
         let scaled = Scaled {
@@ -172,20 +173,21 @@ impl FrictionSpring {
         }
     }
 
-    /// Puts the board's spring, friction and structure in force again. Position, state and zero reading stay.
+    /// Puts the board's spring, friction coefficient and structure in force again. Position, state and zero reading
+    /// stay.
     pub fn end_set_up(&mut self, board: &SpringConfig) {
         let SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, .. } = *board;
         self.config =
             SpringConfig { stiffness_n_per_m, friction_coefficient, structure_stiffness_n_per_m, ..self.config };
     }
 
-    /// The constants.
+    /// The constants of the drive.
     #[must_use]
     pub fn config(&self) -> &SpringConfig {
         &self.config
     }
 
-    /// The stage.
+    /// The present stage.
     #[must_use]
     pub fn stage(&self) -> SpringStage {
         match self.state {
@@ -235,13 +237,13 @@ impl FrictionSpring {
         self.press().map_or(0.0, |press| press.target_force_n)
     }
 
-    /// It presses as a brake.
+    /// The spring presses as a brake.
     #[must_use]
     pub fn is_braking(&self) -> bool {
         self.press().is_some_and(|press| press.braking)
     }
 
-    /// A summary.
+    /// Status of the spring.
     #[must_use]
     pub fn status(&self) -> SpringStatus {
         SpringStatus {
@@ -299,8 +301,8 @@ impl FrictionSpring {
         Ok(())
     }
 
-    /// Presses as a brake with `force_n` (within the working force) at once, also while the structure moves. False, and
-    /// nothing happens, without a zero reading or with a fault.
+    /// Presses at once as a brake with `force_n` (at most the working force), even while the structure moves. Without a
+    /// zero reading or with a fault it returns false and does nothing.
     pub fn brake(&mut self, force_n: f32) -> bool {
         let Some(zero) = self.zero().filter(|_| self.fault.is_none() && force_n >= 0.0) else { return false };
         let force_n = force_n.min(self.config.working_force_n());
@@ -309,12 +311,12 @@ impl FrictionSpring {
         true
     }
 
-    /// Rejects a target out of range; returns the position to start from, steps.
+    /// Rejects a target out of range. Returns the position to start from, steps.
     fn check(&self, zero: &ZeroReading, target: Target) -> Result<i32, Invalid> {
         let (name, value, deflection_m) = match target {
             Target::Deflection { deflection_m } => ("deflection_m", deflection_m, deflection_m),
             Target::Force { force_n } => ("force_n", force_n, force_n / zero.stiffness_n_per_m),
-            // Its force is limited when Z is known.
+            // Its force is limited once Z is known.
             Target::FrictionRatio { ratio } => ("friction_ratio", ratio, 0.0),
         };
         let value = f64::from(value);
@@ -325,7 +327,7 @@ impl FrictionSpring {
         let end_m = zero.zero_m + deflection_m;
         require(end_m <= self.config.travel_m, name, value, "small enough to stay within spring.travel_m")?;
         match target {
-            // The first averaged force tells how far to go.
+            // The first averaged force determines the distance.
             Target::FrictionRatio { .. } => Ok(self.ramp.steps().max(self.config.steps(zero.zero_m))),
             _ => Ok(self.config.steps(end_m)),
         }
@@ -349,7 +351,7 @@ impl FrictionSpring {
         });
     }
 
-    /// Gives up the target or the task: the ramp brakes.
+    /// Abandons the target or the task; the ramp brakes.
     fn stand(&mut self) {
         self.state = match (self.is_homed(), self.zero()) {
             (false, _) => State::Unhomed,
@@ -358,14 +360,14 @@ impl FrictionSpring {
         };
     }
 
-    /// Switches the motor off at once. Its position is then unknown.
+    /// Switches the motor off at once. The position is then unknown.
     fn de_energise(&mut self) {
         self.state = State::Unhomed;
         self.ramp.halt();
         self.waiting = false;
     }
 
-    /// One tick. At most one event results.
+    /// Runs one tick. It gives at most one event.
     pub fn tick(&mut self, inputs: &SpringInputs) -> (Motor, Option<SpringEvent>) {
         self.tick = inputs.tick;
         if inputs.emergency_stop {
@@ -381,7 +383,8 @@ impl FrictionSpring {
             }
             None => self.work(inputs, force_n),
         };
-        // A screw of this pitch holds itself: the motor may be off where the position is unknown or no longer needed.
+        // A screw of this pitch is self-locking: the motor may be off where the position is unknown or no longer
+        // needed.
         let enabled = match self.state {
             State::Unhomed => !self.ramp.is_still(),
             State::Homed | State::Ready(_) => !self.ramp.is_still() || self.fault.is_none(),
@@ -390,11 +393,11 @@ impl FrictionSpring {
         (Motor { steps, enabled }, event)
     }
 
-    /// Faults of any state: the cause, the value and the limit.
+    /// Detects the faults that are possible in every state: the cause, the value and the limit.
     fn find_fault(&mut self, inputs: &SpringInputs, force_n: f32) -> Option<(SpringFaultCause, f32, f32)> {
         let moving = inputs.x_peak_m >= self.config.quiet_m || inputs.x_peak_m.is_nan();
         self.quiet_ticks = if moving { 0 } else { self.quiet_ticks.saturating_add(1) };
-        // Before homing an unplugged sensor is no fault: the rig may have no friction damper.
+        // An unplugged sensor is no fault before homing: the rig may have no friction damper.
         if self.state == State::Unhomed {
             return None;
         }
@@ -403,7 +406,7 @@ impl FrictionSpring {
                 return Some((SpringFaultCause::SensorLost, inputs.force_n, 0.0));
             }
             Verdict::Reads => {}
-            // Not a force, and not yet a lost sensor.
+            // The reading is not a force, and the sensor is not lost yet.
             Verdict::AtRail => return None,
             Verdict::Lost { reading, edge } => return Some((SpringFaultCause::SensorLost, reading, edge)),
         }
@@ -431,7 +434,7 @@ impl FrictionSpring {
         None
     }
 
-    /// Latches a fault and starts the way to the safe state.
+    /// Latches a fault and starts the reaction to it.
     fn trip(&mut self, cause: SpringFaultCause, value: f32, limit: f32) -> SpringEvent {
         let fault = Fault { cause: FaultCause::Spring(cause), tick: self.tick, value, limit };
         self.fault = Some(fault);
@@ -481,7 +484,7 @@ impl FrictionSpring {
         (steps, None)
     }
 
-    /// A step of a move that waits for a quiet structure.
+    /// One tick of a move that waits for a quiet structure.
     fn go(&mut self, position: i32, limits: RampLimits) -> i8 {
         self.waiting = self.must_wait();
         self.ramp.tick(&limits, (!self.waiting).then_some(position))
@@ -503,7 +506,7 @@ impl FrictionSpring {
             Target::Deflection { .. } => None,
             Target::Force { force_n } => Some(force_n),
             Target::FrictionRatio { ratio } => {
-                // Without a measured Z the force stays as it is.
+                // Without a measured Z the force stays unchanged.
                 let Some(z_m) = base_amplitude_m.filter(|z| z.is_finite() && *z >= 0.0) else {
                     press.without_z = true;
                     self.state = State::Press(press);
@@ -518,7 +521,7 @@ impl FrictionSpring {
             press.saturated = demanded_n > most_n;
             press.target_force_n = demanded_n.min(most_n);
             let error_n = press.target_force_n - force_n;
-            // Out of contact, backing off further lowers no force.
+            // Without contact, moving further away does not lower the force.
             let out_of_contact = deflection_m <= 0.0 && error_n <= 0.0;
             if libm::fabsf(error_n) > self.config.dead_band_n && !out_of_contact {
                 let position = self.ramp.steps() + nearest(error_n / zero.stiffness_n_per_m / self.config.step_m);

@@ -1,15 +1,15 @@
-//! The stepper's ramp: whole steps per tick towards a target, with limited rate and acceleration.
+//! Ramp of the stepper motor: whole steps per tick towards a target, with limited rate and acceleration.
 //!
-//! Position and velocity are integers (65536ths of a step, per tick), so nothing is ever lost between what was
-//! commanded and what was counted. Each tick takes the highest velocity from which braking still ends at the
-//! target; so the target is met without overshoot unless it moves closer than the braking distance.
+//! Position and velocity are integers (65536ths of a step, per tick), so no fraction of a step is lost between the
+//! commanded and the counted position. Each tick takes the highest velocity from which braking still ends at the
+//! target. The target is therefore reached without overshoot, unless it moves closer than the braking distance.
 
 use crate::io::TICK_HZ;
 
-/// Parts of a step.
+/// Fractions of a step.
 const ONE: f32 = 65_536.0;
 
-/// Fastest velocity and its change per tick, in 65536ths of a step.
+/// Highest velocity and largest change of velocity per tick, in 65536ths of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RampLimits {
     velocity: i32,
@@ -17,7 +17,7 @@ pub struct RampLimits {
 }
 
 impl RampLimits {
-    /// From steps/s (up to 32767 per tick) and steps/s²; neither becomes less than the smallest unit.
+    /// Limits from steps/s (up to 32767 per tick) and steps/s². Neither becomes less than the smallest unit.
     #[must_use]
     pub fn new(rate_hz: f32, acceleration_hz_per_s: f32) -> Self {
         let velocity = (rate_hz / TICK_HZ * ONE) as i32;
@@ -26,7 +26,7 @@ impl RampLimits {
     }
 }
 
-/// Where the motor stands and how fast it goes.
+/// Position and velocity of the motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ramp {
     /// 65536ths of a step.
@@ -48,23 +48,23 @@ impl Ramp {
         self.velocity == 0
     }
 
-    /// It stands still at this step.
+    /// The motor stands still at this step.
     #[must_use]
     pub fn is_at(&self, steps: i32) -> bool {
         self.velocity == 0 && self.position == i64::from(steps) << 16
     }
 
-    /// Stops within this tick: for search rates, from which a motor can.
+    /// Stops within this tick. Used at search rates, from which a motor can stop at once.
     pub fn halt(&mut self) {
         self.declare(self.steps());
     }
 
-    /// Stands still, and calls the present position `steps`.
+    /// Sets the velocity to zero and the present position to `steps`.
     pub fn declare(&mut self, steps: i32) {
         *self = Self { position: i64::from(steps) << 16, velocity: 0 };
     }
 
-    /// One tick towards `target`, or to a stop where there is none; returns the steps to make, positive away from the
+    /// Runs one tick towards `target`, or to a stop if there is none. Returns the steps to make, positive away from the
     /// limit switch.
     pub fn tick(&mut self, limits: &RampLimits, target: Option<i32>) -> i8 {
         let before = self.steps();
@@ -82,7 +82,7 @@ impl Ramp {
         if remaining == 0 {
             return brake(self.velocity, a);
         }
-        // In a frame in which the target lies ahead.
+        // From here on in a frame in which the target lies ahead.
         let ahead = if remaining < 0 { -1 } else { 1 };
         let (room, v) = (remaining.abs(), self.velocity * ahead);
         let landing = room <= i64::from(a) && v >= 0 && v <= a;
@@ -98,12 +98,12 @@ impl Ramp {
     }
 }
 
-/// One tick closer to standing still.
+/// The velocity after one tick of braking.
 fn brake(velocity: i32, a: i32) -> i32 {
     velocity - velocity.clamp(-a, a)
 }
 
-/// How far it goes after a tick at velocity `v` > 0 if it brakes from the next tick on: the sum of v − a, v − 2a, ….
+/// Distance covered after a tick at velocity `v` > 0 with braking from the next tick on: the sum of v − a, v − 2a, ….
 fn braking_distance(v: i32, a: i32) -> i64 {
     let n = i64::from(v / a);
     n * i64::from(v) - i64::from(a) * (n * (n + 1) / 2)
@@ -113,7 +113,7 @@ fn braking_distance(v: i32, a: i32) -> i64 {
 mod tests {
     use super::*;
 
-    /// Runs to `target`, checking rate and acceleration on the way; returns the ticks it took.
+    /// Runs to `target` and checks rate and acceleration on the way. Returns the number of ticks.
     fn run(ramp: &mut Ramp, limits: &RampLimits, target: i32) -> u32 {
         let from = ramp.steps();
         let mut counted = from;

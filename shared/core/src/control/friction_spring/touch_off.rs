@@ -1,11 +1,11 @@
-//! The touch-off: approaches until the force rises, takes settled readings further up and fits the spring's line.
+//! Touch-off: approaches until the force rises, takes settled readings further up and fits the spring's line.
 
 use super::config::nearest;
 use super::line::{POINTS, fit};
 use super::{FrictionSpring, Mean, SpringEvent, State, Target, ZeroReading};
 use crate::control::fault::SpringFaultCause;
 
-/// Ticks in a row above the touch force that make a touch: a spike makes none.
+/// Consecutive ticks above the touch force that count as a touch, so that a spike does not.
 const TOUCH_TICKS: u8 = 3;
 
 /// A touch-off in progress.
@@ -21,13 +21,13 @@ pub(super) struct TouchOff {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// Off the structure, in case it touches.
+    /// Moving away from the structure, in case the block touches it.
     Retreat,
-    /// The reading without contact.
+    /// Averaging the reading without contact.
     Bias(Mean),
-    /// Until the force has been up for so many ticks.
+    /// Approaching; the force has been above the touch force for this many ticks.
     Approach(u8),
-    /// To a standstill.
+    /// Stopping.
     Stop,
     Climb(i32),
     Settle(u32),

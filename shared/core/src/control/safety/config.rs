@@ -1,61 +1,64 @@
-//! The settings of the interlocks and their permitted ranges.
+//! Settings of the interlocks and their permitted ranges.
 
 use crate::io::{Invalid, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Displacements that must not be reached.
+/// Displacement limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Limits {
-    /// Largest |x| of the structure, m; inside the sensor's usable span.
+    /// Limit of |x| of the structure, m; inside the sensor's usable span.
     pub structure_m: f32,
-    /// Largest |z| of the base, m; inside the sensor's usable span.
+    /// Limit of |z| of the base, m; inside the sensor's usable span.
     pub base_m: f32,
 }
 
 impl Default for Limits {
-    /// Inside the usable ±78.4 mm of the source document's lasers, which read ±80 mm.
+    /// Inside the usable span of ±78.4 mm of the source document's lasers, which read ±80 mm.
     fn default() -> Self {
         Self { structure_m: 0.078, base_m: 0.078 }
     }
 }
 
 impl Limits {
-    /// Checks that both limits are numbers above zero.
+    /// Checks that both limits are finite numbers above zero.
     ///
     /// # Errors
-    /// Names the limit that is not.
+    /// Names the first limit that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("limits.structure_m", f64::from(self.structure_m))?;
         positive("limits.base_m", f64::from(self.base_m))
     }
 }
 
-/// What the interlocks know.
+/// The settings of the interlocks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SafetyConfig {
     /// The displacement limits.
     pub limits: Limits,
-    /// Half-cycles ahead for which the structure's amplitude is foreseen; 0 to 20, 0 for none.
+    /// Number of half-cycles by which the structure's amplitude is predicted; 0 to 20, 0 for no prediction.
     pub half_cycles_ahead: f32,
-    /// Smallest displacement that both sensors resolve, m: a drive of less than five times this shows no frozen sensor.
+    /// Smallest displacement that both sensors resolve, m. With a drive of less than five times this the frozen-sensor
+    /// check is off.
     pub resolution_m: f32,
-    /// Time of identical samples, while driven, that makes a sensor frozen, s; at least half a period of the drive; 0 never.
+    /// Time of identical samples, while driven, after which a sensor counts as frozen, s; at least half a period of the
+    /// drive is used; 0 for never.
     pub frozen_s: f32,
-    /// Force on a wall that must not be reached, N.
+    /// Limit of the force on a wall, N.
     pub wall_force_n: f32,
-    /// Time for which the drive may be saturated, s; 0: saturation is reported with the result and ends no drive.
+    /// Longest time for which the drive may be saturated, s. With 0, saturation is reported with the result and does
+    /// not end the drive.
     pub saturated_s: f32,
-    /// Time without a message from the host after which the drive ends, s; 0 for no limit.
+    /// Longest time without a message from the host before the drive ends, s; 0 for no limit.
     pub host_silent_s: f32,
-    /// |x| below which a restart is allowed, m.
+    /// |x| below which a restart is permitted, m.
     pub restart_m: f32,
-    /// Normal force of the friction damper as a brake, N; 0 for none.
+    /// Normal force of the friction damper used as a brake, N; 0 for no brake.
     pub brake_n: f32,
 }
 
 impl Default for SafetyConfig {
-    /// Inside the usable spans of the lasers (±78.4 mm, 10 µm resolution assumed) and of an assumed wall sensor (455 N).
+    /// Inside the usable span of the lasers (±78.4 mm, 10 µm resolution assumed) and of an assumed wall sensor (455 N).
     fn default() -> Self {
         Self {
             limits: Limits::default(),

@@ -1,28 +1,29 @@
-//! The amplitude that a growing vibration will have a few half-cycles ahead.
+//! Prediction of a growing vibration's amplitude a few half-cycles ahead.
 //!
-//! Between two zero crossings lies one maximum. The straight line through the maxima of one side bounds every growth that
-//! slows down, as a resonance driven by a constant base does: A(1 − e^(−ζωt)) lies below its tangent. Maxima of the same
-//! side are compared, so a sensor's offset does not look like growth.
+//! There is one maximum between two zero crossings. The straight line through the maxima of one side is an upper bound
+//! of every growth that slows down, such as that of a resonance driven by a constant base: A(1 − e^(−ζωt)) lies below
+//! its tangent. Only maxima of the same side are compared, so a sensor's offset does not look like growth.
 
-/// Part of the last maximum by which x must pass zero before a half-cycle counts as over: noise makes no half-cycles.
+/// Part of the last maximum by which x must pass zero before a half-cycle counts as over. It keeps noise from counting
+/// as half-cycles.
 const HYSTERESIS: f32 = 0.05;
 
 /// Follows the half-cycles of one displacement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Envelope {
-    /// Side of the present half-cycle.
+    /// Sign of x in the present half-cycle.
     positive: bool,
     /// Largest |x| of the present half-cycle.
     present: f32,
-    /// Of the last two, the newest first.
+    /// Largest |x| of the last two half-cycles, newest first.
     before: [f32; 2],
-    /// Half-cycles seen.
+    /// Number of half-cycles seen.
     seen: u8,
 }
 
 impl Envelope {
-    /// Takes one tick's mean of x, m; returns max |x| as it will be `ahead` half-cycles after the present one, m; 0 until
-    /// three maxima are known.
+    /// Takes one tick's mean of x, m. Returns max |x| predicted for `ahead` half-cycles after the present one, m; 0
+    /// until three maxima are known.
     pub fn push(&mut self, x_m: f32, ahead: f32) -> f32 {
         let along = if self.positive { x_m } else { -x_m };
         if along < -HYSTERESIS * self.present {
@@ -33,11 +34,11 @@ impl Envelope {
         } else if along > self.present {
             self.present = along;
         }
-        // The first half-cycle may have begun anywhere.
+        // The first half-cycle is incomplete: it may have begun at any phase.
         if self.seen < 4 {
             return 0.0;
         }
-        // The present one counts once it is the larger: until then it is not over.
+        // The present half-cycle is not over. It counts once it is larger than the one before.
         let growth = (self.present - self.before[1]) * 0.5;
         let known = if self.present > self.before[0] { self.present } else { self.before[0] };
         if growth > 0.0 { known + growth * ahead } else { known }
@@ -72,11 +73,11 @@ mod tests {
 
     #[test]
     fn a_resonance_is_foreseen_before_it_reaches_the_limit() {
-        // Z = 3 mm at resonance, ζ = 0.0038: 395 mm in the end, the limit is 80 mm.
+        // Z = 3 mm at resonance, ζ = 0.0038: the final amplitude is 395 mm, the limit is 80 mm.
         let grown = |t: f64| 0.395 * (1.0 - libm::exp(-0.0038 * OMEGA * t)) * libm::sin(OMEGA * t);
         let (_, foreseen) = run(grown, 10_000, 6.0, 0.08);
         let reached = (0..10_000u32).find(|tick| grown(f64::from(*tick) * 1e-3).abs() >= 0.08).unwrap();
-        // Six half-cycles are 1.2 s; what is left of them after the maximum that gave it away.
+        // Six half-cycles are 1.2 s. The warning comes in what is left of them after the maximum that triggers it.
         assert!(foreseen.is_some_and(|tick| reached - tick > 900 && reached - tick < 1500), "{foreseen:?} {reached}");
     }
 

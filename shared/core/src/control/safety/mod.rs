@@ -1,21 +1,23 @@
-//! The way to the safe state: what ends a drive, what happens then, and when it may begin again.
+//! Interlocks: the faults that end a drive, the sequence to the safe state, and the conditions for clearing a fault.
 //!
-//! [`Safety`] looks at every tick's signs and latches the first cause. From then on the drive fades to zero (or stops at
-//! once where a fade could harm), the relay opens, the friction damper closes as a brake if so configured, and the rig is
-//! *safe* only when |x| has stayed below a stated level: a structure of ζ = 0.0038 rings for half a minute, and a shaker
-//! that starts under a ringing structure is no defined start. Only then can the cause be cleared.
+//! [`Safety`] checks the inputs of every tick and latches the first fault. From then on the drive fades to zero, or
+//! stops at once where a fade could do harm. The relay then opens, and the friction damper closes as a brake if it is
+//! so configured. The rig is *safe* only when |x| has stayed below a configured level: a structure of ζ = 0.0038 rings
+//! for half a minute, and a drive that starts under a ringing structure has no defined start. Only then can the fault
+//! be cleared.
 //!
-//! The board's settings are the base of every limit. While an experiment runs, its [`ExperimentLimits`] may tighten some
-//! of them ([`Safety::tighten`]); they end with the experiment, or with the clearing of the fault that ended it. Whether a
-//! tripped rig is safe again is judged by the board's limits alone: a limit of an experiment, set too tight, must not keep
-//! the rig from being cleared.
+//! The board's settings are the base of every limit. While an experiment runs, its [`ExperimentLimits`] may tighten
+//! some of them ([`Safety::tighten`]). These end with the experiment, or when the fault that ended it is cleared. After
+//! a fault, once the drive is off, the board's limits alone are checked, so an experiment's limit that is set too tight
+//! cannot keep the fault from being cleared.
 //!
-//! While an experiment runs every sensor is watched: one that is lost ([`rails`]), frozen or has drifted ends the drive, and the
-//! cause names it. While the rig is idle a lost sensor is told in the status and latches nothing. A displacement whose sensor
-//! is at a rail is not judged: what it reads is no displacement. The friction damper's spring watches its own force.
+//! While an experiment runs every sensor is checked. A sensor that is lost ([`rails`]), frozen or has drifted ends the
+//! drive, and the cause names the sensor. While the rig is idle a lost sensor is reported in the status and latches no
+//! fault. Samples of a displacement at a rail are not checked against a limit, because they are not displacements. The
+//! friction damper's spring checks its own force.
 //!
-//! The displacement limits themselves are [`super::limits`]'. A stuck processor is the watchdog's, and a broken board the
-//! hardware's: the relay is off without either.
+//! The displacement limits are [`Limits`]. The watchdog handles a stuck processor, the hardware a broken board; in both
+//! cases the relay is off.
 
 mod config;
 pub mod envelope;
@@ -33,69 +35,70 @@ use serde::{Deserialize, Serialize};
 pub use tighten::{ExperimentLimits, LimitsRejected, Looser};
 use watch::{Defect, Watch};
 
-/// How long |x| must stay below the restart level, s: longer than a half-cycle from 1 Hz up.
+/// Time for which |x| must stay below the restart level, s: longer than a half-cycle from 1 Hz up.
 const CALM_S: f32 = 0.5;
 
-/// Time over which the drive fades, s.
+/// Time of the fade-out of the drive, s.
 const FADE_S: f32 = 0.2;
 
-/// A drive of this many steps of the displacement sensors moves their readings.
+/// A drive of at least this many resolution steps of the displacement sensors changes their readings.
 const RESOLVED_STEPS: f32 = 5.0;
 
-/// How far the way to the safe state has been gone.
+/// Stage of the sequence to the safe state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum SafeStage {
-    /// No cause: the drive may run.
+    /// No fault: the drive may run.
     Clear,
     /// The drive fades out.
     Fading,
     /// The drive is off and the relay open; the structure still rings, or the emergency stop is still pressed.
     Ringing,
-    /// Safe: the cause may be cleared.
+    /// Safe: the fault can be cleared.
     Safe,
 }
 
-/// What the tick showed beside the displacements.
+/// Inputs of the interlocks in a tick, besides the readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Signs {
     /// The tick.
     pub tick: u32,
     /// The drive is on in this tick.
     pub driving: bool,
-    /// It is strong enough to see both displacements move.
+    /// The drive is strong enough for both displacements to move visibly.
     pub swinging: bool,
     /// Largest |demanded base displacement| since the start, m.
     pub drive_m: f32,
-    /// Its frequency, Hz; 0 where it has none.
+    /// Drive frequency, Hz; 0 if there is none.
     pub frequency_hz: f32,
-    /// An experiment runs: every sensor is needed.
+    /// An experiment runs: every sensor is required.
     pub running: bool,
     /// Largest force on either wall, N.
     pub wall_force_n: f32,
-    /// What of the walls' blocks is at a rail.
+    /// How much of the walls' blocks is at a rail.
     pub wall_rails: [Rail; 2],
-    /// A wall sensor's zero, as far as it is off its calibration by more than may be followed, and what may be, N.
+    /// For each wall sensor whose zero has drifted beyond the limit: the mean idle reading and the limit, N.
     pub wall_drift: [Option<(f32, f32)>; 2],
     /// The drive is at its limit.
     pub saturated: bool,
     /// The emergency stop is pressed.
     pub emergency_stop: bool,
-    /// Something was heard of the host since the last tick.
+    /// A message from the host was received since the last tick.
     pub host_heard: bool,
 }
 
-/// What the interlocks allow.
+/// What the interlocks permit in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
     /// Factor on the drive, 0 to 1.
     pub drive: f32,
-    /// The drive's relay may be closed.
+    /// The drive's relay may close.
     pub relay: bool,
-    /// The friction damper has to press with this, N; in every tick until the fault is cleared.
+    /// Force with which the friction damper must press as a brake, N. It is set in every tick until the fault is
+    /// cleared.
     pub brake_n: Option<f32>,
 }
 
-/// A clearing that was refused: where the way to the safe state stands, and what to do.
+/// Why a fault cannot be cleared yet: the stage of the sequence to the safe state, and what to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotSafe {
     /// The stage.
@@ -104,12 +107,12 @@ pub struct NotSafe {
     pub advice: &'static str,
 }
 
-/// The interlocks' state.
+/// State of the interlocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Safety {
     /// The board's settings.
     board: SafetyConfig,
-    /// With the limits of the experiment in progress.
+    /// The settings in force: the board's with the limits of the present experiment.
     config: SafetyConfig,
     longest: Longest,
     rails: RailWatch,
@@ -124,7 +127,7 @@ pub struct Safety {
     fade: f32,
 }
 
-/// The longest times that are allowed, ticks.
+/// The longest permitted times, ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Longest {
     frozen: u32,
@@ -141,7 +144,8 @@ impl Longest {
         }
     }
 
-    /// At least half a period of the drive: a sine may stand still at its turning points. 0 for never.
+    /// The frozen-sensor time: at least half a period of the drive, because a sine hardly changes at its turning
+    /// points. 0 for never.
     fn frozen(&self, frequency_hz: f32) -> u32 {
         let half = if frequency_hz > 0.0 { ticks(0.5 / frequency_hz) } else { 0 };
         if self.frozen == 0 { 0 } else { self.frozen.max(half) }
@@ -154,14 +158,14 @@ fn ticks(seconds: f32) -> u32 {
 }
 
 impl Default for Safety {
-    /// Clear, with the default constants.
+    /// No fault, with the default settings.
     fn default() -> Self {
         Self::of(SafetyConfig::default())
     }
 }
 
 impl Safety {
-    /// Clear.
+    /// No fault, with these settings.
     ///
     /// # Errors
     /// Names the first parameter out of range.
@@ -188,19 +192,19 @@ impl Safety {
         }
     }
 
-    /// The latched cause.
+    /// The latched fault.
     #[must_use]
     pub fn fault(&self) -> Option<&Fault> {
         self.fault.as_ref()
     }
 
-    /// How far the way to the safe state has been gone.
+    /// Stage of the sequence to the safe state.
     #[must_use]
     pub fn stage(&self) -> SafeStage {
         self.stage
     }
 
-    /// Forgets the cause; the board's limits are in force again.
+    /// Clears the fault. The board's limits are in force again.
     ///
     /// # Errors
     /// The rig is not safe yet.
@@ -217,13 +221,13 @@ impl Safety {
         Err(NotSafe { stage: self.stage, advice })
     }
 
-    /// The sensors' health.
+    /// Health of the sensors.
     #[must_use]
     pub fn sensors(&self) -> SensorHealth {
         self.rails.health()
     }
 
-    /// What a sensor is worth in this tick.
+    /// Verdict on a sensor in this tick.
     #[must_use]
     pub fn verdict(&self, sensor: Sensor) -> Verdict {
         self.rails.verdict(sensor)
@@ -235,12 +239,12 @@ impl Safety {
         self.rails.clipped_now()
     }
 
-    /// An experiment starts.
+    /// Starts an experiment: clipping is recorded anew.
     pub fn restart(&mut self) {
         self.rails.restart();
     }
 
-    /// One tick. Returns what is allowed, and the cause in the tick in which it is latched.
+    /// Runs one tick. Returns what is permitted, and the fault in the tick in which it is latched.
     pub fn tick(&mut self, readings: &Readings, signs: &Signs) -> (Allowed, Option<Fault>) {
         let [low, high] = signs.wall_rails;
         let rails: [Rail; SENSORS] = [readings.x.rail, readings.z.rail, readings.spring_rail, low, high];
@@ -251,13 +255,13 @@ impl Safety {
             self.go_on(readings, signs, found);
         }
         let running = matches!(self.stage, SafeStage::Clear | SafeStage::Fading);
-        // An emergency stop switches the motor off: nothing may press.
+        // An emergency stop switches the motor off: the damper must not press.
         let brakes = self.fault.is_some_and(|fault| fault.cause != FaultCause::EmergencyStop) && !signs.emergency_stop;
         let brake_n = (brakes && self.config.brake_n > 0.0).then_some(self.config.brake_n);
         (Allowed { drive: if running { self.fade } else { 0.0 }, relay: running, brake_n }, latched)
     }
 
-    /// Latches a fault that another part found; false, and nothing changes, if one is latched already.
+    /// Latches a fault that another part detected. Returns false and changes nothing if a fault is already latched.
     pub fn latch(&mut self, fault: Fault) -> bool {
         let first = self.fault.is_none();
         if first {
@@ -267,23 +271,23 @@ impl Safety {
         first
     }
 
-    /// Goes on under other settings of the board; what is latched stays latched.
+    /// Adopts other settings of the board. A latched fault stays latched.
     pub fn adopt(&mut self, other: &Self) {
         self.board = other.board;
         self.act_under(other.board);
     }
 
-    /// Puts the limits of an experiment in force, on top of the board's.
+    /// Puts the limits of an experiment in force, in addition to the board's.
     ///
     /// # Errors
-    /// As [`SafetyConfig::tightened`]; nothing changes then.
+    /// As [`SafetyConfig::tightened`]; nothing changes in that case.
     pub fn tighten(&mut self, limits: &ExperimentLimits) -> Result<(), LimitsRejected> {
         let tightened = self.board.tightened(limits)?;
         self.act_under(tightened);
         Ok(())
     }
 
-    /// The experiment is over: the board's limits are in force again.
+    /// Ends the experiment: the board's limits are in force again.
     pub fn end_experiment(&mut self) {
         self.act_under(self.board);
     }
@@ -304,14 +308,14 @@ impl Safety {
         let config = if is_driven { &self.config } else { &self.board };
         let fault = |cause, value, limit| Some(Fault { cause, tick: signs.tick, value, limit });
         if !signs.swinging || signs.drive_m < RESOLVED_STEPS * config.resolution_m {
-            // What is not driven, or by less than can be seen, may stand.
+            // A sensor may stand still without a drive, or with a drive below its resolution.
             self.x.forgive();
             self.z.forgive();
         }
         let Longest { saturated, silent, .. } = self.longest;
         let frozen = self.longest.frozen(signs.frequency_hz);
         let defects = [(Sensor::X, self.x.push(&readings.x, frozen)), (Sensor::Z, self.z.push(&readings.z, frozen))];
-        // What is at a rail is no displacement to foresee from.
+        // A reading at a rail is not a displacement and cannot be extrapolated.
         let foreseen = match readings.x.rail {
             Rail::Clear => self.envelope.push(readings.x.mean_m, config.half_cycles_ahead),
             Rail::Some | Rail::All { .. } => 0.0,
@@ -363,7 +367,7 @@ impl Safety {
         None
     }
 
-    /// One tick of the way from a cause to the safe state.
+    /// Runs one tick of the sequence from a fault to the safe state.
     fn go_on(&mut self, readings: &Readings, signs: &Signs, found: Option<Fault>) {
         let at_once = |fault: Option<Fault>| fault.is_some_and(|fault| fault.cause.cuts_at_once());
         if self.stage == SafeStage::Fading {
@@ -374,7 +378,7 @@ impl Safety {
             }
         }
         let x = readings.x.peak_m;
-        // A sensor that cannot be believed says nothing about rest.
+        // A sensor at a rail or with a fault gives no evidence of rest.
         let believed = found.is_none() && readings.x.rail == Rail::Clear;
         let calm = x < self.config.restart_m && believed && !signs.emergency_stop;
         self.calm_ticks = if calm { self.calm_ticks.saturating_add(1) } else { 0 };

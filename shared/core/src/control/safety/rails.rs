@@ -1,43 +1,43 @@
-//! Whether each sensor is connected: a signal at a rail for [`RAIL_TICKS`] is a sensor fault, whatever its scale.
+//! Check that each sensor is connected: a signal at a rail for [`RAIL_TICKS`] is a sensor fault, on every scale.
 //!
-//! An open input, a broken supply and a shorted cable all read a rail; a signal that only touches one is clipped, which is
-//! counted and told. What a [`Rail`] is stands in [`crate::io`]; which sensors end an experiment in
-//! [`super::Safety`].
+//! An open input, a broken supply and a shorted cable all read a rail. A signal that only touches a rail is clipped,
+//! which is recorded and reported. [`Rail`] is defined in [`crate::io`]; [`super::Safety`] decides which sensors end an
+//! experiment.
 
 use crate::io::{Rail, SENSORS, Sensor, SensorSet};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Ticks in a row with every sample at a rail that make a sensor fault: 5 ms.
+/// Consecutive ticks with every sample at a rail after which a sensor counts as lost: 5 ms.
 pub const RAIL_TICKS: u8 = 5;
 
-/// What a sensor is worth in this tick.
+/// Verdict on a sensor in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Verdict {
-    /// It gives a signal.
+    /// The sensor gives a signal.
     #[default]
     Reads,
-    /// Every sample is at a rail, for less than [`RAIL_TICKS`].
+    /// Every sample is at a rail, for fewer than [`RAIL_TICKS`] ticks.
     AtRail,
-    /// It is unplugged, unsupplied or shorted.
+    /// The sensor is unplugged, without supply or shorted.
     Lost {
-        /// What it reads, in its unit.
+        /// Mean reading, in the sensor's unit.
         reading: f32,
-        /// The end of its usable span that this is beyond.
+        /// The end of the usable span that the reading is beyond.
         edge: f32,
     },
 }
 
-/// The sensors' health, for people.
+/// Health of the sensors, for people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct SensorHealth {
-    /// At a rail now, for [`RAIL_TICKS`] or longer.
+    /// Sensors at a rail now, for [`RAIL_TICKS`] or longer.
     pub lost: SensorSet,
-    /// At least one sample was at a rail since the last start.
+    /// Sensors with at least one sample at a rail since the last start.
     pub clipped: SensorSet,
 }
 
-/// Watches every sensor.
+/// Checks every sensor for rails.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RailWatch {
     ticks: [u8; SENSORS],
@@ -47,7 +47,7 @@ pub struct RailWatch {
 }
 
 impl RailWatch {
-    /// Takes one tick's blocks, in the order of [`Sensor::ALL`].
+    /// Takes one tick's rails, in the order of [`Sensor::ALL`].
     pub fn push(&mut self, rails: &[Rail; SENSORS]) {
         self.clipped_now = SensorSet::default();
         self.health.lost = SensorSet::default();
@@ -70,13 +70,13 @@ impl RailWatch {
         self.health.clipped.extend(self.clipped_now);
     }
 
-    /// What a sensor is worth in this tick.
+    /// Verdict on a sensor in this tick.
     #[must_use]
     pub fn verdict(&self, sensor: Sensor) -> Verdict {
         self.verdicts[sensor as usize]
     }
 
-    /// The first lost sensor, what it reads and the end of its usable span.
+    /// The first lost sensor, its reading and the end of its usable span.
     #[must_use]
     pub fn first_lost(&self) -> Option<(Sensor, f32, f32)> {
         Sensor::ALL.into_iter().find_map(|sensor| match self.verdict(sensor) {
@@ -91,13 +91,13 @@ impl RailWatch {
         self.clipped_now
     }
 
-    /// The sensors' health.
+    /// Health of the sensors.
     #[must_use]
     pub fn health(&self) -> SensorHealth {
         self.health
     }
 
-    /// An experiment starts: clipping is told since now.
+    /// Starts an experiment: clipping is recorded from now on.
     pub fn restart(&mut self) {
         self.health.clipped = SensorSet::default();
     }

@@ -1,50 +1,52 @@
 //! Limits of one experiment: each may tighten a limit of the board, none may loosen one.
 //!
-//! The board's [`SafetyConfig`] is the base. An experiment states some of [`ExperimentLimits`];
-//! [`SafetyConfig::tightened`] merges them and rejects a value that is looser than the board's. Sensor checks
-//! (`frozen_s`, `resolution_m`, the sensor range) and the rest level after a fault are the board's alone.
+//! The board's [`SafetyConfig`] is the base. An experiment states some of the [`ExperimentLimits`].
+//! [`SafetyConfig::tightened`] merges them and rejects a value that is looser than the board's. The sensor checks
+//! (`frozen_s`, `resolution_m`, the sensor range) and the rest level after a fault are set by the board alone.
 
 use super::SafetyConfig;
 use crate::io::Invalid;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Limits that an experiment states; `None` leaves the board's in force.
+/// Limits that an experiment states; `None` keeps the board's limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct ExperimentLimits {
     /// Largest |x| of the structure, m; at most the board's.
     pub structure_m: Option<f32>,
     /// Largest |z| of the base, m; at most the board's.
     pub base_m: Option<f32>,
-    /// Half-cycles ahead for which the structure's amplitude is foreseen; at least the board's.
+    /// Number of half-cycles by which the structure's amplitude is predicted; at least the board's.
     pub half_cycles_ahead: Option<f32>,
     /// Largest force on a wall, N; at most the board's.
     pub wall_force_n: Option<f32>,
-    /// Time for which the drive may be saturated, s; greater than 0, at most the board's unless that is 0 (no limit).
+    /// Longest time for which the drive may be saturated, s; greater than 0, at most the board's unless that is 0 (no
+    /// limit).
     pub saturated_s: Option<f32>,
-    /// Time without a message from the host, s; greater than 0, at most the board's unless that is 0 (no limit).
+    /// Longest time without a message from the host, s; greater than 0, at most the board's unless that is 0 (no
+    /// limit).
     pub host_silent_s: Option<f32>,
-    /// Normal force of the friction damper as a brake, N; at least the board's.
+    /// Normal force of the friction damper used as a brake, N; at least the board's.
     pub brake_n: Option<f32>,
 }
 
-/// A limit that would be looser than the board's.
+/// A limit of an experiment that is looser than the board's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Looser {
     /// The board's setting.
     pub setting: &'static str,
-    /// What the experiment states.
+    /// The value that the experiment states.
     pub value: f32,
     /// The board's value.
     pub board: f32,
 }
 
-/// Why limits of an experiment were rejected.
+/// Why the limits of an experiment were rejected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LimitsRejected {
-    /// One is looser than the board's.
+    /// A limit is looser than the board's.
     Looser(Looser),
-    /// One is out of range.
+    /// A limit is out of range.
     Invalid(Invalid),
 }
 
@@ -54,17 +56,17 @@ impl From<Invalid> for LimitsRejected {
     }
 }
 
-/// Which way a limit becomes tighter.
+/// The direction in which a limit becomes tighter.
 #[derive(Clone, Copy)]
 enum Tighter {
     Smaller,
     Larger,
-    /// Smaller, and 0 switches the limit off.
+    /// Smaller is tighter, and 0 switches the limit off.
     SmallerNotOff,
 }
 
 impl Tighter {
-    /// NaN is looser than everything.
+    /// The value is looser than the board's. NaN is always looser.
     fn is_looser(self, value: f32, board: f32) -> bool {
         let holds = match self {
             Self::Smaller => value <= board,
@@ -76,10 +78,11 @@ impl Tighter {
 }
 
 impl SafetyConfig {
-    /// These settings with an experiment's limits in the places that it states.
+    /// These settings with the limits that an experiment states.
     ///
     /// # Errors
-    /// The first limit that is looser than it is here, with both values; else the first that is out of range.
+    /// The first limit that is looser than in these settings, with both values; otherwise the first limit that is out
+    /// of range.
     pub fn tightened(&self, limits: &ExperimentLimits) -> Result<Self, LimitsRejected> {
         let mut acting = *self;
         let SafetyConfig { limits: own, half_cycles_ahead, wall_force_n, saturated_s, host_silent_s, brake_n, .. } =
@@ -167,7 +170,7 @@ mod tests {
         for (limits, parameter) in [
             (ExperimentLimits { base_m: some(-1.0), ..none }, "limits.base_m"),
             (ExperimentLimits { half_cycles_ahead: some(21.0), ..none }, "safety.half_cycles_ahead"),
-            // Below the level of rest the rig could never start again.
+            // Below the rest level the rig could never start again.
             (ExperimentLimits { structure_m: some(1e-3), ..none }, "safety.restart_m"),
         ] {
             let Err(LimitsRejected::Invalid(invalid)) = settings().tightened(&limits) else { panic!("{limits:?}") };

@@ -1,17 +1,17 @@
-//! Whether a sensor's samples are numbers, and not the same number for ever. Whether it is at a rail is [`super::rails`]'.
+//! Detection of NaN samples and frozen sensors. Rails are detected by [`super::rails`].
 
 use crate::io::Reading;
 
-/// What is wrong with a sensor.
+/// Defect of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Defect {
     /// A sample is not a number.
     NotANumber,
-    /// Every sample has been the same for longer than a moving thing can stand.
+    /// Every sample has been identical for longer than is possible while the measured part moves.
     Frozen,
 }
 
-/// Watches one channel.
+/// Checks one channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Watch {
     last: f32,
@@ -19,7 +19,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Takes one tick's reading. `frozen_ticks` of identical samples make a frozen sensor; 0 never.
+    /// Takes one tick's reading. A sensor counts as frozen after `frozen_ticks` ticks of identical samples; with 0
+    /// never.
     pub fn push(&mut self, reading: &Reading, frozen_ticks: u32) -> Option<Defect> {
         if reading.peak_m.is_nan() {
             return Some(Defect::NotANumber);
@@ -32,7 +33,7 @@ impl Watch {
         (frozen_ticks > 0 && self.same_ticks >= frozen_ticks).then_some(Defect::Frozen)
     }
 
-    /// Forgets how long the samples have been the same: the thing was allowed to stand.
+    /// Resets the time of identical samples: the measured part may be at rest.
     pub fn forgive(&mut self) {
         self.same_ticks = 0;
     }
@@ -44,7 +45,7 @@ mod tests {
 
     const STILL: [f32; 10] = [0.2; 10];
 
-    /// A block whose last sample is this.
+    /// A block of [`STILL`] whose last sample is `at`.
     fn ending(at: f32) -> Reading {
         let mut block = STILL;
         block[9] = at;

@@ -1,13 +1,12 @@
-//! The stepped sine: one frequency after another, each settled, measured over whole cycles and marked steady
-//! or not.
+//! Stepped sine: one frequency after another, each settled, measured over whole cycles and marked as steady or not.
 //!
-//! A point runs through *rest* (only when it starts from rest), *settle* and *dwell*. The drive is phase-continuous
-//! from one frequency to the next when the motion is carried over; from rest it starts at phase zero, so the base
-//! leaves its place without a step in displacement. The drive comes and goes on a smooth ramp if one is asked for, and
-//! is constant, or whatever [`super::base_loop`] needs for a constant base amplitude.
+//! A point has the stages *rest* (only when it starts from rest), *settle* and *dwell*. When the motion is carried
+//! over, the drive is phase-continuous from one frequency to the next. From rest it starts at phase zero, so the base
+//! starts without a step in displacement. The drive rises and falls on a smooth ramp if one is requested. Its amplitude
+//! is constant, or is set by [`super::base_loop`] to keep the base amplitude constant.
 //!
-//! [`SteppedSine`] is what a host asks for, [`SteppedSinePlan`] what has been checked. A plan is made outside the control tick, which
-//! has no time to look at a hundred frequencies; the [`SteppedSineRunner`] carries it out.
+//! [`SteppedSine`] is the host's request and [`SteppedSinePlan`] the checked plan. A plan is made outside the control
+//! tick, which has no time to check a hundred frequencies. The [`SteppedSineRunner`] runs it.
 
 mod runner;
 
@@ -20,35 +19,36 @@ use postcard_schema::Schema;
 pub use runner::SteppedSineRunner;
 use serde::{Deserialize, Serialize};
 
-/// Most frequencies in one experiment, as 2 to 3 Hz in steps of 0.01: each costs the controller 4 bytes in many places.
+/// Most frequencies in one experiment, enough for 2 to 3 Hz in steps of 0.01 Hz. Each costs the controller 4 bytes in
+/// several places.
 pub const MOST_POINTS: usize = 400;
 
-/// Fewest ticks in a cycle of the drive, so the highest frequency is the tick rate over this.
+/// Fewest ticks in a cycle of the drive. The highest frequency is the tick rate divided by this.
 pub const FEWEST_TICKS_PER_CYCLE: f32 = 20.0;
 
-/// Fewest whole cycles in a dwell: the trend of the cycle maxima needs three in its second half.
+/// Fewest whole cycles in a dwell: the trend of the cycle maxima needs three in the second half of the dwell.
 pub const FEWEST_CYCLES: f32 = 6.0;
 
-/// Time over which the drive fades out after a stop or a fault, and at least before a rest, s.
+/// Time of the drive's fade-out after a stop or a fault, and its least fade-out time before a rest, s.
 pub const FADE_S: f32 = 0.2;
 
 /// How a point begins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Start {
-    /// The drive stops, and the next point begins once |x| has stayed below this level, m. A virtual rig puts
-    /// its plant back to the start.
+    /// The drive stops, and the next point begins once |x| has stayed below this level, m. A virtual rig resets its
+    /// plant to the start.
     FromRest {
         /// |x| below which the structure counts as at rest, m.
         level_m: f32,
     },
-    /// The frequency changes while the drive runs on.
+    /// The frequency changes while the drive continues.
     CarryOver,
 }
 
-/// What is held at the demanded amplitude.
+/// The quantity that is kept at the demanded amplitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub enum DriveMode {
-    /// The drive, as in the source document: a base that feels its load sags near resonance.
+    /// The drive, as in the source document. A base that is loaded by the structure sags near resonance.
     #[default]
     Constant,
     /// The measured base displacement.
@@ -62,25 +62,27 @@ pub struct SteppedSine {
     pub start: Start,
     /// Demanded base amplitude Z, m; greater than 0.
     pub amplitude_m: f32,
-    /// What is held at that amplitude.
+    /// The quantity that is kept at that amplitude.
     pub drive: DriveMode,
-    /// Time over which the drive rises from silence and, between points and at the end, fades, s; 0 (at once) to settle_s.
+    /// Time over which the drive rises from zero and, between points and at the end, fades, s; from 0 (at once) to
+    /// settle_s.
     pub ramp_s: f32,
-    /// Time after a frequency begins before it is measured, s; 0 or more.
+    /// Time from the start of a frequency to its measurement, s; 0 or more.
     pub settle_s: f32,
-    /// Time measured at each frequency, s: its whole cycles are used.
+    /// Time of the measurement at each frequency, s. The whole cycles in it are used.
     pub dwell_s: f32,
-    /// When a point counts as steady.
+    /// Limits for a point to count as steady.
     pub steady: SteadyLimits,
-    /// Place of the first frequency in the whole experiment: above 0 when an interrupted one is taken up again. Results
-    /// and the virtual rig's noise go by the place in the whole, so both are the same as without the interruption.
+    /// Index of the first frequency in the whole experiment: above 0 when an interrupted experiment is resumed. Results
+    /// and the virtual rig's noise depend on the index in the whole experiment, so both are the same as without the
+    /// interruption.
     pub first_index: u16,
-    /// Frequencies in order, Hz.
+    /// Frequencies in the order of the experiment, Hz.
     pub frequencies_hz: Vec<f32, MOST_POINTS>,
 }
 
 impl SteppedSine {
-    /// Checks every value against what a tick of `tick_hz` can carry.
+    /// Checks every value against the tick rate `tick_hz`.
     ///
     /// # Errors
     /// Names the first value out of range.
@@ -133,8 +135,8 @@ impl SteppedSine {
         Ok(())
     }
 
-    /// Ticks that the whole experiment takes when every rest is immediate, as on a virtual rig, and a closed loop never
-    /// waits for its base.
+    /// Number of ticks that the whole experiment takes when every rest is immediate, as on a virtual rig, and a closed
+    /// loop never waits for its base.
     #[must_use]
     pub fn expected_ticks(&self, tick_hz: f32) -> u64 {
         let rest_s = match self.start {
@@ -146,20 +148,20 @@ impl SteppedSine {
     }
 }
 
-/// A checked experiment, its times in ticks.
+/// A checked experiment with its times in ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteppedSinePlan {
     sine: SteppedSine,
     settle_ticks: u32,
-    /// Settling and the longest wait for a closed loop.
+    /// Settling time plus the longest wait for a closed loop.
     held_by_ticks: u32,
-    /// Changes of the ramp's place in a tick: driving, and fading.
+    /// Changes of the ramp's position per tick while driving, and while fading.
     rise: f32,
     fall: f32,
 }
 
 impl SteppedSinePlan {
-    /// Checks an experiment against the rig's tick.
+    /// Checks an experiment against the rig's tick rate.
     ///
     /// # Errors
     /// Names the first value out of range.
@@ -180,7 +182,7 @@ impl SteppedSinePlan {
         })
     }
 
-    /// What was asked for.
+    /// The parameters of the experiment.
     #[must_use]
     pub fn sine(&self) -> &SteppedSine {
         &self.sine

@@ -1,4 +1,4 @@
-//! Carries a checked stepped sine out, a tick at a time.
+//! Runs a checked stepped sine, one tick at a time.
 
 use super::{DriveMode, FADE_S, Start, SteppedSinePlan};
 use crate::control::base_follow::BaseFollow;
@@ -13,29 +13,29 @@ use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A stepped sine in progress. Its [`SteppedSinePlan`] is the caller's: every call wants the same one.
+/// A stepped sine in progress. The caller keeps its [`SteppedSinePlan`] and passes the same one to every call.
 #[derive(Clone, Debug)]
 pub struct SteppedSineRunner {
     index: usize,
     stage: ExperimentStage,
     rest: RestWait,
-    /// Since the present frequency began.
+    /// Ticks since the present frequency began.
     driven_ticks: u32,
     phase: Phase,
-    /// Sine and cosine of the drive's phase in the last ticks, the oldest first.
+    /// Sine and cosine of the drive's phase in the last ticks, oldest first.
     waves: [(f32, f32); DELAY_TICKS as usize],
     increment: u32,
     frequency_hz: f32,
-    /// Place on the ramp, 0 to 1.
+    /// Position on the ramp, 0 to 1.
     gain: f32,
     fall: f32,
     driving: bool,
-    /// What can be delivered.
+    /// The range that the drive can deliver.
     range: DriveRange,
-    /// Used by [`DriveMode::ClosedLoop`] alone.
+    /// Used only with [`DriveMode::ClosedLoop`].
     base: BaseLoop,
     follow: BaseFollow,
-    /// The drive was at its limit: in the last tick, and since the dwell began.
+    /// The drive was at its limit in the last tick, and at any time since the dwell began.
     saturated: bool,
     was_saturated: bool,
     /// Sensors that were clipped since the dwell began.
@@ -49,7 +49,7 @@ pub struct SteppedSineRunner {
 }
 
 impl SteppedSineRunner {
-    /// At the beginning of the first point; `drive` is what can be delivered.
+    /// A runner at the beginning of the first point. `drive` is the range that the drive can deliver.
     #[must_use]
     pub fn new(plan: &SteppedSinePlan, drive: &DriveRange) -> Self {
         let mut runner = Self {
@@ -81,13 +81,13 @@ impl SteppedSineRunner {
         runner
     }
 
-    /// The present point's place in the list.
+    /// Index of the present point in the list.
     #[must_use]
     pub fn index(&self) -> usize {
         self.index
     }
 
-    /// Where the present point stands.
+    /// Stage of the present point.
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         self.stage
@@ -99,7 +99,7 @@ impl SteppedSineRunner {
         if self.stage == ExperimentStage::Rest { 0.0 } else { self.frequency_hz }
     }
 
-    /// The drive's reference in the last tick; none while resting.
+    /// The drive's reference in the last tick; `None` while resting.
     #[must_use]
     pub fn reference(&self) -> Option<DriveReference> {
         let wave = self.waves[DELAY_TICKS as usize - 1];
@@ -112,7 +112,7 @@ impl SteppedSineRunner {
         self.cycle_ended
     }
 
-    /// The base is meant to move visibly: the drive is on, and more than half up its ramp.
+    /// The drive is strong enough for the base to move visibly: it is on, and more than half up its ramp.
     #[must_use]
     pub fn is_swinging(&self) -> bool {
         self.driving && self.gain > 0.5
@@ -130,18 +130,18 @@ impl SteppedSineRunner {
         self.saturated
     }
 
-    /// The point's place in the whole experiment.
+    /// Index of the point in the whole experiment.
     fn place(&self, plan: &SteppedSinePlan) -> u16 {
         plan.sine.first_index.wrapping_add(self.index as u16)
     }
 
-    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
+    /// Index of the point that begins from rest in this tick. A simulated plant is reset to its start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.put_back
     }
 
-    /// Lets the drive fade out, whatever comes after.
+    /// Starts the final fade-out of the drive.
     pub fn release_drive(&mut self) {
         self.driving = false;
         self.fall = FADE_PER_TICK;
@@ -185,7 +185,7 @@ impl SteppedSineRunner {
         }
     }
 
-    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to begin anew.
+    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to start the dwell again.
     fn base_slipped(&self, plan: &SteppedSinePlan) -> bool {
         match &plan.sine.drive {
             DriveMode::Constant => false,
@@ -193,7 +193,7 @@ impl SteppedSineRunner {
         }
     }
 
-    /// Settled: measuring may begin at the next cycle.
+    /// The point has settled: the measurement may begin at the next cycle.
     fn is_settled(&self, plan: &SteppedSinePlan) -> bool {
         self.driven_ticks > plan.settle_ticks
             && match &plan.sine.drive {
@@ -210,15 +210,15 @@ impl SteppedSineRunner {
         (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
 
-    /// The drive for this tick, m, without measuring: for the fade after a stop.
+    /// The drive for this tick, m, without measuring. Used for the fade after a stop.
     pub fn fade(&mut self, plan: &SteppedSinePlan) -> f32 {
         let drive = self.drive_m(plan, None).0;
         self.cycle_ended = self.phase.advance(self.increment);
         drive
     }
 
-    /// The drive at the present phase, m, within what can be delivered, and a fault of the base. Fades while the drive is
-    /// released: then, and without readings of z, the loop is open.
+    /// The drive at the present phase, m, limited to what can be delivered, and a fault of the base. The drive fades
+    /// after its release; then, and without readings of z, the loop is open.
     fn drive_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>) -> (f32, Option<Fault>) {
         let step = if self.driving { plan.rise } else { -self.fall };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
@@ -232,7 +232,7 @@ impl SteppedSineRunner {
 
     /// The demand, m, and a fault of the closed loop.
     fn demand_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
-        // Without a corner at either end.
+        // A smooth ramp: its slope is zero at both ends.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wave_then = self.waves[0];
         self.waves.rotate_left(1);
@@ -248,7 +248,7 @@ impl SteppedSineRunner {
         };
         let then = Phase(self.phase.0.wrapping_sub(self.increment.wrapping_mul(DELAY_TICKS)));
         if now.readings.z.rail != Rail::Clear {
-            // What z reads is no displacement: the drive goes on as it was.
+            // The reading of z is not a displacement: the drive continues at its last amplitude and phase.
             return (self.base.open(wave), None);
         }
         let drive = self.base.tick(ramp * amplitude, now.readings.z.mean_m, wave_then, wave);
@@ -263,7 +263,7 @@ impl SteppedSineRunner {
         (drive, None)
     }
 
-    /// Whether the base does at all what is asked of it.
+    /// Checks that the base follows the drive.
     fn follow(&mut self, plan: &SteppedSinePlan, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
         let z = &now.readings.z;
         self.follow.push(z.mean_m, drive, wave);
@@ -277,7 +277,8 @@ impl SteppedSineRunner {
         Some(Fault { cause, tick: now.tick, value, limit })
     }
 
-    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
+    /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
+    /// tick.
     pub fn tick(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> (f32, Outcome) {
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
@@ -288,7 +289,7 @@ impl SteppedSineRunner {
         }
         let (drive, runaway) = self.drive_m(plan, Some(now));
         let fault = runaway.or(unrest);
-        // Once the last point is measured, only the drive goes on, fading.
+        // After the last point only the fade-out of the drive continues.
         let measuring = self.stage == ExperimentStage::Dwell && self.index < plan.sine.frequencies_hz.len();
         if measuring {
             self.meter.push(now.readings, drive, self.phase.sin_cos());
@@ -309,7 +310,7 @@ impl SteppedSineRunner {
 
     fn rest(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> Option<Fault> {
         if self.gain > 0.0 {
-            // The drive is still fading out: resting has not begun.
+            // The drive is still fading out: the rest has not begun.
             return None;
         }
         let level = match plan.sine.start {
@@ -381,7 +382,7 @@ mod tests {
         for tick in 0..1000 {
             runner.tick(&plan, &TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
-                // The phase is the next tick's by now.
+                // The phase is already that of the next tick.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));
                 assert_eq!(runner.waves[0], then.sin_cos(), "tick {tick}");
             }

@@ -1,13 +1,13 @@
-//! A free vibration: wait until the structure has been held beyond a level, then released, and measure its decay.
+//! Free vibration: waits until the structure is held beyond a level and released, then measures its decay.
 //!
-//! A person pulls the structure to its start and lets go; nothing is driven, the relay closed on a drive of zero holds the
-//! base. |x| beyond the level and steady to a few hundredths for long enough counts as held. The release is the fall of |x|
-//! below nine tenths of x0, and x0 the mean over half the time that it must be held, taken at least as long before that
-//! fall: 0.25 s of the usual 0.5 s, in which a structure of 0.3 Hz or faster falls so far. On a virtual rig the plant is held
-//! at its start by being put back to it, tick by tick, then let go.
+//! A person deflects the structure and lets go. There is no drive; the closed relay with a drive of zero holds the
+//! base. The structure counts as held when |x| is beyond the level and steady to a few hundredths for long enough. The
+//! release is the fall of |x| below nine tenths of x0. x0 is the mean over half the hold time, taken at least that long
+//! before the fall: 0.25 s of the usual 0.5 s, in which a structure of 0.3 Hz or faster falls that far. On a virtual
+//! rig the plant is held at its start by a reset in every tick, and is then released.
 //!
-//! What the decay means (logarithmic decrement, loss) is reckoned from x0, the peak after whole cycles and their
-//! duration by the host, which has a logarithm.
+//! The host computes the decay's logarithmic decrement and loss from x0, the peak after whole cycles and their
+//! duration. The core has no logarithm.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
@@ -22,19 +22,19 @@ use serde::{Deserialize, Serialize};
 pub struct FreeVibration {
     /// |x| beyond which the structure counts as held, m.
     pub level_m: f32,
-    /// How long it must be held, s.
+    /// Time for which it must be held, s.
     pub hold_s: f32,
-    /// How long it may take until it is released, s.
+    /// Longest time until the release, s.
     pub timeout_s: f32,
     /// Time measured after the release, s.
     pub measure_s: f32,
-    /// Cycles over which the decay is told.
+    /// Cycles over which the decay is measured.
     pub cycles: u16,
-    /// Place in the whole experiment; the virtual rig's noise and the result go by it.
+    /// Index in the whole experiment; it determines the virtual rig's noise and marks the result.
     pub index: u16,
 }
 
-/// What lasts for no tick never ends.
+/// A time must be at least one tick.
 const TICK_S: f32 = 1.0 / TICK_HZ;
 const A_TICK_OR_MORE: &str = "a tick or more, at most 10⁹";
 
@@ -58,23 +58,23 @@ impl FreeVibration {
         require(self.timeout_s >= soonest_s, "timeout_s", f64::from(self.timeout_s), "hold_s and a second, or more")
     }
 
-    /// Ticks that it takes on a virtual rig.
+    /// Number of ticks that it takes on a virtual rig.
     #[must_use]
     pub fn expected_ticks(&self) -> u64 {
         u64::from(ticks(self.hold_s + VIRTUAL_HOLD_S)) + u64::from(ticks(self.measure_s))
     }
 }
 
-/// A virtual rig's structure is held for the time asked for and this, s.
+/// A virtual rig's structure is held for the required hold time plus this time, s.
 const VIRTUAL_HOLD_S: f32 = 0.5;
 
-/// What is held stays within this share of its latest mean.
+/// While held, |x| stays within this share of its latest mean.
 const STEADY: f32 = 0.03;
 
-/// A fall to this share of x0 is the release.
+/// The release is a fall of |x| to this share of x0.
 const RELEASED: f32 = 0.9;
 
-/// A half-cycle counts when |x| has been beyond this share of x0 in it: noise about zero makes none.
+/// A half-cycle counts when |x| has been beyond this share of x0 in it, so that noise about zero does not count.
 const LEAST_SWING: f32 = 0.01;
 
 /// A checked free vibration.
@@ -104,7 +104,7 @@ impl FreeVibrationPlan {
     }
 }
 
-/// Swings of x about zero since the release.
+/// Half-cycles of x about zero since the release.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swings {
     start_m: f32,
@@ -125,7 +125,7 @@ impl Swings {
         Self { start_m, positive: x_m > 0.0, last_m: x_m, decay, ..Self::default() }
     }
 
-    /// Takes the mean of a tick, so many ticks after the release; the decay is told over `cycles` at most.
+    /// Takes the mean of a tick, `after` ticks after the release. The decay is measured over at most `cycles` cycles.
     fn push(&mut self, x_m: f32, after: u32, cycles: u16) {
         if (x_m > 0.0) != (self.last_m > 0.0) {
             self.crossing = after as f32 - x_m / (x_m - self.last_m);
@@ -136,7 +136,7 @@ impl Swings {
         if along > -LEAST_SWING * self.start_m {
             return;
         }
-        // Over on the other side: a half-cycle has ended at the latest crossing.
+        // x is beyond zero on the other side: a half-cycle ended at the latest crossing.
         let done = self.half_cycles;
         self.half_cycles = done.saturating_add(1);
         self.positive = !self.positive;
@@ -150,7 +150,7 @@ impl Swings {
     }
 }
 
-/// The structure held: means over stretches of half the time that it must be held.
+/// The held structure: means over stretches of half the hold time.
 #[derive(Clone, Copy, Debug, Default)]
 struct Hold {
     ticks: u32,
@@ -162,7 +162,7 @@ struct Hold {
 }
 
 impl Hold {
-    /// One more tick at `x_m`; a stretch has so many.
+    /// Takes one tick at `x_m`. A stretch has `stretch` ticks.
     fn take(&mut self, x_m: f32, stretch: u32) {
         if self.ticks == 0 {
             (self.latest_m, self.before_m) = (x_m, x_m);
@@ -179,7 +179,7 @@ impl Hold {
     }
 }
 
-/// A free vibration in progress. Its [`FreeVibrationPlan`] is the caller's: every call wants the same one.
+/// A free vibration in progress. The caller keeps its [`FreeVibrationPlan`] and passes the same one to every call.
 #[derive(Clone, Debug)]
 pub struct FreeVibrationRunner {
     stage: ExperimentStage,
@@ -204,19 +204,19 @@ impl Default for FreeVibrationRunner {
 }
 
 impl FreeVibrationRunner {
-    /// Where it stands.
+    /// The present stage.
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         self.stage
     }
 
-    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
+    /// Index of the point that begins from rest in this tick. A simulated plant is reset to its start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.put_back
     }
 
-    /// One tick's readings; nothing is driven. Returns what the tick led to.
+    /// Takes one tick's readings and returns the outcome of the tick. There is no drive.
     pub fn tick(&mut self, plan: &FreeVibrationPlan, now: &TickInputs) -> Outcome {
         self.put_back = None;
         let x = now.readings.x.mean_m;
@@ -243,7 +243,7 @@ impl FreeVibrationRunner {
         Outcome::Running
     }
 
-    /// Takes |x| (m) of a tick in which the structure is held, or not yet, or no more.
+    /// Takes |x| (m) of a tick and returns true if the structure has been released.
     fn is_released(&mut self, plan: &FreeVibrationPlan, x_m: f32) -> bool {
         let hold = &mut self.hold;
         let is_known = hold.ticks >= plan.hold_ticks;
@@ -254,7 +254,7 @@ impl FreeVibrationRunner {
         if x_m >= plan.free.level_m && libm::fabsf(x_m - about) <= STEADY * about {
             hold.take(x_m, plan.hold_ticks / 2);
         } else {
-            // Let back or pulled on a little: if that is no release, the hold begins anew.
+            // The structure was moved a little while held. If that is not a release, the hold starts again.
             hold.strayed_ticks += 1;
             if !is_known || hold.strayed_ticks > plan.hold_ticks {
                 *hold = Hold::default();

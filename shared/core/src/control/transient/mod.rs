@@ -1,4 +1,4 @@
-//! Experiments whose motion is no steady vibration: a [`playback`] of an uploaded record, and a [`free_vibration`].
+//! Transient experiments: [`playback`] of an uploaded record, and [`free_vibration`].
 
 pub mod free_vibration;
 pub mod playback;
@@ -10,7 +10,7 @@ use crate::control::outcome::{Outcome, TickInputs};
 use crate::io::{Invalid, SensorSet, TICK_HZ, require};
 use crate::measure::transient::{Decay, TransientMeter};
 
-/// Longest time that one of these experiments may take for a part of it, s: 10⁹ ticks.
+/// Longest time of one part of such an experiment, s: 10⁹ ticks.
 const LONGEST_S: f32 = 1e9 / TICK_HZ;
 
 fn ticks(seconds: f32) -> u32 {
@@ -18,13 +18,13 @@ fn ticks(seconds: f32) -> u32 {
     (seconds * TICK_HZ + 0.5) as u32
 }
 
-/// The least number greater than 0 that counts as one.
+/// The smallest value that a parameter greater than 0 may have.
 const LEAST: f32 = f32::MIN_POSITIVE;
 
-/// A parameter, its least and its most value, and what is allowed in words.
+/// A parameter's name, smallest and largest value, and what is allowed in words.
 type Limit = (&'static str, f32, f32, &'static str);
 
-/// Checks that every value is within its limits; what is no number is not.
+/// Checks that every value is within its limits; NaN is rejected.
 fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
     for ((parameter, least, most, allowed), value) in limits.iter().zip(values) {
         require((*least..=*most).contains(value), parameter, f64::from(*value), allowed)?;
@@ -32,7 +32,7 @@ fn within(limits: &'static [Limit], values: &[f32]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Measures from a tick on.
+/// A measurement that begins at a given tick.
 #[derive(Clone, Copy, Debug, Default)]
 struct Measuring {
     meter: TransientMeter,
@@ -46,13 +46,13 @@ impl Measuring {
         Self { start_tick: now.tick, impacts_before: now.impacts, ..Self::default() }
     }
 
-    /// Takes a tick: its readings, and the demand, m.
+    /// Takes one tick: its readings and the demand, m.
     fn push(&mut self, now: &TickInputs, demand_m: f32) {
         self.meter.push(now.readings, demand_m);
         self.clipped.extend(now.clipped);
     }
 
-    /// The result, this tick being the last.
+    /// The result, with this tick as the last.
     fn end(&self, now: &TickInputs, index: u16, drive_saturated: bool, decay: &Decay) -> Outcome {
         let mut result = self.meter.result();
         result.index = index;
@@ -61,7 +61,7 @@ impl Measuring {
         result.drive_saturated = drive_saturated;
         result.clipped = self.clipped;
         result.decay = *decay;
-        // The release of a free vibration is found a little after it.
+        // The release of a free vibration is detected a little late.
         result.x_peak_m = result.x_peak_m.max(decay.start_m);
         Outcome::Transient(result)
     }

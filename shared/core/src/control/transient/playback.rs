@@ -1,14 +1,14 @@
-//! Plays an uploaded record as base displacement.
+//! Playback of an uploaded record as base displacement.
 //!
-//! The record is what the caller lends to every tick: counts of [`Playback::scale_m`] at a sample rate of its own. Between
-//! them the demand is a cubic with continuous velocity (Catmull–Rom, as [`crate::integrator::base`]): a sine of angular
-//! frequency Ω sampled every h is met to (Ωh)³/50 of its amplitude, and the counts round to half of one. Before its first
-//! sample and after its last the record is zero, and playing begins two samples early and ends two late: so the demand starts
-//! and ends at rest whatever the record holds, and [`Playback::ramp_s`] makes an end gentler that a record has not. A record
-//! whose samples are beyond what the drive delivers is refused; a demand that goes there between its samples is cut, which
-//! counts as saturation.
+//! The caller passes the record to every tick: counts of [`Playback::scale_m`] at the record's own sample rate. Between
+//! the samples the demand is a cubic with continuous velocity (Catmull–Rom, as in [`crate::integrator::base`]). A sine
+//! of angular frequency Ω sampled every h is reproduced to (Ωh)³/50 of its amplitude, and the counts round to half a
+//! count. The record is zero before its first sample and after its last. Playing begins two samples early and ends two
+//! samples late, so the demand starts and ends at rest for every record. [`Playback::ramp_s`] makes the ends of a
+//! record gentler. A record whose samples exceed what the drive delivers is rejected. A demand that exceeds it between
+//! two samples is cut, which counts as saturation.
 //!
-//! How a record gets into the device is `damprig-device`'s business, how a shape or a file becomes one the host's.
+//! `damprig-device` receives the record; the host makes it from a shape or a file.
 
 use super::{LEAST, LONGEST_S, Limit, Measuring, ticks, within};
 use crate::control::fault::{Fault, FaultCause};
@@ -21,13 +21,13 @@ use crate::sine::Phase;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Most samples of a record: what the controller's buffer of 40 KiB holds.
+/// Most samples of a record: the controller's buffer of 40 KiB holds this many.
 pub const MOST_SAMPLES: usize = 20_480;
 
-/// Which record.
+/// Identifies a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordId {
-    /// Its length, samples.
+    /// Length of the record, samples.
     pub samples: u16,
     /// CRC-32 (ISO-HDLC) of its samples, each in two bytes, little endian.
     pub crc32: u32,
@@ -36,19 +36,19 @@ pub struct RecordId {
 /// The playback of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Playback {
-    /// The record; it has to be there, whole, when the experiment starts.
+    /// The record; it must be completely loaded when the experiment starts.
     pub record: RecordId,
-    /// Samples in a second, Hz; up to the tick rate.
+    /// Sample rate of the record, Hz; at most the tick rate.
     pub sample_rate_hz: f32,
     /// Displacement of one count, m; greater than 0.
     pub scale_m: f32,
-    /// Time over which the drive rises at the beginning and falls at the end, s; 0 for a record that begins and ends gently.
+    /// Time over which the drive rises at the beginning and falls at the end, s; 0 for a record with gentle ends.
     pub ramp_s: f32,
     /// Time measured after the record's end, s.
     pub tail_s: f32,
     /// |x| below which the structure counts as at rest before the record begins, m.
     pub rest_level_m: f32,
-    /// Place in the whole experiment; the virtual rig's noise and the result go by it.
+    /// Index in the whole experiment; it determines the virtual rig's noise and marks the result.
     pub index: u16,
 }
 
@@ -80,7 +80,7 @@ impl Playback {
         require(self.ramp_s <= longest_s, "ramp_s", f64::from(self.ramp_s), "at most half the record")
     }
 
-    /// Ticks that it takes when the rest is immediate, as on a virtual rig.
+    /// Number of ticks that it takes when the structure is at rest at once, as on a virtual rig.
     #[must_use]
     pub fn expected_ticks(&self) -> u64 {
         let play_s = (f32::from(self.record.samples) + 3.0) / self.sample_rate_hz;
@@ -92,16 +92,16 @@ impl Playback {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaybackPlan {
     playback: Playback,
-    /// Samples in a tick, in 2⁻³².
+    /// Samples per tick, in units of 2⁻³².
     increment: u32,
-    /// Change of the ramp's place in a tick.
+    /// Change of the ramp's position per tick.
     ramp: f32,
-    /// Ticks from the start of playing from which the ramp falls.
+    /// Tick of playing at which the ramp starts to fall.
     falls_from: u32,
     tail_ticks: u32,
 }
 
-/// Nodes of the spline beyond either end of the record: from the second on it is at rest.
+/// Spline nodes beyond either end of the record. From the second node on the demand is at rest.
 const MARGIN: u32 = 2;
 
 impl PlaybackPlan {
@@ -112,7 +112,7 @@ impl PlaybackPlan {
     pub fn new(playback: Playback) -> Result<Self, Invalid> {
         playback.validate()?;
         let per_tick = TICK_HZ / playback.sample_rate_hz;
-        // At the tick rate it saturates, 2⁻³² short of a whole sample.
+        // At the tick rate the increment saturates at 2⁻³² below a whole sample.
         let increment = Phase::increment(playback.sample_rate_hz, TICK_HZ);
         let intervals = f32::from(playback.record.samples) + (2 * MARGIN - 1) as f32;
         let ramp_ticks = ticks(playback.ramp_s);
@@ -125,38 +125,39 @@ impl PlaybackPlan {
         })
     }
 
-    /// What was asked for.
+    /// The parameters of the playback.
     #[must_use]
     pub fn playback(&self) -> &Playback {
         &self.playback
     }
 }
 
-/// The base is meant to move visibly where the demand changes by more than this in a tick, m: 0.8 mm/s, 20 steps of a laser
-/// of 10 µm in the quarter of a second below. Slower parts of a record do not say whether a sensor is frozen.
+/// The base moves visibly while the demand changes by more than this per tick, m: 0.8 mm/s, that is 20 steps of a laser
+/// of 10 µm in the quarter of a second below. In slower parts of a record the frozen-sensor check is suspended.
 const VISIBLE_M: f32 = 0.8e-6;
 
-/// So long after a visible change the base still counts as moving: past a turning point, but for less time than makes a
-/// sensor frozen.
+/// Time for which the base still counts as moving after a visible change. It bridges a turning point, and is shorter
+/// than the time after which a sensor counts as frozen.
 const VISIBLE_TICKS: u32 = (0.25 * TICK_HZ) as u32;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A playback in progress. Its [`PlaybackPlan`] and its record are the caller's: every call wants the same ones.
+/// A playback in progress. The caller keeps its [`PlaybackPlan`] and its record and passes the same ones to every call.
 #[derive(Clone, Debug)]
 pub struct PlaybackRunner {
     drive: DriveRange,
     stage: ExperimentStage,
     rest: RestWait,
     put_back: Option<u16>,
-    /// The spline's node before the present place, counted from [`MARGIN`] samples before the record, and the way to the next.
+    /// The spline node before the present position, counted from [`MARGIN`] samples before the record, and the fraction
+    /// of the way to the next node.
     node: u32,
     fraction: Phase,
     played_ticks: u32,
     tail_left: u32,
     gain: f32,
     driving: bool,
-    /// A stop lets the drive fade.
+    /// The drive fades out after a stop.
     fading: bool,
     last_demand: f32,
     visible_ticks: u32,
@@ -166,7 +167,7 @@ pub struct PlaybackRunner {
 }
 
 impl PlaybackRunner {
-    /// At the beginning; `drive` is what can be delivered.
+    /// A runner at the beginning of the playback. `drive` is the range that the drive can deliver.
     #[must_use]
     pub fn new(drive: &DriveRange) -> Self {
         Self {
@@ -189,13 +190,13 @@ impl PlaybackRunner {
         }
     }
 
-    /// Where it stands.
+    /// The present stage.
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
         self.stage
     }
 
-    /// The demand moves visibly.
+    /// The demand changes visibly.
     #[must_use]
     pub fn is_swinging(&self) -> bool {
         self.driving && self.visible_ticks > 0
@@ -213,13 +214,13 @@ impl PlaybackRunner {
         self.saturated
     }
 
-    /// The place of the point that begins from rest in this tick: a simulated plant goes back to its start.
+    /// Index of the point that begins from rest in this tick. A simulated plant is reset to its start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.put_back
     }
 
-    /// Lets the drive fade out.
+    /// Starts the final fade-out of the drive.
     pub fn release_drive(&mut self) {
         self.driving = false;
         self.fading = true;
@@ -236,7 +237,8 @@ impl PlaybackRunner {
         self.drive_m(plan, record)
     }
 
-    /// One tick: this tick's readings in; the demanded base displacement (m) out, and what the tick led to.
+    /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
+    /// tick.
     pub fn tick(&mut self, plan: &PlaybackPlan, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
         let mut outcome = Outcome::Running;
         self.put_back = None;
@@ -278,7 +280,7 @@ impl PlaybackRunner {
         self.node as usize >= record.len() + (2 * MARGIN - 1) as usize
     }
 
-    /// The demand at the present place, which moves on.
+    /// The demand at the present position of the record; advances the position.
     fn drive_m(&mut self, plan: &PlaybackPlan, record: &[i16]) -> f32 {
         self.saturated = false;
         if !self.driving && self.gain == 0.0 {
@@ -291,7 +293,7 @@ impl PlaybackRunner {
             _ => plan.ramp,
         };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
-        // Without a corner at either end.
+        // A smooth ramp: its slope is zero at both ends.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wanted = ramp * plan.playback.scale_m * self.counts(record);
         let demand;
@@ -310,7 +312,7 @@ impl PlaybackRunner {
         demand
     }
 
-    /// The spline through the samples at the present place, in counts.
+    /// The spline through the samples at the present position, in counts.
     fn counts(&self, record: &[i16]) -> f32 {
         let at = |beside: u32| {
             let place = self.node.wrapping_add(beside).wrapping_sub(MARGIN + 1);
