@@ -1,7 +1,7 @@
 //! STM32G474 without its core: address map, clock checks, and the connections between peripherals.
 //!
 //! - Update events of a timer start the converters' sequences, and DMA moves the results to memory. Both are computed
-//! on demand: when a register of either is read, or when a half transfer must raise an interrupt.
+//!   on demand: when a register of either is read, or when a half transfer must raise an interrupt.
 //! - Outputs of the chip (drive, relay, motor) act on the [`Plant`] at once and are recorded in a trace.
 //! - Every access to something that is not modelled fails with [`Refused`].
 

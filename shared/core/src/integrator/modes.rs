@@ -5,8 +5,8 @@
 //! contains what every driver needs: [`resolve`], the mode that is consistent with a state, and [`impact`], the law of
 //! the hard wall. The drivers find the times of the events.
 //!
-//! Equations of motion (z is the base displacement; absolute coordinates): `M x″ + c (x′ − z′) + k (x − z) = f_damper +
-//! f_particle`, and `m y″ = −f_particle`.
+//! Equations of motion (z is the base displacement; absolute coordinates):
+//! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
 
 use super::units::Units;
 use crate::model::{SetUp, Wall};

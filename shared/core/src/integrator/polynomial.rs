@@ -64,11 +64,11 @@ pub fn shift<S: Scalar>(p: &mut [S], by: S) {
 
 /// The first time in `[0, end]` at which a quantity that must not be negative becomes negative, if any.
 ///
-/// The search walks from the left. Let `g` be the polynomial shifted to the present point. With `B = Σ_{n≥2}
-/// |g_n|·rest^{n−2}`, `g0 + g1 δ − B δ²` is a lower bound of `g(δ)` for every `δ` in the rest of the interval. Up to
-/// the root of this bound `g` is positive, so a step to that root cannot pass a root of `g`. The search thus approaches
-/// the first root from below, however close a second root is. The bound is tangent to `g`, so the convergence is that
-/// of Newton's method.
+/// The search walks from the left. Let `g` be the polynomial shifted to the present point. With
+/// `B = Σ_{n≥2} |g_n|·rest^{n−2}`, `g0 + g1 δ − B δ²` is a lower bound of `g(δ)` for every `δ` in the rest of the
+/// interval. Up to the root of this bound `g` is positive, so a step to that root cannot pass a root of `g`. The search
+/// thus approaches the first root from below, however close a second root is. The bound is tangent to `g`, so the
+/// convergence is that of Newton's method.
 ///
 /// A leading coefficient of exactly zero means that the quantity starts at its limit. The sign of the next one then
 /// says whether the quantity leaves its limit (the root at 0 is divided out) or fails at once.

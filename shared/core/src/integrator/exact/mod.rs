@@ -21,9 +21,10 @@
 //!    above and ends below zero, it has exactly one root (besides the one it starts from). A concave function lies
 //!    below its first tangent, which keeps the other wall out of reach.
 //! 3. *Clear.* Let the cubic `H` have the value and slope of a gap `g` at both ends; then `|g − H| ≤ τ²(1−τ)² M₄/24`
-//!    (Hermite's remainder). In Bernstein form `H = b₀(1−τ)³ + 3b₁τ(1−τ)² + 3b₂τ²(1−τ) + b₃τ³`, so `g ≥ b₀(1−τ)³ + b₃τ³
-//!    + τ(1−τ)[3b₁(1−τ) + 3b₂τ − τ(1−τ)M₄/24]`, and the bracket is at least `3 min(b₁, b₂) − M₄/96`. With `b₀ ≥ 0`, `b₃
-//!    > 0` and `min(b₁, b₂) > M₄/288` the gap is positive inside the arc, also when it starts from contact (`b₀ = 0`).
+//!    (Hermite's remainder). In Bernstein form `H = b₀(1−τ)³ + 3b₁τ(1−τ)² + 3b₂τ²(1−τ) + b₃τ³`, so
+//!    `g ≥ b₀(1−τ)³ + b₃τ³ + τ(1−τ)[3b₁(1−τ) + 3b₂τ − τ(1−τ)M₄/24]`, and the bracket is at least
+//!    `3 min(b₁, b₂) − M₄/96`. With `b₀ ≥ 0`, `b₃ > 0` and `min(b₁, b₂) > M₄/288` the gap is positive inside the arc,
+//!    also when it starts from contact (`b₀ = 0`).
 //! 4. *Held.* Where the structure's acceleration stays within the limits by more than `M₄/8` at both ends, a held
 //!    particle stays held. Slip on the friction damper is tested as in 1, with an additional bound for the base's
 //!    velocity.
