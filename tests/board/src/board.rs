@@ -848,7 +848,7 @@ mod tests {
     #[test]
     fn a_higher_interrupt_nests_and_floating_point_registers_survive_both() {
         // Enables interrupts 1 (priority 0x80) and 6 (0x40); s0 = 1, s15 = 2; pends 1; nop; r6 = s0; r7 = s15; b .
-        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (told by IPSR), adds r4, #1; s0 = 4.
+        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (distinguished by IPSR), adds r4, #1; s0 = 4.
         let code = [
             0x4a14, 0xf04f, 0x0142, 0x6011, 0x4b13, 0x2180, 0x7019, 0x4b13, 0x2140, 0x7019, 0x2400, 0x2500, 0xeeb7,
             0x0a00, 0xeef0, 0x7a00, 0x2102, 0xf8c2, 0x1100, 0xbf00, 0xee10, 0x6a10, 0xee17, 0x7a90, 0xe7fe, 0xf3ef,
