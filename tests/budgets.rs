@@ -1,4 +1,4 @@
-//! What the images cost, against `firmware/budgets.toml`.
+//! Checks the flash and RAM use of the images against `firmware/budgets.toml`.
 
 use damprig_tests::support::emulator::run_counting;
 use damprig_tests::support::images::{find, project, size};

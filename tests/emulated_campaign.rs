@@ -1,4 +1,4 @@
-//! A campaign through the real command: on the emulated board it records what the virtual rig records, to the bit.
+//! Runs campaigns with the `damprig` command: the emulated board records the same bits as the virtual rig.
 
 use std::path::{Path, PathBuf};
 
@@ -10,12 +10,12 @@ use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::{find, project};
 use tempfile::TempDir;
 
-/// Shipped campaigns of an hour of rig time, minutes on the emulator: only in `tests/run --full`.
+/// Shipped campaigns of an hour of rig time, which takes minutes on the emulator: only in `tests/run --full`.
 const LONG: [&str; 2] = ["closed-loop", "hybrid"];
 
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 
-/// Runs the campaign on `rig` into `folder`.
+/// Runs the campaign on `rig` with its results in `folder`.
 fn run(campaign: &Path, rig: &str, folder: &Path) {
     let output = damprig().arg("run").arg(campaign).args(["--rig", rig, "--out"]).arg(folder).output().unwrap();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
@@ -25,7 +25,7 @@ fn campaign(name: &str) -> PathBuf {
     project().join(format!("host/campaigns/{name}.toml"))
 }
 
-/// Names of the shipped campaigns, without the long ones unless `DAMPRIG_FULL` is set.
+/// Names of the shipped campaigns; the long ones only if `DAMPRIG_FULL` is set.
 fn campaigns() -> Vec<String> {
     let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
     let paths = std::fs::read_dir(project().join("host/campaigns")).unwrap().map(|entry| entry.unwrap().path());
@@ -34,7 +34,7 @@ fn campaigns() -> Vec<String> {
     names.filter(|name| is_full || !LONG.contains(&name.as_str())).collect()
 }
 
-/// The column's values with floating-point numbers as their bits.
+/// The values of a column, with floating-point numbers as their bits.
 fn bits(column: &ArrayRef) -> String {
     if let Some(values) = column.as_primitive_opt::<Float32Type>() {
         format!("{:?}", values.iter().map(|value| value.map(f32::to_bits)).collect::<Vec<_>>())
@@ -49,7 +49,7 @@ fn rows(batches: &[RecordBatch]) -> usize {
     batches.iter().map(RecordBatch::num_rows).sum()
 }
 
-/// Every column of both tables, bit for bit; the number of rows.
+/// Asserts that every column of both tables is equal, bit for bit. Returns the number of rows.
 fn assert_same_table(name: &str, here: &Path, there: &Path) -> usize {
     let (ours, theirs) = (table(&here.join(name)), table(&there.join(name)));
     assert_eq!(rows(&ours), rows(&theirs), "{name}: rows");
@@ -100,7 +100,7 @@ fn a_campaign_repeats_itself_on_the_emulated_board() {
 
 #[test]
 fn double_precision_gives_other_bits() {
-    // So the comparison above can fail.
+    // Shows that the comparison above can fail.
     let folder = TempDir::new().unwrap();
     let (single, double) = (folder.path().join("single"), folder.path().join("double"));
     run(&campaign("short"), "virtual:f32", &single);

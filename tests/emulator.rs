@@ -1,4 +1,4 @@
-//! The emulated board gives the same bits as the virtual rig in `f32`, and the same bits again.
+//! The emulated board gives the same bits as the virtual rig in `f32`, and the same bits when run again.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -26,10 +26,10 @@ use damprig_tests::support::images::find;
 /// Ticks of one experiment: from rest, two points of three seconds.
 const TICKS: u32 = 12_000;
 
-/// Ticks to the grant: few, so that the credit runs out in the middle of everything.
+/// Ticks per grant: few, so that the credit runs out in every phase of the experiment.
 const GRANT: u32 = 997;
 
-/// A board to talk to: everything it answers to one message.
+/// A board under test: returns all its answers to a message.
 trait Board {
     fn answer(&mut self, message: &ToDevice) -> Vec<u8>;
 }
@@ -72,7 +72,7 @@ fn messages(received: &[u8]) -> Vec<FromDevice> {
     received.iter().filter_map(|&byte| reader.push(byte)).map(|message| message.expect("a whole frame")).collect()
 }
 
-/// Particle, wall and friction damper at once: every branch of the integrator.
+/// Particle, wall and friction damper together: they exercise every branch of the integrator.
 fn hybrid() -> PlantConfig {
     let mut set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038));
     set_up.particle = Some(Particle {
@@ -92,7 +92,7 @@ fn hybrid() -> PlantConfig {
     }
 }
 
-/// Every signal that the board can tell of at once: the motion, and what the dampers and the twin do.
+/// All signals that the board can report at once: the motion, the dampers and the twin.
 fn telemetry() -> Request {
     Request::SetTelemetry {
         every_ticks: 5,
@@ -115,7 +115,7 @@ fn experiment() -> SteppedSine {
     }
 }
 
-/// One experiment as a host would run it; every byte that came after the start.
+/// One experiment as a host would run it; returns all bytes received after the start.
 fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
     let config = hybrid();
     let spring = |command| vec![Request::Spring(command)];
@@ -143,7 +143,7 @@ fn run(board: &mut impl Board, first_seq: u16) -> Vec<u8> {
             Request::Start,
         ],
     ] {
-        // Enough for the spring to come to the end of what it was asked before.
+        // Long enough for the spring to complete its previous request.
         if until_tick > 0 {
             received.extend(board.answer(&ToDevice::Grant { until_tick }));
         }
@@ -200,7 +200,7 @@ fn a_run_on_the_emulated_board_repeats_to_the_byte() {
     assert!(run() == run());
 }
 
-/// A record uploaded and played, then a structure released; every byte that came.
+/// Uploads and plays a record, then releases a structure; returns all bytes received.
 fn run_transients(board: &mut impl Board) -> Vec<u8> {
     let at = |n: u32| (8e3 * (f64::from(n) * 0.11).sin() * (f64::from(n) * std::f64::consts::PI / 300.0).sin()) as i16;
     let record: Vec<u8> = (0..=300).flat_map(|n| at(n).to_le_bytes()).collect();

@@ -1,4 +1,5 @@
-//! The sampled integrator in fixed point on a controller without floating point: the host's bits, and close to `f64`.
+//! Fixed-point sampled integrator on a controller without floating point: the same bits as on the host, and close to
+//! `f64`.
 
 use damprig_core::fixed_point::Fixed;
 use damprig_core::fixed_point::reference::{CASES, Case, Motion, STEPS};
@@ -10,7 +11,7 @@ use damprig_tests::support::images::find;
 /// The bits of x, x′, y − x and (y′ − x′).
 type Bits = [i64; 4];
 
-/// The states of every case, as the board printed them.
+/// The states of every case as printed by the board.
 fn printed_states(printed: &str) -> Vec<Vec<Bits>> {
     let mut cases: Vec<Vec<Bits>> = vec![];
     for line in printed.lines() {
@@ -51,7 +52,7 @@ fn a_controller_without_floating_point_gives_the_hosts_bits_and_stays_within_1e_
         for (step, ((here, exact), there)) in both.zip(board).enumerate() {
             let bits = [here.x, here.v, here.offset, here.slide].map(Fixed::to_bits);
             assert_eq!(bits, *there, "{} at step {step}", case.name);
-            // Equal bits: what is here is what the board has.
+            // The bits are equal, so the host's values are the board's.
             let error = [
                 here.x.to_f64() - exact.x,
                 (here.v.to_f64() - exact.v) * per_omega,

@@ -10,7 +10,7 @@ use damprig_tests::support::command::{damprig, told};
 use damprig_tests::support::images::project;
 use serde_json::Value;
 
-/// How far apart two lists are, over the largest expected magnitude.
+/// Largest difference of two lists, relative to the largest expected magnitude.
 fn error(found: &Value, expected: &Value) -> f64 {
     let numbers = |list: &Value| list.as_array().map(|l| l.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
     let (Some(found), Some(expected)) = (numbers(found), numbers(expected)) else { return f64::INFINITY };
@@ -30,7 +30,7 @@ fn relative(found: &Value, expected: &Value) -> f64 {
     }
 }
 
-/// The largest error of a case and where it is.
+/// The largest error of a case and its location.
 fn worst(answer: &Value, golden: &Value) -> (f64, String) {
     let expected = &golden["expected"];
     let mut errors = vec![];
@@ -64,7 +64,7 @@ fn check(path: &Path, scratch: &Path) -> Result<(), String> {
     }
     let answer: Value = serde_json::from_slice(&output.stdout).map_err(|e| format!("{name}: {e}"))?;
     let Some(tolerance) = golden["relative_tolerance"].as_f64() else {
-        // A chaotic case has no trajectory to compare; its mean over a thousand cycles scatters by some per cent.
+        // A chaotic case has no trajectory to compare; its mean over a thousand cycles scatters by several per cent.
         let key = "steady_mean_cycle_max_abs_x_m";
         let off = relative(&answer["summary"][key], &golden["expected"]["summary"][key]);
         return if off < 0.15 { Ok(()) } else { Err(format!("{name}: {key} is off by {off:.1e}")) };

@@ -1,4 +1,4 @@
-//! Who may depend on whom: the layout is the architecture.
+//! Checks the allowed dependencies between crates and between the modules of a crate.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
-/// Our crates, and which of ours each may depend on.
+/// The project's crates, and the project crates that each may depend on.
 const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
@@ -20,11 +20,11 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-benches", &["damprig-core"]),
 ];
 
-/// What the crates under `shared/` never reach, directly or through others: what belongs to one side alone.
+/// Dependencies that the crates under `shared/` must not have, directly or indirectly: each belongs to one side only.
 const ONE_SIDED: [&str; 9] =
     ["embassy", "cortex-m", "defmt", "tokio", "async-std", "std_detect", "clap", "arrow", "serialport"];
 
-/// The modules of the core from the lowest layer to the highest: each imports only those before it.
+/// The modules of the core from the lowest layer to the highest; each may import only earlier ones.
 const CORE_LAYERS: [&str; 13] = [
     "scalar",
     "sine",
@@ -62,7 +62,7 @@ fn workspace() -> Metadata {
     MetadataCommand::new().manifest_path(project().join("Cargo.toml")).other_options(locked()).exec().unwrap()
 }
 
-/// Without what it depends on: that is fetched only to build it.
+/// Without dependencies, which are downloaded only for a build.
 fn firmware() -> Metadata {
     let manifest = project().join("firmware/Cargo.toml");
     MetadataCommand::new().manifest_path(manifest).no_deps().other_options(locked()).exec().unwrap()
@@ -76,7 +76,7 @@ fn named<'a>(metadata: &'a Metadata, name: &str) -> &'a Package {
     metadata.packages.iter().find(|package| package.name == name).unwrap_or_else(|| panic!("no package {name}"))
 }
 
-/// Everything that a package is built from, directly or not; what only its tests need is left out.
+/// All direct and indirect dependencies of a package, except those only for its tests.
 fn reached(metadata: &Metadata, name: &str) -> BTreeSet<String> {
     let nodes = &metadata.resolve.as_ref().unwrap().nodes;
     let mut open = vec![&named(metadata, name).id];
@@ -128,7 +128,8 @@ fn what_both_sides_share_reaches_nothing_of_one_side() {
     }
 }
 
-/// The top-level modules of its crate that a source file names: `crate::a::…`, `crate::{a, b::…}`. Comments do not count.
+/// The top-level modules of its crate that a source file names: `crate::a::…`, `crate::{a, b::…}`. Comments are
+/// ignored.
 fn named_modules(source: &str) -> BTreeSet<String> {
     let code: String = source.lines().map(|line| line.split("//").next().unwrap_or("").to_owned() + "\n").collect();
     let mut modules = BTreeSet::new();
@@ -159,7 +160,7 @@ fn first_word(path: &str) -> String {
     path.trim().chars().take_while(|character| character.is_alphanumeric() || *character == '_').collect()
 }
 
-/// Every source file below a folder.
+/// All source files below a folder.
 fn sources(folder: &Path) -> Vec<(String, String)> {
     let mut files = vec![];
     for entry in fs::read_dir(folder).unwrap() {
@@ -173,7 +174,7 @@ fn sources(folder: &Path) -> Vec<(String, String)> {
     files
 }
 
-/// The imports of a crate that point upwards, and the modules without a layer. `layers` run from the lowest to the highest.
+/// The imports of a crate from a higher layer, and the modules without a layer. `layers` are in ascending order.
 fn upward_imports(files: &[(String, String)], src: &Path, layers: &[&str]) -> Vec<String> {
     let layer = |module: &str| layers.iter().position(|name| *name == module);
     let mut wrong = vec![];

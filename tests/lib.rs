@@ -1,3 +1,3 @@
-//! Whole-system tests of damprig. Each file beside this one is a group of claims; what they share is here.
+//! Tests of the whole damprig system. Each file beside this one groups related claims; [`support`] is shared.
 
 pub mod support;

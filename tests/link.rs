@@ -1,4 +1,4 @@
-//! The line may damage anything: nothing wrong is accepted, the stream is back in step, everything is counted.
+//! Damaged frames on the link: no damaged message is accepted, the stream resynchronises, all losses are counted.
 
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{FromDevice, NumberedRequest, Request, Telemetry, ToDevice};
@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 const FRAMES: u32 = 1_000_000;
 
-/// How many frames in a thousand are damaged.
+/// Damaged frames per thousand.
 const DAMAGED_PER_MILLE: u32 = 300;
 
 #[derive(Default)]
@@ -18,7 +18,7 @@ struct Tally {
     wrong: u32,
     bad: u32,
     untouched_but_lost: u32,
-    /// Truncated to nothing: only the sequence numbers can tell.
+    /// Frames truncated to nothing; only the sequence numbers reveal them.
     vanished: u32,
     runs_of_lost: u32,
 }
@@ -33,7 +33,7 @@ where
     let mut tally = Tally::default();
     let mut buffer = [0; LONGEST];
     let mut bytes = vec![];
-    // Whether the zero before this frame arrived, so that it begins where it should.
+    // Whether the zero before this frame arrived, so that the reader is in step.
     let mut in_step = true;
     let mut last_was_lost = false;
     for n in 0..FRAMES {

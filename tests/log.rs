@@ -1,10 +1,10 @@
-//! What the images' log lines carry, as far as it can be told without a probe: the board's time, and the texts that
-//! `damprig log` looks up in the image.
+//! Contents of the images' log lines that can be checked without a probe: the board's time, and the texts that
+//! `damprig log` finds in the image.
 
 use damprig_tests::support::images::find;
 use object::{Object, ObjectSymbol};
 
-/// What defmt keeps of an image's formats: names of symbols, in JSON.
+/// The defmt format strings of an image, stored as JSON symbol names.
 fn formats(image: &str) -> Option<Vec<String>> {
     let bytes = std::fs::read(find(image)?).unwrap();
     let file = object::File::parse(&*bytes).unwrap();

@@ -1,12 +1,13 @@
-//! What is left in the controller image that could end it, by name, each with the reason why no input leads there.
+//! Lists the panics that remain in the controller image, each with the reason why no input reaches it.
 //!
-//! A panic on the board is recorded and ends in a reset: relay open, motor off. It must not be reachable from bytes on the
-//! line or from sensor values; `fuzz/` and the tests of damaged frames look for such a way on the host, with the same code.
+//! A panic on the board is recorded and ends in a reset: relay open, motor off. It must not be reachable from bytes on
+//! the line or from sensor values; `fuzz/` and the tests of damaged frames search for such inputs on the host, with the
+//! same code.
 
 use damprig_tests::support::images::find;
 use object::{Object, ObjectSymbol, SymbolKind};
 
-/// Part of the symbol's name (equal bodies are one, under either's), and why it may stay.
+/// Part of the symbol's name, and why it may remain. Functions with equal bodies are merged under the name of either.
 const JUSTIFIED: [(&[&str], &str); 8] = [
     (&["rust_begin_unwind"], "the handler itself: records the place and resets"),
     (&["panic_fmt"], "what the others call"),

@@ -1,8 +1,8 @@
-//! The shipped campaigns and cases give the recorded numbers, bit for bit, on both virtual rigs.
+//! The shipped campaigns and cases reproduce the recorded numbers, bit for bit, on both virtual rigs.
 //!
-//! `recorded.toml` holds a digest of each column of each table, of each export, and of each part of a simulation's answer.
-//! A change that alters numbers on purpose records them anew with `DAMPRIG_RECORD=1 cargo test -p damprig-tests recorded`;
-//! the difference of that file lists what changed.
+//! `recorded.toml` contains a digest of each column of each table, of each export, and of each part of a simulation's
+//! answer. After an intended change of numbers, record them again with
+//! `DAMPRIG_RECORD=1 cargo test -p damprig-tests recorded`; the diff of that file lists the changes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -18,10 +18,10 @@ use sha2::{Digest, Sha256};
 
 const TABLES: [&str; 4] = ["results", "samples", "impacts", "transients"];
 const EXPORTS: [&str; 3] = ["csv", "mat", "uff"];
-/// What precedes the data of a MAT file: a text with the date.
+/// Length of the text before the data of a MAT file; it contains the date.
 const MAT_TEXT_BYTES: usize = 116;
 
-/// Digests by what they are of.
+/// Digests by the name of their content.
 type Digests = BTreeMap<String, String>;
 
 fn short(hash: Sha256) -> String {
@@ -57,7 +57,7 @@ fn push(hash: &mut Sha256, column: &ArrayRef) {
     }
 }
 
-/// Rows, and each column's digest.
+/// Number of rows, and the digest of each column.
 fn of_table(batches: &[RecordBatch]) -> String {
     let Some(first) = batches.first() else { return "no rows".into() };
     let rows: usize = batches.iter().map(RecordBatch::num_rows).sum();
@@ -72,14 +72,14 @@ fn of_table(batches: &[RecordBatch]) -> String {
     line
 }
 
-/// Without the text that a MAT file begins with: it holds the date of the export.
+/// The digest of an export, without the initial text of a MAT file, which contains the export date.
 fn of_export(path: &Path) -> String {
     let bytes = fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let is_mat = path.extension().is_some_and(|extension| extension == "mat");
     of_bytes(&bytes[if is_mat { MAT_TEXT_BYTES } else { 0 }..])
 }
 
-/// Gives a run the same start, program and protocol as every other: its exports repeat them.
+/// Sets fixed values for start, program and protocol in a run's manifest, because the exports repeat them.
 fn settle_manifest(run: &Path) {
     let path = run.join("manifest.json");
     let mut manifest: serde_json::Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
@@ -132,7 +132,7 @@ fn run_campaigns(digests: &mut Digests) {
     }
 }
 
-/// Every part of an answer by itself, so that a new part does not change the others' digests.
+/// Digests each part of an answer separately, so that a new part does not change the other digests.
 fn simulate(digests: &mut Digests) {
     let scratch = tempfile::tempdir().unwrap();
     for file in files_in("host/cases", "toml").into_iter().chain(files_in("tests/cases", "json")) {

@@ -1,6 +1,6 @@
-//! Zero loss in a long experiment: eight signals at 1 kHz and every impact, through the whole recorder.
+//! Long experiment without any loss: eight signals at 1 kHz and every impact, through the whole recorder.
 //!
-//! 60 s of device time, or `DAMPRIG_SOAK_S` seconds (`tests/run --full`: an hour).
+//! Takes 60 s of device time, or `DAMPRIG_SOAK_S` seconds (`tests/run --full`: an hour).
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,10 +15,10 @@ use damprig_tests::support::images::find;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Of each frequency, at least.
+/// Minimum dwell time at each frequency.
 const DWELL_S: u32 = 20;
 
-/// Frequencies: below what a controller holds.
+/// Maximum number of frequencies: below the capacity of a controller.
 const MOST_POINTS: u32 = 90;
 
 const TICK_HZ: u64 = 1000;
@@ -28,7 +28,7 @@ fn seconds() -> u32 {
     text.parse().unwrap_or_else(|_| panic!("DAMPRIG_SOAK_S={text}: must be a whole number of seconds"))
 }
 
-/// A hybrid damper at as many frequencies, or as long at each, as it takes.
+/// A campaign of this length with a hybrid damper: more frequencies first, then a longer dwell at each.
 fn campaign(seconds: u32) -> String {
     let dwell_s = seconds.div_ceil(MOST_POINTS).max(DWELL_S);
     let points = seconds.div_ceil(dwell_s);
@@ -69,7 +69,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The last tick of each start of the device, as the device said when it had finished.
+/// The last tick of each start of the device, as reported by the device when it finished.
 fn last_ticks(run: &Path) -> BTreeMap<u64, u64> {
     let journal = fs::read_to_string(run.join("journal.jsonl")).unwrap();
     let lines = journal.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());

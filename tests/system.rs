@@ -1,5 +1,5 @@
-//! Tests of the whole system, one file for each capability. One binary, so that it links once; `cargo test -p damprig-tests
-//! golden` runs one file.
+//! Tests of the whole system, one file for each capability, in one binary that links once.
+//! `cargo test -p damprig-tests golden` runs one file.
 
 mod budgets;
 mod emulated_campaign;

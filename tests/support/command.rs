@@ -1,4 +1,4 @@
-//! The `damprig` command as a user has it, and the tables of the run folders that it writes.
+//! The `damprig` command as users run it, and the tables of the run folders that it writes.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::support::images::project;
 
-/// The command: what `DAMPRIG_COMMAND` names, else built now with the optimisation that the tests themselves have.
+/// The command: the file that `DAMPRIG_COMMAND` names; otherwise built now with the optimisation level of the tests.
 ///
 /// # Panics
-/// It does not build.
+/// The build fails.
 #[must_use]
 pub fn damprig() -> Command {
     static COMMAND: OnceLock<PathBuf> = OnceLock::new();
@@ -28,7 +28,7 @@ pub fn damprig() -> Command {
     }))
 }
 
-/// What a finished command printed, and how it ended, for a message.
+/// Exit status and output of a finished command, for a message.
 #[must_use]
 pub fn told(output: &Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));

@@ -1,4 +1,4 @@
-//! QEMU with the emulated board's image: started, reached over TCP, and ended with the value that holds it.
+//! Starts QEMU with the emulated board's image, connects to it over TCP, and ends it when the value is dropped.
 
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, TcpListener};
@@ -32,17 +32,17 @@ impl Emulator {
         let emulator = Self { process, port };
         let mut lines = BufReader::new(errors);
         let mut said = String::new();
-        // It says that it waits for a connection; a probe would be taken for the host.
+        // QEMU reports that it waits for a connection. Probing the port would count as the host's connection.
         while !said.contains("waiting for connection") {
             let length = lines.read_line(&mut said).expect("the emulator's errors are text");
             assert!(length > 0, "the emulator did not come up: {said}");
         }
-        // What it says later must not fill the pipe.
+        // Later output must not fill the pipe.
         std::thread::spawn(move || std::io::copy(&mut lines, &mut std::io::stderr()));
         emulator
     }
 
-    /// Where the board's line is, for `--rig`.
+    /// Address of the board's line, for `--rig`.
     #[must_use]
     pub fn address(&self) -> String {
         format!("tcp:127.0.0.1:{}", self.port)
@@ -54,9 +54,9 @@ impl Emulator {
         (Ipv4Addr::LOCALHOST, self.port)
     }
 
-    /// Ends the emulator now, as a pulled plug would.
+    /// Kills the emulator at once, like a power loss.
     pub fn pull_the_plug(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -68,19 +68,19 @@ impl Drop for Emulator {
     }
 }
 
-/// Runs an image that ends by itself on `machine`, its clock counting instructions; what it printed.
+/// Runs an image that ends by itself on `machine`, with a clock that counts instructions. Returns its output.
 ///
 /// # Panics
 /// QEMU is missing, or the image ended with a failure.
 #[must_use]
 pub fn run_counting(machine: &str, image: &Path) -> String {
-    // With 1 024 ns to the instruction the board's 25 MHz timer shows every single one.
+    // At 1 024 ns per instruction the board's 25 MHz timer resolves single instructions.
     let output = board(machine, image)
         .args(["-serial", "null", "-icount", "shift=10,sleep=off"])
         .stdin(Stdio::null())
         .output()
         .unwrap_or_else(|error| panic!("cannot start {QEMU}: {error}"));
-    // Semihosting writes to either, depending on the version.
+    // Semihosting writes to either stream, depending on the version.
     let printed = String::from_utf8([output.stderr, output.stdout].concat()).expect("text");
     let end = printed.len() - printed.len().min(2_000);
     assert!(output.status.success(), "the image ended with {}: … {}", output.status, &printed[end..]);
@@ -90,7 +90,7 @@ pub fn run_counting(machine: &str, image: &Path) -> String {
 fn board(machine: &str, image: &Path) -> Command {
     let mut command = Command::new(QEMU);
     command.args(["-M", machine, "-display", "none", "-monitor", "none"]);
-    // An image that panics ends the emulator with a failure.
+    // An image that panics ends the emulator with a failure status.
     command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(image);
     command
 }

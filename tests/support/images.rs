@@ -1,19 +1,19 @@
-//! The controller images that `tests/firmware` builds, and what they cost.
+//! Finds the controller images that `tests/firmware` builds, and measures their flash and RAM use.
 
 use std::path::{Path, PathBuf};
 
 use object::{Object, ObjectSection, ObjectSegment, SectionFlags, elf};
 
-/// The top of the project.
+/// Root directory of the project.
 #[must_use]
 pub fn project() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the project")
 }
 
-/// The image called `name`, if it has been built; says so on the output if not.
+/// The image called `name`, if it has been built; prints a message if not.
 ///
 /// # Panics
-/// It has not been built and `DAMPRIG_IMAGES=required`.
+/// The image has not been built and `DAMPRIG_IMAGES=required`.
 #[must_use]
 pub fn find(name: &str) -> Option<PathBuf> {
     let path = project().join(format!("firmware/target/images/{name}.elf"));
@@ -26,19 +26,19 @@ pub fn find(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Memory that an image takes.
+/// Memory use of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// What is written to flash, bytes.
+    /// Bytes written to flash.
     pub flash_bytes: u64,
-    /// Static variables, bytes: all RAM but the stack.
+    /// Static variables, bytes: all RAM except the stack.
     pub static_ram_bytes: u64,
 }
 
 /// Measures an image.
 ///
 /// # Panics
-/// The file is no ELF.
+/// The file is not an ELF file.
 #[must_use]
 pub fn size(image: &Path) -> Size {
     let bytes = std::fs::read(image).unwrap_or_else(|error| panic!("{}: {error}", image.display()));

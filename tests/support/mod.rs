@@ -1,4 +1,4 @@
-//! What several tests share: the built images, the emulator and the command.
+//! Shared code of the tests: the built images, the emulator and the `damprig` command.
 
 pub mod command;
 pub mod emulator;

@@ -1,6 +1,6 @@
 //! Refuses experiments that need more than the drive delivers, before the rig moves.
 //!
-//! The drive's range follows from its calibration ([`damprig_core::control::drive`]). The device refuses the same when an
+//! The drive's range follows from its calibration ([`damprig_core::io::DriveRange`]). The device refuses the same when an
 //! experiment is configured; this check gives the line in the campaign.
 
 use damprig_core::control::stepped_sine::DriveMode;

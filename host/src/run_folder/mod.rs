@@ -1,7 +1,7 @@
 //! The run folder: what a run records, how it is written, and how it is read back. `host/RUN_FOLDER.md` describes its files.
 //!
 //! [`schema`] has the records and columns, [`journal`] the append-only log, [`read`] opens, lists and verifies run folders,
-//! [`write`] records into one. Nothing in [`read`] writes, moves or deletes a file.
+//! [`mod@write`] records into one. Nothing in [`read`] writes, moves or deletes a file.
 
 pub mod checksum;
 mod error;

@@ -1,6 +1,6 @@
 //! Statistics of a motion: extrema, mean square, cycle maxima. Memory is constant.
 //!
-//! The sampled driver uses [`MotionStatistics`]. The exact driver uses
+//! The sampled driver uses `MotionStatistics`. The exact driver uses
 //! [`damprig_core::integrator::exact::response::Response`], which is faster because it skips arcs by their bounds. Both use
 //! [`LastCyclesMeter`].
 

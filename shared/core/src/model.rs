@@ -1,7 +1,9 @@
-//! What is mounted on the shaker: the structure and its damper, in SI units, as plain data.
+//! Mechanical model of a set-up: structure, impact damper, friction damper and tuned mass damper, in SI units, as plain
+//! data.
 //!
-//! [`SetUp`] is what files and the protocol carry; [`SetUp::validate`] is the one place that says which
-//! values are physical. Walls from material data are in [`soft_wall`](DampingLaw), tuning rules in [`Tuning`]. How it moves is the [`crate::integrator`]'s business; what a base motion is, too.
+//! [`SetUp`] is what files and the protocol carry. [`SetUp::validate`] alone decides which values are physical. Soft
+//! walls from material data are in [`soft_wall`](DampingLaw), tuning rules in [`Tuning`]. Motions, including that of
+//! the base, are in [`crate::integrator`].
 
 mod soft_wall;
 mod tuning;
@@ -14,7 +16,7 @@ use serde::{Deserialize, Serialize};
 pub use soft_wall::{DampingLaw, Material};
 pub use tuning::Tuning;
 
-/// Standard gravity as the rig's defaults use it, m/s².
+/// Standard gravity in the rig's defaults, m/s².
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
 
 /// The single-degree-of-freedom structure: M x″ + c (x′ − z′) + k (x − z) = forces, base displacement z.
@@ -29,8 +31,7 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// From the quantities that a free-vibration test gives: natural frequency in Hz (undamped) and
-    /// damping ratio ζ = c/(2√(kM)).
+    /// From the results of a free-vibration test: undamped natural frequency in Hz and damping ratio ζ = c/(2√(kM)).
     #[must_use]
     pub fn from_modal(mass_kg: f64, natural_frequency_hz: f64, damping_ratio: f64) -> Self {
         let omega = 2.0 * PI * natural_frequency_hz;
@@ -54,10 +55,10 @@ impl Structure {
     }
 }
 
-/// What the particle meets at both ends of its cavity.
+/// The walls at both ends of the particle's cavity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Wall {
-    /// A hard wall: momentum is kept and the relative speed is scaled by the coefficient, at an instant.
+    /// A hard wall: an instantaneous impact conserves momentum and multiplies the relative speed by the coefficient.
     Restitution {
         /// e, 0 (the particle does not bounce) to 1 (no energy is lost).
         coefficient: f64,
@@ -68,17 +69,18 @@ pub enum Wall {
         stiffness_n_per_m: f64,
         /// c1, N·s/m; 0 or greater.
         damping_n_s_per_m: f64,
-        /// When contact ends.
+        /// Condition that ends the contact.
         release: Release,
     },
 }
 
-/// When a particle leaves a soft wall.
+/// Condition at which a particle leaves a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Release {
-    /// When the penetration is back to zero; the wall pulls until then.
+    /// The penetration has returned to zero; the wall may pull until then.
     ZeroPenetration,
-    /// When the contact force would turn tensile; a new contact needs the particle back inside the clearance.
+    /// The contact force would become tensile; a new contact requires the particle to have been back inside the
+    /// clearance.
     ZeroForce,
 }
 
@@ -128,7 +130,7 @@ pub struct SetUp {
     pub gravity_m_per_s2: f64,
 }
 
-/// Where the masses are and how fast, relative to the resting laboratory.
+/// Initial positions and velocities of the masses, in the laboratory frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Initial {
     /// Structure displacement x, m.
@@ -201,7 +203,7 @@ impl SetUp {
         finite("initial.y_m", initial.y_m)?;
         finite("initial.u_m_per_s", initial.u_m_per_s)?;
         if let Some(particle) = &self.particle {
-            // A start "at the wall" is written as y = x ± d and may miss it by a rounding.
+            // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
             let room = particle.clearance_m * (1.0 + 1e-12) + 4.0 * f64::EPSILON * initial.x_m.abs();
             require(
                 (initial.y_m - initial.x_m).abs() <= room,

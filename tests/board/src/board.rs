@@ -1,14 +1,15 @@
-//! The board: the core (Unicorn's Cortex-M4F) driven in slices over the [`Chip`], exceptions taken between them.
+//! Emulated board: runs Unicorn's Cortex-M4F in slices over the [`Chip`] and takes exceptions between the slices.
 //!
 //! # Time
-//! An instruction takes one cycle of HCLK, entering an exception [`ENTRY_CYCLES`], leaving one [`EXIT_CYCLES`]; wait states and
-//! caches are not modelled. A slice ends at the next event of the chip, at the instruction after a register access that
-//! changes what is to be done, or where interrupts are unmasked while one is pending: so an interrupt is taken between
-//! the same two instructions in every run. `WFE` passes the time to the next event.
+//! An instruction takes one cycle of HCLK, exception entry [`ENTRY_CYCLES`], exception return [`EXIT_CYCLES`]. Wait
+//! states and caches are not modelled. A slice ends at the next event of the chip, at the instruction after a register
+//! access that changes pending work, or where interrupts are unmasked while one is pending. An interrupt is therefore
+//! taken between the same two instructions in every run. `WFE` advances the time to the next event.
 //!
 //! # Exceptions
-//! Unicorn has none of its own: their frame is pushed and popped here, always with the floating-point registers. A handler's
-//! return shows either as an exception of the emulator or as an instruction in a page of its own.
+//! Unicorn does not model exceptions. This module pushes and pops their frames, always with the floating-point
+//! registers. A handler's return appears either as an exception of the emulator or as an instruction fetch from a
+//! reserved page.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -22,13 +23,13 @@ use crate::peripherals::rcc::ResetCause;
 use crate::register::Refused;
 use crate::time::Time;
 
-/// Cycles from an interrupt to its handler's first instruction (Cortex-M4 TRM, without wait states).
+/// Cycles from an interrupt to the first instruction of its handler (Cortex-M4 TRM, without wait states).
 pub const ENTRY_CYCLES: u64 = 12;
 
-/// Cycles from a handler's last instruction back to what it interrupted.
+/// Cycles from the last instruction of a handler back to the interrupted code.
 pub const EXIT_CYCLES: u64 = 10;
 
-/// Where the return addresses of exceptions lie.
+/// Page that contains the return addresses of exceptions.
 const RETURN_PAGE: u32 = 0xffff_f000;
 
 /// EXC_RETURN with a floating-point frame on the main stack, to a handler and to a thread.
@@ -38,17 +39,17 @@ const TO_THREAD: u32 = 0xffff_ffe9;
 /// Words of a frame with floating-point registers.
 const FRAME_WORDS: usize = 26;
 
-/// xPSR: the Thumb bit, and the mark of a stack that was aligned.
+/// xPSR: the Thumb bit, and the bit that marks a stack that was already aligned.
 const XPSR_T: u32 = 1 << 24;
 const XPSR_ALIGNED: u32 = 1 << 9;
 
-/// An address that no program reaches: the end of a slice is decided elsewhere.
+/// An address that no program reaches; the hooks decide where a slice ends.
 const NOWHERE: u64 = 0xffff_fffe;
 
-/// The emulator's own number for a return from an exception.
+/// Unicorn's exception number for a return from an exception.
 const EXCEPTION_EXIT: u32 = 8;
 
-/// What the peripherals' memory is, for the core: first address and length.
+/// Memory ranges of the peripherals: first address and length.
 const DEVICES: [(u32, u32); 6] = [
     (BANK2_BASE, BANK_BYTES),
     (0x1fff_0000, 0x1_0000),
@@ -58,58 +59,58 @@ const DEVICES: [(u32, u32); 6] = [
     (0xe000_0000, 0x10_0000),
 ];
 
-/// A run that cannot go on: the program did something that is not modelled or not allowed.
+/// A failed run: the program did something that is not modelled or not allowed.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{message}\n  {:.6} s after power-on, at {place}", time.s())]
 pub struct Failure {
-    /// What.
+    /// Description of the failure.
     pub message: String,
-    /// The instruction's address.
+    /// Address of the instruction.
     pub address: u32,
-    /// Its place in the source.
+    /// Source location of the instruction.
     pub place: String,
-    /// When.
+    /// Time of the failure.
     pub time: Time,
 }
 
 /// Why a slice ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stop {
-    /// Time is up, or something is to be looked at.
+    /// The deadline is reached, or pending work needs attention.
     Due,
-    /// A wait for an event.
+    /// The core waits for an event.
     Wait,
-    /// A hint that does nothing.
+    /// A hint without effect.
     Hint,
     /// An exception returns.
     Return,
-    /// IPSR is read into this register.
+    /// IPSR is to be read into this register.
     ReadIpsr(u8),
     /// The program did something that is not modelled.
     Failed,
 }
 
-/// What the hooks work on.
+/// Data of the emulator hooks.
 struct Machine {
     chip: Chip,
-    /// The first bank, to look at instructions.
+    /// Contents of the first bank, for decoding instructions.
     code: Vec<u8>,
-    /// The slice ends here.
+    /// End of the slice.
     deadline: Time,
     cycle: Time,
     stop: Stop,
     pc: u32,
-    /// The instructions after this address and before that one belong to an IT block, in which a slice cannot end.
+    /// Instructions after the first and before the second address belong to an IT block, in which a slice cannot end.
     it_block: (u32, u32),
     /// The core's event register.
     event: bool,
     instructions: u64,
     failure: Option<Refused>,
-    /// The instruction that failed.
+    /// Address of the instruction that failed.
     failed_at: u32,
-    /// The last access to a register: after how many instructions, and where.
+    /// The last register access: the instruction count at that time, and the address.
     accessed: (u64, u32),
-    /// Instructions by halfword of the first bank, if they are counted.
+    /// Executions by halfword of the first bank, if profiling is on.
     profile: Option<Vec<u32>>,
 }
 
@@ -127,7 +128,7 @@ impl Machine {
         self.deadline = Time(0);
     }
 
-    /// Before each instruction: whether the slice goes on with it.
+    /// Called before each instruction: whether the slice continues with it.
     fn goes_on(&mut self, address: u32) -> bool {
         self.pc = address;
         if self.chip.now >= self.deadline && !(self.it_block.0 < address && address < self.it_block.1) {
@@ -156,7 +157,7 @@ impl Machine {
         true
     }
 
-    /// An instruction that is more than a calculation: why the slice ends before it, if it does.
+    /// Decodes an instruction with effects outside the registers. Returns the reason if the slice must end before it.
     fn look_at(&mut self, address: u32, opcode: u16) -> Option<Stop> {
         let second = self.opcode(address + 2).unwrap_or(0);
         match opcode {
@@ -169,7 +170,7 @@ impl Machine {
             0xbf40 => self.event = true,
             0xbf00 => {}
             0xbf01..=0xbfff => {
-                // One to four instructions, as many as the mask's lowest 1 leaves.
+                // One to four instructions, given by the lowest set bit of the mask.
                 let count = 4 - (opcode & 0xf).trailing_zeros();
                 let mut end = address + 2;
                 for _ in 0..count {
@@ -204,19 +205,19 @@ impl Machine {
         None
     }
 
-    /// After this instruction an exception may be taken.
+    /// Ends the slice after this instruction if an exception is pending.
     fn look_after(&mut self) {
         if self.chip.nvic.has_pending() {
             self.deadline = Time(0);
         }
     }
 
-    /// Before an access to a register. The emulator makes two aligned ones of one that is not: an instruction that moves one
-    /// word then comes twice.
+    /// Called before a register access. The emulator splits an unaligned access into two aligned ones; an instruction
+    /// that moves one word then appears twice.
     fn begin_access(&mut self, address: u32) -> Result<(), Refused> {
         let before = std::mem::replace(&mut self.accessed, (self.instructions, address));
         let moves_one = self.opcode(self.pc).is_some_and(|opcode| {
-            // LDR and STR with their kin, of 16 bits and of 32.
+            // LDR, STR and their variants, 16-bit and 32-bit.
             matches!(opcode >> 12, 5..=9) || opcode >> 9 == 0b111_1100
         });
         if before.0 == self.instructions && moves_one {
@@ -225,7 +226,7 @@ impl Machine {
         Ok(())
     }
 
-    /// After an access: what it brought to memory, and whether the core is to look up.
+    /// Called after an access: carries out its memory transfers, and ends the slice if an exception may be due.
     fn after_access(uc: &mut Unicorn<'_, Machine>) {
         let machine = uc.get_data_mut();
         if let Some(refused) = machine.chip.failure.take() {
@@ -251,19 +252,19 @@ impl Machine {
     }
 }
 
-/// What the handlers of an exception have cost so far, without those that interrupted them.
+/// Cost of the handlers of an exception so far, excluding handlers that interrupted them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// How often it was taken.
+    /// Number of times the exception was taken.
     pub count: u64,
-    /// Instructions in all.
+    /// Total instructions.
     pub instructions: u64,
-    /// Instructions of the longest.
+    /// Instructions of the longest execution.
     pub most: u64,
 }
 
 impl Cost {
-    /// Instructions on average.
+    /// Mean instructions per execution.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.instructions as f64 / self.count.max(1) as f64
@@ -275,11 +276,11 @@ impl Cost {
 struct Handled {
     exception: u16,
     begun: u64,
-    /// Instructions of those that interrupted it.
+    /// Instructions of handlers that interrupted this one.
     others: u64,
 }
 
-/// The board.
+/// The emulated board.
 pub struct Board {
     uc: Unicorn<'static, Machine>,
     image: Image,
@@ -287,17 +288,17 @@ pub struct Board {
     handled: Vec<Handled>,
     costs: BTreeMap<u16, Cost>,
     lowest_stack: u32,
-    /// The core is halted until then.
+    /// The core is halted until this time.
     halted_until: Time,
-    /// The exception whose handler is to loop for ever; 0 for code outside any.
+    /// The exception whose handler must loop for ever; 0 for code outside handlers.
     hangs_in: Option<u16>,
 }
 
 impl Board {
-    /// A board that has just been powered, this image in its flash.
+    /// A board that has just been powered on, with this image in its flash.
     ///
     /// # Errors
-    /// The rig's configuration, or what the emulator says.
+    /// The rig's configuration is invalid, or the emulator reports an error.
     pub fn new(image: Image, config: &Config) -> Result<Self, String> {
         let chip = Chip::new(config).map_err(|invalid| format!("{invalid:?}"))?;
         let code = image.flash[..BANK_BYTES as usize].to_vec();
@@ -343,7 +344,7 @@ impl Board {
         &self.machine().chip
     }
 
-    /// The chip, to reach its pins and its line.
+    /// The chip, for access to its pins and its serial line.
     pub fn chip_mut(&mut self) -> &mut Chip {
         &mut self.uc.get_data_mut().chip
     }
@@ -354,7 +355,7 @@ impl Board {
         &self.image
     }
 
-    /// Now.
+    /// The present device time.
     #[must_use]
     pub fn now(&self) -> Time {
         self.chip().now
@@ -366,29 +367,29 @@ impl Board {
         self.machine().instructions
     }
 
-    /// What each exception has cost since [`Board::forget_costs`], by its number: an interrupt's is 16 more than its own.
+    /// Cost of each exception since [`Board::forget_costs`], by exception number (interrupt number plus 16).
     #[must_use]
     pub fn costs(&self) -> &BTreeMap<u16, Cost> {
         &self.costs
     }
 
-    /// Begins to count the costs anew.
+    /// Resets the costs.
     pub fn forget_costs(&mut self) {
         self.costs.clear();
     }
 
-    /// The lowest address that the stack pointer had when an exception was taken.
+    /// Lowest value of the stack pointer at any exception entry.
     #[must_use]
     pub fn lowest_stack(&self) -> u32 {
         self.lowest_stack
     }
 
-    /// Begins to count instructions by place.
+    /// Starts to count instructions by address.
     pub fn start_profile(&mut self) {
         self.uc.get_data_mut().profile = Some(vec![0; BANK_BYTES as usize / 2]);
     }
 
-    /// Instructions by function since [`Board::start_profile`], the most first.
+    /// Instructions by function since [`Board::start_profile`], highest count first.
     #[must_use]
     pub fn profile(&self) -> Vec<(String, u64)> {
         let mut functions = HashMap::<&str, u64>::new();
@@ -411,7 +412,7 @@ impl Board {
         self.uc.reg_write(register, value.into()).expect("the core has this register");
     }
 
-    /// The core begins at the reset vector.
+    /// Starts the core at the reset vector.
     fn start_core(&mut self) {
         let vectors = self.chip().vectors();
         let (stack, reset) = (self.code_word(vectors), self.code_word(vectors + 4));
@@ -435,8 +436,8 @@ impl Board {
         u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
     }
 
-    /// Halts the core for so long, as a debugger does; the peripherals go on, but for those that the program lets a debugger
-    /// freeze.
+    /// Halts the core for this time, as a debugger does. The peripherals continue, except those that the program lets a
+    /// debugger freeze.
     pub fn halt(&mut self, time: Time) {
         let now = self.now();
         self.halted_until = now + time;
@@ -446,7 +447,7 @@ impl Board {
         }
     }
 
-    /// Lets the handler of `exception` loop for ever the next time that it runs; 0 for the code outside any handler.
+    /// Makes the handler of `exception` loop for ever the next time it runs; 0 selects the code outside handlers.
     pub fn hang_in(&mut self, exception: u16) {
         self.hangs_in = Some(exception);
     }
@@ -460,7 +461,7 @@ impl Board {
         self.hangs_in = None;
     }
 
-    /// Pulls a reset from outside: the button, or the supply. Memory keeps what it holds.
+    /// Applies an external reset: the button or the supply. Memory keeps its contents.
     pub fn reset(&mut self, cause: ResetCause) {
         self.chip_mut().reset(cause);
         self.start_core();
@@ -771,7 +772,7 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
     Ok(())
 }
 
-/// What memory holds at power-on: anything.
+/// Contents of memory at power-on: pseudo-random.
 fn memory_at_power_on() -> Vec<u8> {
     let mut state = 0x2545_f491u32;
     (0..RAM_BYTES)
@@ -791,7 +792,7 @@ mod tests {
 
     use super::*;
 
-    /// Runs a program for a millisecond.
+    /// Runs a program for one millisecond.
     fn run(code: &[u16], handler: u32) -> (Board, Result<(), Failure>) {
         let structure = Structure::from_modal(1.6, 2.5, 0.0038);
         let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
@@ -847,7 +848,7 @@ mod tests {
     #[test]
     fn a_higher_interrupt_nests_and_floating_point_registers_survive_both() {
         // Enables interrupts 1 (priority 0x80) and 6 (0x40); s0 = 1, s15 = 2; pends 1; nop; r6 = s0; r7 = s15; b .
-        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (told by IPSR), adds r4, #1; s0 = 4.
+        // handler: of 1, pends 6, then mov r5, r4; s0 = s15 = 3. Of 6 (distinguished by IPSR), adds r4, #1; s0 = 4.
         let code = [
             0x4a14, 0xf04f, 0x0142, 0x6011, 0x4b13, 0x2180, 0x7019, 0x4b13, 0x2140, 0x7019, 0x2400, 0x2500, 0xeeb7,
             0x0a00, 0xeef0, 0x7a00, 0x2102, 0xf8c2, 0x1100, 0xbf00, 0xee10, 0x6a10, 0xee17, 0x7a90, 0xe7fe, 0xf3ef,

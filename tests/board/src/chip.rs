@@ -1,10 +1,9 @@
-//! The STM32G474 without its core: which peripheral an address belongs to, whether its clock runs, and what the peripherals do
-//! together.
+//! STM32G474 without its core: address map, clock checks, and the connections between peripherals.
 //!
-//! - A timer's update events start the converters' sequences, the converters' results go through DMA into memory. Both are
-//!   worked out when somebody looks: when a register of either is read, or when a half transfer is to be told of.
-//! - What leaves the chip (drive, relay, motor) reaches the [`Plant`] at once and is kept in a trace.
-//! - Everything that is not modelled fails with [`Refused`].
+//! - Update events of a timer start the converters' sequences, and DMA moves the results to memory. Both are computed
+//!   on demand: when a register of either is read, or when a half transfer must raise an interrupt.
+//! - Outputs of the chip (drive, relay, motor) act on the [`Plant`] at once and are recorded in a trace.
+//! - Every access to something that is not modelled fails with [`Refused`].
 
 use damprig_core::io::Invalid;
 use damprig_simulator::plant::PlantConfig;
@@ -28,23 +27,23 @@ use crate::plant::{Plant, REFERENCE_V, Relay, Signal};
 use crate::register::{Access, Refused, ensure, refuse, rule};
 use crate::time::{At, Time, UNITS_PER_US};
 
-/// Where the flash begins.
+/// First address of the flash.
 pub const FLASH_BASE: u32 = 0x0800_0000;
-/// Both banks.
+/// Size of both banks.
 pub const FLASH_BYTES: u32 = 2 * BANK_BYTES;
-/// Where the second bank begins.
+/// First address of the second bank.
 pub const BANK2_BASE: u32 = FLASH_BASE + BANK_BYTES;
-/// Where the RAM begins: SRAM1, SRAM2 and the CCM's alias in one piece.
+/// First address of the RAM: SRAM1, SRAM2 and the CCM's alias, contiguous.
 pub const RAM_BASE: u32 = 0x2000_0000;
-/// All of the RAM.
+/// Size of the RAM.
 pub const RAM_BYTES: u32 = 128 * 1_024;
 
-/// Requests of the multiplexer (RM0440, table 91).
+/// Request numbers of the multiplexer (RM0440, table 91).
 const REQUEST_OF_ADC: [u32; 2] = [5, 36];
 const REQUEST_OF_LPUART1_RX: u32 = 34;
 const REQUEST_OF_LPUART1_TX: u32 = 35;
 
-/// Interrupts (RM0440, table 97).
+/// Interrupt numbers (RM0440, table 97).
 const PVD_PVM: usize = 1;
 const DMA1_CHANNEL1: usize = 11;
 const DMA1_CHANNEL8: usize = 96;
@@ -55,7 +54,7 @@ const TIM4: usize = 30;
 const TIM7_DAC: usize = 55;
 const LPUART1: usize = 91;
 
-/// The line of the external interrupts that is the voltage detector's.
+/// External interrupt line of the voltage detector.
 const EXTI_PVD: u32 = 16;
 
 /// The rig's pins (firmware/README.md): port and number.
@@ -69,7 +68,7 @@ const PIN_DRIVE: (usize, u8) = (0, 4);
 const PIN_TX: (usize, u8) = (0, 2);
 const PIN_RX: (usize, u8) = (0, 3);
 
-/// Converter (from 0) and channel of each signal, and its pin.
+/// Converter (from 0), channel, pin and signal of each analogue input.
 const INPUTS: [(usize, u8, (usize, u8), Signal); 5] = [
     (0, 1, (0, 0), Signal::X),
     (0, 2, (0, 1), Signal::Z),
@@ -78,7 +77,7 @@ const INPUTS: [(usize, u8, (usize, u8), Signal); 5] = [
     (1, 8, (2, 2), Signal::WallHigh),
 ];
 
-/// The chip's peripherals as the bus sees them.
+/// The chip's peripherals by bus address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Block {
     Tim3,
@@ -136,57 +135,57 @@ const MAP: [(&str, u32, u32, Block, Option<Gate>); 28] = [
     ("DBGMCU", 0xe004_2000, 0x400, Block::Dbgmcu, None),
 ];
 
-/// A register of the system control space that this file answers for.
+/// The register of the system control space that this file handles.
 const DEMCR: u32 = 0xdfc;
 
-/// What left the chip.
+/// A change of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// The drive's code changed; none while the converter is off.
+    /// The drive's code changed; `None` while the converter is off.
     Drive(Option<u16>),
     /// The relay's coil was switched.
     Relay(bool),
     /// The motor's driver was switched off or on.
     MotorOff(bool),
-    /// The motor's direction: towards the structure.
+    /// The motor's direction changed: whether towards the structure.
     Direction(bool),
     /// The motor's step output changed.
     Step(bool),
     /// The chip was reset.
     Reset,
-    /// Something that a test did.
+    /// A note from a test.
     Mark(&'static str),
 }
 
-/// What a run is made of besides its image.
+/// Configuration of a run besides its image.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// The rig.
+    /// The simulated rig.
     pub plant: PlantConfig,
     /// The relay between output and amplifier.
     pub relay: Relay,
-    /// The board's crystal oscillates.
+    /// Whether the board's crystal oscillates.
     pub has_crystal: bool,
     /// The internal low-speed oscillator's frequency, Hz.
     pub lsi_hz: u64,
-    /// The second bank of the flash at power-on: what an earlier run left.
+    /// Contents of the second bank of the flash at power-on, for example from an earlier run.
     pub bank2: Bank2,
-    /// The operation of the flash at which the supply goes, counted from 0.
+    /// The flash operation at which the supply fails, counted from 0.
     pub cut: Option<(u64, Cut)>,
 }
 
 impl Config {
-    /// A board as delivered, wired to this rig.
+    /// A board in its delivery state, wired to this rig.
     #[must_use]
     pub fn new(plant: PlantConfig) -> Self {
         Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: Bank2::default(), cut: None }
     }
 }
 
-/// The chip and what its pins are wired to.
+/// The chip and the rig that its pins are wired to.
 #[derive(Debug)]
 pub struct Chip {
-    /// Now.
+    /// The present device time.
     pub now: Time,
     rcc: Rcc,
     pwr: Pwr,
@@ -209,26 +208,26 @@ pub struct Chip {
     /// The interrupt controller.
     pub nvic: Nvic,
     scb: Scb,
-    /// The clocks' periods, and what follows from them for an access.
+    /// The clocks' periods and the present time, passed with each access.
     at: At,
     plant: Plant,
     is_stopped: bool,
     outputs: Outputs,
     /// Every change of an output, in order.
     trace: Vec<(Time, Output)>,
-    /// Half words that DMA has written to memory, which the caller carries out: address and bytes, in order.
+    /// Half words that DMA has written and that the caller must copy to memory: address and bytes, in order.
     pub memory: Vec<(u32, Vec<u8>)>,
-    /// Why the run cannot go on, found outside an access.
+    /// Failure found outside an access.
     pub failure: Option<Refused>,
-    /// Until when the core waits for the memory.
+    /// End of the core's wait for the flash.
     pub stalled_until: Time,
-    /// Rules of the reference manual that the program breaks and the chip lets pass, with their first time.
-    /// The channel that begins to read memory.
+    /// The channel that is about to read memory.
     source_wanted: Option<usize>,
-    /// What the channel to the line reads.
+    /// Data of the DMA channel that feeds the serial line.
     source: Vec<u8>,
+    /// Rules of the reference manual that the program broke and that the chip tolerates, with their first time.
     deviations: Vec<(Time, &'static str)>,
-    /// When HCLK rose above 80 MHz with the AHB's prescaler at 2.
+    /// Time at which HCLK rose above 80 MHz with the AHB's prescaler at 2.
     half_speed_since: Option<Time>,
 }
 
@@ -242,7 +241,7 @@ struct Outputs {
 }
 
 impl Chip {
-    /// A chip that has just been powered.
+    /// A chip that has just been powered on.
     ///
     /// # Errors
     /// Names a value of the rig that is not physical.
@@ -293,7 +292,7 @@ impl Chip {
         Ok(chip)
     }
 
-    /// A reset of the chip while the supply stays on.
+    /// Resets the chip while the supply stays on.
     pub fn reset(&mut self, cause: ResetCause) {
         self.at.now = self.now;
         self.sync_converters();
@@ -320,7 +319,7 @@ impl Chip {
         self.apply_outputs();
     }
 
-    /// The reset that the chip asks for, if it does.
+    /// The reset that the chip requests, if any.
     #[must_use]
     pub fn wants_reset(&self) -> Option<ResetCause> {
         if self.scb.reset_requested {
@@ -335,7 +334,7 @@ impl Chip {
         self.at.clocks.hclk
     }
 
-    /// Where the vectors are; the flash lies at 0 too.
+    /// Address of the vector table; the flash is mapped at 0 too.
     #[must_use]
     pub fn vectors(&self) -> u32 {
         if self.scb.vtor() < FLASH_BYTES { FLASH_BASE + self.scb.vtor() } else { self.scb.vtor() }
@@ -347,7 +346,7 @@ impl Chip {
         self.scb.has_fpu()
     }
 
-    /// The rig.
+    /// The simulated rig.
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
@@ -359,12 +358,12 @@ impl Chip {
         &self.trace
     }
 
-    /// Puts a note among the outputs' changes.
+    /// Adds a note to the trace of outputs.
     pub fn mark(&mut self, what: &'static str) {
         self.trace.push((self.now, Output::Mark(what)));
     }
 
-    /// Rules of the reference manual that the program broke and that the chip lets pass.
+    /// Rules of the reference manual that the program broke and that the chip tolerates, with their first time.
     #[must_use]
     pub fn deviations(&self) -> &[(Time, &'static str)] {
         &self.deviations
@@ -376,37 +375,37 @@ impl Chip {
         &self.flash.bank2
     }
 
-    /// Whether the supply has gone in an operation of the flash.
+    /// Whether the supply has failed during a flash operation.
     #[must_use]
     pub fn has_no_supply(&self) -> bool {
         self.flash.is_cut
     }
 
-    /// Programmed double words and erased pages.
+    /// Number of programmed double words and erased pages.
     #[must_use]
     pub fn flash_operations(&self) -> u64 {
         self.flash.operations
     }
 
-    /// Bytes that the UART lost.
+    /// Number of bytes that the UART lost.
     #[must_use]
     pub fn bytes_lost(&self) -> u64 {
         self.lpuart1.lost
     }
 
-    /// The host puts bytes on the line.
+    /// Queues bytes from the host on the line.
     pub fn host_sends(&mut self, bytes: &[u8]) {
         self.at.now = self.now;
         self.lpuart1.host_sends(bytes, &self.at);
     }
 
-    /// Bytes that are still on their way to the board.
+    /// Number of bytes still on their way to the board.
     #[must_use]
     pub fn bytes_arriving(&self) -> usize {
         self.lpuart1.arriving()
     }
 
-    /// What the board has sent since this was last asked.
+    /// Bytes sent by the board since the last call.
     pub fn take_sent(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.lpuart1.sent)
     }
@@ -417,13 +416,13 @@ impl Chip {
         self.dbgmcu.freezes_watchdog()
     }
 
-    /// The watchdog stood for so long.
+    /// Postpones the watchdog by the time during which it was frozen.
     pub fn postpone_watchdog(&mut self, time: Time) {
         self.iwdg.postpone(time);
     }
 
-    /// The crystal stops. The clock security system, which must be on, goes back to the internal oscillator and raises the
-    /// non-maskable interrupt.
+    /// Stops the crystal. The clock security system, which must be on, switches to the internal oscillator and raises
+    /// the non-maskable interrupt.
     pub fn stop_crystal(&mut self) {
         self.sync_converters();
         self.rcc.stop_crystal();
@@ -431,13 +430,13 @@ impl Chip {
         self.nvic.pend_system(NMI);
     }
 
-    /// An access to the flash meets a double word that its error correction cannot mend.
+    /// Reports an access to a flash double word with an error that the ECC cannot correct.
     pub fn damage_flash(&mut self, in_bank2: bool) {
         self.flash.find_damage(in_bank2);
         self.nvic.pend_system(NMI);
     }
 
-    /// The supply's voltage changes.
+    /// Changes the supply voltage.
     pub fn set_supply(&mut self, volts: f64) {
         if self.pwr.set_supply(volts) {
             self.exti.rises(EXTI_PVD);
@@ -445,13 +444,13 @@ impl Chip {
         self.set_lines();
     }
 
-    /// Somebody presses or releases the emergency stop.
+    /// Presses or releases the emergency stop.
     pub fn set_emergency_stop(&mut self, pressed: bool) {
         self.is_stopped = pressed;
         self.apply_inputs();
     }
 
-    /// The switches: closed to ground, open to tell.
+    /// Applies the switches to their pins: closed means low, open means tripped.
     fn apply_inputs(&mut self) {
         let (port, pin) = PIN_LIMIT;
         self.ports[port].connect(pin, (!self.plant.at_limit()).then_some(false));
@@ -459,21 +458,21 @@ impl Chip {
         self.ports[port].connect(pin, (!self.is_stopped).then_some(false));
     }
 
-    /// Brings what left the chip to the rig.
+    /// Applies the chip's outputs to the rig.
     fn apply_outputs(&mut self) {
         let output = |ports: &[Gpio; 7], (port, pin): (usize, u8)| ports[port].output(pin);
         let is_driven = self.ports[PIN_DRIVE.0].mode(PIN_DRIVE.1) == Mode::Analog;
         let step = match self.ports[PIN_STEP.0].mode(PIN_STEP.1) {
             Mode::Alternate(1) => self.tim16.output1(self.now),
             Mode::Output => output(&self.ports, PIN_STEP) == Some(true),
-            // After a reset it is NJTRST with its pull-up.
+            // After a reset this pin is NJTRST with its pull-up.
             _ => self.ports[PIN_STEP.0].pulled_up(PIN_STEP.1),
         };
         let new = Outputs {
             drive: self.dac1.output().filter(|_| is_driven),
-            // Pulled down outside.
+            // External pull-down.
             relay: output(&self.ports, PIN_RELAY) == Some(true),
-            // Pulled up outside.
+            // External pull-up.
             motor_off: output(&self.ports, PIN_MOTOR_OFF) != Some(false),
             direction: output(&self.ports, PIN_DIRECTION) == Some(true),
             step,
@@ -507,7 +506,7 @@ impl Chip {
         }
     }
 
-    /// When something next happens by itself that the core is told of or that leaves the chip.
+    /// Time of the next spontaneous event that the core is notified of or that changes an output.
     #[must_use]
     pub fn next_event(&self) -> Time {
         let timers = [&self.tim3, &self.tim4, &self.tim7, &self.tim16].map(|tim| tim.next_event(self.now));
@@ -520,7 +519,7 @@ impl Chip {
             .unwrap_or(Time::NEVER)
     }
 
-    /// When a converter's DMA channel next tells of a half or a whole transfer.
+    /// Time at which a converter's DMA channel next raises its half-transfer or transfer-complete interrupt.
     fn next_transfer_interrupt(&self, n: usize) -> Time {
         let adc = &self.adcs[n];
         let channel = self.dmamux.channel_of(REQUEST_OF_ADC[n]).filter(|&channel| channel < CHANNELS);
@@ -543,7 +542,7 @@ impl Chip {
         }
     }
 
-    /// Deals with everything that has happened by now.
+    /// Processes everything due up to now.
     pub fn settle(&mut self) {
         self.at.now = self.now;
         if self.next_transfer_interrupt(0).min(self.next_transfer_interrupt(1)) <= self.now {
@@ -557,12 +556,12 @@ impl Chip {
         self.set_lines();
     }
 
-    /// The channel of a request, if it can make a transfer now.
+    /// The channel of a request, if it is ready for a transfer.
     fn ready_channel(&self, request: u32) -> Option<usize> {
         self.dmamux.channel_of(request).filter(|&channel| channel < CHANNELS && self.dma1.is_ready(channel))
     }
 
-    /// What has happened on the line up to now, and what DMA has moved of it.
+    /// Processes the serial line up to now, including its DMA transfers.
     fn sync_line(&mut self) {
         self.lpuart1.sync(&self.at);
         while let Some(byte) = self.lpuart1.give_dma() {
@@ -586,20 +585,20 @@ impl Chip {
         }
     }
 
-    /// The memory that a channel begins to read: first address and bytes.
+    /// The memory range that a channel is about to read: first address and bytes.
     #[must_use]
     pub fn source_wanted(&self) -> Option<(u32, u32)> {
         self.source_wanted.map(|channel| self.dma1.memory(channel))
     }
 
-    /// What that memory holds. The program leaves it alone while it is read.
+    /// Supplies the contents of that range. The program does not change it while it is read.
     pub fn give_source(&mut self, bytes: Vec<u8>) {
         self.source = bytes;
         self.source_wanted = None;
         self.sync_line();
     }
 
-    /// Works out the converters' results up to now, and brings them to memory.
+    /// Computes the converters' results up to now and queues their transfers to memory.
     fn sync_converters(&mut self) {
         self.plant.advance(self.now);
         for n in 0..2 {
@@ -649,7 +648,7 @@ impl Chip {
         }
     }
 
-    /// The levels of the interrupt lines.
+    /// Updates the levels of the interrupt lines.
     fn set_lines(&mut self) {
         for n in 0..CHANNELS {
             let interrupt = if n == 7 { DMA1_CHANNEL8 } else { DMA1_CHANNEL1 + n };
@@ -668,7 +667,7 @@ impl Chip {
         }
     }
 
-    /// Takes over clocks that have changed.
+    /// Applies changed clock periods.
     fn follow_clocks(&mut self) {
         let new = self.rcc.clocks();
         if new == self.at.clocks {
@@ -682,7 +681,7 @@ impl Chip {
         self.tim16.set_clock(new.timers2, self.now);
     }
 
-    /// The wait states and the voltage range carry the core's clock.
+    /// Checks that the wait states and the voltage range permit the core's clock.
     fn check_speed(&mut self, before: Time) -> Access<()> {
         let megahertz = UNITS_PER_US as f64 / self.at.clocks.hclk.0 as f64;
         if megahertz > 150.0 && !self.pwr.is_boosted() {
@@ -728,12 +727,12 @@ impl Chip {
     /// Reads `bytes` bytes.
     ///
     /// # Errors
-    /// Nothing is modelled there, or the access breaks a rule.
+    /// The address is not modelled, or the access breaks a rule.
     pub fn read(&mut self, address: u32, bytes: u32) -> Access<u32> {
         ensure!(address.is_multiple_of(bytes), "a misaligned read of {bytes} bytes at {address:#010x}");
         self.at.now = self.now;
         if (BANK2_BASE..FLASH_BASE + FLASH_BYTES).contains(&address) {
-            // The bus waits for an erase or a programming in the same bank.
+            // The bus waits for an erase or programming operation in the same bank.
             self.stalled_until = self.flash.busy_until();
             if self.flash.is_damaged(address - BANK2_BASE) {
                 self.nvic.pend_system(NMI);
@@ -790,7 +789,7 @@ impl Chip {
     /// Writes `bytes` bytes.
     ///
     /// # Errors
-    /// Nothing is modelled there, or the access breaks a rule.
+    /// The address is not modelled, or the access breaks a rule.
     pub fn write(&mut self, address: u32, bytes: u32, value: u32) -> Access<()> {
         ensure!(address.is_multiple_of(bytes), "a misaligned write of {bytes} bytes at {address:#010x}");
         self.at.now = self.now;
@@ -897,7 +896,7 @@ impl Chip {
         Ok(())
     }
 
-    /// Resets the peripherals whose reset was released.
+    /// Resets the peripherals whose reset has just been released.
     fn release_resets(&mut self) {
         if self.rcc.released.is_empty() {
             return;
@@ -926,7 +925,7 @@ impl Chip {
         self.rcc.released.clear();
     }
 
-    /// A converter that is started finds each of its channels on an analogue pin of the rig, and a trigger.
+    /// Checks that each channel of a started converter is on an analogue pin of the rig, and that it has a trigger.
     fn check_inputs(&self, n: usize) -> Access<()> {
         for channel in self.adcs[n].channels() {
             let Some(((port, pin), _)) = input(n, channel) else {
@@ -939,7 +938,7 @@ impl Chip {
         self.check_trigger(n)
     }
 
-    /// A sequence ends before the next begins.
+    /// Checks that a sequence ends before the next begins.
     fn check_trigger(&self, n: usize) -> Access<()> {
         let Some(timer) = self.trigger_of(n).filter(|timer| timer.trigger_after(self.now).is_some()) else {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The controller's image: an ELF file, what of it lies in flash, and where in the source an address is.
+//! Controller image: reads an ELF file into flash contents, symbols and source locations.
 
 use std::fs;
 use std::path::Path;
@@ -8,13 +8,13 @@ use object::{Endianness, Object, ObjectSymbol};
 
 use crate::chip::{FLASH_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
 
-/// Functions that say nothing about who accesses a register.
+/// Register accessor functions, omitted from the reported source location.
 const ACCESSORS: [&str; 3] = ["core::ptr::", "::read_volatile", "stm32_metapac::common"];
 
-/// Lines of an address's place, at most.
+/// Maximum number of lines in the reported source location of an address.
 const MOST_PLACES: usize = 8;
 
-/// A source file without the machine's own part of its path.
+/// Path of a source file without its machine-specific part.
 fn short(file: &str) -> &str {
     file.rsplit_once("/registry/src/").and_then(|(_, rest)| Some(rest.split_once('/')?.1)).unwrap_or(file)
 }
@@ -27,9 +27,9 @@ pub struct BadImage {
     message: String,
 }
 
-/// An image.
+/// A controller image.
 pub struct Image {
-    /// The flash's contents, erased where the file has nothing.
+    /// Flash contents; erased where the file has no data.
     pub flash: Vec<u8>,
     symbols: Vec<(u32, String)>,
     lines: Option<addr2line::Loader>,
@@ -39,7 +39,7 @@ impl Image {
     /// Reads an ELF file. Segments are placed at their load addresses.
     ///
     /// # Errors
-    /// The file cannot be read, is no 32-bit ELF file, or has a segment outside the flash.
+    /// The file cannot be read, is not a 32-bit ELF file, or has a segment outside the flash.
     pub fn read(path: &Path) -> Result<Self, BadImage> {
         let bad = |message: String| BadImage { path: path.display().to_string(), message };
         let bytes = fs::read(path).map_err(|error| bad(error.to_string()))?;
@@ -69,8 +69,8 @@ impl Image {
         Ok(Self { flash, symbols, lines: Some(lines) })
     }
 
-    /// An image of a few instructions, for tests: a stack pointer at the end of the memory, every other vector the same
-    /// address (`handler` halfwords from the code's beginning), the code from 0x0800_0200 on.
+    /// An image of a few instructions, for tests. The stack pointer is the end of memory, every other vector is the
+    /// same address (`handler` halfwords from the start of the code), and the code starts at 0x0800_0200.
     #[must_use]
     pub fn of_code(code: &[u16], handler: u32) -> Self {
         const CODE: u32 = 0x200;
@@ -87,8 +87,8 @@ impl Image {
         Self { flash, symbols: Vec::new(), lines: None }
     }
 
-    /// The functions and source lines of an address, the innermost first, a line each, without the accessors of registers; the
-    /// address alone where the image says nothing.
+    /// Functions and source lines of an address, innermost first, one per line, without register accessors. Returns the
+    /// address alone where the image has no debug information.
     #[must_use]
     pub fn place(&self, address: u32) -> String {
         let mut places = vec![format!("{address:#010x}")];
@@ -106,7 +106,7 @@ impl Image {
         places.join("\n     ")
     }
 
-    /// The name of the function that an address lies in, as the linker knows it.
+    /// The linker symbol of the function at an address.
     #[must_use]
     pub fn function(&self, address: u32) -> Option<&str> {
         let after = self.symbols.partition_point(|(start, _)| *start <= address);

@@ -1,12 +1,12 @@
-//! The controller's own image, unmodified, on an emulated NUCLEO-G474RE whose pins are wired to a simulated rig.
+//! Runs the unmodified controller image on an emulated NUCLEO-G474RE whose pins are wired to a simulated rig.
 //!
-//! [`board`] drives the core, [`chip`] is the STM32G474 around it, [`peripherals`] its register files, [`plant`] the rig. Time
-//! is the device's own ([`time`]): it follows from the instructions executed and the events between them, so that a run
-//! repeats itself exactly as long as the same bytes come at the same times.
+//! [`board`] drives the core, [`chip`] is the STM32G474 around it, [`peripherals`] contains its register models,
+//! [`plant`] is the rig. [`time`] is device time: it follows from the executed instructions and the events between
+//! them. A run is exactly repeatable if the same bytes arrive at the same device times.
 //!
-//! Whatever the program does that is not modelled (an unknown register, an access with the clock off, a broken write rule,
-//! a misaligned access) ends the run with the instruction's place in the source. What the emulation says nothing about:
-//! wait states and caches, analogue levels, errata, what a relay really does.
+//! Anything that is not modelled or not allowed (an unknown register, an access with the clock off, a broken write
+//! rule, a misaligned access) ends the run and reports the source location of the instruction. The emulation does not
+//! cover wait states and caches, analogue levels, errata, or the behaviour of a real relay.
 
 pub mod board;
 pub mod chip;

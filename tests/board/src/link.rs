@@ -1,10 +1,10 @@
-//! The board's serial line as a TCP port: what connects is what is plugged in at the other end of the debugger's cable.
+//! Serial line of the emulated board as a TCP port; a client takes the place of the host on the debugger's cable.
 //!
-//! Device time and the host's time are two clocks. The board runs ahead in steps of [`STEP`], exchanges bytes, and sleeps
-//! whenever its clock is further than `pace` times the time that has passed on the host's clock since it was started, so
-//! that the time-outs on both sides mean what they say; a board that cannot keep up is late and does not hurry afterwards.
-//! Bytes arrive and leave at the line's baud rate in device time. A host that does not read holds the board up, as flow
-//! control would; without a host what is sent is lost.
+//! Device time and host time are separate clocks. The board runs in steps of [`STEP`] and exchanges bytes between them.
+//! It sleeps whenever device time exceeds `pace` times the host time since the start, so that time-outs on both sides
+//! keep their meaning. A board that cannot keep up falls behind and does not catch up later. Bytes arrive and leave at
+//! the line's baud rate in device time. A host that does not read stops the board, as flow control would. Without a
+//! host, sent bytes are lost.
 
 use std::io::{self, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -17,25 +17,25 @@ use crate::time::Time;
 /// Device time between two exchanges of bytes.
 pub const STEP: Time = Time::from_ms(1);
 
-/// How far behind its pace the board may fall before the delay is forgotten.
+/// A delay longer than this is dropped from the pace.
 const MOST_BEHIND: Duration = Duration::from_millis(100);
 
-/// What ended the service.
+/// Reason why the service ended.
 #[derive(Debug, thiserror::Error)]
 pub enum Ended {
     /// The program did something that is not modelled or not allowed.
     #[error(transparent)]
     Failed(#[from] Failure),
-    /// The port.
+    /// An error of the TCP port.
     #[error("the board's port: {0}")]
     Port(#[from] io::Error),
 }
 
-/// Runs the board behind a port, `pace` device seconds a second at most, until `stop` is set. `each_step` sees the board after
-/// every step: to press a switch, to watch.
+/// Runs the board behind a TCP port, at most `pace` device seconds per second, until `stop` is set. `each_step` is
+/// called with the board after every step, for example to press a switch or to observe it.
 ///
 /// # Errors
-/// The board's failure, or the port's.
+/// The board failed, or the port did.
 pub fn serve(
     board: &mut Board,
     listener: &TcpListener,
@@ -85,7 +85,7 @@ fn is_quiet(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
 }
 
-/// Keeps device time from running away from the host's.
+/// Limits the speed of device time relative to host time.
 struct Pace {
     pace: f64,
     device: Time,

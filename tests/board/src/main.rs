@@ -1,4 +1,4 @@
-//! The emulated board for a person to play with: `damprig … --rig tcp:127.0.0.1:PORT` talks to it.
+//! Command-line program that serves the emulated board: `damprig … --rig tcp:127.0.0.1:PORT` connects to it.
 
 use std::net::TcpListener;
 use std::path::PathBuf;
@@ -84,7 +84,7 @@ impl Arguments {
     }
 }
 
-/// Functions that are printed.
+/// Number of functions in the report.
 const MOST_FUNCTIONS: usize = 40;
 
 fn report(board: &Board, took: Duration) {

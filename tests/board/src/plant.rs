@@ -1,9 +1,9 @@
-//! The rig that the board's pins are wired to: shaker, structure, dampers and sensors, after firmware/README.md.
+//! Simulated rig at the board's pins: shaker, structure, dampers and sensors, as specified in firmware/README.md.
 //!
-//! The motion is the core's own integrator in `f64`, on a grid of [`GRID`] that has nothing to do with the program's ticks. A
-//! voltage at an analogue input is asked for at the instant of its conversion and interpolated between two points of the
-//! grid; what the pins do takes effect at the next point. At 3 Hz and 30 mm the straight line between two points is off
-//! by ω²A·GRID²/8 = 3 nm, a ten-thousandth of a converter's step.
+//! The motion is computed by the core's integrator in `f64` on a grid of [`GRID`], which is independent of the
+//! program's ticks. The voltage at an analogue input is evaluated at the instant of its conversion by interpolation
+//! between two grid points. Output changes take effect at the next grid point. At 3 Hz and 30 mm the error of the
+//! linear interpolation is ω²A·GRID²/8 = 3 nm, a ten-thousandth of a converter step.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -23,22 +23,22 @@ use rand_xoshiro::Xoshiro128PlusPlus;
 
 use crate::time::Time;
 
-/// The integrator's step.
+/// Step of the integrator.
 pub const GRID: Time = Time::from_us(50);
 
-/// The converters' and the analogue output's reference, V.
+/// Reference voltage of the converters and the analogue output, V.
 pub const REFERENCE_V: f64 = 3.3;
 
 /// Full scale of a 12-bit code.
 const FULL_SCALE: f64 = 4_095.0;
 
-/// Conversions that the board adds up to a sample of x, z and spring force: the calibration's counts are of the sum.
+/// Conversions that the board adds to one sample of x, z and spring force; calibration counts refer to the sum.
 const ADDED_UP: f64 = 16.0;
 
-/// Distance of a buffered output from the rails, V.
+/// Smallest distance of a buffered output from the supply rails, V.
 const BUFFER_HEADROOM_V: f64 = 0.2;
 
-/// Points of the grid that are kept: 10 ms.
+/// Number of grid points kept: 10 ms.
 const KEPT: usize = 200;
 
 /// An analogue signal of the rig.
@@ -56,12 +56,12 @@ pub enum Signal {
     WallHigh,
 }
 
-/// The relay between the drive's output and the amplifier: an assumed signal relay.
+/// Timing of the relay between the drive's output and the amplifier: an assumed signal relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relay {
-    /// From the coil's current to the closed contact.
+    /// Delay from coil on to contact closed.
     pub operate: Time,
-    /// From the end of the current to the open contact.
+    /// Delay from coil off to contact open.
     pub release: Time,
 }
 
@@ -71,14 +71,14 @@ impl Default for Relay {
     }
 }
 
-/// True values at a point of the grid.
+/// True values at a grid point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Truth {
     /// Structure displacement, m.
     pub x_m: f64,
     /// Base displacement, m.
     pub z_m: f64,
-    /// Force that the spring's sensor shows, N.
+    /// Force measured by the spring's sensor, N.
     pub spring_n: f64,
 }
 
@@ -89,7 +89,7 @@ enum Moving {
     Shaken(Table<f64>),
 }
 
-/// A half-sine that a wall's sensor sees.
+/// A half-sine force pulse at a wall's sensor.
 #[derive(Clone, Copy, Debug)]
 struct Pulse {
     is_high: bool,
@@ -113,7 +113,7 @@ impl Seat {
     }
 }
 
-/// First-order lags of a displacement's channel: the sensor's response and the filter before the converter.
+/// First-order lags of a displacement channel: the sensor's response and the filter before the converter.
 #[derive(Clone, Copy, Debug, Default)]
 struct Lags {
     decay: [f64; 2],
@@ -137,7 +137,7 @@ impl Lags {
     }
 }
 
-/// The rig.
+/// The simulated rig.
 #[derive(Clone, Debug)]
 pub struct Plant {
     config: PlantConfig,
@@ -150,7 +150,7 @@ pub struct Plant {
     pulses: VecDeque<Pulse>,
     lags: [Lags; 2],
     noise: Xoshiro128PlusPlus,
-    /// The points of the grid that are kept, the last at `reached`.
+    /// The grid points that are kept; the last one is at `reached`.
     history: VecDeque<Truth>,
     reached: Time,
     /// Voltage at the drive's output.
@@ -158,7 +158,7 @@ pub struct Plant {
     coil: bool,
     contact: bool,
     contact_moves: Time,
-    /// N·s per change of the structure's velocity.
+    /// Impulse per change of the structure's velocity, N·s per unit of the integrator.
     impulse_per_kick: f64,
     impacts: u32,
     limited: u32,
@@ -220,7 +220,7 @@ impl Plant {
         Ok(rig)
     }
 
-    /// The friction damper's force becomes what its spring gives.
+    /// Sets the friction damper's force to that given by its spring.
     fn press(&mut self) {
         if let Some(seat) = &self.seat {
             let friction_n = f64::from(seat.plant.friction_coefficient) * seat.force_n();
@@ -228,14 +228,14 @@ impl Plant {
         }
     }
 
-    /// The drive's output changes to this voltage; `is_buffered` by way of the output buffer, which stays off the rails.
+    /// Sets the voltage of the drive's output. If `is_buffered`, the output buffer limits it to stay off the rails.
     pub fn set_output(&mut self, now: Time, output_v: f64, is_buffered: bool) {
         self.advance(now);
         let headroom = if is_buffered { BUFFER_HEADROOM_V } else { 0.0 };
         self.output_v = output_v.clamp(headroom, REFERENCE_V - headroom);
     }
 
-    /// The relay's coil is switched.
+    /// Switches the relay's coil.
     pub fn set_coil(&mut self, now: Time, on: bool) {
         self.advance(now);
         if on != self.coil {
@@ -244,7 +244,7 @@ impl Plant {
         }
     }
 
-    /// The motor makes a step, if it is switched on.
+    /// Makes one motor step if the motor is on.
     pub fn step_motor(&mut self, now: Time, towards_structure: bool, is_on: bool) {
         self.advance(now);
         if let Some(seat) = &mut self.seat
@@ -255,31 +255,31 @@ impl Plant {
         self.press();
     }
 
-    /// The seat presses the limit switch open. Without a friction damper a wire takes the switch's place.
+    /// Whether the seat opens the limit switch. Without a friction damper a wire replaces the switch.
     #[must_use]
     pub fn at_limit(&self) -> bool {
         self.seat.is_some_and(|seat| seat.steps <= 0)
     }
 
-    /// Where the friction damper's seat is, steps from the limit switch.
+    /// Position of the friction damper's seat, steps from the limit switch.
     #[must_use]
     pub fn seat_steps(&self) -> Option<i32> {
         self.seat.map(|seat| seat.steps)
     }
 
-    /// Impacts so far.
+    /// Number of impacts so far.
     #[must_use]
     pub fn impacts(&self) -> u32 {
         self.impacts
     }
 
-    /// Steps in which the shaker's amplifier or stroke was at its limit.
+    /// Number of steps in which the shaker's amplifier or stroke was at its limit.
     #[must_use]
     pub fn limited(&self) -> u32 {
         self.limited
     }
 
-    /// The demanded base displacement, m: the output's voltage on the drive's scale, if the relay is closed.
+    /// Demanded base displacement, m: the output's voltage on the drive's scale if the relay is closed.
     fn demand_m(&self) -> f64 {
         if !self.contact {
             return 0.0;
@@ -288,7 +288,7 @@ impl Plant {
         (counts - f64::from(self.calibration.drive.zero_counts)) * f64::from(self.calibration.drive.metres_per_count)
     }
 
-    /// Follows the motion until the grid has passed `time`.
+    /// Advances the motion until the grid has passed `time`.
     pub fn advance(&mut self, time: Time) {
         while self.reached < time {
             self.step();
@@ -349,7 +349,7 @@ impl Plant {
         }
     }
 
-    /// True values at a time of the last 10 ms.
+    /// True values at a time within the last 10 ms.
     #[must_use]
     pub fn truth(&self, time: Time) -> Truth {
         let back = self.reached.since(time).0 as f64 / GRID.0 as f64;
@@ -377,14 +377,14 @@ impl Plant {
         (pulses + f64::from(walls.offset_n)).clamp(-f64::from(walls.range_n), f64::from(walls.range_n))
     }
 
-    /// A signal's 12-bit code at a time up to which the motion has been followed: the sensor's voltage on the assumed scales,
-    /// with its noise, to the nearest code.
+    /// The 12-bit code of a signal at a time: the sensor's voltage on the assumed scales with noise, rounded to the
+    /// nearest code. Advances the motion to that time.
     pub fn code(&mut self, signal: Signal, time: Time) -> u16 {
         self.advance(time);
         let scale = &self.calibration;
         let noise = self.config.sensors.noise_rms_m;
         let [x_range_m, z_range_m] = self.config.sensors.range_m.map(f64::from);
-        // The noise of the mean of the conversions that are added up is the sensor's.
+        // The noise is scaled so that the mean of the added conversions has the sensor's noise.
         let displacement = |value_m: f64, range: f64, scale: &damprig_core::io::DisplacementScale| {
             let per_count = f64::from(scale.metres_per_count);
             let counts = value_m.clamp(-range, range) / per_count + f64::from(scale.zero_counts);
@@ -410,7 +410,7 @@ impl Plant {
         code.round().clamp(0.0, FULL_SCALE) as u16
     }
 
-    /// White noise of unit variance, nearly normal: the sum of four uniform 16-bit numbers.
+    /// White noise of unit variance, approximately normal: the sum of four uniform 16-bit numbers.
     fn normal(&mut self) -> f64 {
         let (a, b) = (self.noise.next_u32(), self.noise.next_u32());
         let sum = i64::from(a & 0xffff) + i64::from(a >> 16) + i64::from(b & 0xffff) + i64::from(b >> 16);
@@ -418,7 +418,7 @@ impl Plant {
     }
 }
 
-/// The impacts of a step.
+/// Collects the impacts of a step.
 #[derive(Default)]
 struct Hits(Vec<Impact<f64>>);
 

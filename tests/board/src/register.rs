@@ -1,20 +1,20 @@
-//! What all register files share: refusals, and the checks that a write has to pass.
+//! Access errors and write checks shared by all register models.
 
-/// Why an access fails the run.
+/// Reason why an access fails the run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refused(pub String);
 
-/// The outcome of an access.
+/// Result of an access.
 pub type Access<T> = Result<T, Refused>;
 
-/// Refuses with a formatted reason.
+/// Returns an error with a formatted reason.
 macro_rules! refuse {
     ($($text:tt)*) => { Err($crate::register::Refused(format!($($text)*))) };
 }
 pub(crate) use refuse;
 
-/// Refuses with a formatted reason unless a condition holds.
+/// Returns an error with a formatted reason unless a condition holds.
 macro_rules! ensure {
     ($holds:expr, $($text:tt)*) => {
         if !$holds {
@@ -36,7 +36,7 @@ pub const fn bit(value: u32, n: u32) -> bool {
     value >> n & 1 == 1
 }
 
-/// A register at an offset that the model does not have.
+/// Error for a register at an offset that is not modelled.
 pub fn unknown<T>(peripheral: &str, offset: u32) -> Access<T> {
     refuse!("{peripheral} has no modelled register at offset {offset:#05x}")
 }
@@ -50,7 +50,7 @@ pub fn only(register: &str, value: u32, modelled: u32) -> Access<()> {
     Ok(())
 }
 
-/// Fails if a write changes bits that `allowed` does not permit to change now.
+/// Fails if a write changes bits of `protected`, which `rule` forbids at present.
 pub fn unchanged(register: &str, before: u32, after: u32, protected: u32, rule: &str) -> Access<()> {
     let changed = (before ^ after) & protected;
     if changed != 0 {

@@ -3,16 +3,16 @@
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-/// Units of time in a microsecond. 4080 MHz is the least common multiple of the 16 MHz and 24 MHz oscillators and of the
-/// 170 MHz core, so that a period of each is a whole number.
+/// Units of time per microsecond. 4080 MHz is the least common multiple of the 16 MHz and 24 MHz oscillators and the
+/// 170 MHz core clock, so the period of each is a whole number of units.
 pub const UNITS_PER_US: u64 = 4_080;
 
-/// A point on the device's clock, or a length of time, in units of 1/4080 µs. 64 bits hold 143 years.
+/// A device time or a duration, in units of 1/4080 µs. 64 bits hold 143 years.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Time(pub u64);
 
 impl Time {
-    /// The latest time: an event that does not come.
+    /// The latest time, for an event that does not occur.
     pub const NEVER: Self = Self(u64::MAX);
 
     /// Whole microseconds.
@@ -45,7 +45,7 @@ impl Time {
         self.0 as f64 / UNITS_PER_US as f64
     }
 
-    /// The time since `earlier`, 0 if that is later.
+    /// The time since `earlier`, or 0 if `earlier` is later.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Self {
         Self(self.0.saturating_sub(earlier.0))
@@ -101,7 +101,7 @@ pub struct Clocks {
     pub timers1: Time,
     /// The timers on APB2.
     pub timers2: Time,
-    /// The kernel clock of ADC1 and ADC2, before their own prescaler; none if CCIPR selects none.
+    /// The kernel clock of ADC1 and ADC2, before their own prescaler; `None` if CCIPR selects none.
     pub adc12: Option<Time>,
     /// The kernel clock of LPUART1.
     pub lpuart1: Time,
@@ -109,10 +109,10 @@ pub struct Clocks {
     pub lsi: Time,
 }
 
-/// When a register is accessed, and under which clocks.
+/// Time and clocks of a register access.
 #[derive(Clone, Copy, Debug)]
 pub struct At {
-    /// Now.
+    /// The present device time.
     pub now: Time,
     /// The chip's clocks.
     pub clocks: Clocks,

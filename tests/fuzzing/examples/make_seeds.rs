@@ -1,5 +1,4 @@
-//! Writes the seeds that follow from the message types into `fuzz/seeds`, in place of those made before; what the fuzzer
-//! has found beyond them stays.
+//! Writes the generated seeds to `fuzz/seeds` in place of earlier generated ones; inputs added by the fuzzer stay.
 
 use damprig_fuzzing::seeds::{device, folder, host, kept};
 

@@ -1,7 +1,7 @@
-//! What any bytes may do to either side of the link.
+//! Fuzz targets of both sides of the link: arbitrary bytes into a board ([`device`]) and into a host ([`host`]).
 //!
-//! [`device`] and [`host`] are what the fuzzer runs (`fuzz/`) and what `tests/run` replays without one, on the seeds that
-//! are kept in `fuzz/seeds` and on mutations of them. Where seeds come from is [`seeds`]'s.
+//! The fuzzer runs them (`fuzz/`). `tests/run` replays them without a fuzzer, on the seeds in `fuzz/seeds` and on
+//! mutations of them. [`seeds`] generates seeds.
 #![forbid(unsafe_code)]
 
 pub mod messages;
@@ -13,18 +13,18 @@ use damprig_protocol::frame::{self, LONGEST, LONGEST_BODY, Reader};
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
 
-/// A piece of what a board receives.
+/// A piece of the input of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Piece {
-    /// Bytes as they come from the line.
+    /// Bytes as received from the line.
     Raw(Vec<u8>),
-    /// A body, to be sent as a frame with a right checksum: so the fuzzer gets past the CRC and into the messages and
-    /// everything behind them.
+    /// A body, to be sent as a frame with a correct checksum. The fuzzer thus gets past the CRC to the messages and the
+    /// code behind them.
     Body(Vec<u8>),
 }
 
-/// Pieces as an input of [`device`]: two bytes each, little endian, whose lowest bit tells a body and the others the
-/// length, then so many bytes.
+/// Encodes pieces as an input of [`device`]: two bytes each, little endian, whose lowest bit marks a body and whose
+/// other bits are the length, followed by that many bytes.
 ///
 /// # Panics
 /// A piece is longer than 32 767 bytes.
@@ -58,7 +58,7 @@ fn split(mut data: &[u8]) -> Vec<Piece> {
 
 fn run(board: &mut SimulatedDevice<f32>) -> Vec<u8> {
     let mut out = vec![];
-    // A grant may be for a month: a few hundred ticks of it are enough.
+    // A grant may last a month; a few hundred of its ticks are enough.
     for _ in 0..4 {
         if board.run(100, |bytes| out.extend_from_slice(bytes)) == Progress::Standing {
             break;
@@ -78,7 +78,8 @@ fn receive(board: &mut SimulatedDevice<f32>, piece: &Piece) {
     }
 }
 
-/// What a board says when it gets these pieces one after the other, each with a few hundred ticks of its credit.
+/// Output of a board that receives these pieces one after the other and runs a few hundred ticks of its credit after
+/// each.
 #[must_use]
 pub fn said(pieces: &[Piece]) -> Vec<u8> {
     let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("fuzz", "fuzz")));
@@ -90,17 +91,17 @@ pub fn said(pieces: &[Piece]) -> Vec<u8> {
     out
 }
 
-/// Any bytes into a board, as [`join`] writes them: it must neither panic nor stop answering.
+/// Feeds bytes into a board, encoded as by [`join`]: it must not panic and must keep answering.
 ///
 /// # Panics
-/// It did.
+/// The board panicked or stopped answering.
 pub fn device(data: &[u8]) {
     let mut board = Box::new(SimulatedDevice::<f32>::new(DeviceInfo::new("fuzz", "fuzz")));
     for piece in split(data) {
         receive(&mut board, &piece);
         run(&mut board);
     }
-    // Whatever happened, a clean request is answered: take back any credit, end any half frame, ask.
+    // A clean request must be answered after any input: take back any credit, end any partial frame, send a request.
     let mut buffer = [0; LONGEST];
     board.receive(&[0]);
     for message in [
@@ -118,11 +119,11 @@ pub fn device(data: &[u8]) {
     assert!(answered, "the board no longer answers");
 }
 
-/// Any bytes into a host's reader, as they are and as the body of a frame with a right checksum: it must not panic, and
-/// a clean frame after them must be read.
+/// Feeds bytes into a host's reader, raw and as the body of a frame with a correct checksum: it must not panic, and
+/// must read a clean frame after them.
 ///
 /// # Panics
-/// It did, or the frame was not.
+/// The reader panicked, or did not read the clean frame.
 pub fn host(data: &[u8]) {
     let mut reader = Reader::default();
     let mut buffer = [0; LONGEST];

@@ -1,5 +1,5 @@
-//! Bodies of messages made from the protocol's own schema: every message and every choice within one, whatever the
-//! protocol has come to hold.
+//! Generates message bodies from the protocol's schema: every message and every variant within one, including later
+//! additions to the protocol.
 
 use std::collections::BTreeSet;
 
@@ -8,13 +8,13 @@ use postcard_schema::schema::{DataModelType, DataModelVariant, NamedType, NamedV
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// Messages that are tried for a choice that none before them has made.
+/// Messages tried to find one that makes a choice not made before.
 const TRIES: u32 = 20_000;
 
-/// A choice: the type by its name and its number of variants, and the place of one of them.
+/// A choice: the name of the type, its number of variants, and the index of one of them.
 type Choice = (&'static str, usize, usize);
 
-/// Bodies of messages of a type, so many that each of its choices, and of the types in it, is made in one of them.
+/// Bodies of messages of a type that together make every choice of the type and of the types in it.
 #[must_use]
 pub fn every_choice<T: Schema>() -> Vec<Vec<u8>> {
     gather::<T>().0
@@ -97,7 +97,7 @@ impl Message<'_> {
                 }
             }
             DataModelType::Unit | DataModelType::UnitStruct => {}
-            // Wider integers, maps and schemas: the link has none. A test fails if it comes to have one.
+            // Wider integers, maps and schemas do not occur on the link. A test fails if they are added.
             _ => self.varint(u64::MAX),
         }
     }
@@ -106,7 +106,7 @@ impl Message<'_> {
         fields.iter().for_each(|field| self.value(field.ty));
     }
 
-    /// Small ones mostly: places, counts and the ends of ranges are where decisions are.
+    /// Mostly small numbers: indices, counts and ends of ranges are where the code branches.
     fn number(&mut self) -> u64 {
         match self.random.random_range(0..4) {
             0 => 0,
@@ -141,7 +141,7 @@ mod tests {
     use damprig_protocol::{FromDevice, ToDevice};
     use serde::de::DeserializeOwned;
 
-    /// All choices within a type.
+    /// Adds all choices within a type.
     fn all(named: &'static NamedType, choices: &mut BTreeSet<Choice>) {
         match named.ty {
             DataModelType::Option(inner) => {

@@ -1,10 +1,9 @@
-//! Small changes of an input, the same ones for the same random numbers: what a replay without a fuzzer tries besides
-//! the seeds.
+//! Reproducible small mutations of an input, for a replay of the fuzz targets without a fuzzer.
 
 use rand::RngExt;
 use rand::rngs::StdRng;
 
-/// `input` with one to four changes; `other` gives bytes to be put into it.
+/// `input` with one to four changes; `other` supplies bytes to insert.
 #[must_use]
 pub fn mutate(input: &[u8], other: &[u8], random: &mut StdRng) -> Vec<u8> {
     let mut bytes = input.to_vec();
@@ -23,7 +22,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut StdRng) {
     match random.random_range(0..7) {
         0 => bytes[at] ^= 1 << random.random_range(0..8),
         1 => bytes[at] = random.random(),
-        // What ends a frame, what begins a long number, the largest values.
+        // The frame end, the start of a long number, the largest values.
         2 => bytes[at] = [0x00, 0x01, 0x7f, 0x80, 0xff][random.random_range(0..5)],
         3 => bytes.insert(at, random.random()),
         4 => drop(bytes.remove(at)),

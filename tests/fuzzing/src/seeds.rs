@@ -1,8 +1,8 @@
-//! Inputs to begin with: every message of the protocol, and experiments as a host runs them.
+//! Seed inputs of the fuzz targets: every message of the protocol, and complete experiments as a host runs them.
 //!
-//! [`device`] and [`host`] make them from the message types, so they follow the protocol by themselves. The seeds in
-//! `fuzz/seeds` are these and what the fuzzer has found beyond them, kept small;
-//! `cargo run -p damprig-fuzzing --example make_seeds` writes the former anew.
+//! [`device`] and [`host`] generate them from the message types, so they follow the protocol automatically.
+//! `fuzz/seeds` contains these seeds and the minimised inputs that the fuzzer has added;
+//! `cargo run -p damprig-fuzzing --example make_seeds` rewrites the generated ones.
 
 use std::path::{Path, PathBuf};
 
@@ -22,14 +22,14 @@ use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use crate::messages::every_choice;
 use crate::{Piece, join, said};
 
-/// An input with its name.
+/// Name and bytes of an input.
 pub type Seed = (String, Vec<u8>);
 
 /// Inputs of [`crate::device`].
 #[must_use]
 pub fn device() -> Vec<Seed> {
     let bodies = every_choice::<ToDevice>();
-    // Some messages after the other: one alone finds the board without a plant.
+    // Several messages in sequence: for a single one the board has no plant.
     let together = bodies.chunks(4).enumerate().map(|(n, some)| {
         let pieces: Vec<Piece> = some.iter().cloned().map(Piece::Body).collect();
         (format!("messages-{n:02}"), join(&pieces))
@@ -37,7 +37,7 @@ pub fn device() -> Vec<Seed> {
     together.chain(experiments().into_iter().map(|(name, pieces)| (name.to_string(), join(&pieces)))).collect()
 }
 
-/// Inputs of [`crate::host`]: every message, and a frame of each length that a board says in an experiment.
+/// Inputs of [`crate::host`]: every message, and a frame of each length that a board sends in an experiment.
 #[must_use]
 pub fn host() -> Vec<Seed> {
     let bodies = every_choice::<FromDevice>().into_iter().enumerate();
@@ -55,7 +55,7 @@ pub fn host() -> Vec<Seed> {
     seeds
 }
 
-/// Whole experiments, as a host runs them.
+/// Complete experiments as a host runs them.
 #[must_use]
 pub fn experiments() -> Vec<(&'static str, Vec<Piece>)> {
     let structure = Structure::from_modal(1.6, 2.5, 0.0038);
@@ -137,10 +137,10 @@ fn body(message: &ToDevice) -> Vec<u8> {
     postcard::to_slice(message, &mut [0; LONGEST_BODY]).expect("it fits a frame").to_vec()
 }
 
-/// The seeds that are kept in the tree for a target, `device` or `host`.
+/// The seeds in the repository for a target, `device` or `host`.
 ///
 /// # Errors
-/// When they cannot be read.
+/// They cannot be read.
 pub fn kept(target: &str) -> std::io::Result<Vec<Seed>> {
     let mut seeds = Vec::new();
     for entry in std::fs::read_dir(folder().join(target))? {
@@ -151,7 +151,7 @@ pub fn kept(target: &str) -> std::io::Result<Vec<Seed>> {
     Ok(seeds)
 }
 
-/// Where the seeds are kept, a folder a target.
+/// Directory of the seeds; it has a subdirectory for each target.
 #[must_use]
 pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds")

@@ -1,11 +1,11 @@
-//! The fuzz targets without a fuzzer: every seed, and the same mutations of them each time.
+//! Replays the fuzz targets without a fuzzer: every seed, and a fixed set of mutations.
 
 use damprig_fuzzing::mutation::mutate;
 use damprig_fuzzing::seeds::{self, Seed};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// The seeds of the tree and those that the message types make now: the protocol may have grown since they were kept.
+/// The seeds in the repository and those generated now; the protocol may have grown in between.
 fn all(target: &str, made: Vec<Seed>) -> Vec<Seed> {
     let kept = seeds::kept(target).expect("fuzz/seeds");
     assert!(kept.len() > 10, "{target}: only {} seeds in fuzz/seeds", kept.len());
@@ -16,7 +16,7 @@ fn all(target: &str, made: Vec<Seed>) -> Vec<Seed> {
 
 fn replay(target: &str, made: Vec<Seed>, mutations: usize, body: fn(&[u8])) {
     let seeds = all(target, made);
-    // Kept for the output of a failure: which input it was.
+    // Stored for the failure message: the input that failed.
     let run = |name: &str, input: &[u8]| {
         let outcome = std::panic::catch_unwind(|| body(input));
         assert!(outcome.is_ok(), "{target}: {name}: {input:02x?}");

@@ -1,11 +1,12 @@
-//! Where the energy comes from and where it goes, mechanism by mechanism.
+//! Energy balance of a motion: input work, dissipation by mechanism, and stored energy.
 //!
-//! The base (or the force) does work on the system; dashpot, impacts, internal friction, friction damper and the link
-//! of a soft wall or tuned mass take it. Nothing else may: [`Balance::residual_j`] is the check.
+//! The base (or the force) does work on the system. The structure's dashpot, impacts, internal friction, the friction
+//! damper and the link of a soft wall or tuned mass dissipate it. [`Balance::residual_j`] checks that there is no other
+//! change of energy.
 //!
-//! The books follow the state from the start on. An impact is booked with what the law of impact takes from the state
-//! before it, and each arc, impact and accumulation must begin with the state that the one before it left. What departs
-//! from that is a jump that no mechanism explains, and the residual shows it, also where the jump itself changes no energy.
+//! The balance follows the state from the start. The energy loss of an impact is computed from the state before it by
+//! the law of impact. Each arc, impact and accumulation must begin with the final state of the one before it. Any
+//! difference is a jump that no mechanism explains; the residual includes it even if the jump itself changes no energy.
 
 use crate::integrator::exact::response::integral;
 use crate::integrator::exact::{Accumulation, Arc, ExactState, Impact, Observer, series};
@@ -17,24 +18,24 @@ use crate::model::{SetUp, Wall};
 pub struct Balance {
     /// Work of the base, and of the force, on the system.
     pub input_j: f64,
-    /// Taken by the structure's dashpot.
+    /// Dissipated by the structure's dashpot.
     pub structure_damping_j: f64,
-    /// Taken by impacts on hard walls, also those of an accumulation that were summed.
+    /// Dissipated by impacts on hard walls, including the summed impacts of an accumulation.
     pub impacts_j: f64,
-    /// Taken by friction between particle and structure.
+    /// Dissipated by friction between particle and structure.
     pub internal_friction_j: f64,
-    /// Taken by the friction damper.
+    /// Dissipated by the friction damper.
     pub friction_damper_j: f64,
-    /// Taken by the dashpot of a soft wall or of the tuned mass.
+    /// Dissipated by the dashpot of a soft wall or of the tuned mass.
     pub link_damping_j: f64,
-    /// Kinetic and elastic energy now less that at the start.
+    /// Present kinetic and elastic energy minus that at the start.
     pub stored_j: f64,
-    /// What jumps of the state that no mechanism explains would move, sign aside: rounding, if the motion is right.
+    /// Magnitude of the energy that unexplained jumps of the state would transfer: rounding only in a correct motion.
     pub jumps_j: f64,
 }
 
 impl Balance {
-    /// All that was taken.
+    /// Total dissipation.
     #[must_use]
     pub fn dissipated_j(&self) -> f64 {
         self.structure_damping_j
@@ -44,7 +45,7 @@ impl Balance {
             + self.link_damping_j
     }
 
-    /// What the balance leaves open, and every unexplained jump on top of it: rounding, if the motion is right.
+    /// Imbalance plus all unexplained jumps: rounding only in a correct motion.
     #[must_use]
     pub fn residual_j(&self) -> f64 {
         let open = self.input_j - self.dissipated_j() - self.stored_j;
@@ -52,7 +53,7 @@ impl Balance {
     }
 }
 
-/// Keeps the balance of a run.
+/// Observer that computes the energy balance of a run.
 #[derive(Clone, Debug)]
 pub struct EnergyMeter {
     set_up: SetUp,
@@ -62,17 +63,17 @@ pub struct EnergyMeter {
     friction_n: f64,
     restitution: Option<f64>,
     balance: Balance,
-    /// The first state seen, until the first arc says where the base was.
+    /// The first state seen; used until the first arc gives the base displacement.
     first: Option<ExactState>,
     stored_at_start_j: Option<f64>,
-    /// The state that everything seen so far leads to.
+    /// The state that follows from everything seen so far.
     last: Option<ExactState>,
     base_m: f64,
     pressed_m: f64,
 }
 
 impl EnergyMeter {
-    /// Of a motion of `set_up`.
+    /// An empty balance for a motion of `set_up`.
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let (mut second_mass_kg, mut link_stiffness, mut link_damping, mut friction_n) = (0.0, 0.0, 0.0, 0.0);
@@ -121,7 +122,7 @@ impl EnergyMeter {
             + self.link_stiffness * pressed * pressed)
     }
 
-    /// What a jump from `from` to `to` would move: as kinetic energy, and as work against the structure's spring.
+    /// Energy that a jump from `from` to `to` would transfer: kinetic, and as work against the structure's spring.
     fn moved_j(&self, from: &ExactState, to: &ExactState) -> f64 {
         let structure = &self.set_up.structure;
         let speeds = |mass: f64, from: f64, to: f64| 0.5 * mass * (from.abs() + to.abs()) * (to - from).abs();
@@ -132,7 +133,7 @@ impl EnergyMeter {
             + 0.5 * structure.stiffness_n_per_m * (stretch(from) + stretch(to) + displaced) * displaced
     }
 
-    /// Takes the state with which an arc or an event begins: where what came before it has led, or there was a jump.
+    /// Takes the initial state of an arc or event. A difference from the last state is counted as a jump.
     fn continue_from(&mut self, state: &ExactState) {
         if let Some(last) = &self.last {
             self.balance.jumps_j += self.moved_j(last, state);
@@ -141,8 +142,8 @@ impl EnergyMeter {
         self.last = Some(*state);
     }
 
-    /// An impact with restitution e at the state reached, by its law: momentum is kept and the relative velocity times −e.
-    /// What it leaves must be `after`.
+    /// Applies the law of impact with restitution e to the last state: momentum is conserved and the relative velocity
+    /// is multiplied by −e. The result must equal `after`.
     fn impact_of(&mut self, restitution: f64, after: &ExactState) {
         let Some(before) = self.last else { return };
         let (mass, second) = (self.set_up.structure.mass_kg, self.second_mass_kg);
@@ -179,7 +180,7 @@ impl Observer for EnergyMeter {
             let slip = series::value(&x_rate, at) - series::value(&z_rate, at);
             structure.damping_n_s_per_m * slip * slip
         });
-        // The base pushes with whatever the momentum of everything on it gains beyond what the force gives.
+        // The force on the base is the rate of change of the total momentum minus the applied force.
         self.balance.input_j += over(&mut |at| {
             let gained = (mass + second) * series::value(&x_second, at) + second * series::value(&slide_rate, at);
             let force = arc.applied_force_n(at);
@@ -194,7 +195,7 @@ impl Observer for EnergyMeter {
         }
         let link = arc.link_rest_m().filter(|_| self.link_stiffness + self.link_damping > 0.0);
         if link.is_none() {
-            // What the spring of a wall keeps when it lets go early goes into its own dashpot.
+            // When a wall releases the particle early, its own dashpot dissipates the energy left in its spring.
             self.balance.link_damping_j += 0.5 * self.link_stiffness * self.pressed_m * self.pressed_m;
         }
         if link.is_some() {
@@ -226,7 +227,8 @@ impl Observer for EnergyMeter {
 
     fn accumulation(&mut self, accumulation: &Accumulation) {
         self.continue_from(&accumulation.before);
-        // All impacts to come together leave what one without restitution does, and what the spring does meanwhile.
+        // The summed impacts together change the velocities like one impact without restitution, plus the effect of the
+        // spring meanwhile.
         let mut after = accumulation.after;
         after.v_m_per_s -= accumulation.spring_m_per_s;
         self.impact_of(0.0, &after);

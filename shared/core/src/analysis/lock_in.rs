@@ -1,10 +1,10 @@
-//! Amplitude and phase of the response at one frequency, from the exact motion.
+//! Lock-in: amplitude and phase of the response at one frequency, from the exact motion.
 
 use crate::integrator::exact::response::integral;
 use crate::integrator::exact::{Arc, Observer, series};
 
-/// Fourier integral of x at the drive frequency over what it sees. Show it whole cycles: then no other harmonic and no
-/// mean leaks in.
+/// Fourier integral of x at the drive frequency over the observed time. Observe whole cycles only, so that no other
+/// harmonic and no mean leaks in.
 #[derive(Clone, Copy, Debug)]
 pub struct LockIn {
     angular_frequency_rad_per_s: f64,
@@ -20,7 +20,7 @@ impl LockIn {
         Self { angular_frequency_rad_per_s, sine: 0.0, cosine: 0.0, length_s: 0.0 }
     }
 
-    /// Amplitude, m; 0 before anything was seen.
+    /// Amplitude, m; 0 before the first arc.
     #[must_use]
     pub fn amplitude_m(&self) -> f64 {
         if self.length_s > 0.0 { 2.0 / self.length_s * libm::hypot(self.sine, self.cosine) } else { 0.0 }

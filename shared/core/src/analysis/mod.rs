@@ -1,7 +1,7 @@
-//! What a motion means: orbits, sections, periods, where the energy goes.
+//! Analysis of exact motions: symmetric orbits, Poincaré sections, periods, lock-in amplitudes, energy balance.
 //!
-//! Everything here is computed from the exact driver ([`crate::integrator::exact`]) in `f64`; measurement on sensor
-//! signals is [`crate::measure`]. Periodic orbits and their stability need linear algebra and live on the host.
+//! Everything here is computed from the exact driver ([`crate::integrator::exact`]) in `f64`. Measurement on sensor
+//! signals is in [`crate::measure`]. Periodic orbits and their stability need linear algebra and are in the host crate.
 
 pub mod energy;
 pub mod lock_in;

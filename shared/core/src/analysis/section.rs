@@ -1,4 +1,4 @@
-//! The Poincaré section at the drive phase, and the period that it shows.
+//! Poincaré section of a motion at the drive phase, and detection of its period.
 
 use crate::integrator::exact::{Exact, ExactState, Observer};
 
@@ -28,19 +28,19 @@ pub struct Section {
 }
 
 impl Section {
-    /// Of `motion`, every `period_s` seconds from where it is now.
+    /// A section of `motion` every `period_s` seconds from its present time.
     #[must_use]
     pub fn new(motion: Exact, period_s: f64) -> Self {
         Self { start_s: motion.time_s(), motion, period_s, taken: 0 }
     }
 
-    /// Lets `periods` pass.
+    /// Advances by `periods` periods without sampling.
     pub fn skip(&mut self, periods: u64) {
         self.taken += periods;
         self.motion.run(self.instant_s(), &mut ());
     }
 
-    /// The state one period on.
+    /// Advances by one period and returns the state.
     pub fn next<O: Observer>(&mut self, observer: &mut O) -> ExactState {
         self.taken += 1;
         self.motion.run(self.instant_s(), observer);
@@ -53,20 +53,20 @@ impl Section {
         &self.motion
     }
 
-    /// Gives the motion back, at the section.
+    /// Returns the motion, at the section.
     #[must_use]
     pub fn into_motion(self) -> Exact {
         self.motion
     }
 
-    // Counted, not added up: the phase does not drift.
+    // Computed from the count of periods, not accumulated, so that the phase does not drift.
     fn instant_s(&self) -> f64 {
         self.start_s + self.taken as f64 * self.period_s
     }
 }
 
-/// The smallest k, at most half their number, with which the states repeat, each component within `tolerance` of its
-/// own largest magnitude; none if they do not.
+/// The smallest k, at most half the number of states, such that the states repeat after k of them, each component
+/// within `tolerance` of its own largest magnitude; `None` if they do not repeat.
 #[must_use]
 pub fn period(states: &[ExactState], tolerance: f64) -> Option<usize> {
     let components = |s: &ExactState| [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];

@@ -1,13 +1,13 @@
-//! The orbit of an impact damper with two equispaced impacts a cycle, in closed form.
+//! Symmetric periodic orbit of an impact damper with two equispaced impacts per cycle, in closed form.
 //!
-//! Masri and Caughey (1966), Bapat and Sankar (1985): hard walls, no internal friction, a sine of the base. Between
-//! the impacts the structure's motion is its steady response plus a decaying one; symmetry (half a period later
-//! everything is mirrored) leaves one quadratic equation for the particle's speed.
+//! Masri and Caughey (1966), Bapat and Sankar (1985): hard walls, no internal friction, sinusoidal base motion. Between
+//! the impacts the structure's motion is the sum of its steady response and a decaying response. By symmetry (the
+//! motion is mirrored after half a period) one quadratic equation for the particle's speed remains.
 
 use crate::integrator::exact::ExactState;
 use crate::model::{Initial, SetUp, Wall};
 
-/// One such orbit. It says neither that the orbit is stable nor that no impact falls between the two: run it.
+/// One such orbit. Neither its stability nor the absence of further impacts is checked; run it to find out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SymmetricOrbit {
     /// Speed of the particle between the impacts, m/s.
@@ -24,16 +24,16 @@ pub struct SymmetricOrbit {
 }
 
 impl SymmetricOrbit {
-    /// The orbit with the faster particle, of `set_up` on a base that moves with `amplitude_m` sin Ωt.
+    /// The orbit with the faster particle, of `set_up` on a base that moves as `amplitude_m` sin Ωt.
     ///
-    /// None without a particle between hard walls, with friction of any kind or a tuned mass, for a base at rest, or
+    /// `None` without a particle between hard walls, with friction of any kind or a tuned mass, for a base at rest, or
     /// where no such orbit exists (A/d too small).
     #[must_use]
     pub fn new(set_up: &SetUp, amplitude_m: f64, angular_frequency_rad_per_s: f64) -> Option<Self> {
         Self::both(set_up, amplitude_m, angular_frequency_rad_per_s)?.into_iter().next().flatten()
     }
 
-    /// Both roots of the quadratic equation, the faster particle first; a root with a negative speed is none.
+    /// Both roots of the quadratic equation, the faster particle first; a root without a positive speed is `None`.
     #[must_use]
     pub fn both(set_up: &SetUp, amplitude_m: f64, angular_frequency_rad_per_s: f64) -> Option<[Option<Self>; 2]> {
         let particle = set_up.particle?;
@@ -99,7 +99,7 @@ impl SymmetricOrbit {
         Some([orbit((s1 * d + root) / square), orbit((s1 * d - root) / square)])
     }
 
-    /// The state just after the impact on the + wall, to start a run from together with
+    /// The state just after the impact on the + wall: the initial state of a run on the orbit, together with
     /// [`SymmetricOrbit::drive_phase_rad`].
     #[must_use]
     pub fn initial(&self) -> Initial {
@@ -111,7 +111,7 @@ impl SymmetricOrbit {
         }
     }
 
-    /// The same state in the driver's terms.
+    /// The same state as a state of the exact driver.
     #[must_use]
     pub fn state(&self) -> ExactState {
         ExactState {

@@ -1,13 +1,13 @@
-//! Product, quotient and root of [`I16F48`] for a core with 32-bit arithmetic, to the same bits as the library's.
+//! Product, quotient and square root of [`I16F48`] in 32-bit arithmetic, bit-identical to those of the `fixed` library.
 //!
-//! The library goes through 128-bit numbers; on a Cortex-M3 its division alone takes thousands of instructions, ours hundreds.
-//! Whatever could saturate is left to the library.
+//! The library uses 128-bit numbers: on a Cortex-M3 its division alone takes thousands of instructions; the division
+//! here takes hundreds. Operands whose result could saturate are passed to the library.
 
 use fixed::types::I16F48;
 
 const FRACTION: u32 = I16F48::FRAC_NBITS;
 
-/// `a · b`, cut off downwards, saturated.
+/// `a · b`, truncated downwards, saturated.
 pub fn product(a: I16F48, b: I16F48) -> I16F48 {
     let (whole_a, whole_b) = (a.to_bits(), b.to_bits());
     let (high_a, high_b) = (whole_a >> 32, whole_b >> 32);
@@ -17,17 +17,17 @@ pub fn product(a: I16F48, b: I16F48) -> I16F48 {
     if !is_small(high_a) || !is_small(high_b) || !(-(1 << 46)..1 << 46).contains(&highest) {
         return a.saturating_mul(b);
     }
-    // Below 2⁶²; the lowest product is not negative and keeps all its bits.
+    // `middle` stays below 2⁶². The lowest product is not negative and keeps all its bits.
     let lowest = ((low_a as u64) * (low_b as u64)) >> 32;
     let middle = high_a * low_b + low_a * high_b + lowest as i64;
     I16F48::from_bits((highest << (64 - FRACTION)) + (middle >> (FRACTION - 32)))
 }
 
-/// `a / b`, cut off towards zero, saturated; `b` is not zero.
+/// `a / b`, truncated towards zero, saturated; `b` is not zero.
 pub fn quotient(a: I16F48, b: I16F48) -> I16F48 {
     let is_negative = (a.to_bits() < 0) != (b.to_bits() < 0);
     let (dividend, divisor) = (a.to_bits().unsigned_abs(), b.to_bits().unsigned_abs());
-    // The quotient's whole part is below 2¹⁵, or it saturates.
+    // The integer part of the quotient is below 2¹⁵; otherwise the quotient saturates.
     if divisor == 0 || dividend >> 15 >= divisor || divisor >> 63 == 1 {
         return a.saturating_div(b);
     }
@@ -45,9 +45,9 @@ pub fn quotient(a: I16F48, b: I16F48) -> I16F48 {
     I16F48::from_bits(if is_negative { -(bits as i64) } else { bits as i64 })
 }
 
-/// `√a`, cut off downwards; `a` is not negative.
+/// `√a`, truncated downwards; `a` is not negative.
 pub fn root(a: I16F48) -> I16F48 {
-    // Two bits of the radicand, a · 2⁴⁸, to one of the root.
+    // Each bit of the root takes two bits of the radicand, a · 2⁴⁸.
     let radicand = a.to_bits() as u64;
     let begin = radicand.leading_zeros() & !1;
     let mut left = radicand.unbounded_shl(begin);
@@ -71,7 +71,7 @@ mod tests {
     use rand_core::{RngCore, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
-    /// Numbers of every size, both signs, and the ends.
+    /// Numbers of every magnitude and both signs, and the extreme values.
     fn numbers() -> impl Iterator<Item = I16F48> {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
         let ends = [0, 1, -1, 1 << 48, -(1 << 48), i64::MAX, i64::MIN, 1 << 62, -(1 << 62), (1 << 62) - 1, 1 << 32];

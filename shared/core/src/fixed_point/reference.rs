@@ -1,7 +1,8 @@
-//! Reference runs of the sampled driver, the same in any scalar and on any machine: what a controller without floating
-//! point is compared with, bit by bit, and what its numbers are compared with, in `f64`.
+//! Reference runs of the sampled driver, identical for every scalar and machine.
 //!
-//! Who compares lives elsewhere: `tests/scalars.rs` of this crate (the error), the whole-system tests (the bits).
+//! They serve two comparisons: the bits of a controller without floating point, and the error of its numbers against
+//! `f64`. The comparisons are made elsewhere: `tests/scalars.rs` of this crate (the error), the whole-system tests (the
+//! bits).
 
 use crate::integrator::base::{BaseSegment, BaseTrack};
 use crate::integrator::modes::Contact;
@@ -17,10 +18,10 @@ pub const STEP_HZ: f32 = 1000.0;
 /// Steps of a run: ten seconds.
 pub const STEPS: u32 = 10_000;
 
-/// Where a free vibration starts, m: structure and particle together.
+/// Initial displacement of a free vibration, m: structure and particle together.
 pub const START_M: f64 = 0.035;
 
-/// The laser's displacement per count of its converter, m: ±80 mm over sixteen 12-bit conversions added up.
+/// Displacement per count of the laser's converter, m: ±80 mm over the sum of sixteen 12-bit conversions.
 const M_PER_COUNT: f64 = 0.16 / 65_520.0;
 
 /// A driven run's unit of length in counts of the base's sensor: a power of two, so a sample is exact in fixed point.
@@ -29,7 +30,7 @@ const COUNTS_PER_LENGTH: u16 = 1 << 13;
 /// One run. Structure: 1.6 kg, 2.50 Hz, ζ = 0.0038; particle: a tenth of that mass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Case {
-    /// In words.
+    /// Description.
     pub name: &'static str,
     /// d, m.
     pub clearance_m: f64,
@@ -37,11 +38,11 @@ pub struct Case {
     pub restitution: f64,
     /// μi.
     pub friction: f64,
-    /// The base's motion; without one the structure starts from [`START_M`].
+    /// The motion of the base; without one the structure starts from [`START_M`].
     pub drive: Option<Sine>,
 }
 
-/// A base that moves as a sine, seen by a sensor in whole counts, under a structure with a friction damper.
+/// A sinusoidal base motion, quantised by the sensor to whole counts, under a structure with a friction damper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sine {
     /// Amplitude, counts of 2.4 µm.
@@ -56,7 +57,7 @@ const fn free(name: &'static str, clearance_over_start: f64, restitution: f64, f
     Case { name, clearance_m: clearance_over_start * START_M, restitution, friction, drive: None }
 }
 
-/// Free vibrations of moderate conditioning, and a driven one that sticks, slips and impacts in every cycle.
+/// Well-conditioned free vibrations, and a driven run that sticks, slips and impacts in every cycle.
 pub const CASES: [Case; 5] = [
     free("free, d/x0 0.4, e 0.4", 0.4, 0.4, 0.0),
     free("free, d/x0 0.8, e 0.4, mu_i 0.08", 0.8, 0.4, 0.08),
@@ -72,7 +73,7 @@ pub const CASES: [Case; 5] = [
 ];
 
 impl Case {
-    /// What is mounted.
+    /// The mechanical set-up.
     #[must_use]
     pub fn set_up(&self) -> SetUp {
         SetUp {
@@ -89,14 +90,14 @@ impl Case {
         }
     }
 
-    /// What its states are counted in: the start of a free vibration, 20 mm of a driven one.
+    /// The units of the states: the initial displacement of a free vibration, 20 mm for a driven run.
     #[must_use]
     pub fn units(&self) -> Units {
         let length_m = if self.drive.is_some() { f64::from(COUNTS_PER_LENGTH) * M_PER_COUNT } else { START_M };
         Units { step_s: 1.0 / f64::from(STEP_HZ), length_m }
     }
 
-    /// Where it starts: a free vibration displaced, a driven one at rest.
+    /// The initial state: displaced for a free vibration, at rest for a driven run.
     #[must_use]
     pub fn initial(&self) -> Initial {
         let start_m = if self.drive.is_some() { 0.0 } else { START_M };
@@ -123,7 +124,7 @@ pub struct Motion<S> {
 }
 
 impl<S: Scalar> Motion<S> {
-    /// At its start. `None` only for a case that is not physical: none of [`CASES`].
+    /// The motion at its start. `None` for a case that is not physical, which none of [`CASES`] is.
     #[must_use]
     pub fn new(case: &Case) -> Option<Self> {
         let sampled = Sampled::new(&case.set_up(), case.units(), &case.initial()).ok()?;
@@ -131,14 +132,14 @@ impl<S: Scalar> Motion<S> {
         Some(Self { sampled, track: BaseTrack::at_rest(S::ZERO), per_count })
     }
 
-    /// Takes the base's next sample and moves on by one step: what a controller does in its tick.
+    /// Advances by one step with the base's next sample, as a controller does in its tick.
     pub fn step(&mut self, base_counts: i16, observer: &mut impl Observer<S>) {
         let base: BaseSegment<S> = self.track.push(whole::<S>(base_counts) * self.per_count);
         self.sampled.step(&base, observer);
     }
 
-    /// Changes displacement and velocity of the structure and of a particle in flight, each against the laboratory, in
-    /// units: to see how a small change grows.
+    /// Adds displacements and velocities to the structure and to a particle in flight, each in the laboratory frame, in
+    /// units. Shows how a small change grows.
     pub fn disturb(&mut self, structure: [S; 2], particle: [S; 2]) {
         let SampledState { offset, slide, .. } = *self.sampled.state();
         let flies = matches!(self.sampled.mode().map(|mode| mode.contact), Some(Contact::Free(_)));

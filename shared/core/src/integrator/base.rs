@@ -1,9 +1,9 @@
-//! Base motion between samples: a cubic through them with continuous velocity.
+//! Base motion between samples: Catmull–Rom interpolation with continuous velocity.
 //!
-//! Catmull–Rom: over each step the cubic that has the samples as its ends and central differences as its
-//! end velocities. It passes through every sample exactly; a sine of angular frequency Ω sampled every h is met
-//! between the samples to (Ωh)³/50 or better of its amplitude. The price is a delay of one step: the velocity at
-//! a sample needs the next one.
+//! Over each step the motion is the cubic whose end values are the samples and whose end velocities are central
+//! differences. It passes through every sample exactly. For a sine of angular frequency Ω sampled every h, the error
+//! between samples is at most (Ωh)³/50 of the amplitude. The interpolation delays the motion by one step, because the
+//! velocity at a sample needs the next sample.
 
 use super::polynomial;
 use crate::scalar::Scalar;
@@ -27,7 +27,7 @@ impl<S: Scalar> BaseSegment<S> {
         Self([z0, velocity0, S::from_u8(3) * rise - two * velocity0 - velocity1, velocity0 + velocity1 - two * rise])
     }
 
-    /// The same motion seen from `by` later.
+    /// The same motion with its origin `by` later.
     #[must_use]
     pub fn from(mut self, by: S) -> Self {
         polynomial::shift(&mut self.0, by);
@@ -50,7 +50,7 @@ impl<S: Scalar> BaseSegment<S> {
         part
     }
 
-    /// Where it ends, m.
+    /// Displacement at its end, m.
     #[must_use]
     pub fn end(&self) -> S {
         self.0[0] + (self.0[1] + (self.0[2] + self.0[3]))
@@ -69,14 +69,14 @@ impl<S: Scalar> BaseSegment<S> {
     }
 }
 
-/// Turns a stream of samples into segments.
+/// Converts a stream of samples to segments.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BaseTrack<S> {
     samples: [S; 4],
 }
 
 impl<S: Scalar> BaseTrack<S> {
-    /// A base that has always been at `z_m`.
+    /// A base that has always been at rest at `z_m`.
     #[must_use]
     pub fn at_rest(z_m: S) -> Self {
         Self { samples: [z_m; 4] }

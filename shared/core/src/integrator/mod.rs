@@ -1,8 +1,8 @@
-//! The dynamics: one mode machine ([`modes`]) under two drivers.
+//! Integrators: one mode machine ([`modes`]) used by two drivers, [`sampled`] and [`exact`].
 //!
-//! [`sampled`] takes the base motion one sample at a time and runs in any [`crate::scalar::Scalar`]: it is the
-//! board's twin, the virtual rig's plant and the way to play a recorded motion. [`exact`] knows it in closed form and
-//! certifies every event: it is the simulation.
+//! [`sampled`] receives the base motion one sample at a time and runs in any [`crate::scalar::Scalar`]. The board's
+//! digital twin, the plant of the virtual rig and the playback of recorded motions use it. [`exact`] has the base
+//! motion in closed form and certifies every event; simulations use it.
 
 pub mod base;
 pub mod exact;

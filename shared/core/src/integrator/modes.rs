@@ -1,12 +1,11 @@
-//! The mode machine: which of the set-valued forces stick, slip or press right now.
+//! Mode machine: decides which set-valued forces stick, slip or press for a given state.
 //!
-//! Coulomb friction and a wall are not functions of the state but of what follows from it: while two bodies
-//! stick, the force is whatever keeps them together, up to a limit. So the motion is a sequence of modes,
-//! linear in each, and this module holds the two things every driver needs: [`resolve`], the mode that is
-//! consistent with a state, and [`impact`], the law of the hard wall. When events happen is the drivers'
-//! business.
+//! Coulomb friction and wall forces are not functions of the state alone: while two bodies stick, the force is whatever
+//! keeps them together, up to a limit. The motion is therefore a sequence of modes and linear within each. This module
+//! contains what every driver needs: [`resolve`], the mode that is consistent with a state, and [`impact`], the law of
+//! the hard wall. The drivers find the times of the events.
 //!
-//! The structure's equation (u is the base displacement z here, absolute coordinates):
+//! Equations of motion (z is the base displacement; absolute coordinates):
 //! `M x″ + c (x′ − z′) + k (x − z) = f_damper + f_particle`, and `m y″ = −f_particle`.
 
 use super::units::Units;
@@ -16,38 +15,38 @@ use crate::scalar::Scalar;
 /// +1, 0 or −1: a direction, or a side of the cavity.
 pub type Sign = i8;
 
-/// What the friction damper does.
+/// State of the friction damper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grip {
-    /// There is none, or its force is zero: nothing slips or sticks, so no slip can end.
+    /// There is no friction damper, or its force is zero: there is no sticking and no slip event.
     Absent,
     /// The structure slips on the damper in the direction of the sign, +1 or −1: the force is −sign·F.
     Slip(Sign),
-    /// The structure moves with the base.
+    /// The structure sticks to the base and moves with it.
     Stuck,
 }
 
-/// What the particle does.
+/// State of the particle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contact {
-    /// There is none.
+    /// There is no particle.
     Absent,
-    /// It flies between the walls; the sign of y′ − x′ as far as internal friction is concerned.
+    /// The particle flies between the walls; the sign is that of y′ − x′ for internal friction.
     Free(Sign),
-    /// It moves with the structure: held by internal friction (side 0), or resting on the wall of that side.
+    /// The particle moves with the structure: held by internal friction (side 0), or resting on the wall of that side.
     Held(Sign),
 }
 
 /// The mode of the whole system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mode {
-    /// Structure against base.
+    /// State of structure against base.
     pub grip: Grip,
-    /// Particle against structure.
+    /// State of particle against structure.
     pub contact: Contact,
 }
 
-/// The set-up's parameters in the scalar of the calculation, as the equations use them.
+/// The parameters of a set-up in the scalar of the calculation, as the equations of motion use them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients<S> {
     /// M, kg.
@@ -64,12 +63,12 @@ pub struct Coefficients<S> {
     pub clearance: S,
     /// e of a hard wall.
     pub restitution: S,
-    /// μi·g, m/s²: the largest acceleration that internal friction gives the particle.
+    /// μi·g, m/s²: the largest acceleration of the particle by internal friction.
     pub friction_acceleration: S,
 }
 
 impl<S: Scalar> Coefficients<S> {
-    /// From a validated set-up. A soft wall or a tuned mass is not part of these equations.
+    /// From a validated set-up. These equations do not include a soft wall or a tuned mass.
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let particle = set_up.particle;
@@ -91,7 +90,7 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// The same system in other units: time and length as given, force per structure mass. So M = 1, and every
+    /// The same system in other units: time and length as given, force per structure mass. Then M = 1, and every
     /// function of this module holds unchanged.
     #[must_use]
     pub fn in_units(set_up: &SetUp, units: &Units) -> Self {
@@ -121,7 +120,7 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// Force of the particle on the structure in `contact` as far as it is known beforehand, N.
+    /// Force of the particle on the structure in `contact`, N; 0 where it follows from the motion instead.
     #[must_use]
     pub fn drag(&self, contact: Contact) -> S {
         match contact {
@@ -130,8 +129,8 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// How the friction damper stands in a structure that moves at `slip` (x′ − z′, m/s) relative to the base, before the
-    /// forces are known: a slip of exactly zero may stick.
+    /// State of the friction damper at the slip velocity `slip` (x′ − z′, m/s), before the forces are known: at a slip
+    /// of exactly zero it may stick.
     #[must_use]
     pub fn grip_at(&self, slip: S) -> Grip {
         if self.damper_force == S::ZERO {
@@ -143,8 +142,8 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// Force with which a slipping damper resists, N: positive against a slip along +x. What a stuck one supplies follows
-    /// from the motion ([`Coefficients::holding_force`]).
+    /// Force of a slipping damper, N: positive against a slip along +x. The force of a sticking damper follows from the
+    /// motion ([`Coefficients::holding_force`]).
     #[must_use]
     pub fn resistance(&self, grip: Grip) -> S {
         match grip {
@@ -153,18 +152,18 @@ impl<S: Scalar> Coefficients<S> {
         }
     }
 
-    /// Force that a stuck damper must supply, N: positive pushes the structure along +x.
+    /// Force that a sticking damper must supply, N: positive pushes the structure along +x.
     ///
-    /// `stretch` is x − z, `base_acceleration` is z″. The damper holds while its magnitude is at most F.
+    /// `stretch` is x − z, `base_acceleration` is z″. The damper holds while the magnitude of this force is at most F.
     #[must_use]
     pub fn holding_force(&self, contact: Contact, stretch: S, base_acceleration: S) -> S {
         self.moving_mass(contact) * base_acceleration + self.stiffness * stretch - self.drag(contact)
     }
 
-    /// Lowest and highest structure acceleration with which a particle held on `side` stays held, m/s².
+    /// Lowest and highest structure acceleration at which a particle held on `side` stays held, m/s².
     ///
-    /// Friction gives it ±μi·g; a hard wall pushes inwards without limit and cannot pull; a soft one that is pressed
-    /// pushes with the reaction of `joint_force`.
+    /// Friction accelerates the particle by up to ±μi·g. A hard wall pushes inwards without limit and cannot pull. A
+    /// compressed soft wall pushes with the reaction to `joint_force`.
     #[must_use]
     pub fn held_limits(&self, side: Sign, joint_force: S) -> (Option<S>, Option<S>) {
         let g = self.friction_acceleration;
@@ -183,7 +182,7 @@ pub fn signed<S: Scalar>(direction: Sign, value: S) -> S {
     }
 }
 
-/// As [`signed`], of each of them.
+/// Applies [`signed`] to each value.
 #[must_use]
 #[inline]
 pub fn all_signed<S: Scalar, const N: usize>(direction: Sign, values: [S; N]) -> [S; N] {
@@ -206,7 +205,7 @@ pub fn sign<S: Scalar>(value: S) -> Sign {
     }
 }
 
-/// What [`resolve`] needs to know of a state.
+/// The part of a state that [`resolve`] needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<S> {
     /// x − z, m.
@@ -219,18 +218,18 @@ pub struct Situation<S> {
     pub side: Sign,
     /// z″, m/s².
     pub base_acceleration: S,
-    /// Force on the structure by a spring and dashpot between it and the particle (soft wall, tuned mass), N.
+    /// Force of the spring and dashpot between structure and particle (soft wall, tuned mass) on the structure, N.
     pub joint_force: S,
     /// Any other force on the structure, N.
     pub applied_force: S,
-    /// What rounding may make of an acceleration of zero, m/s²: a body is not let go by that little.
+    /// Rounding error of an acceleration, m/s²: an excess within it does not release a body.
     pub rounding: S,
 }
 
 /// The mode that follows from a state: the one in which every force is within its limit.
 ///
-/// A relative velocity of exactly zero asks whether the two bodies stick; any other says how they slip.
-/// A particle without internal friction is held by a wall only.
+/// A relative velocity of exactly zero means that the two bodies may stick; any other value gives the direction of
+/// slip. A particle without internal friction can be held only by a wall.
 #[must_use]
 pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation<S>) -> Mode {
     if !has_particle {
@@ -248,7 +247,7 @@ pub fn resolve<S: Scalar>(c: &Coefficients<S>, has_particle: bool, s: &Situation
         Grip::Absent | Grip::Slip(_) => structure_acceleration(c, held, grip_held, s),
     };
     let (low, high) = c.held_limits(s.side, s.joint_force);
-    // The particle lags behind a structure that accelerates more than friction and wall can follow.
+    // If the structure accelerates more than friction and wall can transmit, the particle lags behind.
     let contact = if high.is_some_and(|high| acceleration > high + s.rounding) {
         Contact::Free(-1)
     } else if low.is_some_and(|low| acceleration < low - s.rounding) {
@@ -273,7 +272,7 @@ fn structure_acceleration<S: Scalar>(c: &Coefficients<S>, contact: Contact, grip
     (force + joint_force(contact, s) + s.applied_force) / c.moving_mass(contact)
 }
 
-/// The joint's force on what moves as one body with the structure: none once the particle is part of it.
+/// The joint force on the bodies that move as one with the structure: zero if the particle is one of them.
 fn joint_force<S: Scalar>(contact: Contact, s: &Situation<S>) -> S {
     match contact {
         Contact::Held(_) => S::ZERO,
@@ -281,10 +280,10 @@ fn joint_force<S: Scalar>(contact: Contact, s: &Situation<S>) -> S {
     }
 }
 
-/// Velocities after the particle hits a hard wall: `(x′, y′ − x′)` from those before.
+/// Velocities after an impact of the particle on a hard wall: `(x′, y′ − x′)` from those before.
 ///
-/// Momentum `M x′ + m y′` is kept and the relative velocity is scaled by −e (thesis eq. 3.6 and 3.7). In
-/// relative terms, so that e is exact and a light particle's impulse is not lost in rounding.
+/// Momentum `M x′ + m y′` is conserved and the relative velocity is multiplied by −e (thesis eq. 3.6 and 3.7). The
+/// calculation uses the relative velocity, so that e is exact and a light particle's impulse is not lost in rounding.
 #[must_use]
 pub fn impact<S: Scalar>(c: &Coefficients<S>, restitution: S, v: S, slide: S) -> (S, S) {
     let impulse = (S::ONE + restitution) * slide * c.particle_mass;

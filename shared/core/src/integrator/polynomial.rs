@@ -1,4 +1,4 @@
-//! Short polynomials in time over one step, and their first root, found so that none can be missed.
+//! Polynomials in time over one step, and a search for their first root that cannot miss one.
 //!
 //! Time runs from 0 to 1 over a step. Coefficients are in ascending order: `p(t) = p[0] + p[1] t + …`.
 
@@ -6,14 +6,14 @@ use crate::scalar::Scalar;
 
 /// Number of coefficients of a flight: degree 7.
 ///
-/// The velocity is its derivative, so the first term left out of a step is (rate × step)⁷/7! of the amplitude:
+/// The velocity is its derivative, so the first neglected term over a step is (rate × step)⁷/7! of the amplitude:
 /// 2·10⁻¹¹ at the largest allowed 0.1 (`sampled::LARGEST_RATE_PER_STEP`), 5·10⁻¹⁷ at 2.5 Hz and 1 kHz.
 pub const COEFFICIENTS: usize = 8;
 
 /// Coefficients in ascending order.
 pub type Polynomial<S> = [S; COEFFICIENTS];
 
-/// `p(t) − p(0)`: the increment, so that a small change is not rounded at the size of the state.
+/// `p(t) − p(0)`: the increment, so that rounding of a small change is relative to the change and not to the state.
 #[inline]
 pub fn increment<S: Scalar>(p: &[S], t: S) -> S {
     let mut sum = S::ZERO;
@@ -43,7 +43,7 @@ pub fn derivative<S: Scalar>(p: &Polynomial<S>) -> Polynomial<S> {
     d
 }
 
-/// `Σ |p[n]| tⁿ` over n ≥ 1: how far `p` can stray from `p(0)` up to time `t`.
+/// `Σ |p[n]| tⁿ` over n ≥ 1: an upper bound of the deviation of `p` from `p(0)` up to time `t`.
 #[inline]
 pub fn reach<S: Scalar>(p: &Polynomial<S>, t: S) -> S {
     let mut sum = S::ZERO;
@@ -62,15 +62,16 @@ pub fn shift<S: Scalar>(p: &mut [S], by: S) {
     }
 }
 
-/// The first time in `[0, end]` at which a quantity that must not be negative becomes so, if any.
+/// The first time in `[0, end]` at which a quantity that must not be negative becomes negative, if any.
 ///
-/// The search walks from the left. At each point, with `g` the polynomial shifted there, `g0 + g1 δ − B δ²`
-/// with `B = Σ_{n≥2} |g_n|·rest^{n−2}` is a lower bound of `g(δ)` for every `δ` in the rest of the interval. Up
-/// to the bound's own root `g` is positive, so stepping there cannot pass a root: it approaches the first one
-/// from below, as fast as Newton's method does (the bound is tangent to `g`), however close a second one is.
+/// The search walks from the left. Let `g` be the polynomial shifted to the present point. With
+/// `B = Σ_{n≥2} |g_n|·rest^{n−2}`, `g0 + g1 δ − B δ²` is a lower bound of `g(δ)` for every `δ` in the rest of the
+/// interval. Up to the root of this bound `g` is positive, so a step to that root cannot pass a root of `g`. The search
+/// thus approaches the first root from below, however close a second root is. The bound is tangent to `g`, so the
+/// convergence is that of Newton's method.
 ///
-/// A leading coefficient of exactly zero means that the quantity starts at its limit: then the sign of the
-/// next one says whether it leaves (the root at 0 is divided out) or fails at once.
+/// A leading coefficient of exactly zero means that the quantity starts at its limit. The sign of the next one then
+/// says whether the quantity leaves its limit (the root at 0 is divided out) or fails at once.
 #[must_use]
 pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
     let mut g = *guard;
@@ -91,7 +92,7 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
     if g[0] > reach(&g, end) {
         return None;
     }
-    // Towards a root, a step below the resolution of the numbers near `end` cannot be told from it.
+    // Near a root, a step below the resolution of the numbers around `end` counts as converged.
     let smallest_step = end * S::EPSILON * S::from_u8(4);
     let mut t = S::ZERO;
     let mut has_fallen = false;
@@ -128,14 +129,14 @@ pub fn first_failure<S: Scalar>(guard: &Polynomial<S>, end: S) -> Option<S> {
     crawl(g, t, end, has_fallen)
 }
 
-/// The rest of a search whose steps are very short: `g` has left zero as the third power of time a moment ago (a particle
-/// just let go by its wall), and the bound of the whole rest hides that it rises. So each step takes the bound of a stretch
-/// that suits it.
+/// Continues a search whose steps have become very short: `g` has just left zero as the third power of time (a particle
+/// just released by its wall), and the bound over the whole remaining interval hides its rise. Each step uses the bound
+/// of a stretch of suitable length.
 #[cold]
 fn crawl<S: Scalar>(mut g: Polynomial<S>, mut t: S, end: S, mut has_fallen: bool) -> Option<S> {
     let smallest_step = end * S::EPSILON * S::from_u8(4);
     let half = S::from_f64(0.5);
-    // Each step at least doubles how long ago it left zero.
+    // Each step at least doubles the time since `g` left zero.
     for _ in 0..256 {
         let rest = end - t;
         let mut stretch = rest;
@@ -211,7 +212,7 @@ mod tests {
             (p[0], p[1], p[2], p[3]) = (since * since * since, 3.0 * since * since, 3.0 * since, 1.0);
             assert_eq!(first_failure(&p, 1.0), None, "{since}");
             assert_eq!(first_failure(&p.map(|c| c as f32), 1.0), None, "{since}");
-            // (t + s)³ (1 − t/0.7) comes back at 0.7.
+            // (t + s)³ (1 − t/0.7) returns to zero at 0.7.
             let rising = p;
             for n in 1..COEFFICIENTS {
                 p[n] -= rising[n - 1] / 0.7;
@@ -223,7 +224,7 @@ mod tests {
 
     #[test]
     fn leaving_a_limit_is_no_failure_but_coming_back_is() {
-        // t (0.3 − t): starts at the limit, leaves, returns at 0.3.
+        // t (0.3 − t): starts at the limit, leaves it and returns at 0.3.
         let p = [0.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert!((first_failure(&p, 1.0).unwrap() - 0.3).abs() < 1e-15);
         assert_eq!(first_failure(&p, 0.2), None);

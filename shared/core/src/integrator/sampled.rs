@@ -1,18 +1,19 @@
-//! The sampled driver: the base arrives one sample at a time, as on the board.
+//! Sampled integrator: advances the motion one base sample at a time, as on the board, for `f32`, `f64` and fixed
+//! point.
 //!
-//! One step is one [`BaseSegment`] of base motion. Within it the system is linear until a set-valued force changes
-//! its mode; the solution is followed as its own Taylor polynomial (a *flight*), exact to the degree kept, and the
-//! first time at which any guard (gap, relative velocity, force limit) would be violated ends the flight. The mode
-//! laws are in [`super::modes`], the root finder in [`super::polynomial`].
+//! One step is one [`BaseSegment`] of base motion. Within it the system is linear until a set-valued force changes its
+//! mode. The solution is computed as a Taylor polynomial (a *flight*), exact to the degree kept. A flight ends at the
+//! first time at which a guard (gap, relative velocity, force limit) would be violated. The mode laws are in
+//! [`super::modes`], the root finder in [`super::polynomial`].
 //!
-//! States advance by increments, `x += Δx`, never `x = Φx`: in `f32` the latter loses 0.2 % of a damping of
-//! 0.0038. Time is counted in steps (velocities in lengths per step), and the particle's place is kept relative to the
-//! structure, so a held particle and the walls are exact. Only IEEE-exact operations are used: `f32` gives the same
-//! bits on every machine.
+//! States advance by increments, `x += Δx`, never `x = Φx`: in `f32` the latter loses 0.2 % of a damping of 0.0038.
+//! Time is counted in steps (velocities in lengths per step). The particle's position is stored relative to the
+//! structure, so a held particle and the wall positions are exact. Only IEEE-exact operations are used: `f32` gives the
+//! same bits on every machine.
 //!
-//! # What the small scalars lose
-//! Against `f64`, free vibration from x0 = 35 mm at 1 kHz (`tests/scalars.rs` prints it): largest error of x over 10 s
-//! in parts of x0, of the first ten impact times, and of the RMS over 30 cycles.
+//! # Accuracy of the small scalars
+//! Errors against `f64` in free vibration from x0 = 35 mm at 1 kHz (`tests/scalars.rs` prints them): the largest error
+//! of x over 10 s in parts of x0, the error of the first ten impact times, and the error of the RMS over 30 cycles.
 //!
 //! | d/x0, e, μi | `f32`: x | impacts, s | RMS | fixed point: x | impacts, s | RMS |
 //! |---|---|---|---|---|---|---|
@@ -21,9 +22,9 @@
 //! | 0.85, 0.55, 0 | 4e-5 | 4e-7 | 2e-6 | 2e-7 | 3e-10 | 9e-9 |
 //! | 1.2, 0.3, 0.05 | 5e-7 | 4e-7 | 2e-7 | 2e-8 | 8e-10 | 4e-9 |
 //!
-//! The effective damping ratio over 30 cycles of the bare structure is off by 7e-6 of itself in `f32` and by 2e-8 in
+//! The relative error of the effective damping ratio over 30 cycles of the bare structure is 7e-6 in `f32` and 2e-8 in
 //! fixed point. Where an impact falls on the other side of a sample, the velocity at that one sample differs by the
-//! impact's kick.
+//! impact's change of velocity.
 
 mod correct;
 mod guards;
@@ -39,10 +40,10 @@ use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, WallTouch};
 
-/// The largest (fastest rate × step) for which a flight's polynomial is exact enough; see [`COEFFICIENTS`].
+/// The largest (fastest rate × step) for which a flight's polynomial is accurate enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 
-/// Most events in one step of [`Sampled::step`].
+/// Largest number of events in one step of [`Sampled::step`].
 const MOST_EVENTS_PER_STEP: u8 = 64;
 
 /// Displacements and velocities of structure and particle, in [`Units`].
@@ -58,7 +59,7 @@ pub struct SampledState<S> {
     pub slide: S,
 }
 
-/// The motion from one event to the next: polynomials from its own start.
+/// The motion from one event to the next, as polynomials in the time since its start.
 #[derive(Clone, Copy, Debug)]
 pub struct Flight<S> {
     /// x.
@@ -72,17 +73,17 @@ pub struct Flight<S> {
 /// An impact on a hard wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact<S> {
-    /// When, in steps from the start of the step.
+    /// Time in steps from the start of the step.
     pub at: S,
     /// +1 where y − x = +d.
     pub side: Sign,
     /// |y′ − x′| just before; greater than 0.
     pub approach: S,
-    /// Momentum given to the structure over its mass: the change of x′.
+    /// Momentum given to the structure divided by its mass: the change of x′.
     pub kick: S,
 }
 
-/// Sees the motion between the samples. Every method may be left out.
+/// Receives the events and flights between the samples. Every method is optional.
 pub trait Observer<S> {
     /// The next flight is in `mode`.
     fn mode(&mut self, mode: Mode) {
@@ -94,13 +95,14 @@ pub trait Observer<S> {
         let _ = (start, length, flight);
     }
 
-    /// The particle hit a wall at speed. A particle that starts to press on a soft wall from rest makes no impact.
+    /// The particle hit a wall at a non-zero speed. A particle that starts from rest to press on a soft wall makes no
+    /// impact.
     fn impact(&mut self, impact: &Impact<S>) {
         let _ = impact;
     }
 
-    /// Accumulating impacts ended at `at` (steps from the start of the step) in a particle resting on the hard wall of
-    /// `side`; the last impact reported holds those still to come.
+    /// Accumulating impacts ended at `at` (steps from the start of the step) with the particle at rest on the hard wall
+    /// of `side`. The last reported impact includes the remaining ones.
     fn accumulation(&mut self, at: S, side: Sign) {
         let _ = (at, side);
     }
@@ -110,7 +112,8 @@ pub trait Observer<S> {
         let _ = (at, side);
     }
 
-    /// The soft wall of `side` let go at `at` (steps from the start of the step), the particle leaving at `separation`.
+    /// The soft wall of `side` released the particle at `at` (steps from the start of the step) with the speed
+    /// `separation`.
     fn contact_end(&mut self, at: S, side: Sign, separation: S) {
         let _ = (at, side, separation);
     }
@@ -118,13 +121,13 @@ pub trait Observer<S> {
 
 impl<S> Observer<S> for () {}
 
-/// Taylor recurrence of the structure for one moving mass:
-/// `X[n+2] = damping[n]·Q[n+1] + stiffness[n]·Q[n]` with Q the coefficients of x − z.
+/// Taylor recurrence of the structure for one moving mass: `X[n+2] = damping[n]·Q[n+1] + stiffness[n]·Q[n]`, where Q
+/// are the coefficients of x − z.
 #[derive(Clone, Copy, Debug)]
 struct Weights<S> {
     damping: [S; COEFFICIENTS - 2],
     stiffness: [S; COEFFICIENTS - 2],
-    /// Half the acceleration that a unit of force gives.
+    /// Half the acceleration per unit of force.
     half_inverse_mass: S,
 }
 
@@ -155,7 +158,7 @@ enum Event {
     Inside(Sign),
 }
 
-/// A set-up in motion, driven by base samples; `J` says whether soft walls or a tuned mass are part of it.
+/// A set-up in motion, driven by base samples; `J` selects whether soft walls or a tuned mass are part of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled<S, J = Rigid> {
     c: Coefficients<S>,
@@ -164,7 +167,7 @@ pub struct Sampled<S, J = Rigid> {
     together: Weights<S>,
     state: SampledState<S>,
     mode: Option<Mode>,
-    /// The particle has just been released: its slide starts from zero by definition, whatever rounding says.
+    /// The particle has just been released: its slide starts from zero by definition, regardless of rounding.
     slide_released: bool,
     /// The friction damper has just been released.
     slip_released: bool,
@@ -174,10 +177,10 @@ pub struct Sampled<S, J = Rigid> {
 }
 
 impl<S: Scalar> Sampled<S> {
-    /// How many steps a sample interval must be divided into for this set-up.
+    /// Number of steps into which a sample interval must be divided for this set-up.
     ///
     /// # Errors
-    /// More than 200 would be needed: the structure is too fast for the sampling rate.
+    /// More than 200 steps would be needed: the structure is too fast for the sampling rate.
     pub fn steps_per_sample(set_up: &SetUp, sample_s: f64) -> Result<u8, Invalid> {
         let structure = &set_up.structure;
         let rate = structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
@@ -191,11 +194,11 @@ impl<S: Scalar> Sampled<S> {
         Ok(steps as u8)
     }
 
-    /// A set-up counted in `units`, starting from `initial` (structure and particle in absolute terms). Base samples are
-    /// then in `units` too.
+    /// A set-up in `units` that starts from `initial` (absolute positions and velocities of structure and particle).
+    /// Base samples are then in `units` too.
     ///
     /// # Errors
-    /// Names a value that is not physical, or a soft wall or tuned mass, which [`Joined`] has the equations for.
+    /// Names a value that is not physical, or a soft wall or tuned mass; those need [`Joined`].
     pub fn new(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
         set_up.validate_initial(initial)?;
@@ -234,7 +237,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         sampled
     }
 
-    /// Starts again with everything at rest in its place, as from [`Initial::default`] but without a division.
+    /// Restarts with everything at rest in its neutral position, as from [`Initial::default`] but without a division.
     pub fn rest(&mut self) {
         self.state = SampledState::default();
         if let Some(link) = self.joint.link_mut() {
@@ -247,7 +250,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.unresolved = 0;
     }
 
-    /// Starts again from `initial`.
+    /// Restarts from `initial`.
     pub fn reset(&mut self, initial: &Initial) {
         let is_tuned = self.joint.link().is_some_and(Link::is_tuned);
         let has_second = self.has_particle || is_tuned;
@@ -271,41 +274,41 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         &self.state
     }
 
-    /// The mode at the end of the last step; none before the first.
+    /// The mode at the end of the last step; `None` before the first step.
     #[must_use]
     pub fn mode(&self) -> Option<Mode> {
         self.mode
     }
 
-    /// What it counts in.
+    /// The units of all quantities.
     #[must_use]
     pub fn units(&self) -> &Units {
         &self.units
     }
 
-    /// The set-up's coefficients in its units.
+    /// The coefficients of the set-up in its units.
     #[must_use]
     pub fn coefficients(&self) -> &Coefficients<S> {
         &self.c
     }
 
-    /// Steps in which events were so many that the search for them was given up.
+    /// Number of steps that exceeded their event limit and were completed without event search.
     #[must_use]
     pub fn unresolved(&self) -> u32 {
         self.unresolved
     }
 
-    /// Advances by one step of base motion, with at most 64 events in it. Steps follow each other with continuous base velocity,
-    /// as those of [`super::base::BaseTrack`] do: a structure that sticks goes along with the base. Where the base's velocity
-    /// jumps, start again with [`Sampled::reset`].
+    /// Advances by one step of base motion, with at most 64 events in it. The base velocity must be continuous from
+    /// step to step, as in the steps of [`super::base::BaseTrack`], because a sticking structure moves with the base.
+    /// Where the base velocity jumps, restart with [`Sampled::reset`].
     pub fn step(&mut self, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
         self.step_bounded(base, MOST_EVENTS_PER_STEP, observer);
     }
 
-    /// Advances by one step of base motion, with at most `most_events` events in it: a bound on the work, whatever the
-    /// numbers do. With the last event a chatter ends: a particle that would bounce on a hard wall again within the step
-    /// comes to rest there. The rest of the step is taken without events; a particle that would pass a hard wall stays at
-    /// it. Such steps are counted in [`Sampled::unresolved`].
+    /// Advances by one step of base motion, with at most `most_events` events in it: this bounds the work for all
+    /// inputs. The last event ends a chatter: a particle that would bounce on a hard wall again within the step comes
+    /// to rest there. The rest of the step is computed without events; a particle that would pass a hard wall stays at
+    /// it. [`Sampled::unresolved`] counts such steps.
     pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut impl Observer<S>) {
         let mut base = *base;
         if self.mode.is_none() {
@@ -408,7 +411,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// Side of the hard wall that the particle is at, 0 inside.
+    /// Side of the hard wall that the particle touches; 0 between the walls.
     fn side(&self) -> Sign {
         let d = self.c.clearance;
         if self.joint.link().is_some() {
@@ -475,7 +478,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// The particle meets the wall on `side` at speed; it may come to rest there.
+    /// Applies an impact on the wall on `side`; the particle may come to rest there.
     fn hit(&mut self, side: Sign, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = self.state.slide;
         let before = if mode.grip == Grip::Stuck { base.velocity() } else { self.state.v };
@@ -483,7 +486,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.state.v = v;
         self.state.slide = slide;
         self.mode = Some(self.resolve(base, v - base.velocity()));
-        // A bounce whose height cannot be told from zero next to the clearance is the end of a chatter.
+        // A bounce whose height is within rounding of the clearance ends a chatter.
         let pressing = self.pressing(side, base);
         let height = self.c.clearance * S::EPSILON * S::from_u8(16);
         let rests = pressing > S::ZERO && slide * slide <= pressing * height * S::from_u8(4);
@@ -491,25 +494,25 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             self.stay_at_wall(base);
         }
         observer.impact(&Impact { at, side, approach: approach.abs(), kick: self.state.v - before });
-        // Without restitution one impact ends it.
+        // Without restitution a single impact ends the bouncing.
         if rests && self.c.restitution > S::ZERO {
             observer.accumulation(at, side);
         }
     }
 
-    /// Half the acceleration, relative to the structure, with which the particle is driven to the wall on `side`.
+    /// Half the acceleration, relative to the structure, with which the particle is pressed towards the wall on `side`.
     fn pressing(&self, side: Sign, base: &BaseSegment<S>) -> S {
         signed(side, self.flight(self.current_mode(), base).offset[2])
     }
 
-    /// The particle at a wall moves with the structure from now on.
+    /// Brings the particle at a wall to rest relative to the structure.
     fn stay_at_wall(&mut self, base: &BaseSegment<S>) {
         (self.state.v, _) = modes::impact(&self.c, S::ZERO, self.state.v, self.state.slide);
         self.state.slide = S::ZERO;
         self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
     }
 
-    /// A particle at a hard wall that would bounce on it again within the step stays there.
+    /// Brings a particle at a hard wall to rest if it would bounce on that wall again within the step.
     fn end_chatter(&mut self, at: S, base: &BaseSegment<S>, observer: &mut impl Observer<S>) {
         let side = self.side();
         if side != 0 && self.state.slide.abs() <= self.pressing(side, base) * (S::ONE - at) {

@@ -1,6 +1,6 @@
-//! The units of time and length in which a motion is calculated.
+//! Units of time and length of a calculation.
 
-/// Units of a calculation. Floating point takes metres; fixed point wants displacements of order one.
+/// Units of a calculation. Floating point uses metres; fixed point needs displacements of order one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Units {
     /// The step: the unit of time, s.
@@ -10,7 +10,7 @@ pub struct Units {
 }
 
 impl Units {
-    /// Steps of `step_s` seconds, lengths in metres.
+    /// Steps of `step_s` seconds and lengths in metres.
     #[must_use]
     pub fn metres(step_s: f64) -> Self {
         Self { step_s, length_m: 1.0 }

@@ -1,28 +1,28 @@
-//! Soft walls from what is known of their material: storage modulus, shape factor, loss factor.
+//! Soft walls from material data: storage modulus, shape factor and loss factor.
 //!
-//! A viscoelastic pad of storage modulus E_s and geometry ν presses back with k1 = ν E_s and loses energy by its loss
-//! factor η. The Voigt model has a constant c1 instead; it loses the same energy per cycle at one angular frequency ω
-//! only, where c1 ω = k1 η. Which ω that is, is a choice: [`DampingLaw`].
+//! A viscoelastic pad of storage modulus E_s and shape factor ν has the stiffness k1 = ν E_s and dissipates energy
+//! according to its loss factor η. The Voigt model has a constant c1 instead; its energy loss per cycle equals that of
+//! the pad at only one angular frequency ω, where c1 ω = k1 η. [`DampingLaw`] selects that ω.
 
 use super::{Release, Structure, Wall};
 
-/// At which frequency a Voigt wall loses what its loss factor says.
+/// Frequency at which a Voigt wall has the given loss factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DampingLaw {
-    /// c1 = k1 η/ω with the structure's ω = √(k/M): the frequency at which the particle is thrown about.
+    /// c1 = k1 η/ω with the structure's ω = √(k/M), the frequency of the motion that drives the particle.
     #[default]
     Natural,
-    /// c1 = k1 η/ω with the ω of the contact itself, √(k1 (M+m)/(M m)): the particle on the wall's spring.
+    /// c1 = k1 η/ω with ω = √(k1 (M+m)/(M m)), the frequency of the particle on the wall's spring during contact.
     Contact,
     /// c1 = k1 η/f with f in Hz, as eq. 4.7 of the source document is printed: 2π times [`DampingLaw::Natural`].
     NaturalHz,
 }
 
 impl DampingLaw {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 3] = [Self::Natural, Self::Contact, Self::NaturalHz];
 
-    /// As files spell it.
+    /// Name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -54,7 +54,7 @@ impl DampingLaw {
     }
 }
 
-/// The pads that the source document measured (its table 4-5), at room temperature and low frequency.
+/// The pads measured in the source document (its table 4-5), at room temperature and low frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Material {
     /// νE_s = 43.436 kN/m, η = 0.164.
@@ -68,10 +68,10 @@ pub enum Material {
 }
 
 impl Material {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 4] = [Self::Rubber, Self::AntiVibrationPad, Self::AcrylicFoam, Self::PuFoam];
 
-    /// As files spell it.
+    /// Name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

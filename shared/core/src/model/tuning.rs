@@ -2,25 +2,25 @@
 
 use super::{Structure, Tmd};
 
-/// A rule for a tuned mass damper's spring and dashpot.
+/// A tuning rule for the spring and dashpot of a tuned mass damper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tuning {
-    /// For a harmonic force on the structure (Den Hartog): γ = 1/(1+μ), ζ = √(3μ/(8(1+μ))). Both fixed points of the
-    /// response, which no damping moves, are at √(1+2/μ).
+    /// For a harmonic force on the structure (Den Hartog): γ = 1/(1+μ), ζ = √(3μ/(8(1+μ))). The two fixed points of the
+    /// response, which are independent of damping, both have the height √(1+2/μ).
     ///
-    /// ζ is of the damper's own critical damping, c1/(2 m ω1). Den Hartog's book divides by 2 m ω with the structure's ω:
-    /// the same c1 is then √(3μ/(8(1+μ)³)) (0.1679 for μ = 0.1, where ζ = 0.1846).
+    /// ζ refers to the damper's own critical damping: c1/(2 m ω1). Den Hartog's book divides by 2 m ω with the
+    /// structure's ω: the same c1 is then √(3μ/(8(1+μ)³)) (0.1679 for μ = 0.1, where ζ = 0.1846).
     DenHartog,
-    /// For a random (white) acceleration of the base, least mean square of x − z (Warburton 1982): γ = √(1−μ/2)/(1+μ),
-    /// ζ = √(μ(1−μ/4)/(4(1+μ)(1−μ/2))). For μ below 2.
+    /// For a random (white) acceleration of the base, minimum mean square of x − z (Warburton 1982): γ =
+    /// √(1−μ/2)/(1+μ), ζ = √(μ(1−μ/4)/(4(1+μ)(1−μ/2))). Valid for μ below 2.
     Warburton,
 }
 
 impl Tuning {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 2] = [Self::DenHartog, Self::Warburton];
 
-    /// As files spell it.
+    /// Name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -29,7 +29,8 @@ impl Tuning {
         }
     }
 
-    /// γ = ω1/ω, the damper's own frequency over the structure's; NaN where the rule has none (Warburton from μ = 2 on).
+    /// γ = ω1/ω, the damper's own frequency over the structure's; NaN outside the rule's range (Warburton for μ above
+    /// 2).
     #[must_use]
     pub fn frequency_ratio(self, mass_ratio: f64) -> f64 {
         match self {
@@ -109,7 +110,8 @@ mod tests {
             let peak =
                 (5000..15_000).map(|n| magnification(mass_ratio, gamma, zeta, f64::from(n) * 1e-4)).fold(0.0, f64::max);
             let height = libm::sqrt(1.0 + 2.0 / mass_ratio);
-            // His ζ is the mean of the two that make one or the other fixed point a peak, so neither is quite.
+            // Den Hartog's ζ is the mean of the two values that each make one fixed point a peak, so neither fixed
+            // point is exactly a peak.
             assert!(peak / height < 1.002, "μ = {mass_ratio}: {peak} over {height}");
         }
     }
@@ -118,11 +120,11 @@ mod tests {
     fn no_neighbour_of_warburtons_damper_has_a_smaller_mean_square_under_white_base_acceleration() {
         let mean_square = |mass_ratio: f64, gamma: f64, zeta: f64| {
             let mut sum = 0.0;
-            // Midpoints up to ten times the natural frequency; the response falls as r⁻² beyond.
+            // Midpoints up to ten times the natural frequency; above that the response falls as r⁻².
             for n in 0..100_000 {
                 let r = (f64::from(n) + 0.5) * 1e-4;
                 let (damping, own) = (2.0 * zeta * gamma * r, gamma * gamma - r * r);
-                // The base shakes the damper's mass too.
+                // The base acceleration acts on the damper's mass too.
                 let top = (own + mass_ratio * gamma * gamma, damping * (1.0 + mass_ratio));
                 let real = own * (1.0 - r * r) - mass_ratio * gamma * gamma * r * r;
                 let imaginary = damping * (1.0 - r * r - mass_ratio * r * r);

@@ -1,5 +1,5 @@
-//! ADC1 and ADC2 and what they share (RM0440, section 21): regular sequences of single-ended channels, started by a timer,
-//! with hardware oversampling; calibration, the order of switching on, and the rules of when which register may be written.
+//! ADC1 and ADC2 with their common registers (RM0440, section 21): timer-triggered regular sequences of single-ended
+//! channels with hardware oversampling, calibration, the switch-on order, and the write rules of the registers.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
 use crate::time::{At, Time};
@@ -38,10 +38,10 @@ const CR_ADCAL: u32 = 1 << 31;
 const CFGR_DMAEN: u32 = 1 << 0;
 const CFGR_RESET: u32 = 1 << 31;
 
-/// The voltage regulator's start-up (DS12288, table 66).
+/// Start-up time of the voltage regulator (DS12288, table 66).
 const REGULATOR_STARTS: Time = Time::from_us(20);
 
-/// Calibration, cycles of the converter's clock.
+/// Duration of a calibration, cycles of the converter's clock.
 const CALIBRATION_CYCLES: u64 = 116;
 
 /// From ADEN to ADRDY, cycles: one conversion at the shortest sampling time.
@@ -50,15 +50,15 @@ const READY_CYCLES: u64 = 15;
 /// From a trigger to the start of sampling, cycles.
 const LATENCY_CYCLES: u64 = 2;
 
-/// The fastest clock of one converter at work, units: 60 MHz.
+/// Shortest clock period of a single active converter, units: 60 MHz.
 const FASTEST: Time = Time(68);
 
-/// A conversion that has been completed.
+/// A completed conversion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Converted {
-    /// When.
+    /// Time of completion.
     pub at: Time,
-    /// What the data register then holds.
+    /// Contents of the data register after it.
     pub data: u32,
 }
 
@@ -79,22 +79,22 @@ pub struct Adc {
     regulator_ready: Time,
     calibration_ends: Time,
     ready: Time,
-    /// The last trigger that was dealt with.
+    /// Time of the last processed trigger.
     last_trigger: Time,
-    /// The sequence under way: when its sampling began, and how many of its channels are done.
+    /// The running sequence: start of its sampling, and number of completed channels.
     sequence: Option<(Time, u32)>,
-    /// Of the converter's clock, while it runs.
+    /// Period of the converter's clock while it runs.
     cycle: Time,
 }
 
-/// What the converters share.
+/// Registers common to both converters.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Common {
     ccr: u32,
 }
 
 impl Common {
-    /// The converters' clock.
+    /// Period of the converters' clock.
     #[must_use]
     pub fn cycle(&self, at: &At) -> Option<Time> {
         let presc = field(self.ccr, 18, 4) as usize;
@@ -104,7 +104,7 @@ impl Common {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         match offset {
             COMMON_CCR => Ok(self.ccr),
@@ -113,7 +113,7 @@ impl Common {
         }
     }
 
-    /// Writes a register; `one_is_on` while either converter is enabled.
+    /// Writes a register; `one_is_on` is set while either converter is enabled.
     ///
     /// # Errors
     /// The register or a bit is not modelled, or it is written while a converter is on.
@@ -131,7 +131,7 @@ impl Common {
 }
 
 impl Adc {
-    /// As after a reset.
+    /// The state after a reset.
     #[must_use]
     pub fn new(name: &'static str) -> Self {
         Self {
@@ -155,12 +155,12 @@ impl Adc {
         }
     }
 
-    /// As after a reset.
+    /// The state after a reset.
     pub fn reset(&mut self) {
         *self = Self::new(self.name);
     }
 
-    /// ADEN.
+    /// ADEN: the converter is enabled.
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.cr & CR_ADEN != 0
@@ -178,7 +178,7 @@ impl Adc {
         field(self.cfgr, 5, 5)
     }
 
-    /// The channels of the sequence in their order.
+    /// The channels of the sequence, in order.
     #[must_use]
     pub fn channels(&self) -> Vec<u8> {
         (0..self.length()).map(|rank| self.channel(rank)).collect()
@@ -189,7 +189,7 @@ impl Adc {
     }
 
     fn channel(&self, rank: u32) -> u8 {
-        // Four in SQR1, behind the length, then five in each.
+        // SQR1 contains the length and four channels, the other registers five channels each.
         let (register, place) = if rank < 4 { (0, rank + 1) } else { ((rank - 4) / 5 + 1, (rank - 4) % 5) };
         field(self.sqr[register as usize], 6 * place, 5) as u8
     }
@@ -200,12 +200,12 @@ impl Adc {
         [5, 13, 25, 49, 95, 185, 495, 1281][smp as usize]
     }
 
-    /// A conversion's sampling and its 12.5 cycles, half cycles.
+    /// Duration of a conversion, half cycles: sampling plus 12.5 cycles.
     fn conversion(&self, channel: u8) -> u64 {
         self.sampling(channel) + 25
     }
 
-    /// Conversions that are added up to a result.
+    /// Number of conversions added to one result.
     fn oversampling(&self) -> u64 {
         if bit(self.cfgr2, 0) { 2 << field(self.cfgr2, 2, 3) } else { 1 }
     }
@@ -214,20 +214,20 @@ impl Adc {
         Time(self.cycle.0 * count / 2)
     }
 
-    /// From the start of a sequence to the result of `rank`.
+    /// Time from the start of a sequence to the result of `rank`.
     fn until(&self, rank: u32) -> Time {
         let halves = (0..=rank).map(|rank| self.conversion(self.channel(rank))).sum::<u64>();
         self.halves(halves * self.oversampling())
     }
 
-    /// From the start of a sequence to its end.
+    /// Time from the start of a sequence to its end.
     #[must_use]
     pub fn sequence_length(&self) -> Time {
         self.until(self.length() - 1)
     }
 
-    /// When the `n`th result from now (from 1) is there; `trigger` gives the first trigger after a time, `period` their
-    /// distance.
+    /// Time of the `n`th result from now (from 1); `trigger` returns the first trigger after a time, `period` is the
+    /// time between triggers.
     #[must_use]
     pub fn nth_result(&self, n: u32, trigger: impl Fn(Time) -> Option<Time>, period: Time) -> Time {
         if !self.is_started() || n == 0 {
@@ -249,7 +249,7 @@ impl Adc {
         self.cycle * LATENCY_CYCLES
     }
 
-    /// The next result that is there by `now`, if there is one: `sample` gives the 12-bit code of a channel at a time.
+    /// The next result completed by `now`, if any; `sample` returns the 12-bit code of a channel at a time.
     pub fn convert(
         &mut self,
         now: Time,
@@ -286,18 +286,18 @@ impl Adc {
         Some(Converted { at, data })
     }
 
-    /// Whether results go to a DMA channel, and nothing has been lost.
+    /// Whether results go to a DMA channel and no overrun has occurred.
     #[must_use]
     pub fn requests_dma(&self) -> bool {
         self.cfgr & CFGR_DMAEN != 0 && self.isr & ISR_OVR == 0
     }
 
-    /// The result was taken.
+    /// Marks the result as read.
     pub fn taken(&mut self) {
         self.isr &= !ISR_EOC;
     }
 
-    /// The result was not taken before the next: it is lost.
+    /// Marks an overrun: the result was not read before the next one.
     pub fn overrun(&mut self) {
         self.isr |= ISR_OVR;
     }
@@ -315,7 +315,7 @@ impl Adc {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&mut self, offset: u32, at: &At) -> Access<u32> {
         Ok(match offset {
             ISR => self.isr | if self.is_on() && at.now >= self.ready { ISR_ADRDY } else { 0 },
@@ -393,7 +393,7 @@ impl Adc {
         let commands = CR_ADEN | CR_ADDIS | CR_ADSTART | CR_ADSTP | CR_ADCAL;
         only("ADC_CR", value, commands | CR_ADVREGEN | CR_DEEPPWD | CR_ADCALDIF)?;
         let before = self.current_cr(at.now);
-        // A command is given by writing a 1; writing a 0 has no effect.
+        // Writing 1 gives a command; writing 0 has no effect.
         let given = value & commands & !before;
         let settings = CR_ADVREGEN | CR_DEEPPWD | CR_ADCALDIF;
         if before & commands != 0 {
@@ -436,7 +436,7 @@ impl Adc {
         }
         if given & CR_ADSTP != 0 {
             rule(self.is_started(), "ADC_CR: ADSTP is set while ADSTART = 0")?;
-            // Carried out at once; the chip takes a few cycles.
+            // Takes effect at once; the chip takes a few cycles.
             self.cr &= !CR_ADSTART;
             self.sequence = None;
         }

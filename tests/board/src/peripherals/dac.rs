@@ -1,4 +1,4 @@
-//! DAC1, channel 1 (RM0440, section 22), without a trigger: what is written to its holding register is put out at once.
+//! DAC1, channel 1 (RM0440, section 22), without a trigger: a write to its holding register changes the output at once.
 
 use crate::register::{Access, field, only, rule, unknown};
 use crate::time::{At, UNITS_PER_US};
@@ -22,13 +22,13 @@ pub struct Dac {
 }
 
 impl Dac {
-    /// The code that is put out; none while the channel is off.
+    /// The code at the output; `None` while the channel is off.
     #[must_use]
     pub fn output(&self) -> Option<u16> {
         (self.cr & EN1 != 0).then_some(self.dhr1 as u16)
     }
 
-    /// Whether the output buffer is on: it reaches the rails to 0.2 V only.
+    /// Whether the output buffer is on; it limits the output to 0.2 V from the rails.
     #[must_use]
     pub fn is_buffered(&self) -> bool {
         matches!(field(self.mcr, 0, 3), 0 | 1)
@@ -37,7 +37,7 @@ impl Dac {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         Ok(match offset {
             CR => self.cr,

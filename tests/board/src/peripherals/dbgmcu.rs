@@ -14,7 +14,7 @@ pub struct Dbgmcu {
 }
 
 impl Dbgmcu {
-    /// DBG_IWDG_STOP: a halted core stops the watchdog.
+    /// DBG_IWDG_STOP: the watchdog stops while the core is halted.
     #[must_use]
     pub fn freezes_watchdog(&self) -> bool {
         bit(self.apb1fzr1, 12)
@@ -23,7 +23,7 @@ impl Dbgmcu {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         Ok(match offset {
             // A category 3 device, revision X.

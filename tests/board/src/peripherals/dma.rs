@@ -1,11 +1,12 @@
-//! The DMA controller and its request multiplexer (RM0440, sections 12 and 13), between a peripheral and memory.
+//! DMA controller and its request multiplexer (RM0440, sections 12 and 13), for transfers between a peripheral and
+//! memory.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
 
 const ISR: u32 = 0x00;
 const IFCR: u32 = 0x04;
 const CCR1: u32 = 0x08;
-/// From one channel's registers to the next's.
+/// Address distance between the registers of successive channels.
 const STRIDE: u32 = 0x14;
 
 const EN: u32 = 1 << 0;
@@ -13,27 +14,27 @@ const TCIE: u32 = 1 << 1;
 const HTIE: u32 = 1 << 2;
 const TEIE: u32 = 1 << 3;
 const CIRC: u32 = 1 << 5;
-/// The configuration that only a disabled channel takes.
+/// Configuration bits that are writable only while the channel is disabled.
 const CONFIGURATION: u32 = 0x7ff0;
 
 const TCIF: u32 = 1 << 1;
 const HTIF: u32 = 1 << 2;
 
-/// Channels of one controller.
+/// Number of channels of one controller.
 pub const CHANNELS: usize = 8;
 
-/// One channel.
+/// A DMA channel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Channel {
     ccr: u32,
     cndtr: u32,
-    /// CNDTR as it was written: a circular channel begins again with it.
+    /// CNDTR as written; a circular channel reloads it.
     reload: u32,
     cpar: u32,
     cmar: u32,
 }
 
-/// A controller.
+/// A DMA controller.
 #[derive(Clone, Debug, Default)]
 pub struct Dma {
     isr: u32,
@@ -59,14 +60,14 @@ impl Dma {
         bit(self.channels[n].ccr, 4)
     }
 
-    /// The memory that channel `n` goes through: first address and bytes.
+    /// The memory range of channel `n`: first address and bytes.
     #[must_use]
     pub fn memory(&self, n: usize) -> (u32, u32) {
         let channel = &self.channels[n];
         (channel.cmar, channel.reload << field(channel.ccr, 10, 2))
     }
 
-    /// Transfers of channel `n` from now to its next event that is told by an interrupt, if there is one.
+    /// Number of transfers of channel `n` until its next interrupt, if any.
     #[must_use]
     pub fn transfers_to_interrupt(&self, n: usize) -> Option<u32> {
         let channel = &self.channels[n];
@@ -84,7 +85,7 @@ impl Dma {
         }
     }
 
-    /// Carries out one transfer of channel `n`: the memory address and the bytes that it takes.
+    /// Carries out one transfer of channel `n`. Returns the memory address and the number of bytes.
     pub fn transfer(&mut self, n: usize) -> (u32, u32) {
         let channel = &mut self.channels[n];
         let bytes = 1 << field(channel.ccr, 10, 2);
@@ -113,14 +114,14 @@ impl Dma {
     /// Whether the interrupt of channel `n` is requested.
     #[must_use]
     pub fn interrupt(&self, n: usize) -> bool {
-        // TCIE, HTIE and TEIE have the places of their flags.
+        // TCIE, HTIE and TEIE have the same bit positions as their flags.
         field(self.isr, 4 * n as u32, 4) & self.channels[n].ccr & (TCIE | HTIE | TEIE) != 0
     }
 
     /// Reads a register.
     ///
     /// # Errors
-    /// It does not exist.
+    /// The register does not exist.
     pub fn read(&self, offset: u32) -> Access<u32> {
         match offset {
             ISR => return Ok(self.isr),
@@ -135,12 +136,12 @@ impl Dma {
     /// Writes a register.
     ///
     /// # Errors
-    /// It does not exist, a bit is not modelled, or an enabled channel is configured.
+    /// The register does not exist, a bit is not modelled, or an enabled channel is configured.
     pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
         if offset == IFCR {
             for n in 0..CHANNELS as u32 {
                 let flags = field(value, 4 * n, 4);
-                // CGIF clears all four; the global flag is set as long as one is.
+                // CGIF clears all four flags; the global flag stays set while any other is.
                 self.isr &= !(if bit(flags, 0) { 0xf } else { flags } << (4 * n));
                 if field(self.isr, 4 * n, 4) == 1 {
                     self.isr &= !(1 << (4 * n));
@@ -155,7 +156,7 @@ impl Dma {
             0 => {
                 only("DMA_CCR", value, CONFIGURATION | EN | TCIE | HTIE | TEIE)?;
                 if is_enabled && value & EN == 0 {
-                    // The write that switches the channel off changes nothing else.
+                    // The write that disables the channel changes no other bit.
                     let kept = channel.ccr & CONFIGURATION;
                     channel.ccr = kept | value & !CONFIGURATION;
                     return Ok(());
@@ -191,7 +192,7 @@ impl Dma {
     }
 }
 
-/// A channel and the place of a register in it.
+/// The channel and the register within it at an offset.
 fn place(offset: u32) -> Access<(usize, usize)> {
     let Some(from) = offset.checked_sub(CCR1) else { return unknown("DMA", offset) };
     let (channel, register) = ((from / STRIDE) as usize, (from % STRIDE / 4) as usize);
@@ -205,7 +206,7 @@ pub struct Dmamux {
 }
 
 impl Dmamux {
-    /// The multiplexer's channel that a request is routed to; DMA1's come first.
+    /// The multiplexer channel that a request is routed to; the channels of DMA1 come first.
     #[must_use]
     pub fn channel_of(&self, request: u32) -> Option<usize> {
         self.ccr.iter().position(|&ccr| field(ccr, 0, 7) == request)
@@ -214,7 +215,7 @@ impl Dmamux {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         self.ccr.get(offset as usize / 4).copied().map_or_else(|| unknown("DMAMUX", offset), Ok)
     }
@@ -224,7 +225,7 @@ impl Dmamux {
     /// # Errors
     /// The register or a bit is not modelled, or a request is routed to two channels.
     pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
-        // DMAREQ_ID, EGE (an event of its own, which nothing uses).
+        // DMAREQ_ID, EGE (event generation, unused).
         only("DMAMUX_CCR", value, 0x27f)?;
         let request = field(value, 0, 7);
         if request != 0 && self.channel_of(request).is_some_and(|other| other != offset as usize / 4) {

@@ -1,4 +1,4 @@
-//! The core's cycle counter, and the switch of the trace unit that it belongs to (Armv7-M, sections C1.6 and C1.8).
+//! Cycle counter of the core, and the trace enable that it depends on (Armv7-M, sections C1.6 and C1.8).
 
 use crate::register::{Access, bit, only, rule, unknown};
 use crate::time::{At, Time};
@@ -8,7 +8,7 @@ const CYCCNT: u32 = 0x04;
 
 const TRCENA: u32 = 1 << 24;
 
-/// The counter.
+/// The cycle counter.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Dwt {
     demcr: u32,
@@ -26,7 +26,7 @@ impl Dwt {
         self.count.wrapping_add((at.now.since(self.since).0 / at.clocks.hclk.0) as u32)
     }
 
-    /// Keeps what has been counted: to be called with the old clock before it changes.
+    /// Stores the present count; call with the old clock before the clock changes.
     pub fn keep(&mut self, at: &At) {
         (self.count, self.since) = (self.current(at), at.now);
     }
@@ -50,7 +50,7 @@ impl Dwt {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32, at: &At) -> Access<u32> {
         match offset {
             CTRL => Ok(0x4000_0000 | u32::from(self.is_counting)),

@@ -1,4 +1,4 @@
-//! The extended interrupt controller (RM0440, section 16): lines 0 to 31, rising edges that interrupt.
+//! Extended interrupt controller (RM0440, section 16): lines 0 to 31, interrupts on rising edges.
 
 use crate::register::{Access, bit, only, unknown};
 
@@ -6,10 +6,10 @@ const IMR1: u32 = 0x00;
 const RTSR1: u32 = 0x08;
 const PR1: u32 = 0x14;
 
-/// The lines that are modelled: the voltage detector's.
+/// The modelled lines: the voltage detector's.
 const LINES: u32 = 1 << 16;
 
-/// IMR1 after a reset: the direct lines are open.
+/// IMR1 after a reset: the direct lines are unmasked.
 const IMR1_AT_RESET: u32 = 0x1f84_0000;
 
 /// The registers.
@@ -27,7 +27,7 @@ impl Default for Exti {
 }
 
 impl Exti {
-    /// The input of a line has risen.
+    /// Signals a rising edge at the input of a line.
     pub fn rises(&mut self, line: u32) {
         self.pr1 |= self.rtsr1 & 1 << line;
     }
@@ -41,7 +41,7 @@ impl Exti {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         Ok(match offset {
             IMR1 => self.imr1,

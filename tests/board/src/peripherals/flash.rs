@@ -1,5 +1,6 @@
-//! The flash's interface and its second bank (RM0440, section 3, dual-bank mode): keys, page erase and double-word
-//! programming with the data sheet's times, status flags, wait states. The first bank holds the program and is only read.
+//! Flash interface and second flash bank (RM0440, section 3, dual-bank mode): keys, page erase and double-word
+//! programming with the data sheet's times, status flags, wait states. The first bank contains the program and is
+//! read-only.
 
 use std::collections::BTreeSet;
 
@@ -28,25 +29,25 @@ const CR_LOCK: u32 = 1 << 31;
 
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 
-/// As delivered: two banks, no protection (RM0440, section 3.4.1).
+/// Option register in the delivery state: two banks, no protection (RM0440, section 3.4.1).
 const OPTR_DELIVERED: u32 = 0xffef_f8aa;
 
-/// Bytes of a page in dual-bank mode.
+/// Size of a page in dual-bank mode, bytes.
 pub const PAGE_BYTES: u32 = 2_048;
 
-/// Bytes of a bank.
+/// Size of a bank, bytes.
 pub const BANK_BYTES: u32 = 256 * 1_024;
 
-/// Programming 64 bits, and erasing a page, at most (DS12288, table 53).
+/// Maximum times for programming 64 bits and for erasing a page (DS12288, table 53).
 const PROGRAMMING: Time = Time(83_350 * UNITS_PER_US / 1_000);
 const ERASING: Time = Time(24_500 * UNITS_PER_US);
 
-/// What the second bank holds.
+/// Contents of the second bank.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Bank2 {
     /// Its bytes.
     pub bytes: Vec<u8>,
-    /// Where double words begin that the error correction cannot mend.
+    /// Offsets of double words with errors that the ECC cannot correct.
     pub damaged: BTreeSet<u32>,
 }
 
@@ -57,14 +58,14 @@ impl Default for Bank2 {
     }
 }
 
-/// How far the operation came at which the supply went.
+/// Progress of the operation during which the supply failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// It had not begun.
+    /// The operation had not begun.
     Before,
-    /// A page is half erased, a double word damaged.
+    /// A page is half erased, or a double word is damaged.
     Half,
-    /// It was complete.
+    /// The operation was complete.
     After,
 }
 
@@ -76,23 +77,23 @@ pub struct Flash {
     cr: u32,
     eccr: u32,
     optr: u32,
-    /// Keys given so far; none any more after a wrong one, until a reset.
+    /// Number of keys given so far; `None` after a wrong key, until a reset.
     keys: Option<usize>,
     busy_until: Time,
     /// The second bank.
     pub bank2: Bank2,
-    /// The operation at which the supply goes, counted from 0.
+    /// The operation at which the supply fails, counted from 0.
     pub cut: Option<(u64, Cut)>,
-    /// The supply has gone.
+    /// Whether the supply has failed.
     pub is_cut: bool,
-    /// The first word of a double word that is being written.
+    /// The first word of the double word being written.
     first: Option<(u32, u32)>,
-    /// Operations carried out: programmed double words and erased pages.
+    /// Number of completed operations: programmed double words and erased pages.
     pub operations: u64,
 }
 
 impl Flash {
-    /// As after a power-on, with this second bank.
+    /// The state after a power-on, with this second bank.
     #[must_use]
     pub fn new(bank2: Bank2) -> Self {
         Self {
@@ -111,7 +112,7 @@ impl Flash {
         }
     }
 
-    /// A reset: the contents stay.
+    /// Resets the registers; the contents stay.
     pub fn reset(&mut self) {
         let (operations, optr, cut, is_cut) = (self.operations, self.optr, self.cut, self.is_cut);
         *self = Self { operations, optr, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2)) };
@@ -123,7 +124,7 @@ impl Flash {
         field(self.acr, 0, 4)
     }
 
-    /// Until when a read of the second bank waits.
+    /// End of the wait of a read of the second bank.
     #[must_use]
     pub fn busy_until(&self) -> Time {
         self.busy_until
@@ -136,7 +137,7 @@ impl Flash {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32, at: &At) -> Access<u32> {
         Ok(match offset {
             ACR => self.acr,
@@ -183,7 +184,7 @@ impl Flash {
                 self.sr &= !value;
             }
             CR => self.write_cr(value, at)?,
-            // ECCD is cleared by a 1.
+            // Writing 1 clears ECCD.
             ECCR => self.eccr &= !(value & ECCR_ECCD),
             _ => return unknown("FLASH", offset),
         }
@@ -215,13 +216,12 @@ impl Flash {
         Ok(())
     }
 
-    /// An access has met two wrong bits in a double word.
+    /// Reports a double-bit error in a double word that was accessed.
     pub fn find_damage(&mut self, in_bank2: bool) {
         self.eccr = ECCR_ECCD | if in_bank2 { ECCR_BK } else { 0 };
     }
 
-    /// Reads `bytes` bytes of the second bank, `offset` from its start.
-    /// A damaged double word is noted in ECCR.
+    /// Reads `bytes` bytes of the second bank, `offset` from its start. Sets ECCR if the double word is damaged.
     pub fn read_bank2(&mut self, offset: u32, bytes: u32) -> u32 {
         if self.is_damaged(offset) {
             self.find_damage(true);
@@ -229,13 +229,13 @@ impl Flash {
         (0..bytes).fold(0, |value, n| value | u32::from(self.bank2.bytes[(offset + n) as usize]) << (8 * n))
     }
 
-    /// Whether the double word around `offset` is beyond the error correction.
+    /// Whether the double word at `offset` has an uncorrectable error.
     #[must_use]
     pub fn is_damaged(&self, offset: u32) -> bool {
         self.bank2.damaged.contains(&(offset & !7))
     }
 
-    /// Counts an operation: how far it comes, if the supply goes in it.
+    /// Counts an operation. Returns its progress if the supply fails during it.
     fn next_operation(&mut self) -> Option<Cut> {
         let cut = self.cut.filter(|(operation, _)| *operation == self.operations);
         self.operations += 1;
@@ -243,10 +243,10 @@ impl Flash {
         cut.map(|(_, cut)| cut)
     }
 
-    /// Programs a word of the second bank: the second of a double word carries both out.
+    /// Programs a word of the second bank. The second word of a double word starts the programming of both.
     ///
     /// # Errors
-    /// The flash does not program now, or the words are no erased, aligned double word in order.
+    /// Programming is not possible now, or the words are not an erased, aligned double word in order.
     pub fn program(&mut self, offset: u32, bytes: u32, value: u32, at: &At) -> Access<()> {
         rule(self.cr & (CR_PG | CR_LOCK) == CR_PG, "the flash is written to while PG is not set")?;
         rule(!self.is_busy(at.now), "the flash is written to while BSY is set")?;

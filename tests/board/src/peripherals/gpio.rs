@@ -1,4 +1,4 @@
-//! A general-purpose I/O port (RM0440, section 9).
+//! General-purpose I/O port (RM0440, section 9).
 
 use crate::register::{Access, bit, field, only, rule, unknown};
 
@@ -13,12 +13,12 @@ const AFRL: u32 = 0x20;
 const AFRH: u32 = 0x24;
 const BRR: u32 = 0x28;
 
-/// What a pin is used for.
+/// Mode of a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Input.
     Input,
-    /// Output, its level from ODR.
+    /// Output; ODR gives its level.
     Output,
     /// This alternate function.
     Alternate(u8),
@@ -26,7 +26,7 @@ pub enum Mode {
     Analog,
 }
 
-/// A port.
+/// A GPIO port.
 #[derive(Clone, Debug)]
 pub struct Gpio {
     name: char,
@@ -36,12 +36,12 @@ pub struct Gpio {
     pupdr: u32,
     odr: u32,
     afr: [u32; 2],
-    /// What the world outside applies to each pin; none where nothing is connected or the circuit is open.
+    /// Level applied to each pin from outside; `None` where nothing is connected or the circuit is open.
     outside: [Option<bool>; 16],
 }
 
 impl Gpio {
-    /// A port as after a reset; A and B begin with the debugger's pins in their alternate functions.
+    /// A port after a reset; in A and B the debugger's pins have their alternate functions.
     #[must_use]
     pub fn new(name: char) -> Self {
         let (moder, ospeedr, pupdr) = match name {
@@ -52,13 +52,13 @@ impl Gpio {
         Self { name, moder, otyper: 0, ospeedr, pupdr, odr: 0, afr: [0; 2], outside: [None; 16] }
     }
 
-    /// As after a reset; what is connected outside stays.
+    /// Resets the registers; outside connections stay.
     pub fn reset(&mut self) {
         let outside = self.outside;
         *self = Self { outside, ..Self::new(self.name) };
     }
 
-    /// What a pin is used for.
+    /// The mode of a pin.
     #[must_use]
     pub fn mode(&self, pin: u8) -> Mode {
         match field(self.moder, 2 * u32::from(pin), 2) {
@@ -69,24 +69,24 @@ impl Gpio {
         }
     }
 
-    /// The level that the chip drives a pin to; none if it does not drive it.
+    /// The level to which the chip drives a pin; `None` if it does not drive the pin.
     #[must_use]
     pub fn output(&self, pin: u8) -> Option<bool> {
         (self.mode(pin) == Mode::Output).then(|| bit(self.odr, pin.into()))
     }
 
-    /// Whether a pin's own pull-up is on.
+    /// Whether the internal pull-up of a pin is on.
     #[must_use]
     pub fn pulled_up(&self, pin: u8) -> bool {
         field(self.pupdr, 2 * u32::from(pin), 2) == 1
     }
 
-    /// Applies a level to a pin from outside; none opens the circuit.
+    /// Applies a level to a pin from outside; `None` opens the circuit.
     pub fn connect(&mut self, pin: u8, level: Option<bool>) {
         self.outside[usize::from(pin)] = level;
     }
 
-    /// A pin's level as IDR shows it. An open input without a pull-up or pull-down reads low.
+    /// Level of a pin in IDR. An open input without a pull-up or pull-down reads low.
     fn level(&self, pin: u8) -> bool {
         match self.mode(pin) {
             Mode::Output => bit(self.odr, pin.into()),
@@ -98,7 +98,7 @@ impl Gpio {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         Ok(match offset {
             MODER => self.moder,
@@ -117,7 +117,7 @@ impl Gpio {
     /// Writes a register.
     ///
     /// # Errors
-    /// It is not modelled, or the debugger's pins lose their function.
+    /// The register is not modelled, or the debugger's pins lose their function.
     pub fn write(&mut self, offset: u32, value: u32) -> Access<()> {
         match offset {
             MODER => {
@@ -139,7 +139,7 @@ impl Gpio {
                 only("GPIO_ODR", value, 0xffff)?;
                 self.odr = value;
             }
-            // Setting wins over resetting.
+            // Set bits have priority over reset bits.
             BSRR => self.odr = self.odr & !(value >> 16) | value & 0xffff,
             BRR => {
                 only("GPIO_BRR", value, 0xffff)?;

@@ -1,4 +1,4 @@
-//! The independent watchdog (RM0440, section 42), without its window.
+//! Independent watchdog (RM0440, section 42), without its window.
 
 use crate::register::{Access, only, refuse, rule, unknown};
 use crate::time::{At, Time};
@@ -13,7 +13,7 @@ const KEY_RELOAD: u32 = 0xaaaa;
 const KEY_ENABLE: u32 = 0x5555;
 const KEY_START: u32 = 0xcccc;
 
-/// A new value is taken over in five cycles of its oscillator.
+/// A new value takes effect after five cycles of the watchdog's oscillator.
 const UPDATE_CYCLES: u64 = 5;
 
 /// The watchdog.
@@ -24,7 +24,7 @@ pub struct Iwdg {
     is_unlocked: bool,
     pr_taken: Time,
     rlr_taken: Time,
-    /// When it resets the chip; never before it is started.
+    /// Time at which it resets the chip; [`Time::NEVER`] until it is started.
     expires: Time,
 }
 
@@ -35,13 +35,13 @@ impl Default for Iwdg {
 }
 
 impl Iwdg {
-    /// When it resets the chip.
+    /// Time at which it resets the chip.
     #[must_use]
     pub fn expires(&self) -> Time {
         self.expires
     }
 
-    /// It stood for so long.
+    /// Postpones the expiry by the time during which the watchdog was frozen.
     pub fn postpone(&mut self, time: Time) {
         if self.expires != Time::NEVER {
             self.expires += time;
@@ -55,7 +55,7 @@ impl Iwdg {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32, at: &At) -> Access<u32> {
         Ok(match offset {
             KR => 0,
@@ -67,10 +67,10 @@ impl Iwdg {
         })
     }
 
-    /// Writes a register; whether the watchdog was started by it.
+    /// Writes a register. Returns whether the write started the watchdog.
     ///
     /// # Errors
-    /// The register is not modelled or locked, or a value before it has not been taken over yet.
+    /// The register is not modelled or is locked, or a previous value has not taken effect yet.
     pub fn write(&mut self, offset: u32, value: u32, at: &At) -> Access<bool> {
         let taken = at.now + at.clocks.lsi * UPDATE_CYCLES;
         match offset {
@@ -81,7 +81,7 @@ impl Iwdg {
                     KEY_RELOAD if self.expires != Time::NEVER => self.expires = at.now + self.runs_for(self.rlr, at),
                     KEY_RELOAD => {}
                     KEY_START => {
-                        // It begins to count at 0xfff, whatever RLR holds.
+                        // The counter starts at 0xfff regardless of RLR.
                         self.expires = at.now + self.runs_for(0xfff, at);
                         return Ok(true);
                     }

@@ -1,5 +1,5 @@
-//! LPUART1 (RM0440, section 38) with its FIFOs, bytes of eight bits without parity. Bytes take their time on the line: what the
-//! host sends arrives at the baud rate, and what is sent is out when its stop bit is.
+//! LPUART1 (RM0440, section 38) with its FIFOs: eight data bits, no parity, real line timing. Bytes from the host
+//! arrive at the baud rate; a byte is sent when its stop bit ends.
 
 use std::collections::VecDeque;
 
@@ -21,7 +21,7 @@ const UE: u32 = 1 << 0;
 const RE: u32 = 1 << 2;
 const TE: u32 = 1 << 3;
 const FIFOEN: u32 = 1 << 29;
-/// What only a disabled UART takes.
+/// Bits that are writable only while the UART is disabled.
 const CR1_STATIC: u32 = FIFOEN;
 
 const PEIE: u32 = 1 << 8;
@@ -39,10 +39,10 @@ const REACK: u32 = 1 << 22;
 const TXFE: u32 = 1 << 23;
 const RXFF: u32 = 1 << 24;
 
-/// Places of either FIFO.
+/// Number of entries in each FIFO.
 const DEPTH: usize = 8;
 
-/// Start bit, eight bits, stop bit.
+/// Bits per byte on the line: start bit, eight data bits, stop bit.
 const BITS: u64 = 10;
 
 /// The UART.
@@ -56,38 +56,38 @@ pub struct Lpuart {
     /// ORE, IDLE and TC; the other flags follow from the FIFOs.
     flags: u32,
     received: VecDeque<u8>,
-    /// Received last, while the FIFO is full: the next byte takes its place.
+    /// Last byte received while the FIFO is full; the next byte overwrites it.
     shifted_in: Option<u8>,
     to_send: VecDeque<u8>,
-    /// On its way out, and when its stop bit ends.
+    /// The byte being sent, and the time at which its stop bit ends.
     shifting_out: Option<(u8, Time)>,
-    /// On its way in from the host, and when the first is there.
+    /// Bytes arriving from the host, and the arrival time of the first.
     arriving: VecDeque<u8>,
     next_arrival: Time,
-    /// When the line counts as idle, if nothing arrives.
+    /// Time at which the line becomes idle if nothing arrives.
     idle_at: Time,
-    /// Received while DMAR is set, for DMA to take.
+    /// Bytes received while DMAR is set, to be taken by DMA.
     for_dma: VecDeque<u8>,
-    /// What has been sent.
+    /// Bytes sent.
     pub sent: Vec<u8>,
-    /// Bytes lost to overruns.
+    /// Number of bytes lost to overruns.
     pub lost: u64,
 }
 
 impl Lpuart {
-    /// As after a power-on.
+    /// The state after a power-on.
     #[must_use]
     pub fn new() -> Self {
         Self { flags: TC, next_arrival: Time::NEVER, idle_at: Time::NEVER, ..Self::default() }
     }
 
-    /// As after a reset: what is on the line stays there.
+    /// The state after a reset; bytes on the line are kept.
     pub fn reset(&mut self) {
         let (arriving, sent) = (std::mem::take(&mut self.arriving), std::mem::take(&mut self.sent));
         *self = Self { arriving, sent, lost: self.lost, ..Self::new() };
     }
 
-    /// The length of a byte on the line; none while the baud rate is not set.
+    /// Duration of a byte on the line; `None` while the baud rate is not set.
     #[must_use]
     pub fn byte_length(&self, at: &At) -> Option<Time> {
         let divider = *[1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256].get(self.presc as usize)?;
@@ -107,13 +107,13 @@ impl Lpuart {
         self.cr1 & (UE | RE) == UE | RE
     }
 
-    /// The host sends bytes.
+    /// Queues bytes from the host.
     pub fn host_sends(&mut self, bytes: &[u8], at: &At) {
         self.arriving.extend(bytes);
         self.expect(at);
     }
 
-    /// Bytes that are still on their way to the board.
+    /// Number of bytes still on their way to the board.
     #[must_use]
     pub fn arriving(&self) -> usize {
         self.arriving.len()
@@ -125,7 +125,7 @@ impl Lpuart {
         }
     }
 
-    /// What has happened on the line up to now.
+    /// Processes the line up to now.
     pub fn sync(&mut self, at: &At) {
         let Some(length) = self.byte_length(at) else { return };
         self.expect(at);
@@ -154,25 +154,25 @@ impl Lpuart {
         }
     }
 
-    /// The next byte that DMA is asked to take from RDR.
+    /// The next byte for DMA to read from RDR.
     pub fn give_dma(&mut self) -> Option<u8> {
         self.for_dma.pop_front()
     }
 
-    /// Whether DMA is asked to write a byte to TDR.
+    /// Whether DMA is requested to write a byte to TDR.
     #[must_use]
     pub fn wants_dma(&self) -> bool {
         let is_on = self.cr1 & (UE | TE) == UE | TE;
         is_on && self.cr3 & DMAT != 0 && self.to_send.len() < self.depth()
     }
 
-    /// No channel took a byte: it stays in the FIFO.
+    /// Returns a byte to the FIFO that no DMA channel took.
     pub fn keep(&mut self, byte: u8) {
         if self.received.len() < self.depth() {
             self.received.push_back(byte);
             return;
         }
-        // The shift register holds one more; the next one overwrites it.
+        // The shift register holds one more byte; the next byte overwrites it.
         if self.shifted_in.replace(byte).is_some() {
             self.flags |= ORE;
             self.lost += 1;
@@ -187,7 +187,7 @@ impl Lpuart {
         }
     }
 
-    /// When something next happens on the line.
+    /// Time of the next event on the line.
     #[must_use]
     pub fn next_event(&self) -> Time {
         let out = self.shifting_out.map_or(Time::NEVER, |(_, end)| end);
@@ -209,7 +209,7 @@ impl Lpuart {
     /// Whether the interrupt is requested.
     #[must_use]
     pub fn interrupt(&self) -> bool {
-        // IDLEIE, RXNEIE, TCIE and TXEIE have the places of their flags; an overrun is told with RXNEIE too.
+        // IDLEIE, RXNEIE, TCIE and TXEIE have the same bit positions as their flags; RXNEIE also covers an overrun.
         let isr = self.isr();
         let overrun = isr & ORE != 0 && (self.cr1 & RXNE != 0 || self.cr3 & EIE != 0);
         isr & self.cr1 & (IDLE | RXNE | TC | TXE) != 0 || overrun
@@ -218,7 +218,7 @@ impl Lpuart {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&mut self, offset: u32, at: &At) -> Access<u32> {
         self.sync(at);
         Ok(match offset {
@@ -288,8 +288,8 @@ impl Lpuart {
                 self.presc = value;
             }
             ICR => {
-                // PECF, FECF, NECF, ORECF, IDLECF, TCCF, CTSCF, CMCF, WUCF. The driver writes back what it has read from ISR,
-                // of which the other bits have no effect here.
+                // PECF, FECF, NECF, ORECF, IDLECF, TCCF, CTSCF, CMCF, WUCF. The driver writes back the value read from
+                // ISR; its other bits have no effect here.
                 only("LPUART1_ICR", value, 0x0012_025f | RXNE | TXE | TEACK | REACK | TXFE | RXFF)?;
                 self.flags &= !(value & (ORE | IDLE | TC));
             }
@@ -304,10 +304,10 @@ impl Lpuart {
         Ok(())
     }
 
-    /// A byte for the transmitter, which is on and has room.
+    /// Sends a byte; the transmitter must be on and have room.
     ///
     /// # Errors
-    /// There is no baud rate.
+    /// The baud rate is not set.
     pub fn send(&mut self, byte: u8, at: &At) -> Access<()> {
         self.flags &= !TC;
         let Some(length) = self.byte_length(at) else {

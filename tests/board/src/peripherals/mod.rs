@@ -1,8 +1,8 @@
-//! The chip's peripherals, one file each, with the register names of the reference manual (RM0440).
+//! Register models of the chip's peripherals, one file each, with the register names of the reference manual (RM0440).
 //!
-//! Each knows its own registers, reset values and write rules, and is told the time and the clocks with every access. What
-//! several of them do together (a timer that triggers a converter whose samples a DMA channel stores) is
-//! [`crate::chip`]'s.
+//! Each model contains its own registers, reset values and write rules. Every access passes the time and the clocks.
+//! [`crate::chip`] models the connections between peripherals (a timer that triggers a converter whose samples a DMA
+//! channel stores).
 
 pub mod adc;
 pub mod dac;

@@ -1,12 +1,12 @@
-//! The nested vectored interrupt controller and the system's own exceptions (Armv7-M, sections B1.5 and B3.4): which
-//! exception is taken next. Priorities have four bits, all of them for preemption (PRIGROUP = 0).
+//! Nested vectored interrupt controller with the system exceptions (Armv7-M, sections B1.5 and B3.4): selects the next
+//! exception. Priorities have four bits, all of them for preemption (PRIGROUP = 0).
 
 use crate::register::{Access, refuse, unknown};
 
-/// Interrupts of the STM32G474.
+/// Number of interrupts of the STM32G474.
 pub const INTERRUPTS: usize = 102;
 
-/// Exceptions before the first interrupt.
+/// Number of exceptions before the first interrupt.
 pub const FIRST_INTERRUPT: u16 = 16;
 
 /// The non-maskable interrupt.
@@ -25,10 +25,10 @@ const ICPR: u32 = 0x180;
 const IABR: u32 = 0x200;
 const IPR: u32 = 0x300;
 
-/// The priority of code outside any exception: below every other.
+/// Priority of code outside any exception: lower than every exception.
 const THREAD: i16 = 256;
 
-/// What the core's mask registers hold.
+/// The core's mask registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Masks {
     /// PRIMASK.
@@ -39,7 +39,7 @@ pub struct Masks {
     pub basepri: u8,
 }
 
-/// The controller.
+/// The interrupt controller.
 #[derive(Clone, Debug)]
 pub struct Nvic {
     enabled: [u32; 4],
@@ -49,9 +49,9 @@ pub struct Nvic {
     priorities: [u8; INTERRUPTS],
     /// SHPR1 to SHPR3: exceptions 4 to 15.
     system_priorities: [u8; 12],
-    /// Pending among the system's own exceptions.
+    /// Pending system exceptions.
     system_pending: u16,
-    /// Exceptions that are being handled, the outermost first.
+    /// Active exceptions, outermost first.
     active: Vec<u16>,
 }
 
@@ -79,17 +79,17 @@ impl Nvic {
         self.lines[word] = if level { self.lines[word] | mask } else { self.lines[word] & !mask };
     }
 
-    /// Makes one of the system's exceptions pending.
+    /// Makes a system exception pending.
     pub fn pend_system(&mut self, exception: u16) {
         self.system_pending |= 1 << exception;
     }
 
-    /// Takes the mark of one of the system's exceptions back.
+    /// Clears the pending state of a system exception.
     pub fn unpend_system(&mut self, exception: u16) {
         self.system_pending &= !(1 << exception);
     }
 
-    /// Exceptions pending among the system's own.
+    /// Pending system exceptions.
     #[must_use]
     pub fn system_pending(&self) -> u16 {
         self.system_pending
@@ -105,19 +105,19 @@ impl Nvic {
         }
     }
 
-    /// The exception being handled; 0 for none.
+    /// The active exception; 0 for none.
     #[must_use]
     pub fn current(&self) -> u16 {
         self.active.last().copied().unwrap_or(0)
     }
 
-    /// How deep exceptions are nested.
+    /// Nesting depth of exceptions.
     #[must_use]
     pub fn depth(&self) -> usize {
         self.active.len()
     }
 
-    /// The pending and enabled exception of the highest priority; of equal ones the lowest number.
+    /// The pending and enabled exception of highest priority; the lowest number among equal priorities.
     #[must_use]
     pub fn first_pending(&self) -> Option<u16> {
         let system = (1..FIRST_INTERRUPT).filter(|n| self.system_pending >> n & 1 == 1);
@@ -140,7 +140,7 @@ impl Nvic {
         self.system_pending != 0 || self.pending.iter().zip(&self.enabled).any(|(p, e)| p & e != 0)
     }
 
-    /// The exception that interrupts what runs now.
+    /// The exception that preempts the running code, if any.
     #[must_use]
     pub fn to_take(&self, masks: &Masks) -> Option<u16> {
         let exception = self.first_pending()?;
@@ -157,7 +157,7 @@ impl Nvic {
         (self.priority(exception) < running).then_some(exception)
     }
 
-    /// An exception is entered.
+    /// Enters an exception.
     pub fn enter(&mut self, exception: u16) {
         if let Some(interrupt) = exception.checked_sub(FIRST_INTERRUPT) {
             self.pending[usize::from(interrupt) / 32] &= !(1 << (interrupt % 32));
@@ -167,7 +167,7 @@ impl Nvic {
         self.active.push(exception);
     }
 
-    /// The innermost exception returns; a line that is still high makes its interrupt pending again.
+    /// Returns from the innermost exception; a line that is still high makes its interrupt pending again.
     pub fn leave(&mut self) -> Option<u16> {
         let exception = self.active.pop()?;
         if let Some(interrupt) = exception.checked_sub(FIRST_INTERRUPT) {
@@ -190,10 +190,10 @@ impl Nvic {
         }
     }
 
-    /// Reads a register of the controller, `offset` from 0xE000E100, a whole word.
+    /// Reads a register of the controller, `offset` from 0xE000E100, as a whole word.
     ///
     /// # Errors
-    /// It does not exist.
+    /// The register does not exist.
     pub fn read(&self, offset: u32) -> Access<u32> {
         let word = (offset % 0x80 / 4) as usize;
         if (IPR..IPR + INTERRUPTS as u32).contains(&offset) {
@@ -215,10 +215,10 @@ impl Nvic {
         }
     }
 
-    /// Writes a register of the controller; priorities byte by byte or as words.
+    /// Writes a register of the controller; priorities by byte or by word.
     ///
     /// # Errors
-    /// It does not exist, or the chip has no such interrupt.
+    /// The register does not exist, or the chip has no such interrupt.
     pub fn write(&mut self, offset: u32, bytes: u32, value: u32) -> Access<()> {
         if offset >= IPR {
             for n in 0..bytes {
@@ -241,7 +241,7 @@ impl Nvic {
             ISER => self.enabled[word] |= value,
             ICER => self.enabled[word] &= !value,
             ISPR => self.pending[word] |= value,
-            // A line that is high stays pending.
+            // An interrupt whose line is high stays pending.
             ICPR => self.pending[word] &= !value | self.lines[word],
             _ => return unknown("NVIC", offset),
         }

@@ -1,5 +1,5 @@
-//! Power control (RM0440, section 6), as far as it is used: write access to the backup domain, the voltage detector, range 1's
-//! boost mode, the pull-downs of USB power delivery.
+//! Power control (RM0440, section 6), used parts only: write access to the backup domain, the voltage detector, the
+//! boost mode of range 1, the pull-downs of USB power delivery.
 
 use crate::register::{Access, bit, field, only, unknown};
 
@@ -29,25 +29,25 @@ impl Default for Pwr {
 }
 
 impl Pwr {
-    /// A reset: the supply stays what it is.
+    /// Resets the registers; the supply voltage stays.
     pub fn reset(&mut self) {
         *self = Self { supply_v: self.supply_v, ..Self::default() };
     }
 
-    /// PVDO: the detector is on and the supply below its threshold.
+    /// PVDO: the detector is on and the supply is below its threshold.
     fn is_low(&self) -> bool {
         let threshold = PVD_V.get(field(self.cr2, 1, 3) as usize);
         bit(self.cr2, 0) && threshold.is_some_and(|threshold| self.supply_v < *threshold)
     }
 
-    /// The supply's voltage changes: whether PVDO rises.
+    /// Changes the supply voltage. Returns whether PVDO rises.
     pub fn set_supply(&mut self, volts: f64) -> bool {
         let before = self.is_low();
         self.supply_v = volts;
         self.is_low() && !before
     }
 
-    /// DBP: the backup domain can be written.
+    /// DBP: the backup domain is writable.
     #[must_use]
     pub fn backup_writable(&self) -> bool {
         bit(self.cr1, 8)
@@ -62,7 +62,7 @@ impl Pwr {
     /// Reads a register.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32) -> Access<u32> {
         match offset {
             CR1 => Ok(self.cr1),
@@ -74,7 +74,7 @@ impl Pwr {
         }
     }
 
-    /// Writes a register: whether PVDO rises.
+    /// Writes a register. Returns whether PVDO rises.
     ///
     /// # Errors
     /// The register or a bit is not modelled.

@@ -1,5 +1,5 @@
-//! Reset and clock control (RM0440, section 7): oscillators with their start-up times, the PLL, prescalers, the clock
-//! enables that [`crate::chip`] checks before every access, peripheral resets, reset flags.
+//! Reset and clock control (RM0440, section 7): oscillators with start-up times, the PLL, prescalers, clock enables
+//! ([`crate::chip`] checks them before every access), peripheral resets, reset flags.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
 use crate::time::{At, Clocks, Time};
@@ -50,17 +50,17 @@ const SW_PLL: u32 = 3;
 const HSI: Time = Time(255);
 const HSE: Time = Time(170);
 
-/// Start-up times (DS12288, section 5.3): typical.
+/// Typical start-up times (DS12288, section 5.3).
 const HSI_STARTS: Time = Time::from_us(1);
 const HSE_STARTS: Time = Time::from_ms(2);
 const PLL_LOCKS: Time = Time::from_us(40);
 const LSI_STARTS: Time = Time::from_us(130);
 const HSI48_STARTS: Time = Time::from_us(6);
 
-/// What ended the chip's last run.
+/// Cause of the last reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetCause {
-    /// The supply came on, or fell below the brown-out level.
+    /// The supply was switched on, or fell below the brown-out level.
     Power,
     /// The NRST pin.
     Pin,
@@ -71,7 +71,7 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    /// Its flags in CSR; every reset pulls the NRST pin.
+    /// The flags of this cause in CSR; every reset also drives the NRST pin.
     fn flags(self) -> u32 {
         const PINRSTF: u32 = 1 << 26;
         PINRSTF
@@ -84,7 +84,7 @@ impl ResetCause {
     }
 }
 
-/// The enable register and bit of a peripheral's clock, which are those of its reset too.
+/// Register and bit of a peripheral's clock enable; its reset has the same position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
     /// AHB1ENR, AHB1RSTR.
@@ -100,7 +100,7 @@ pub enum Gate {
 }
 
 impl Gate {
-    /// Index among the six registers of a kind, AHB1 first (APB's begin after a gap).
+    /// Index among the six registers of a kind, AHB1 first (a gap precedes those of APB), and the bit.
     fn place(self) -> (usize, u32) {
         match self {
             Self::Ahb1(n) => (0, n),
@@ -117,7 +117,7 @@ type Row = [u32; 7];
 
 const ENABLED_AT_RESET: Row = [0x100, 0, 0, 0, 0x400, 0, 0];
 
-/// The registers, and what the oscillators are doing.
+/// The RCC registers and the state of the oscillators.
 #[derive(Clone, Debug)]
 pub struct Rcc {
     cr: u32,
@@ -136,20 +136,20 @@ pub struct Rcc {
     pll_ready: Time,
     lsi_ready: Time,
     hsi48_ready: Time,
-    /// The board's crystal oscillates when it is switched on.
+    /// Whether the board's crystal oscillates when switched on.
     pub has_crystal: bool,
-    /// The internal low-speed oscillator's frequency, Hz: 32 kHz, from 29.5 kHz to 34 kHz over all conditions.
+    /// Frequency of the internal low-speed oscillator, Hz: 32 kHz, 29.5 kHz to 34 kHz over all conditions.
     pub lsi_hz: u64,
-    /// PWR_CR1.DBP: whether BDCR can be written.
+    /// PWR_CR1.DBP: whether BDCR is writable.
     pub backup_writable: bool,
     /// The gates whose reset has just been released.
     pub released: Vec<(usize, u32)>,
-    /// A rule that the last write broke and the chip lets pass.
+    /// A rule that the last write broke and that the chip tolerates.
     pub deviation: Option<&'static str>,
 }
 
 impl Rcc {
-    /// As after a reset.
+    /// The state after a reset.
     #[must_use]
     pub fn new(cause: ResetCause) -> Self {
         Self {
@@ -177,7 +177,7 @@ impl Rcc {
         }
     }
 
-    /// A system reset: everything but the backup domain, the reset flags that the program has not removed, and the world
+    /// A system reset. It keeps the backup domain, the reset flags that the program has not cleared, and everything
     /// outside the chip.
     pub fn system_reset(&mut self, cause: ResetCause) {
         let kept = self.clone();
@@ -216,17 +216,18 @@ impl Rcc {
         self.released.contains(&gate.place())
     }
 
-    /// Starts the internal low-speed oscillator: the watchdog does so by itself.
+    /// Starts the internal low-speed oscillator; the watchdog does this by hardware.
     pub fn start_lsi(&mut self, now: Time) {
         if self.lsi_ready == Time::NEVER {
             self.lsi_ready = now + LSI_STARTS;
         }
     }
 
-    /// The crystal stops: CSS switches the HSE and the PLL that runs on it off, and the system to the HSI.
+    /// Stops the crystal. The CSS switches off the HSE and the PLL that uses it, and switches the system clock to the
+    /// HSI.
     ///
     /// # Panics
-    /// CSS is off: a core without a clock is not modelled.
+    /// The CSS is off: a core without a clock is not modelled.
     pub fn stop_crystal(&mut self) {
         assert!(self.cr & CR_CSSON != 0, "the crystal stops while the clock security system is off");
         self.has_crystal = false;
@@ -245,7 +246,7 @@ impl Rcc {
         let sysclk = self.sysclk();
         let hclk = sysclk * ahb_divider(field(self.cfgr, 4, 4));
         let pclk = |prescaler: u32| hclk * apb_divider(prescaler);
-        // A divided APB clock is doubled for its timers.
+        // The timer clock is twice a divided APB clock.
         let timers = |prescaler: u32| hclk * (apb_divider(prescaler) / 2).max(1);
         let (ppre1, ppre2) = (field(self.cfgr, 8, 3), field(self.cfgr, 11, 3));
         Clocks {
@@ -350,7 +351,7 @@ impl Rcc {
             }
             AHB1ENR..=APB2ENR => self.enabled[(offset - AHB1ENR) as usize / 4] = value,
             CCIPR => {
-                // LPUART1SEL = PCLK1 or SYSCLK, ADC12SEL = SYSCLK: the only selections that are modelled.
+                // LPUART1SEL = PCLK1 or SYSCLK, ADC12SEL = SYSCLK: the only modelled selections.
                 only("RCC_CCIPR", value, 2 << 28 | 1 << 10)?;
                 self.ccipr = value;
             }

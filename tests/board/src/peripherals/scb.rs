@@ -1,4 +1,5 @@
-//! The system control block (Armv7-M, section B3.2), but for the exceptions' priorities, which the interrupt controller keeps.
+//! System control block (Armv7-M, section B3.2), except the exception priorities, which are in the interrupt
+//! controller.
 
 use super::nvic::{NMI, Nvic, PEND_SV, SYS_TICK};
 use crate::register::{Access, bit, field, only, refuse, unknown};
@@ -23,7 +24,7 @@ pub struct Scb {
     scr: u32,
     ccr: u32,
     cpacr: u32,
-    /// SYSRESETREQ was set.
+    /// Whether SYSRESETREQ was set.
     pub reset_requested: bool,
 }
 
@@ -34,7 +35,7 @@ impl Default for Scb {
 }
 
 impl Scb {
-    /// Where the vectors are.
+    /// Address of the vector table.
     #[must_use]
     pub fn vtor(&self) -> u32 {
         self.vtor
@@ -49,7 +50,7 @@ impl Scb {
     /// Reads a register, `offset` from 0xE000E000.
     ///
     /// # Errors
-    /// It is not modelled.
+    /// The register is not modelled.
     pub fn read(&self, offset: u32, nvic: &Nvic) -> Access<u32> {
         Ok(match offset {
             CPUID => 0x410f_c241,

@@ -1,8 +1,8 @@
-//! The timers (RM0440, sections 29 to 31), counting up: TIM3 and TIM4 as triggers, TIM7 with its interrupt, TIM16 with one
+//! Up-counting timers (RM0440, sections 29 to 31): TIM3 and TIM4 as triggers, TIM7 with its interrupt, TIM16 with one
 //! PWM channel, one-pulse mode and the repetition counter.
 //!
-//! A timer is not stepped: while it counts, its counter and the times of its overflows follow from the time at which it
-//! was 0.
+//! A timer is not stepped. While it counts, its counter and the times of its overflows are computed from the time at
+//! which the counter was 0.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unknown};
 use crate::time::Time;
@@ -31,7 +31,7 @@ const UIE: u32 = 1 << 0;
 const UG: u32 = 1 << 0;
 const MOE: u32 = 1 << 15;
 
-/// Which timer: they differ in what they have.
+/// Kind of timer; it determines the available features.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// TIM3, TIM4: triggers.
@@ -61,21 +61,21 @@ pub struct Tim {
     arr: u32,
     rcr: u32,
     ccr1: u32,
-    /// The prescaler, reload value and repetitions in force: the preloaded ones since the last update event.
+    /// The active prescaler, reload value and repetitions: the preloaded values at the last update event.
     active_psc: u32,
     active_arr: u32,
     repetitions_left: u32,
-    /// The counter while it stands still.
+    /// The counter value while the timer is stopped.
     cnt: u32,
-    /// While it counts: when it was 0, and how many overflows since then have been dealt with.
+    /// While the timer counts: the time at which the counter was 0, and the number of processed overflows since then.
     origin: Time,
     overflows: u64,
-    /// The counter is beyond the reload value: it counts to the end of its 16 bits.
+    /// The counter is above the reload value and counts to the end of its 16 bits.
     is_beyond: bool,
 }
 
 impl Tim {
-    /// As after a reset.
+    /// The state after a reset.
     #[must_use]
     pub fn new(name: &'static str, kind: Kind, clock: Time) -> Self {
         Self {
@@ -104,7 +104,7 @@ impl Tim {
         }
     }
 
-    /// As after a reset.
+    /// The state after a reset.
     pub fn reset(&mut self) {
         *self = Self::new(self.name, self.kind, self.clock);
     }
@@ -113,12 +113,12 @@ impl Tim {
         self.cr1 & CEN != 0
     }
 
-    /// One count.
+    /// Duration of one count.
     fn count(&self) -> Time {
         self.clock * u64::from(self.active_psc + 1)
     }
 
-    /// From one overflow to the next.
+    /// Time from one overflow to the next.
     fn cycle(&self) -> Time {
         self.count() * u64::from(self.active_arr + 1)
     }
@@ -132,7 +132,7 @@ impl Tim {
         (since / self.count().0) as u32
     }
 
-    /// Counts on from `counter` at the rate now in force.
+    /// Continues to count from `counter` at the active rate.
     fn count_from(&mut self, counter: u32, now: Time) {
         self.cnt = counter;
         self.origin = now.since(self.count() * u64::from(counter));
@@ -140,7 +140,7 @@ impl Tim {
         self.is_beyond = self.is_counting() && counter > self.active_arr;
     }
 
-    /// The clock changes: what has been counted stays.
+    /// Changes the clock; the present count stays.
     pub fn set_clock(&mut self, clock: Time, now: Time) {
         if clock != self.clock {
             self.sync(now);
@@ -150,7 +150,7 @@ impl Tim {
         }
     }
 
-    /// Deals with the overflows up to `now`.
+    /// Processes the overflows up to `now`.
     pub fn sync(&mut self, now: Time) {
         while self.is_counting() && !self.is_beyond {
             let due = now.since(self.origin).0 / self.cycle().0;
@@ -160,7 +160,7 @@ impl Tim {
             let is_plain =
                 self.repetitions_left == 0 && self.rcr == 0 && self.cr1 & OPM == 0 && self.psc == self.active_psc;
             if is_plain {
-                // All of them are alike.
+                // All remaining overflows have the same effect.
                 self.overflows = due;
                 self.sr |= UIF;
                 return;
@@ -180,7 +180,7 @@ impl Tim {
         }
     }
 
-    /// An update event: the preloaded values come into force, and the counter is 0.
+    /// An update event: loads the preloaded values and sets the counter to 0.
     fn load(&mut self, now: Time) {
         self.active_psc = self.psc;
         self.active_arr = self.arr;
@@ -188,8 +188,8 @@ impl Tim {
         self.count_from(0, now);
     }
 
-    /// The first update event after `time`, for a timer that has counted steadily since before it. None if it does not count
-    /// or does not give its update events out as TRGO.
+    /// The first update event after `time`, for a timer that has counted without interruption since before that time.
+    /// `None` if it does not count or does not output its update events as TRGO.
     #[must_use]
     pub fn trigger_after(&self, time: Time) -> Option<Time> {
         let is_periodic = self.is_counting() && self.rcr == 0 && self.cr1 & OPM == 0 && !self.is_beyond;
@@ -226,7 +226,7 @@ impl Tim {
         }
     }
 
-    /// When something next happens by itself: an update with its interrupt on, or an edge of channel 1.
+    /// Time of the next spontaneous event: an update with its interrupt enabled, or an edge of channel 1.
     #[must_use]
     pub fn next_event(&self, now: Time) -> Time {
         if !self.is_counting() || self.is_beyond {
@@ -244,7 +244,7 @@ impl Tim {
     /// Reads a register.
     ///
     /// # Errors
-    /// This timer has no such register, or it is not modelled.
+    /// This timer has no such register, or the register is not modelled.
     pub fn read(&mut self, offset: u32, now: Time) -> Access<u32> {
         self.sync(now);
         let with_channel = self.kind == Kind::OneChannel;
@@ -270,7 +270,7 @@ impl Tim {
     /// Writes a register.
     ///
     /// # Errors
-    /// This timer has no such register, or it or a bit is not modelled.
+    /// This timer has no such register, or the register or a bit is not modelled.
     pub fn write(&mut self, offset: u32, value: u32, now: Time) -> Access<()> {
         self.sync(now);
         let with_channel = self.kind == Kind::OneChannel;

@@ -1,4 +1,4 @@
-//! From power-on to the first answers.
+//! Tests from power-on to the first replies of the board.
 
 use damprig_board::{Board, Config, Output, Time};
 use damprig_protocol::{Clock, ClockSource, Description, PlantKind, Reply, Request, Reset, SCHEMA, VERSION};
@@ -39,7 +39,7 @@ fn idle_the_relay_stays_open_the_output_at_no_drive_and_the_motor_off() {
     let Some(image) = image() else { return };
     let mut board = board(image);
     run(&mut board, Time::from_ms(200));
-    // The output comes on at its negative end and is set to the middle at once.
+    // The output switches on at its negative end and is set to the middle at once.
     let drive: Vec<_> = board.chip().trace().iter().filter(|(_, output)| matches!(output, Output::Drive(_))).collect();
     assert_eq!(
         drive.iter().map(|(_, output)| *output).collect::<Vec<_>>(),

@@ -1,4 +1,4 @@
-//! A stepped sine through the ordinary command, on the emulated board and on the virtual rig.
+//! Stepped-sine campaign through the `damprig` command, on the emulated board and on the virtual rig.
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use crate::common::{Outcome, Served, bare, damprig, image, said};
 
-/// A structure alone on a shaker, the base held in closed loop: everything is linear.
+/// A structure alone on a shaker, the base in closed loop: a linear system.
 const CAMPAIGN: &str = r#"
 name = "sine"
 
@@ -48,15 +48,15 @@ rate_hz = 50
 signals = ["x", "z", "drive"]
 "#;
 
-/// Its frequency, Hz, its base amplitude, m, and the samples of its measured cycles: ten whole ones.
+/// Frequency of the sine, Hz, its base amplitude, m, and the number of samples in its ten measured cycles.
 const FREQUENCY_HZ: f64 = 2.1;
 const BASE_M: f64 = 0.003;
 const SAMPLES: f64 = 10_000.0 * 10.0 / FREQUENCY_HZ;
 
-/// No drive.
+/// Drive code for zero voltage.
 const MIDDLE: u16 = 2_048;
 
-/// Runs the campaign into a folder.
+/// Runs the campaign with its results in `folder`.
 fn run(rig: &str, folder: &Path) -> Finished {
     let file = folder.with_extension("toml");
     fs::write(&file, CAMPAIGN).unwrap();
@@ -81,7 +81,7 @@ struct Both {
     outcome: Outcome,
 }
 
-/// The campaign on both, run once.
+/// The campaign on both rigs, run once.
 fn both() -> Option<&'static Both> {
     static BOTH: OnceLock<Option<Both>> = OnceLock::new();
     BOTH.get_or_init(|| {
@@ -105,13 +105,14 @@ fn both() -> Option<&'static Both> {
     .as_ref()
 }
 
-/// The amplitudes agree but for what the two rigs' sensors and loops do differently:
-/// - Noise: a conversion's is 16 times the variance of a sample's 5 µm and 1/12 of the square of its step, 39 µm; 16 are
-///   added up; the virtual rig's has its own 10 µm steps. An amplitude over N samples is off by √(2/N) of it.
-/// - The drive reaches the board's base up to 0.15 ms later (the tick's work, the integrator's grid), so that the loop
-///   runs 2πK·0.15 ms behind the virtual rig's while the drive rises, when its error is the rise's: Z/(K · 1 s). What that
-///   moves is still there in the structure.
-/// - The output's steps of 2.4 µm are the loop's business; its residue over ten cycles is below a tenth of a step.
+/// The amplitudes agree except for these differences between the sensors and loops of the two rigs:
+/// - Noise: that of a conversion on the board is 16 times the variance of a sample's 5 µm plus 1/12 of the square of its
+///   step, 39 µm; 16 conversions are added up. The virtual rig has its own 10 µm steps. An amplitude over N samples has an
+///   error of √(2/N) times the noise.
+/// - The drive reaches the board's base up to 0.15 ms later (the tick's execution time, the integrator's grid), so the loop
+///   lags the virtual rig's by 2πK·0.15 ms while the drive rises, when its error is that of the rise: Z/(K · 1 s). The
+///   resulting motion is still present in the structure.
+/// - The loop corrects the output's steps of 2.4 µm; the residue over ten cycles is below a tenth of a step.
 #[test]
 fn a_stepped_sine_gives_the_virtual_rigs_amplitudes_within_the_sensors_noise() {
     let Some(both) = both() else { return };
@@ -131,7 +132,8 @@ fn a_stepped_sine_gives_the_virtual_rigs_amplitudes_within_the_sensors_noise() {
     assert!((number(&both.board, "z_amplitude_m") / BASE_M - 1.0).abs() < 0.01);
 }
 
-/// The board converts z when the 16 conversions of x are done (60 cycles of 42.5 MHz each), the virtual rig both at once.
+/// The board converts z after the 16 conversions of x (60 cycles of 42.5 MHz each); the virtual rig converts both at
+/// once.
 #[test]
 fn the_phase_differs_by_the_converters_turn() {
     let Some(both) = both() else { return };
@@ -139,7 +141,7 @@ fn the_phase_differs_by_the_converters_turn() {
     let difference = number(&both.board, "phase_rad") - number(&both.virtual_rig, "phase_rad");
     let expected = -TAU * FREQUENCY_HZ * turn_s;
     println!("phase: {difference:.2e} rad, expected {expected:.2e}");
-    // Noise as above, of z, four times its standard error; and what the loop leaves in the structure.
+    // Noise of z as above, four times its standard error, plus the remaining effect of the loop on the structure.
     let tolerance = 4.0 * 9e-6 * (2.0 / SAMPLES).sqrt() / BASE_M + 1e-4;
     assert!((difference - expected).abs() < tolerance, "{difference} rad, expected {expected}, tolerance {tolerance}");
 }
@@ -155,7 +157,7 @@ fn nothing_is_lost_on_the_way() {
     }
 }
 
-/// The changes of drive and relay.
+/// The changes of drive and relay in a trace.
 fn drive_and_relay(trace: &[(Time, Output)]) -> Vec<(Time, Output)> {
     let is_one = |output: &Output| matches!(output, Output::Drive(_) | Output::Relay(_));
     trace.iter().filter(|(_, output)| is_one(output)).copied().collect()
@@ -183,7 +185,7 @@ fn the_drive_changes_once_a_tick_while_it_swings() {
     let closed = changes.iter().position(|(_, output)| *output == Output::Relay(true)).unwrap();
     let opened = changes.iter().position(|(_, output)| *output == Output::Relay(false)).unwrap();
     let times: Vec<f64> = changes[closed + 1..opened].iter().map(|(at, _)| at.us()).collect();
-    // Successive values may be equal: whole ticks apart, within what a tick's work varies by.
+    // Successive values may be equal. Changes are whole ticks apart, within the variation of a tick's execution time.
     let worst = times.windows(2).map(|pair| (pair[1] - pair[0]) % 1_000.0).map(|off| off.min(1_000.0 - off));
     let worst = worst.fold(0.0, f64::max);
     println!("{} changes of the drive, off their tick by at most {worst:.1} µs", times.len());
@@ -193,7 +195,7 @@ fn the_drive_changes_once_a_tick_while_it_swings() {
 #[test]
 fn the_emergency_stop_opens_the_relay_before_the_output_returns_to_no_drive() {
     let Some(image) = image() else { return };
-    // Pressed two seconds after the relay has closed: the drive swings.
+    // The switch is pressed two seconds after the relay has closed, while the drive swings.
     let mut pressed = None;
     let served = Served::new(image, Config::new(bare()), move |board| {
         let closed = board.chip().trace().iter().rev().find(|(_, output)| *output == Output::Relay(true));
@@ -214,7 +216,7 @@ fn the_emergency_stop_opens_the_relay_before_the_output_returns_to_no_drive() {
     let at = outcome.trace.iter().find(|(_, output)| *output == Output::Mark("emergency stop")).unwrap().0;
     let after: Vec<_> = drive_and_relay(&outcome.trace).into_iter().filter(|(time, _)| *time > at).collect();
     let opened = after.iter().position(|(_, output)| *output == Output::Relay(false)).unwrap();
-    // A tick may have been at work with the switch's old level: its block of samples ends within a millisecond.
+    // A running tick may have read the switch's old level; its block of samples ends within a millisecond.
     assert!(after[opened].0 - at < Time::from_ms(2), "{} µs", (after[opened].0 - at).us());
     assert_eq!(after[opened + 1].1, Output::Drive(Some(MIDDLE)));
     assert!(after[opened + 1].0 - after[opened].0 < Time::from_us(100));

@@ -1,4 +1,4 @@
-//! Boards, the lines to them, and the command.
+//! Shared set-up of the tests: boards, hosts connected to them, and the `damprig` command.
 
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -16,15 +16,15 @@ use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use escargot::CargoBuild;
 
-/// Device seconds a second, at most: far from the time-outs of either side.
+/// Maximum device seconds per second: far from the time-outs of either side.
 const PACE: f64 = 5.0;
 
-/// The top of the project.
+/// Root directory of the project.
 pub fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The controller's image; says so if there is none.
+/// The controller's image; prints a message if it has not been built.
 pub fn image() -> Option<Image> {
     let path = project().join("firmware/target/images/nucleo-g474re.elf");
     if path.is_file() {
@@ -36,31 +36,31 @@ pub fn image() -> Option<Image> {
     None
 }
 
-/// The source document's structure without a damper, on a shaker that feels it.
+/// The source document's structure without a damper, on a shaker that feels its reaction force.
 pub fn bare() -> PlantConfig {
     let structure = Structure::from_modal(1.6, 2.5, 0.0038);
     let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
     PlantConfig { base: Base::Shaker(Shaker::default()), ..PlantConfig::ideal(set_up) }
 }
 
-/// A board without a rig that matters.
+/// A board for tests that do not depend on the rig.
 pub fn board(image: Image) -> Board {
     Board::new(image, &Config::new(bare())).unwrap()
 }
 
-/// Runs a board, as far as it goes.
+/// Runs a board until `until`; panics if the run fails.
 pub fn run(board: &mut Board, until: Time) {
     if let Err(failure) = board.run_until(until) {
         panic!("{failure}");
     }
 }
 
-/// A host that speaks the protocol over the board's UART, in device time alone.
+/// A host that speaks the protocol over the board's UART, in device time only.
 pub struct Host<'a> {
     pub board: &'a mut Board,
     reader: Reader,
     seq: u16,
-    /// Every byte that the board has sent.
+    /// All bytes sent by the board.
     pub received: Vec<u8>,
 }
 
@@ -69,26 +69,26 @@ impl<'a> Host<'a> {
         Self { board, reader: Reader::default(), seq: 0, received: Vec::new() }
     }
 
-    /// Lets device time pass; what the board sends meanwhile goes to `received`.
+    /// Lets device time pass; appends the bytes that the board sends to `received`.
     pub fn pass(&mut self, time: Time) {
         let end = self.board.now() + time;
         run(self.board, end);
         self.received.extend(self.board.chip_mut().take_sent());
     }
 
-    /// Everything that was received so far.
+    /// All messages received so far.
     pub fn messages(&self) -> Vec<FromDevice> {
         let mut reader = Reader::default();
         self.received.iter().filter_map(|&byte| reader.push::<FromDevice>(byte)?.ok()).collect()
     }
 
-    /// Asks, and waits for at most a second of device time.
+    /// Sends a request and waits for its reply, at most one second of device time.
     pub fn ask(&mut self, ask: Request) -> Reply {
         let seq = self.send(ask);
         self.reply_to(seq)
     }
 
-    /// Sends a request; its number.
+    /// Sends a request and returns its number.
     pub fn send(&mut self, ask: Request) -> u16 {
         self.seq += 1;
         let request = ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask });
@@ -98,7 +98,7 @@ impl<'a> Host<'a> {
         self.seq
     }
 
-    /// Waits for at most a second of device time.
+    /// Waits for the reply to a request, at most one second of device time.
     pub fn reply_to(&mut self, wanted: u16) -> Reply {
         let end = self.board.now() + Time::from_ms(1_000);
         while self.board.now() < end {
@@ -119,19 +119,19 @@ impl<'a> Host<'a> {
     }
 }
 
-/// What a board behind a port has come to.
+/// Results of a served board.
 pub struct Outcome {
-    /// Every change of an output.
+    /// All changes of the outputs.
     pub trace: Vec<(Time, Output)>,
-    /// Bytes that the UART lost.
+    /// Number of bytes that the UART lost.
     pub bytes_lost: u64,
-    /// The second bank of the flash.
+    /// Contents of the second bank of the flash.
     pub bank2: Bank2,
-    /// Device time over time on the host's clock.
+    /// Device time divided by host time.
     pub speed: f64,
 }
 
-/// A board behind a TCP port, in a thread of its own.
+/// A board behind a TCP port, in its own thread.
 pub struct Served {
     /// Its address for `--rig`.
     pub rig: String,
@@ -140,9 +140,9 @@ pub struct Served {
 }
 
 impl Served {
-    /// Powers a board; `each_step` sees it every millisecond.
+    /// Powers a board on; `each_step` is called with it every millisecond.
     pub fn new(image: Image, config: Config, mut each_step: impl FnMut(&mut Board) + Send + 'static) -> Self {
-        // Nobody waits for the command to be built while a board runs.
+        // Builds the command now, so that no board runs during the build.
         damprig();
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let rig = format!("tcp:{}", listener.local_addr().unwrap());
@@ -162,14 +162,14 @@ impl Served {
         Self { rig, stop, thread }
     }
 
-    /// Takes the board's power away.
+    /// Powers the board off.
     pub fn off(self) -> Outcome {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.join().unwrap().unwrap_or_else(|failure| panic!("{failure}"))
     }
 }
 
-/// The command: what `DAMPRIG_COMMAND` names, else built now.
+/// The `damprig` command: the file that `DAMPRIG_COMMAND` names; otherwise built now.
 pub fn damprig() -> Command {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     let path = BUILT.get_or_init(|| {
@@ -183,7 +183,7 @@ pub fn damprig() -> Command {
     Command::new(path)
 }
 
-/// What a finished command printed.
+/// Exit status and output of a finished command.
 pub fn said(output: &std::process::Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     format!("{}\n{out}\n{err}", output.status)

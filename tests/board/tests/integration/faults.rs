@@ -1,4 +1,4 @@
-//! What goes wrong on a board, from the cause to the safe state: relay open, motor off, and the next answer tells why.
+//! Fault tests on the board: from the cause to the safe state (relay open, motor off) and the reported crash cause.
 
 use damprig_board::peripherals::rcc::ResetCause;
 use damprig_board::{Board, Config, Output, Time};
@@ -8,13 +8,13 @@ use damprig_protocol::{CrashCause, Description, Reply, Request, Reset};
 
 use crate::common::{Host, bare, image, run};
 
-/// The interrupt on which the control tick runs (UART5).
+/// The interrupt that runs the control tick (UART5).
 const TICK: u16 = 16 + 53;
 
-/// Code outside any handler: the line's tasks.
+/// Code outside any handler: the tasks of the serial line.
 const THREAD: u16 = 0;
 
-/// The slowest and the fastest oscillator of the watchdog (DS12288, table 48), Hz.
+/// Slowest and fastest watchdog oscillator (DS12288, table 48), Hz.
 const LSI_HZ: [u64; 2] = [31_000, 34_000];
 
 fn description(board: &mut Board) -> Description {
@@ -59,13 +59,13 @@ fn is_driving(board: &Board) -> bool {
     relay == Some(true)
 }
 
-/// When the relay opened after `since`.
+/// Time from `since` until the relay opened.
 fn opened(board: &Board, since: Time) -> Time {
     let opened = board.chip().trace().iter().find(|(at, output)| *at >= since && *output == Output::Relay(false));
     opened.unwrap_or_else(|| panic!("the relay stays closed")).0 - since
 }
 
-/// Runs for 200 ms more; how long the drive went on after the fault, and what the board then says of itself.
+/// Runs for 200 ms more. Returns how long the drive continued after the fault, and the board's description of itself.
 fn after_fault(mut board: Board, since: Time) -> (Time, Description) {
     pass(&mut board, 200);
     let opened = opened(&board, since);
@@ -76,7 +76,7 @@ fn after_fault(mut board: Board, since: Time) -> (Time, Description) {
 #[test]
 fn a_control_tick_that_hangs_is_reset_in_55_ms_and_told_as_such_whatever_the_watchdogs_oscillator() {
     for lsi_hz in LSI_HZ {
-        // The stall watch looks every 5 ms: at ten places between two of its looks.
+        // The stall watch runs every 5 ms: test ten instants between two of its runs.
         for offset_us in (0..5_000).step_by(500) {
             let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
             let at = board.now() + Time::from_us(offset_us);
@@ -102,7 +102,7 @@ fn a_line_that_hangs_is_reset_and_told_as_such() {
         board.hang_in(THREAD);
         run(&mut board, at + Time::from_ms(500));
         let (opened, description) = after_fault(board, at);
-        // Half a second without an answer, then the watchdog's time.
+        // Half a second without a reply, then the watchdog's time.
         assert!(opened < Time::from_ms(560), "{} ms", opened.us() / 1e3);
         assert_eq!(description.last_crash.map(|crash| crash.cause), Some(CrashCause::CommunicationStalled));
     }
@@ -145,14 +145,14 @@ fn a_damaged_word_of_the_program_is_told_and_one_among_the_settings_changes_noth
 #[test]
 fn a_supply_that_falls_opens_the_relay_at_2_9_v_and_the_board_waits_until_it_is_back() {
     let Some(mut board) = driving(&Config::new(bare())) else { return };
-    // 3.3 V to 2.8 V in 50 ms.
+    // From 3.3 V to 2.8 V in 50 ms.
     let ramp: Vec<_> = (0..50).map(|ms| 3.3 - 0.01 * f64::from(ms)).collect();
     let begun = board.now();
     for volts in &ramp {
         board.chip_mut().set_supply(*volts);
         pass(&mut board, 1);
     }
-    // 2.86 V come after 44 ms.
+    // The supply reaches 2.86 V after 44 ms.
     let opened = opened(&board, begun);
     assert!(opened >= Time::from_ms(44) && opened < Time::from_ms(46), "{} ms", opened.us() / 1e3);
     pass(&mut board, 500);

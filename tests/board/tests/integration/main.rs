@@ -1,7 +1,7 @@
-//! The controller's own image on the emulated board: one program, so that it is linked once.
+//! Integration tests of the controller image on the emulated board, in one binary so that it is linked once.
 //!
-//! Without an image (`tests/board/run` builds it) nothing is tested, and each test says so; `DAMPRIG_IMAGES=required` makes
-//! that a failure.
+//! Without an image (`tests/board/run` builds it) every test passes with a message that it was skipped;
+//! `DAMPRIG_IMAGES=required` turns this into a failure.
 
 mod boot;
 mod campaign;

@@ -1,4 +1,4 @@
-//! Settings through the ordinary command, and the flash that keeps them.
+//! Tests of settings through the `damprig` command, and of the flash that stores them.
 
 use std::process::Output;
 
@@ -29,8 +29,8 @@ fn a_saved_setting_is_read_back_after_the_power_was_off() {
     assert_eq!((again.off().bytes_lost, outcome.bytes_lost), (0, 0));
 }
 
-/// A board with this second bank, its supply cut where `cut` says, that is told to save settings; what is left, and how many
-/// operations that were.
+/// Tells a board with this second bank, and a supply that fails as given by `cut`, to save settings. Returns the
+/// resulting bank and the number of flash operations.
 fn save(bank2: &Bank2, wall_force_n: f32, cut: Option<(u64, Cut)>) -> Option<(Bank2, u64)> {
     let mut board = Board::new(image()?, &Config { bank2: bank2.clone(), cut, ..Config::new(bare()) }).unwrap();
     let mut host = Host::new(&mut board);
@@ -42,7 +42,7 @@ fn save(bank2: &Bank2, wall_force_n: f32, cut: Option<(u64, Cut)>) -> Option<(Ba
     Some((board.chip().bank2().clone(), board.chip().flash_operations()))
 }
 
-/// What a board with this second bank says its wall force limit is.
+/// The wall force limit that a board with this second bank reports, and its source.
 fn read(bank2: &Bank2) -> (f32, Source) {
     let mut board = Board::new(image().unwrap(), &Config { bank2: bank2.clone(), ..Config::new(bare()) }).unwrap();
     match Host::new(&mut board).ask(Request::Settings) {
@@ -51,7 +51,7 @@ fn read(bank2: &Bank2) -> (f32, Source) {
     }
 }
 
-/// The driver's own sequence of operations, and a damaged word that raises the non-maskable interrupt when it is read.
+/// Covers the driver's own sequence of operations, and a damaged word that raises the non-maskable interrupt when read.
 #[test]
 fn a_supply_that_goes_at_any_operation_of_a_saving_leaves_the_old_settings_or_the_new() {
     let Some((old, _)) = save(&Bank2::default(), 300.0, None) else { return };
@@ -72,6 +72,6 @@ fn a_supply_that_goes_at_any_operation_of_a_saving_leaves_the_old_settings_or_th
             new_read += u32::from(wall_force_n == 200.0);
         }
     }
-    // Only the last operation makes the new record whole.
+    // Only the last operation completes the new record.
     assert!(old_read > 0 && (new_read > 0 || cuts.len() == 1), "{old_read} {new_read}");
 }

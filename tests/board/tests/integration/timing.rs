@@ -1,4 +1,4 @@
-//! When things happen on the board: how old samples are, and what the motor's pulses look like.
+//! Timing tests on the board: age of the samples, delay of the drive, pulses of the motor, bytes of the UART.
 
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
@@ -11,7 +11,7 @@ use damprig_simulator::plant::{Base, PlantConfig};
 
 use crate::common::{Host, bare, image, run};
 
-/// A base that follows the drive at once, whatever the structure does, and a structure that soon comes to rest.
+/// A base that follows the drive exactly, regardless of the structure, and a structure whose motion decays fast.
 fn prescribed() -> PlantConfig {
     let mut plant = PlantConfig { base: Base::Prescribed, ..bare() };
     plant.set_up.structure = Structure::from_modal(1.6, 2.5, 0.3);
@@ -33,13 +33,13 @@ fn start(host: &mut Host) {
         frequencies_hz: [FREQUENCY_HZ].into_iter().collect(),
         first_index: 0,
     }));
-    // The base alone.
+    // The base displacement only.
     host.ask(Request::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
     host.received.clear();
     host.ask(Request::Start);
 }
 
-/// z of each tick since the start, while no tick is missing.
+/// z of each tick since the start, up to the first missing tick.
 fn base_motion(host: &Host) -> Vec<f32> {
     let mut z_m = Vec::new();
     for message in host.messages() {
@@ -52,8 +52,8 @@ fn base_motion(host: &Host) -> Vec<f32> {
     z_m
 }
 
-/// The same drive gives the same base, so a sample that came late shows as another value: 1.9 ms, two ticks less a little,
-/// are 0.24 mm here.
+/// The same drive gives the same base motion, so a late sample appears as a different value: a delay of 1.9 ms,
+/// slightly less than two ticks, changes it by 0.24 mm.
 #[test]
 fn after_a_stall_samples_are_as_fresh_as_before_it() {
     let Some(image) = image() else { return };
@@ -64,7 +64,7 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
     host.pass(Time::from_ms(300));
     let before = base_motion(&host);
     assert!(before.len() > 250, "{}", before.len());
-    // Half a block, a block and a half, and more than both halves: the last two lose blocks.
+    // Half a block, a block and a half, and more than both halves of the buffer: the last two lose blocks.
     for stall_us in [400, 1_600, 4_700, 17_300] {
         host.board.halt(Time::from_us(stall_us));
         host.pass(Time::from_ms(3_000));
@@ -81,14 +81,15 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
         let after = base_motion(&host);
         assert!(after.len() > 250, "{}", after.len());
         let largest = before.iter().zip(&after).map(|(b, a)| (b - a).abs()).fold(0.0, f32::max);
-        // 100 µs at the fastest, and the converter's step.
+        // 100 µs at the highest speed, plus the converter's step.
         let allowed = AMPLITUDE_M * 2.0 * std::f32::consts::PI * FREQUENCY_HZ * 100e-6 + 3e-6;
         assert!(largest < allowed, "{largest} m after {stall_us} us");
     }
 }
 
-/// A block of samples is the mean over 1 ms, and the output holds its value for 1 ms: at best, z lags its drive by 1 ms. What it
-/// lags more is the age of the newest sample when the tick begins and the time from there to the output.
+/// A block of samples is the mean over 1 ms, and the output holds its value for 1 ms: z lags its drive by at least 1
+/// ms. The additional lag is the age of the newest sample at the start of the tick plus the time from there to the
+/// output.
 #[test]
 fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
     let Some(image) = image() else { return };
@@ -100,7 +101,7 @@ fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
     let z_m = base_motion(&host);
     let turning = 2.0 * std::f64::consts::PI * f64::from(FREQUENCY_HZ);
     let (mut sine, mut cosine) = (0.0, 0.0);
-    // A whole cycle.
+    // One whole cycle.
     for (tick, z) in z_m.iter().enumerate().skip(200).take(200) {
         let phase = turning * tick as f64 * 1e-3;
         sine += f64::from(*z) * phase.sin();
@@ -115,7 +116,7 @@ fn with_spring() -> PlantConfig {
     PlantConfig { spring: Some(SpringPlant { start_m: 3e-3, ..SpringPlant::default() }), ..bare() }
 }
 
-/// Edges of the step output since `since`: when it rose and how long it stayed high.
+/// Pulses of the step output since `since`: time of the rising edge and width.
 fn pulses(board: &Board, since: Time) -> Vec<(Time, Time)> {
     let edges = board.chip().trace().iter().filter_map(|(at, output)| match output {
         Output::Step(level) if *at >= since => Some((*at, *level)),
@@ -143,13 +144,13 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
     run(&mut board, begun + Time::from_ms(8_000));
     let trace = board.chip().trace();
     let on = trace.iter().find(|(_, output)| *output == Output::MotorOff(false)).expect("the motor comes on").0;
-    // After the reset the pin is NJTRST with its pull-up: one falling edge, while the motor is off.
+    // After the reset the pin is NJTRST with its pull-up: it makes one falling edge, while the motor is off.
     let early: Vec<_> = trace.iter().filter(|(at, output)| *at < on && matches!(output, Output::Step(_))).collect();
     assert!(matches!(early[..], [(_, Output::Step(false))]), "{early:?}");
 
     let pulses = pulses(&board, on);
     assert!(pulses.len() > 100, "{}", pulses.len());
-    // Drivers ask for 1 µs to 2.5 µs.
+    // Stepper drivers require 1 µs to 2.5 µs.
     assert!(pulses.iter().all(|(_, width)| *width >= Time::from_us(4) && *width <= Time::from_us(6)));
     let mut direction_since = None;
     for (at, output) in trace {
@@ -163,7 +164,7 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
         }
     }
 
-    // Every pulse moved the seat, and the controller counts what the seat has made.
+    // Every pulse moved the seat, and the controller counts the steps that the seat made.
     let mut towards = false;
     let mut moved = 0;
     for (at, output) in trace {
@@ -178,7 +179,7 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
     let Reply::Status { status, .. } = Host::new(&mut board).ask(Request::Status) else { panic!("no status") };
     assert_eq!(status.spring.stage, SpringStage::Homed);
     let step_m = SpringPlant::default().step_m;
-    // The switch's edge is where the controller counts from.
+    // The controller counts from the switch's edge.
     assert!((status.spring.position_m - steps as f32 * step_m).abs() <= 1.5 * step_m, "{status:?} {steps}");
 }
 
@@ -199,7 +200,7 @@ fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
     assert_eq!(after.count(), 0);
 }
 
-/// The UART's FIFO holds 87 µs of bytes; DMA takes them from it, however long a tick keeps the line's task waiting.
+/// The UART's FIFO holds 87 µs of bytes; DMA empties it, even while a tick delays the line's task.
 #[test]
 fn no_byte_is_lost_while_the_core_is_busy_for_1_ms() {
     let Some(image) = image() else { return };
@@ -211,7 +212,7 @@ fn no_byte_is_lost_while_the_core_is_busy_for_1_ms() {
         other => panic!("{other:?}"),
     };
     for _ in 0..20 {
-        // The longest request: some 300 bytes, 3 ms on the line.
+        // The longest request: about 300 bytes, 3 ms on the line.
         let sent = host.send(Request::SetSettings(settings));
         for _ in 0..3 {
             host.pass(Time::from_us(100));

@@ -1,4 +1,4 @@
-//! The loop: arc after arc, until an event or the end.
+//! Main loop of the exact driver: advances arc by arc to an event or to the end of the run.
 
 use core::cell::OnceCell;
 
@@ -12,31 +12,31 @@ use crate::integrator::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Si
 use crate::io::Invalid;
 use crate::model::{Initial, Release, SetUp, Wall};
 
-/// Arcs after which the rotating pair is taken afresh from the time, so that its rounding cannot add up.
+/// Arcs after which the rotating pair is computed afresh from the time, so that its rounding error cannot accumulate.
 pub(super) const ARCS_PER_ANCHOR: u32 = 64;
 
-/// Events at one instant after which a sliver of time is taken unguarded; see [`Exact::unresolved`].
+/// Number of events at one instant after which a sliver of time is taken without guards; see [`Exact::unresolved`].
 const MOST_EVENTS_AT_ONCE: u32 = 64;
 
-/// The sliver, as a fraction of an arc.
+/// Length of the sliver, as a fraction of an arc.
 const SLIVER: f64 = 1e-6;
 
-/// What a soft wall does.
+/// State of the contact with a soft wall.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Touch {
-    /// Nothing: the particle is between the walls (or there is no soft wall).
+    /// No contact: the particle is between the walls, or there is no soft wall.
     #[default]
     Clear,
-    /// The particle presses into the wall of that side.
+    /// The particle presses into the wall on that side.
     Pressing(Sign),
-    /// The wall let go before the particle is back inside the clearance.
+    /// The wall has released the particle, which is not yet back inside the clearance.
     Leaving(Sign),
 }
 
-/// Roundings that may be left of a sum of five terms that cancel, each term of a few operations.
+/// Roundings that may remain in a sum of five cancelling terms, each the result of a few operations.
 pub(super) const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 
-/// Guards that start an arc at their limit: how many leading coefficients are zero by definition.
+/// For guards that start an arc at their limit: the number of leading coefficients that are zero by definition.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Fresh {
     pub gap_side: Sign,
@@ -46,18 +46,18 @@ pub(super) struct Fresh {
     pub press: usize,
 }
 
-/// What a motion has cost so far, counted.
+/// Counters of the computing effort of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Arcs whose outcome their two ends proved.
+    /// Arcs decided by the end-point proof.
     pub arcs_proved: u64,
-    /// Arcs whose guards were walked along.
+    /// Arcs decided by walking along their guards.
     pub arcs_walked: u64,
-    /// Impacts located by Newton steps.
+    /// Impacts located by Newton's method.
     pub impacts_located: u64,
-    /// Evaluations of a series that those took.
+    /// Evaluations of a series for those impacts.
     pub newton_steps: u64,
-    /// Sine and cosine pairs taken.
+    /// Evaluations of a sine and cosine pair.
     pub sines: u64,
 }
 
@@ -100,7 +100,7 @@ pub struct Exact {
 }
 
 impl Exact {
-    /// A set-up at rest in time, about to move from `initial` at t = 0.
+    /// A set-up that starts from `initial` at t = 0.
     ///
     /// # Errors
     /// Names the first value that is not physical.
@@ -149,12 +149,12 @@ impl Exact {
         Ok(exact)
     }
 
-    /// Starts again from `initial` at time `t_s`, keeping the tables.
+    /// Restarts from `initial` at time `t_s` and keeps the tables.
     pub fn reset(&mut self, t_s: f64, initial: &Initial) {
         let joined = self.has_particle || self.has_tmd;
         let mut offset_m = if joined { initial.y_m - initial.x_m } else { 0.0 };
         if self.has_particle {
-            // A start "at the wall" is written as y = x ± d and may miss it by a rounding.
+            // A start "at the wall" is written as y = x ± d and may miss the wall by a rounding.
             let d = self.c.clearance;
             if offset_m.abs() >= d - 4.0 * f64::EPSILON * (initial.x_m.abs() + initial.y_m.abs()) {
                 offset_m = if offset_m > 0.0 { d } else { -d };
@@ -176,49 +176,50 @@ impl Exact {
         self.events_at_once = 0;
     }
 
-    /// The instant reached, s.
+    /// The present time, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.time.seconds()
     }
 
-    /// The state reached.
+    /// The present state.
     #[must_use]
     pub fn state(&self) -> &ExactState {
         &self.state
     }
 
-    /// The mode reached; meaningful once [`Exact::run`] has been called.
+    /// The present mode; valid after the first call of [`Exact::run`].
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// The soft wall's part of the mode.
+    /// The present contact with a soft wall.
     #[must_use]
     pub fn touch(&self) -> Touch {
         self.touch
     }
 
-    /// How often more than 64 events fell on one instant and a millionth of an arc was taken without guards.
+    /// Number of times that more than 64 events fell on one instant and a millionth of an arc was taken without guards.
     #[must_use]
     pub fn unresolved(&self) -> u32 {
         self.unresolved
     }
 
-    /// What the motion has cost since [`Exact::new`].
+    /// Computing effort since [`Exact::new`].
     #[must_use]
     pub fn work(&self) -> Work {
         self.work
     }
 
-    /// z and z′ now, m and m/s.
+    /// Present z and z′, m and m/s.
     #[must_use]
     pub fn base(&self) -> (f64, f64) {
         (self.wave.offset + self.flows.base_share * self.wave.sine, self.base_velocity())
     }
 
-    /// The shortest full arc of this set-up, s: what a stiff wall or a fast excitation costs.
+    /// The shortest full arc of this set-up, s. A stiff wall or a fast excitation shortens it and so raises the
+    /// computing effort.
     #[must_use]
     pub fn shortest_arc_s(&self) -> f64 {
         [Path::Alone, Path::Together, Path::Coupled, Path::CarriedCoupled]
@@ -227,7 +228,7 @@ impl Exact {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Moves on to `until_s`, or to where the observer does not go on; nothing happens when that is past.
+    /// Advances to `until_s`, or to where the observer ends the run. Does nothing if `until_s` is in the past.
     pub fn run<O: Observer>(&mut self, until_s: f64, observer: &mut O) {
         if !self.started {
             self.started = true;
@@ -248,7 +249,7 @@ impl Exact {
         }
     }
 
-    /// The excitation's closed form changes here.
+    /// Passes an instant at which the excitation's closed form changes.
     fn pass_break<O: Observer>(&mut self, observer: &mut O) {
         let slip = self.slip();
         let stuck = self.mode.grip == Grip::Stuck;
@@ -257,7 +258,8 @@ impl Exact {
         self.next_break_s = self.excitation.next_break_s(self.time.seconds());
         self.anchor();
         let jump = self.base_velocity() - before;
-        // A stuck structure has the base's velocity of before: a jump of the base makes it slip, rounding does not.
+        // A stuck structure keeps the base's previous velocity: a jump of the base velocity makes it slip; rounding
+        // does not.
         let stays = stuck && jump.abs() <= ROUNDINGS * speed;
         self.resolve(if stays { 0.0 } else { slip - jump }, observer);
     }
@@ -285,7 +287,7 @@ impl Exact {
         if self.soft.is_some() { 0 } else { self.end_of_travel() }
     }
 
-    /// Side of the cavity whose wall, hard or soft, the particle touches or presses into; 0 between them.
+    /// Side of the cavity whose wall, hard or soft, the particle touches or presses into; 0 between the walls.
     pub(super) fn end_of_travel(&self) -> Sign {
         if self.has_particle && self.state.offset_m.abs() >= self.c.clearance { sign(self.state.offset_m) } else { 0 }
     }
@@ -312,7 +314,7 @@ impl Exact {
         }
     }
 
-    /// Takes the mode that follows from the state; `slip` is zero when the damper may stick.
+    /// Switches to the mode that follows from the state; `slip` is zero when the damper may stick.
     pub(super) fn resolve<O: Observer>(&mut self, slip: f64, observer: &mut O) {
         let before = self.mode;
         let mode = modes::resolve(&self.c, self.has_particle, &self.situation(slip));
@@ -380,7 +382,7 @@ impl Exact {
         };
     }
 
-    /// Arcs, at most to `limit_s`, and the event at their end if there is one.
+    /// Advances by arcs, at most to `limit_s`, and handles the event at the end of the last arc, if any.
     #[inline]
     fn advance<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
         if let Some(Hit { side, .. }) = self.fly(limit_s, observer) {
@@ -391,7 +393,7 @@ impl Exact {
         }
     }
 
-    /// One arc by its series.
+    /// Advances by one arc, using its series.
     fn walk<O: Observer>(&mut self, limit_s: f64, observer: &mut O) {
         let h = self.leg.step_s;
         let rest_s = self.time.until(limit_s);
@@ -437,7 +439,7 @@ impl Exact {
         }
     }
 
-    /// Shows an arc that starts at `time`: state and wave at both its ends.
+    /// Reports an arc that starts at `time` to the observer, with state and wave at both ends.
     #[inline]
     pub(super) fn report<O: Observer>(
         &self,

@@ -1,4 +1,4 @@
-//! What happens at an instant: start, impact, touch and release, stick and slip, and the end of a chatter.
+//! Event handling of the exact driver: start, impact, soft contact and release, stick and slip, end of a chatter.
 
 use super::driver::{Exact, ROUNDINGS, Touch};
 use super::flow::{Path, dot};
@@ -8,17 +8,17 @@ use super::series::TERMS;
 use crate::integrator::modes::{self, Contact, Grip, Mode, Sign, sign, signed};
 use crate::model::Release;
 
-/// What a summed chatter may leave out, relative to the motion: one rounding.
+/// Largest effect that a summed chatter may neglect, relative to the motion: one rounding.
 const LEFT_OUT: f64 = f64::EPSILON;
 
-/// Only impacts slower than this share of the run's fastest are summed instead of listed.
+/// Impacts are summed instead of listed only when slower than this fraction of the fastest impact of the run.
 const SLOW: f64 = 1e-4;
 
-/// The pressing acceleration may change by this share until the chatter ends.
+/// Largest relative change of the pressing acceleration until the chatter ends.
 const PRESSING_CHANGE: f64 = 0.125;
 
 impl Exact {
-    /// Settles the initial state: contacts, sticking, an impact at t = 0.
+    /// Settles the initial state: contacts, sticking, and an impact at t = 0.
     pub(super) fn start<O: Observer>(&mut self, observer: &mut O) {
         observer.start(self.time.seconds(), &self.state);
         let slip = self.state.v_m_per_s - self.base_velocity();
@@ -50,7 +50,7 @@ impl Exact {
             }
             Event::SlideStops => {
                 self.state.slide_m_per_s = 0.0;
-                // Forget the direction, so that a new one counts as a release.
+                // Clears the direction, so that the next one counts as a release.
                 self.mode.contact = Contact::Free(0);
                 self.resolve(slip, observer);
             }
@@ -59,7 +59,7 @@ impl Exact {
                 self.resolve(0.0, observer);
             }
             Event::HoldBreaks { direction, order } => {
-                // Friction, or the wall, is at its limit and goes on without a jump: velocity and acceleration of the
+                // Friction or the wall is at its limit and its force is continuous: velocity and acceleration of the
                 // slide start from zero.
                 self.fresh.slide = order + 1;
                 self.state.slide_m_per_s = 0.0;
@@ -77,7 +77,7 @@ impl Exact {
         }
     }
 
-    /// The particle is at the wall of `side`: it hits it, leaves it or rests on it.
+    /// The particle is at the wall of `side`: it hits the wall, leaves it or rests on it.
     pub(super) fn reach_wall<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let approach = signed(side, self.state.slide_m_per_s);
         if self.soft.is_some() {
@@ -103,11 +103,11 @@ impl Exact {
             (self.fresh.gap_side, self.fresh.gap) = (side, 1);
         }
         let slip = slip + (v - before.v_m_per_s);
-        // The common case needs no deciding: the particle flies back and nothing can stick.
+        // The common case needs no mode decision: the particle flies back and nothing can stick.
         if slide != 0.0 && self.c.damper_force == 0.0 {
             let mode = Mode { contact: Contact::Free(sign(slide)), ..self.mode };
             if self.c.friction_acceleration == 0.0 && mode != self.mode {
-                // Without friction it moves by the same equations.
+                // Without friction the equations of motion stay the same.
                 observer.mode(self.time.seconds(), mode);
                 self.mode = mode;
             } else {
@@ -122,14 +122,14 @@ impl Exact {
         }
     }
 
-    /// Ends a chatter when the impacts still to come can be summed; see the module documentation of `exact`.
+    /// Ends a chatter when the remaining impacts can be summed; see the module documentation of `exact`.
     fn settle<O: Observer>(&mut self, side: Sign, slip: f64, observer: &mut O) {
         let h = self.leg.step_s;
         let e = self.c.restitution;
         let lift = self.state.slide_m_per_s.abs() * h;
         let pressing_out = self.pressing(side, slip) * h * h;
         let (mass, light) = (self.c.mass, self.c.particle_mass);
-        // Friction slows the particle on its way out and again on its way back.
+        // Friction slows the particle on its way out and on its way back.
         let both_ways = 2.0 * self.c.friction_acceleration * (1.0 + light / mass) * h * h;
         let pressing = pressing_out - both_ways;
         if pressing <= 0.0 || lift > 0.1 * pressing {
@@ -148,7 +148,8 @@ impl Exact {
         let kick = self.c.stiffness * h * h * light / (together * together) * hop / (1.0 - e * e * e);
         let sure = lasts <= 1.0 && jerk * lasts <= PRESSING_CHANGE * pressing;
         let left_out = if both_ways > 0.0 { kick } else { kick * (jerk * lasts / pressing + lasts) };
-        // With a friction damper the impulses may make the structure stick and slip: its places differ by the height.
+        // With a friction damper the impulses may make the structure stick and slip. The error in its position is of
+        // the order of the height.
         let damper_matters = self.c.damper_force > 0.0 && {
             let change = (light / mass + lasts) * (lift + pressing + self.c.damper_force / mass * h * h) * 4.0;
             slip.abs() * h <= change
@@ -181,28 +182,30 @@ impl Exact {
         self.resolve(slip, observer);
     }
 
-    /// How long accumulating impacts go on, in arcs, if the particle leaves with `lift` (speed × arc, m) and is pressed
-    /// back with these accelerations (× arc², m) on its way out and back, to return with a share `returned` of its speed.
+    /// Duration of the remaining accumulating impacts, in arcs. The particle leaves with `lift` (speed × arc, m), is
+    /// pressed back with these accelerations (× arc², m) on its way out and back, and returns with the fraction
+    /// `returned` of its speed.
     fn tail(&self, side: Sign, lift: f64, (out, back): (f64, f64), returned: f64) -> f64 {
         let even = lift * (1.0 / out + 1.0 / libm::sqrt(out * back)) / (1.0 - returned);
         if self.leg.path != Path::Alone {
             return even;
         }
-        // The pressing changes at a rate of j: to first order each flight, and so their sum T, is T (1 − j T/(3 pressing)).
+        // The pressing changes at the rate j. To first order each flight, and so their sum T, is scaled by 1 − j T/(3
+        // pressing).
         let unit =
             [self.state.x_m, self.state.v_m_per_s, self.leg.structure_acceleration, self.wave.sine, self.wave.cosine];
         let rate = -signed(side, dot(&self.flows.alone.rates[1], &unit));
         even * (1.0 - rate * even / (3.0 * back))
     }
 
-    /// The acceleration with which the gap closes, m/s².
+    /// The closing acceleration of the gap, m/s².
     fn pressing(&self, side: Sign, slip: f64) -> f64 {
         let structure = match self.leg.path {
             Path::Carried => self.situation(0.0).base_acceleration,
             _ => {
                 let s = self.situation(slip);
                 let spring = -(self.c.stiffness * s.stretch + self.c.damping * slip) + s.applied_force;
-                // The constant part holds k times the base's offset, which the stretch has already.
+                // The constant part contains k times the base's offset, which the stretch already includes.
                 self.leg.structure_acceleration + (spring - self.c.stiffness * self.wave.offset) / self.c.mass
             }
         };
@@ -224,7 +227,7 @@ impl Exact {
         self.resolve(slip, observer);
     }
 
-    /// Sets a particle in motion that is at rest at a soft wall which does not push yet, and that nothing holds.
+    /// Starts the motion of a particle at rest at a soft wall that does not push yet, when nothing holds the particle.
     pub(super) fn depart(&mut self) {
         let side = if self.soft.is_some() { self.end_of_travel() } else { 0 };
         let at_rest = side != 0 && self.touch == Touch::Clear && self.state.slide_m_per_s == 0.0 && self.fresh.gap == 0;
@@ -235,8 +238,8 @@ impl Exact {
         }
     }
 
-    /// A particle at rest at the wall of `side` starts to move relative to it: into it or away from it, as τ to the power
-    /// of `order`.
+    /// A particle at rest at the wall of `side` starts to move relative to it, into the wall or away from it, as τ to
+    /// the power of `order`.
     fn leave_rest(&mut self, side: Sign, presses: bool, order: usize) {
         if presses && self.soft.is_some() {
             self.touch = Touch::Pressing(side);
@@ -246,8 +249,8 @@ impl Exact {
         }
     }
 
-    /// How a particle at rest at a soft wall starts to move relative to it: the power of τ, and whether into the wall. A
-    /// coefficient that is rounding counts as zero; if all are, nothing moves it.
+    /// How a particle at rest at a soft wall starts to move relative to it: the power of τ, and whether it moves into
+    /// the wall. Coefficients within rounding of zero count as zero; if all do, the particle stays at rest.
     fn departure(&self, side: Sign) -> (usize, bool) {
         let offset = self.flows.span(&self.leg, &self.state, &self.wave).offset;
         let sizes = self.flows.sizes(&self.leg, &self.state, &self.wave).unwrap_or([0.0; TERMS]);

@@ -1,7 +1,7 @@
-//! What moves the structure, in closed form: the base, or a force on the structure.
+//! Excitation in closed form: motion of the base, or a force on the structure.
 //!
-//! Between breakpoints every excitation is a constant and one rotating pair, [`Wave`]; the driver turns the pair,
-//! so no sine or cosine is taken in its loop. Recorded motion belongs to [`crate::integrator::sampled`].
+//! Between breakpoints every excitation is the sum of a constant and one rotating pair, [`Wave`]. The driver rotates
+//! the pair, so its loop evaluates no sine or cosine. Recorded motions are handled by [`crate::integrator::sampled`].
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -46,7 +46,7 @@ pub enum Excitation {
         /// φ, rad.
         phase_rad: f64,
     },
-    /// z = 0 and a force P sin(πt/T) on the structure up to T, then none.
+    /// z = 0 and a force P sin(πt/T) on the structure up to T, then 0.
     ForceHalfSine {
         /// P, N.
         amplitude_n: f64,
@@ -62,7 +62,7 @@ pub struct Wave {
     pub offset: f64,
     /// Rotating part, m (N for a force).
     pub sine: f64,
-    /// A quarter of a turn ahead, m (N for a force).
+    /// The rotating part a quarter of a turn ahead, m (N for a force).
     pub cosine: f64,
 }
 
@@ -70,7 +70,7 @@ impl Excitation {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first parameter outside its range, as case files spell it.
+    /// Names the first parameter outside its range, spelled as in case files.
     pub fn validate(&self) -> Result<(), Invalid> {
         match *self {
             Self::Fixed => Ok(()),
@@ -108,13 +108,13 @@ impl Excitation {
         }
     }
 
-    /// Whether it moves the base (else it pushes the structure).
+    /// Whether the excitation moves the base (otherwise it is a force on the structure).
     #[must_use]
     pub fn moves_base(&self) -> bool {
         !matches!(self, Self::ForceSine { .. } | Self::ForceHalfSine { .. })
     }
 
-    /// The instant after `t_s` at which the closed form changes; infinite when there is none.
+    /// The next instant after `t_s` at which the closed form changes; infinite if there is none.
     #[must_use]
     pub fn next_break_s(&self, t_s: f64) -> f64 {
         match self.ends_s() {
@@ -123,7 +123,7 @@ impl Excitation {
         }
     }
 
-    /// When a pulse is over, s.
+    /// End of a pulse, s.
     fn ends_s(&self) -> Option<f64> {
         match *self {
             Self::HalfSine { duration_s, .. }
@@ -133,7 +133,8 @@ impl Excitation {
         }
     }
 
-    /// The wave at `time`, from the sine and cosine of the phase reduced with twice the digits of an `f64`.
+    /// The wave at `time`. The phase is reduced with twice the digits of an `f64` before its sine and cosine are
+    /// evaluated.
     #[must_use]
     pub fn wave(&self, time: Time) -> Wave {
         if self.ends_s().is_some_and(|end_s| time.seconds() >= end_s) {
@@ -154,13 +155,13 @@ impl Excitation {
 }
 
 impl Wave {
-    /// The wave `angle_rad` later, for `|angle_rad|` up to 0.8: error below 10⁻¹⁷ of the amplitude and one rounding.
+    /// The wave `angle_rad` later, for `|angle_rad|` up to 0.8; error below 10⁻¹⁷ of the amplitude plus one rounding.
     #[inline]
     #[must_use]
     pub fn turned(self, angle_rad: f64) -> Self {
         let square = angle_rad * angle_rad;
         let fourth = square * square;
-        // Two interleaved sums each, so that no long chain of operations waits for itself.
+        // Two interleaved sums each: this shortens the chain of dependent operations.
         let sum = |c: &[f64; 8]| {
             let (mut even, mut odd) = (c[0], c[1]);
             for n in (2..8).step_by(2) {
@@ -181,7 +182,7 @@ impl Wave {
         self.turned_by(cosine_less_one, angle_rad * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0))))
     }
 
-    /// The wave later by the angle whose cosine less one and sine are given.
+    /// The wave after a rotation by the angle with the given cosine minus one and sine.
     #[inline]
     #[must_use]
     pub fn turned_by(self, cosine_less_one: f64, sine: f64) -> Self {

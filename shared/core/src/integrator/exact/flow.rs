@@ -1,8 +1,8 @@
-//! The motion within one mode, as its own power series: tables computed once per set-up and excitation.
+//! Power series of the motion within one mode, from tables computed once per set-up and excitation.
 //!
-//! In every mode the system is linear with constant coefficients, so the series over an arc is a fixed matrix times
-//! the state at its start (displacement, velocity, constant acceleration, rotating pair). The tables hold that
-//! matrix column by column; nothing but multiplications and additions is left for the loop.
+//! In every mode the system is linear with constant coefficients. The series over an arc is therefore a fixed matrix
+//! times the state at its start (displacement, velocity, constant acceleration, rotating pair). The tables store that
+//! matrix by columns, so the loop needs only multiplications and additions.
 
 use super::excitation::{Excitation, Wave};
 use super::series::{Series, TERMS};
@@ -11,8 +11,8 @@ use crate::model::{SetUp, Wall};
 /// Length of a full arc times the fastest rate of its mode, rad.
 pub const LARGEST_ARC_RAD: f64 = 0.8;
 
-/// Displacements and velocities; the particle (or the tuned mass) relative to the structure, so that walls and a
-/// held particle are exact.
+/// State: displacements and velocities. The particle (or the tuned mass) is relative to the structure, so that wall
+/// positions and a held particle are exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExactState {
     /// x, m.
@@ -39,7 +39,7 @@ impl ExactState {
     }
 }
 
-/// `q″ = −stiffness q − damping q′ + sine·S + cosine·C + a`: one oscillator under the wave and a constant.
+/// `q″ = −stiffness q − damping q′ + sine·S + cosine·C + a`: one oscillator under the wave and a constant acceleration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rates {
     stiffness: f64,
@@ -49,33 +49,33 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    /// Bound on the rate of everything in its solution, rad/s: with `|q| ≤ N`, `|q′| ≤ ρN`, `|q⁽ⁿ⁾| ≤ ρⁿN`.
+    /// Upper bound of every rate in the solution, rad/s: with `|q| ≤ N`, `|q′| ≤ ρN`, `|q⁽ⁿ⁾| ≤ ρⁿN`.
     fn fastest(&self, turning: f64) -> f64 {
         let half = 0.5 * self.damping;
         (half + libm::sqrt(half * half + self.stiffness)).max(turning)
     }
 }
 
-/// One oscillator over a full arc, for unit values of: displacement, velocity, acceleration, sine, cosine.
+/// Tables of one oscillator over a full arc, for unit values of displacement, velocity, acceleration, sine and cosine.
 #[derive(Clone, Debug)]
 pub(super) struct Oscillator {
-    /// Length of a full arc, s, and what part of an arc a second is.
+    /// Length of a full arc, s, and its reciprocal.
     pub step_s: f64,
     pub per_step: f64,
-    /// Angle of the wave over an arc, rad; its cosine less one and its sine.
+    /// Angle of the wave over an arc, rad; the cosine of that angle minus one, and its sine.
     pub angle: f64,
     pub turn: (f64, f64),
     pub columns: [Series; 5],
-    /// Displacement at the end less the displacement at the start.
+    /// Displacement at the end minus displacement at the start.
     pub shift: [f64; 5],
-    /// Velocity at the end less that at the start.
+    /// Velocity at the end minus velocity at the start.
     pub gain: [f64; 5],
-    /// Second to fifth derivative at the start, by arcs.
+    /// Second to fifth derivatives by τ at the start.
     pub rates: [[f64; 5]; 4],
-    /// Bounds along the arc on the third and fourth derivative, by arcs.
+    /// Bounds of the third and fourth derivatives by τ over the arc.
     pub third: [f64; 5],
     pub fourth: [f64; 5],
-    /// How far the velocity can lie below its chord.
+    /// Largest amount by which the velocity can lie below its chord.
     pub sag: [f64; 5],
 }
 
@@ -114,7 +114,7 @@ impl Oscillator {
         }
     }
 
-    /// Σ of the columns, weighted.
+    /// The sum of the columns, weighted by `unit`.
     #[inline]
     pub fn series(&self, unit: &[f64; 5]) -> Series {
         core::array::from_fn(|n| {
@@ -146,7 +146,7 @@ fn solve(rates: &Rates, turning: f64, h: f64, unit: [f64; 5]) -> Series {
     q
 }
 
-/// Series of the rotating part: `sine cos a τ + cosine sin a τ` with `a` the angle of an arc.
+/// Series of the rotating part: `sine cos a τ + cosine sin a τ`, where `a` is the angle of an arc.
 #[inline]
 pub(super) fn wave_series(sine: f64, cosine: f64, angle: f64) -> Series {
     let mut series = [0.0; TERMS];
@@ -159,8 +159,8 @@ pub(super) fn wave_series(sine: f64, cosine: f64, angle: f64) -> Series {
     series
 }
 
-/// Structure and second mass joined by a spring and a dashpot: unit values of x, v·h, w, s·h, a of the structure,
-/// a of the second mass, sine, cosine.
+/// Structure and second mass joined by a spring and a dashpot. The columns are for unit values of x, v·h, w, s·h,
+/// acceleration of the structure, acceleration of the second mass, sine, cosine.
 #[derive(Clone, Debug)]
 pub(super) struct Coupled {
     pub step_s: f64,
@@ -223,7 +223,7 @@ impl Coupled {
     }
 }
 
-/// The spring and dashpot between structure and second mass: a soft wall, or those of a tuned mass damper.
+/// The spring and dashpot between structure and second mass: those of a soft wall or of a tuned mass damper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Link {
     /// k1, N/m.
@@ -234,38 +234,38 @@ pub struct Link {
     pub mass_ratio: f64,
 }
 
-/// Which equations hold for the structure.
+/// Selects the equations of motion of the structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Path {
-    /// It moves by itself.
+    /// The structure moves alone.
     Alone,
-    /// The held particle moves with it.
+    /// The structure moves with the held particle as one body.
     Together,
-    /// It and the second mass are joined by the link.
+    /// The link joins the structure and the second mass.
     Coupled,
-    /// It is stuck to the base.
+    /// The structure is stuck to the base.
     Carried,
-    /// It is stuck to the base and the second mass moves on the link.
+    /// The structure is stuck to the base, and the second mass moves on the link.
     CarriedCoupled,
 }
 
-/// The equations of the present mode.
+/// The equations of motion of the present mode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     pub path: Path,
-    /// The particle moves relative to the structure (else the offset is constant).
+    /// Whether the particle moves relative to the structure (otherwise the offset is constant).
     pub sliding: bool,
     /// Constant acceleration of the structure, m/s².
     pub structure_acceleration: f64,
     /// Constant acceleration of the particle, m/s².
     pub particle_acceleration: f64,
-    /// Offset at which the link is at rest, m.
+    /// Offset at which the link is unloaded, m.
     pub rest_offset: f64,
     /// Length of a full arc, s.
     pub step_s: f64,
 }
 
-/// Both motions over one arc.
+/// The motions of structure, second mass and base over one arc.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
     /// x, m, over τ = 0 … 1.
@@ -274,7 +274,7 @@ pub struct Span {
     pub offset: Series,
     /// z, m.
     pub base: Series,
-    /// What τ = 1 means, s.
+    /// Time that τ = 1 stands for, s.
     pub step_s: f64,
 }
 
@@ -334,7 +334,7 @@ impl Flows {
         }
     }
 
-    /// The oscillator that the structure is on `path`, if it is one.
+    /// The oscillator of the structure on `path`; `None` on the other paths.
     #[inline]
     pub(super) fn oscillator(&self, path: Path) -> Option<&Oscillator> {
         match path {
@@ -354,8 +354,8 @@ impl Flows {
         }
     }
 
-    /// Sizes of the terms that [`Flows::span`] adds up to each coefficient of x; none where second mass and structure
-    /// are joined.
+    /// Sum of the magnitudes of the terms in each coefficient of x in [`Flows::span`], for rounding bounds; `None`
+    /// where the second mass and the structure are joined.
     pub(super) fn sizes(&self, leg: &Leg, state: &ExactState, wave: &Wave) -> Option<Series> {
         let unit = [state.x_m, state.v_m_per_s, leg.structure_acceleration, wave.sine, wave.cosine].map(f64::abs);
         match leg.path {
@@ -371,7 +371,7 @@ impl Flows {
         }
     }
 
-    /// The arc from `state`.
+    /// The series of the arc that starts from `state`.
     #[inline]
     pub(super) fn span(&self, leg: &Leg, state: &ExactState, wave: &Wave) -> Span {
         let h = leg.step_s;

@@ -1,4 +1,4 @@
-//! What must stay positive in each mode, as series, and which fails first.
+//! Guards of each mode as power series, and the search for the first one that fails.
 
 use super::driver::{Exact, ROUNDINGS, Touch};
 use super::flow::Span;
@@ -6,26 +6,27 @@ use super::series::{Series, TERMS, derivative, first_failure};
 use crate::integrator::modes::{Contact, Grip, Sign, signed};
 use crate::model::Release;
 
-/// A guard that stopped being positive.
+/// The event at which a guard stops being positive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// The particle reaches the wall of that side.
     Wall(Sign),
-    /// The soft wall of that side lets go.
+    /// The soft wall on that side releases the particle.
     LetGo(Sign),
-    /// The particle is back inside the clearance after a soft wall let go early.
+    /// The particle is back inside the clearance after an early release by a soft wall.
     Inside(Sign),
     /// y′ − x′ reaches zero.
     SlideStops,
     /// x′ − z′ reaches zero.
     SlipStops,
-    /// A held particle starts to slide in that direction; what held it falls below zero as τ to the power of `order`.
+    /// A held particle starts to slide in that direction; its holding guard falls below zero as τ to the power of
+    /// `order`.
     HoldBreaks { direction: Sign, order: usize },
     /// A stuck structure starts to slip in that direction.
     GripBreaks(Sign),
 }
 
-/// The first event within `most` of the span, and when.
+/// The first event within `most` of the span, and its time.
 pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event>) {
     let mut search = Search { at: most, event: None };
     let d = exact.c.clearance;
@@ -41,7 +42,7 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
                     }
                     Touch::Clear | Touch::Leaving(_) => {
                         let gap = penetration(span, side, d).map(|p| -p);
-                        // Σ|coefficients| bounds how near it can come.
+                        // Σ|coefficients| bounds the change of the gap.
                         let reach: f64 = gap[1..].iter().map(|c| c.abs()).sum();
                         let order = if fresh.gap_side == side { fresh.gap } else { 0 };
                         if order > 0 || reach >= gap[0] {
@@ -77,10 +78,10 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
             let sizes = exact.flows.sizes(&exact.leg, &exact.state, &exact.wave).unwrap_or([0.0; TERMS]);
             let sizes = derivative(&derivative(&sizes)).map(|a| a * per_square);
             let mut hold = |mut guard: Series, direction: Sign| {
-                // A particle at rest at its limit: what cancels but for rounding is zero.
+                // A particle at rest at its limit: coefficients within rounding of zero are zero.
                 let order = (0..TERMS).take_while(|&n| guard[n].abs() <= ROUNDINGS * sizes[n]).count();
                 guard[..order].fill(0.0);
-                // One that fails later falls through zero.
+                // A guard that fails later crosses zero at first order.
                 let fails_at_once = guard.get(order).is_some_and(|&next| next < 0.0);
                 let order = if fails_at_once { order } else { 1 };
                 search.consider(guard, 0, Event::HoldBreaks { direction, order });
@@ -120,7 +121,7 @@ pub(super) fn first(exact: &Exact, span: &Span, most: f64) -> (f64, Option<Event
     (search.at, search.event)
 }
 
-/// `side·(y − x) − d`: how far the particle is past the wall.
+/// `side·(y − x) − d`: penetration of the particle into the wall.
 fn penetration(span: &Span, side: Sign, d: f64) -> Series {
     let mut series = span.offset.map(|w| signed(side, w));
     series[0] -= d;
@@ -161,8 +162,9 @@ struct Search {
 }
 
 impl Search {
-    /// Looks for a failure of `guard` earlier than what was found; its first `order` coefficients are zero by
-    /// definition, and the next one says that it leaves its limit, whatever rounding made of it.
+    /// Looks for a failure of `guard` earlier than the first one found so far. Its first `order` coefficients are zero
+    /// by definition. The next one is not negative by definition, since the guard leaves its limit; rounding must not
+    /// change that.
     fn consider(&mut self, mut guard: Series, order: usize, event: Event) {
         if order > 0 {
             guard[..order].fill(0.0);

@@ -1,22 +1,22 @@
-//! One oscillator's motion around a point inside an arc, and the roots that are looked for there: the instant of an
-//! impact, the top of a displacement.
+//! Root finding inside an arc of one oscillator: the instant of an impact and the turning point of a displacement.
 //!
-//! The series is summed once, at a guess; from there five derivatives are the motion to the last bit.
+//! The series is evaluated at a guess; five derivatives at that point then give the motion to the last bit.
 
 use super::excitation::Wave;
 use super::flow::{Oscillator, dot};
 use super::series::Bend;
 use crate::integrator::modes::{Sign, signed};
 
-/// Within this distance, in arcs, five derivatives are enough: the next term is at most
-/// NEAR⁵ · 0.8⁶/5! = 2·10⁻¹⁸ of the velocity.
+/// Largest distance from the guess, in arcs, at which five derivatives suffice: the next term is at most NEAR⁵ ·
+/// 0.8⁶/5! = 2·10⁻¹⁸ of the velocity.
 const NEAR: f64 = 1e-3;
 
-/// Newton steps before the walk takes over.
+/// Newton steps after which the walk takes over.
 const MOST_STEPS: u32 = 8;
 
-/// When a quantity that falls by `travel` over an arc has fallen by `part`, from its rates of fall at both ends: the
-/// cubic that shares values and slopes with the time as a function of the quantity.
+/// Fraction of an arc at which a quantity that falls by `travel` over the arc has fallen by `part`, from its rates of
+/// fall at both ends: the cubic that interpolates time as a function of the quantity, with value and slope at both
+/// ends.
 #[inline]
 pub(super) fn inverse_cubic(part: f64, travel: f64, rate: f64, rate_end: f64) -> f64 {
     let (slow, slow_end) = (1.0 / rate, 1.0 / rate_end);
@@ -26,8 +26,8 @@ pub(super) fn inverse_cubic(part: f64, travel: f64, rate: f64, rate_end: f64) ->
     if guess > 0.0 && guess < 1.0 { guess } else { w }
 }
 
-/// When a gap that opens at `rate` and is pressed shut with `pressing` is closed, if it falls by `travel` in all: the
-/// parabola first, then the cubic that also ends where the gap does.
+/// Fraction of an arc at which a gap closes that opens at `rate`, has the closing acceleration `pressing` and falls by
+/// `travel` in total: first estimate from the parabola, second from the cubic that also has the gap's end value.
 #[inline]
 pub(super) fn back_after(gap: f64, rate: f64, pressing: f64, travel: f64) -> f64 {
     let half = 0.5 * pressing;
@@ -43,7 +43,7 @@ pub(super) fn back_after(gap: f64, rate: f64, pressing: f64, travel: f64) -> f64
     t
 }
 
-/// An oscillator over a full arc from a state, as its series.
+/// The motion of an oscillator over a full arc from a given state, as a series.
 pub(super) struct Motion<'a> {
     table: &'a Oscillator,
     unit: &'a [f64; 5],
@@ -51,25 +51,25 @@ pub(super) struct Motion<'a> {
     bend: Bend,
 }
 
-/// The motion at an instant.
+/// The motion at one instant.
 pub(super) struct Near {
     /// Displacement, m.
     pub x: f64,
-    /// Velocity × step less that at the start, m.
+    /// Velocity × step minus its value at the start, m.
     pub rate: f64,
-    /// The wave.
+    /// The excitation at that instant.
     pub wave: Wave,
 }
 
 impl<'a> Motion<'a> {
-    /// From displacement, velocity, constant acceleration, sine and cosine.
+    /// Takes displacement, velocity, constant acceleration, sine and cosine.
     #[inline]
     pub fn new(table: &'a Oscillator, unit: &'a [f64; 5], wave: &'a Wave) -> Self {
         Self { table, unit, wave, bend: Bend::new(&table.columns, unit) }
     }
 
-    /// The root of `gap − closing τ − pull τ² + side·(curved part)`, which passes through zero once,
-    /// the motion there, and the steps taken.
+    /// Finds the single root of `gap − closing τ − pull τ² + side·(curved part)`. Returns the root, the motion there
+    /// and the number of steps.
     #[inline]
     pub fn gap_closes(&self, side: Sign, gap: f64, closing: f64, pull: f64, guess: f64) -> Option<(f64, Near, u32)> {
         let (mut low, mut high, mut t) = (0.0, 1.0, guess);
@@ -80,7 +80,7 @@ impl<'a> Motion<'a> {
             let step = here * per_speed;
             if step.abs() <= NEAR {
                 let (wave, rates) = self.rates(t, curved, rate);
-                // g = here − speed δ + bent δ² + …: two terms of its reversion and one Newton step.
+                // g = here − speed δ + bent δ² + …: two terms of the series reversion, then one Newton step.
                 let bent = 0.5 * signed(side, rates[0]) - pull;
                 let q = bent * per_speed;
                 if (q * step).abs() <= NEAR {
@@ -102,8 +102,8 @@ impl<'a> Motion<'a> {
         None
     }
 
-    /// The displacement at the one instant at which its rate, which passes through zero between 0 and 1 and does not
-    /// turn back, is zero.
+    /// Finds the single zero of the rate between 0 and 1, which must cross zero exactly once. Returns its instant and
+    /// the displacement there.
     #[inline]
     pub fn top(&self, guess: f64) -> Option<(f64, f64)> {
         let start_rate = self.unit[1] * self.table.step_s;
@@ -114,7 +114,7 @@ impl<'a> Motion<'a> {
             let rate = start_rate + bend_rate;
             let step = -rate / second;
             if step.abs() <= NEAR {
-                // An error of the instant enters the displacement by its square.
+                // An error in the instant changes the displacement only to second order.
                 let more = step * (1.0 - 0.5 * third / second * step);
                 let rise = third * (1.0 / 6.0) + more * (fourth * (1.0 / 24.0) + more * fifth * (1.0 / 120.0));
                 let x = self.unit[0] + (start_rate * t + curved);
@@ -125,7 +125,7 @@ impl<'a> Motion<'a> {
         None
     }
 
-    /// Displacement, and velocity × step, at `t`.
+    /// Displacement and velocity × step at `t`.
     #[inline]
     pub fn at(&self, t: f64) -> (f64, f64) {
         let (curved, rate) = self.bend.at(t);
@@ -133,7 +133,7 @@ impl<'a> Motion<'a> {
         (self.unit[0] + (start_rate * t + curved), start_rate + rate)
     }
 
-    /// The wave at `t`, and the second to fifth derivative by arcs.
+    /// The wave at `t`, and the second to fifth derivatives by τ.
     #[inline(always)]
     fn rates(&self, t: f64, curved: f64, rate: f64) -> (Wave, [f64; 4]) {
         let table = self.table;

@@ -1,4 +1,4 @@
-//! What a run shows of itself: smooth arcs and the events between them. Nothing is computed that is not asked for.
+//! Observers of a run: smooth arcs and the events between them. Only requested values are computed.
 
 use core::cell::OnceCell;
 
@@ -14,20 +14,20 @@ pub struct Arc<'a> {
     pub(super) wave: Wave,
     pub(super) end_wave: Wave,
     pub(super) span: OnceCell<Span>,
-    /// When it starts, s.
+    /// Start time, s.
     pub start_s: f64,
-    /// How long it is, s.
+    /// Duration, s.
     pub length_s: f64,
-    /// The mode all along it.
+    /// The mode during the arc.
     pub mode: Mode,
-    /// The state at its start.
+    /// The state at the start.
     pub start: ExactState,
-    /// The state at its end.
+    /// The state at the end.
     pub end: ExactState,
 }
 
 impl Arc<'_> {
-    /// The motion as power series, computed when first asked for.
+    /// The motion as power series, computed on first use.
     #[inline]
     pub fn span(&self) -> &Span {
         self.span.get_or_init(|| self.flows.span(self.leg, &self.start, &self.wave))
@@ -46,15 +46,16 @@ impl Arc<'_> {
         if share > 0.0 { share * self.wave.turned(self.flows.turning * self.leg.step_s * fraction).sine } else { 0.0 }
     }
 
-    /// The offset at which the spring between structure and second mass is at rest, m; none while nothing joins them.
+    /// The offset at which the spring between structure and second mass is unloaded, m; `None` while nothing joins
+    /// them.
     #[must_use]
     pub fn link_rest_m(&self) -> Option<f64> {
         let joined = matches!(self.leg.path, Path::Coupled | Path::CarriedCoupled);
-        // A particle that friction holds against a pressed wall moves with the structure and keeps the wall pressed.
+        // A particle that friction holds against a pressed wall moves with the structure and keeps the wall compressed.
         (joined || self.leg.rest_offset != 0.0).then_some(self.leg.rest_offset)
     }
 
-    /// The state `after_s` from its start, 0 to `length_s`.
+    /// The state at time `after_s` after the start, 0 to `length_s`.
     #[must_use]
     pub fn state(&self, after_s: f64) -> ExactState {
         self.span().state(after_s / self.leg.step_s)
@@ -72,10 +73,10 @@ impl Span {
     }
 }
 
-/// The particle meets a wall at speed: an impact on a hard one, the first touch of a soft one.
+/// The particle meets a wall at a non-zero speed: an impact on a hard wall, the first touch of a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
     /// +1 where y − x = +d.
     pub side: Sign,
@@ -87,10 +88,10 @@ pub struct Impact {
     pub after: ExactState,
 }
 
-/// A soft wall lets go.
+/// A soft wall releases the particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactEnd {
-    /// When, s.
+    /// Time, s.
     pub time_s: f64,
     /// +1 where y − x = +d.
     pub side: Sign,
@@ -98,45 +99,46 @@ pub struct ContactEnd {
     pub separation_speed_m_per_s: f64,
 }
 
-/// Impacts accumulated: the particle has come to rest on a hard wall, and the impacts still to come were summed instead
+/// Accumulation of impacts: the particle has come to rest on a hard wall, and the remaining impacts were summed instead
 /// of listed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accumulation {
-    /// When the sum was taken, s: from here on the particle counts as resting.
+    /// Time at which the sum was taken, s: from then on the particle counts as resting.
     pub time_s: f64,
-    /// When the last of the summed impacts would have been, s; right to first order in the length of what was summed.
+    /// Time of the last summed impact, s; correct to first order in the duration of the summed part.
     pub ended_s: f64,
     /// +1 where y − x = +d.
     pub side: Sign,
     /// The state just before the sum: the particle leaves the wall.
     pub before: ExactState,
-    /// The state just after: the particle rests on it.
+    /// The state just after the sum: the particle rests on the wall.
     pub after: ExactState,
-    /// The part of the change of x′ that the structure's spring makes, m/s; the rest the impacts make.
+    /// The part of the change of x′ caused by the structure's spring, m/s; the impacts cause the rest.
     pub spring_m_per_s: f64,
 }
 
-/// Sees a run. Every method may be left out and then costs nothing.
+/// Receives the events and arcs of a run. Every method is optional; an omitted one costs nothing.
 pub trait Observer {
-    /// Whether [`Observer::arc`] is wanted at all.
+    /// Whether [`Observer::arc`] is called at all.
     const ARCS: bool = true;
 
-    /// The motion starts at `time_s` from `state`; what happens at the same instant follows.
+    /// The motion starts at `time_s` from `state`; events at the same instant follow.
     fn start(&mut self, time_s: f64, state: &ExactState) {
         let _ = (time_s, state);
     }
 
-    /// A smooth piece of the motion; pieces follow each other without gaps.
+    /// A smooth piece of the motion; consecutive pieces leave no gap.
     fn arc(&mut self, arc: &Arc<'_>) {
         let _ = arc;
     }
 
-    /// The particle met a wall at speed. A particle that starts to press on a soft wall from rest makes no impact.
+    /// The particle met a wall at a non-zero speed. A particle that starts from rest to press on a soft wall makes no
+    /// impact.
     fn impact(&mut self, impact: &Impact) {
         let _ = impact;
     }
 
-    /// A soft wall let go.
+    /// A soft wall released the particle.
     fn contact_end(&mut self, end: &ContactEnd) {
         let _ = end;
     }
@@ -146,12 +148,12 @@ pub trait Observer {
         let _ = (time_s, mode);
     }
 
-    /// Accumulating impacts ended in a particle resting on a hard wall.
+    /// Accumulating impacts ended with the particle at rest on a hard wall.
     fn accumulation(&mut self, accumulation: &Accumulation) {
         let _ = accumulation;
     }
 
-    /// Asked before each arc, `time_s` being where the motion is: `false` ends the run there.
+    /// Called before each arc with the present time of the motion: `false` ends the run there.
     fn goes_on(&mut self, time_s: f64) -> bool {
         let _ = time_s;
         true
@@ -162,7 +164,7 @@ impl Observer for () {
     const ARCS: bool = false;
 }
 
-/// Two observers at once.
+/// Passes every call to both observers.
 impl<A: Observer, B: Observer> Observer for (A, B) {
     const ARCS: bool = A::ARCS || B::ARCS;
 

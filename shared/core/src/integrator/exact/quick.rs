@@ -1,5 +1,6 @@
-//! Arcs whose outcome the values at their two ends prove, without their series: the module documentation of
-//! [`super`] has the argument. What they cannot prove is left to the walk.
+//! End-point proofs: decide from the states at both ends of an arc whether it contains an event, without its series.
+//!
+//! The documentation of [`super`] contains the proofs. The walk handles the arcs that they do not decide.
 
 use super::driver::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
 use super::excitation::Wave;
@@ -8,34 +9,34 @@ use super::near::{Motion, back_after, inverse_cubic};
 use super::observe::Observer;
 use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
 
-/// What an arc's ends prove.
+/// Outcome of the end-point proof for an arc.
 #[derive(PartialEq, Eq)]
 enum Verdict {
-    /// Nothing happens.
+    /// The arc contains no event.
     Clear,
-    /// Nothing happens before an impact on that side, and that happens.
+    /// The first event is an impact on that side, and it occurs within the arc.
     Hit(Sign),
-    /// Nothing.
+    /// Undecided.
     Unsure,
 }
 
-/// The particle at the hard wall of `side`, at fraction `at` of a full arc.
+/// The particle reaches the hard wall of `side` at fraction `at` of a full arc.
 pub(super) struct Hit {
     pub at: f64,
     pub side: Sign,
     pub state: ExactState,
     pub wave: Wave,
-    /// Newton steps it took.
+    /// Newton steps taken to find it.
     steps: u32,
 }
 
-/// An oscillator over a full arc from a state.
+/// The motion of an oscillator over a full arc from a given state.
 struct Full<'a> {
     table: &'a Oscillator,
     /// Displacement, velocity, constant acceleration, sine, cosine; and their magnitudes.
     unit: [f64; 5],
     size: [f64; 5],
-    /// Displacement and velocity at the end less those at the start.
+    /// Displacement at the end minus displacement at the start; the same for the velocity.
     shift: f64,
     gain: f64,
 }
@@ -48,13 +49,13 @@ impl<'a> Full<'a> {
         Self { table, unit, size: unit.map(f64::abs), shift, gain }
     }
 
-    /// How far a velocity can lie below its chord, m/s.
+    /// Largest amount by which a velocity can lie below its chord, m/s.
     #[inline(always)]
     fn sag(&self) -> f64 {
         dot(&self.table.sag, &self.size)
     }
 
-    /// Acceleration × step² at both ends, and how far it can lie beyond its chord, m.
+    /// Acceleration × step² at both ends, and the largest deviation from its chord, m.
     #[inline(always)]
     fn accelerations(&self, end: &ExactState, end_wave: &Wave) -> (f64, f64, f64) {
         let at_end = [end.x_m, end.v_m_per_s, self.unit[2], end_wave.sine, end_wave.cosine];
@@ -64,8 +65,8 @@ impl<'a> Full<'a> {
 }
 
 impl Exact {
-    /// Full arcs, one after another, as long as their ends prove what happens: up to `limit_s`, to an impact, or to
-    /// the first arc that has to be walked.
+    /// Takes full arcs for as long as the end-point proof decides them: up to `limit_s`, to an impact, or to the first
+    /// arc that must be walked.
     #[inline]
     pub(super) fn fly<O: Observer>(&mut self, limit_s: f64, observer: &mut O) -> Option<Hit> {
         let ready = self.touch == Touch::Clear && self.fresh.gap <= 1 && self.fresh.slide == 0 && self.fresh.slip == 0;
@@ -131,7 +132,7 @@ impl Exact {
         end
     }
 
-    /// What a full arc from `state` to `end` holds.
+    /// Decides what happens on a full arc from `state` to `end`.
     #[inline(always)]
     fn judge(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, wave: &Wave, end_wave: &Wave) -> Verdict {
         if let Grip::Slip(direction) = self.mode.grip
@@ -146,7 +147,7 @@ impl Exact {
         let (slide, slide_end) = (state.slide_m_per_s, end.slide_m_per_s);
         let side = sign(slide);
         if signed(side, slide_end).min(slide.abs()) > full.sag() {
-            // The particle moves to that side all along the arc.
+            // The particle moves towards that side throughout the arc.
             let (gap, gap_end) = (d - signed(side, state.offset_m), d - signed(side, end.offset_m));
             return if gap_end > 0.0 {
                 Verdict::Clear
@@ -169,7 +170,8 @@ impl Exact {
         if clear { Verdict::Clear } else { Verdict::Unsure }
     }
 
-    /// Whether a particle that ends past a wall is pressed towards it all along the arc: then it crosses it once.
+    /// Whether a particle that ends beyond a wall is pressed towards it throughout the arc; it then crosses the wall
+    /// once.
     #[inline(always)]
     fn bounces(&self, full: &Full<'_>, state: &ExactState, end: &ExactState, end_wave: &Wave) -> Verdict {
         let side = sign(end.offset_m);
@@ -177,7 +179,7 @@ impl Exact {
         let gap = d - signed(side, state.offset_m);
         let (start, last, beyond) = full.accelerations(end, end_wave);
         let pressed = signed(side, start).max(signed(side, last)) < -beyond;
-        // The gap lies below its first tangent, so the other wall is out of reach.
+        // The gap lies below its first tangent, so the particle cannot reach the other wall.
         let highest = gap - signed(side, state.slide_m_per_s).min(0.0) * full.table.step_s;
         if pressed && gap >= 0.0 && highest < 2.0 * d && self.soft.is_none() {
             Verdict::Hit(side)
@@ -186,7 +188,7 @@ impl Exact {
         }
     }
 
-    /// Whether the structure slips in `direction` on the damper all along the arc.
+    /// Whether the structure slips in `direction` on the damper throughout the arc.
     #[inline(always)]
     fn slips_on(
         &self,
@@ -202,7 +204,7 @@ impl Exact {
         slip(start).min(slip(end)) > full.sag() + base_sag
     }
 
-    /// Whether a particle that moves with the structure does so all along the arc.
+    /// Whether a particle that moves with the structure stays held throughout the arc.
     #[inline(always)]
     fn stays_held(&self, full: &Full<'_>, end: &ExactState, end_wave: &Wave) -> bool {
         let Contact::Held(side) = self.mode.contact else {
@@ -218,7 +220,7 @@ impl Exact {
             && low.is_none_or(|low| start.min(last) - beyond > low * square)
     }
 
-    /// The one root of a gap that is more than nothing, or grows, at the start and is less at the end.
+    /// Finds the single root of a gap that is positive, or zero and growing, at the start and negative at the end.
     #[inline(never)]
     fn find_hit(&self, table: &Oscillator, state: &ExactState, wave: &Wave, side: Sign) -> Option<Hit> {
         let full = Full::new(table, self.leg.structure_acceleration, state, wave);

@@ -1,4 +1,4 @@
-//! The figures of a run: true extrema, mean square, cycle maxima, contacts. Memory does not grow with its length.
+//! Response of a run: extrema, mean square, cycle maxima and contact figures, in constant memory.
 
 use super::excitation::Wave;
 use super::flow::{ExactState, dot};
@@ -7,18 +7,18 @@ use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;
 
-/// What of a run is wanted.
+/// Selects which results of a run are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wanted {
-    /// Length of a cycle, s: cycle j is [jT, (j+1)T). None: no cycle maxima.
+    /// Length of a cycle, s: cycle j is [jT, (j+1)T). `None`: no cycle maxima.
     pub cycle_s: Option<f64>,
-    /// First cycle that counts as steady.
+    /// First cycle that counts as steady state.
     pub steady_from_cycle: Option<u64>,
-    /// Mean square and extrema relative to the base over the whole run.
+    /// Also compute the mean square and the extrema relative to the base over the whole run.
     pub whole_run: bool,
 }
 
-/// Gathers the figures of a run.
+/// Observer that accumulates the results of a run.
 #[derive(Clone, Debug)]
 pub struct Response {
     wanted: Wanted,
@@ -40,7 +40,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// Nothing seen yet; `start_s` is where the run starts.
+    /// An empty response.
     #[must_use]
     pub fn new(wanted: Wanted) -> Self {
         Self {
@@ -63,7 +63,7 @@ impl Response {
         }
     }
 
-    /// √(1/T ∫x² dt) over what was seen, m.
+    /// √(1/T ∫x² dt) over the observed time, m.
     #[must_use]
     pub fn rms_x_m(&self) -> f64 {
         if self.length_s > 0.0 { libm::sqrt(self.square_m2_s / self.length_s) } else { 0.0 }
@@ -81,14 +81,14 @@ impl Response {
         self.max_abs_x_minus_z_m
     }
 
-    /// Impacts (first touches of a soft wall). The impacts of a summed chatter are not counted.
+    /// Number of impacts (first touches of a soft wall). The impacts of a summed chatter are not counted.
     #[must_use]
     pub fn impact_count(&self) -> u64 {
         self.impacts
     }
 
-    /// Chatters that ended in a particle resting on a hard wall and whose last impacts were summed; when each ended is in
-    /// [`Observer::accumulation`].
+    /// Number of chatters that ended with the particle at rest on a hard wall and whose last impacts were summed.
+    /// [`Observer::accumulation`] reports when each ended.
     #[must_use]
     pub fn accumulation_count(&self) -> u64 {
         self.accumulations
@@ -100,7 +100,8 @@ impl Response {
         self.last_cycle_max_m
     }
 
-    /// Largest |x| and mean of the cycles' largest |x| from the first steady cycle on, m; complete cycles only.
+    /// Largest |x| over the cycles and mean of the cycle maxima, from the first steady cycle on, m; complete cycles
+    /// only.
     #[must_use]
     pub fn steady_m(&self) -> Option<(f64, f64)> {
         (self.steady_cycles > 0).then(|| (self.steady_max_m, self.steady_sum_m / self.steady_cycles as f64))
@@ -112,18 +113,18 @@ impl Response {
         self.peak_force_n
     }
 
-    /// Length of the first contact with a soft wall, s, and separation speed over approach speed.
+    /// Duration of the first contact with a soft wall, s, and separation speed over approach speed.
     #[must_use]
     pub fn first_contact(&self) -> Option<(f64, f64)> {
         self.first_contact
     }
 
-    /// Says that the run it is about to see starts with that cycle.
+    /// Declares that the observed run starts with this cycle.
     pub fn skip_to(&mut self, cycle: u64) {
         self.cycle = cycle;
     }
 
-    /// Ends the cycle that a run of exactly a whole number of cycles has just completed.
+    /// Closes the last cycle of a run that covers exactly a whole number of cycles.
     pub fn finish(&mut self, end_s: f64) {
         if let Some(cycle_s) = self.wanted.cycle_s
             && end_s >= (self.cycle + 1) as f64 * cycle_s * (1.0 - 1e-12)
@@ -157,7 +158,7 @@ fn largest_abs(p: &Series, from: f64, to: f64, least: f64) -> f64 {
     series::largest(&p.map(|c| -c), from, to, above)
 }
 
-/// Gauss–Legendre nodes and weights on [−1, 1], eight points, half of each.
+/// Eight-point Gauss–Legendre nodes and weights on [−1, 1]; the positive half.
 const NODES: [(f64, f64); 4] = [
     (0.183_434_642_495_649_8, 0.362_683_783_378_362),
     (0.525_532_409_916_329, 0.313_706_645_877_887_3),
@@ -165,8 +166,8 @@ const NODES: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
 ];
 
-/// ∫₀^to f dτ by eight points. For a product of two displacements of an arc (at most 1.6 rad of its fastest term)
-/// the rule's error is below 10⁻¹⁷ of its size.
+/// ∫₀^to f dτ by eight-point quadrature. For a product of two displacements of an arc (at most 1.6 rad of its fastest
+/// term) the relative error of the rule is below 10⁻¹⁷.
 pub(crate) fn integral(to: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     let half = 0.5 * to;
     let mut sum = 0.0;
@@ -241,14 +242,14 @@ impl Arc<'_> {
         self.turns_once(from, to, least_m).unwrap_or_else(|| largest_abs(&self.span().x, from, to, least_m))
     }
 
-    /// The same for an arc along which the velocity certainly never turns back; none if that is not certain.
+    /// The same for an arc on which the velocity is proven to change sign at most once; `None` without that proof.
     fn turns_once(&self, from: f64, to: f64, least_m: f64) -> Option<f64> {
         let table = self.flows.oscillator(self.leg.path)?;
         let constant = self.leg.structure_acceleration;
         let unit = |state: &ExactState, wave: &Wave| [state.x_m, state.v_m_per_s, constant, wave.sine, wave.cosine];
         let (start, end) = (unit(&self.start, &self.wave), unit(&self.end, &self.end_wave));
         let (bent, bent_end) = (dot(&table.rates[0], &start), dot(&table.rates[0], &end));
-        // How far the acceleration can lie beyond its chord.
+        // Largest deviation of the acceleration from its chord.
         let beyond = dot(&table.fourth, &start.map(f64::abs)) * 0.125;
         let ends = self.start.x_m.abs().max(self.end.x_m.abs());
         if ends + (bent.abs().max(bent_end.abs()) + beyond) * 0.125 <= least_m {
@@ -274,7 +275,7 @@ impl Arc<'_> {
         motion.top(at).map(|(_, x)| most.max(x.abs()))
     }
 
-    /// The force with which a soft wall pushes, N, over the series' interval; none without contact.
+    /// The force that a soft wall exerts, N, over the series' interval; `None` without contact.
     #[must_use]
     pub fn contact_force(&self) -> Option<Series> {
         let side = if self.leg.rest_offset > 0.0 {

@@ -1,10 +1,10 @@
-//! Power series over one arc, and the certified first time at which one of them fails to stay positive.
+//! Power series over one arc, their certified first root ([`first_failure`]) and their maximum ([`largest`]).
 //!
-//! Time runs from 0 to 1 over an arc. The proof that no root is passed stands at [`first_failure`]. The shorter,
-//! scalar-generic polynomials of the sampled driver are in [`crate::integrator::polynomial`].
+//! Time runs from 0 to 1 over an arc. The shorter, scalar-generic polynomials of the sampled driver are in
+//! [`crate::integrator::polynomial`].
 
-/// Coefficients kept. An arc is at most [`super::flow::LARGEST_ARC_RAD`] = 0.8 rad of the fastest rate long, so the
-/// first term left out of a displacement is 0.8¹⁸/18! = 3·10⁻¹⁸ of the amplitude.
+/// Number of coefficients. An arc spans at most [`super::flow::LARGEST_ARC_RAD`] = 0.8 rad of the fastest rate, so the
+/// first neglected term of a displacement is 0.8¹⁸/18! = 3·10⁻¹⁸ of the amplitude.
 pub const TERMS: usize = 18;
 
 /// Coefficients in ascending order: `p(τ) = p[0] + p[1] τ + …`.
@@ -29,7 +29,7 @@ pub fn value(p: &Series, at: f64) -> f64 {
 pub fn value_and_slope(p: &Series, at: f64) -> (f64, f64) {
     let square = at * at;
     let (mut even, mut odd) = (p[TERMS - 2], p[TERMS - 1]);
-    // p′ has its even powers from p's odd coefficients and the other way round.
+    // The even powers of p′ come from the odd coefficients of p, and the odd powers from the even ones.
     let (mut even_slope, mut odd_slope) = (p[TERMS - 1] * (TERMS - 1) as f64, p[TERMS - 2] * (TERMS - 2) as f64);
     for n in (1..TERMS - 2).rev().step_by(2) {
         odd = odd * square + p[n];
@@ -42,14 +42,14 @@ pub fn value_and_slope(p: &Series, at: f64) -> (f64, f64) {
     (even + odd * at, even_slope + odd_slope * at)
 }
 
-/// A motion less its start and its straight part, and its rate: `Σ pₙ τⁿ` and `Σ n pₙ τⁿ⁻¹` from n = 2 on.
+/// A motion without its constant and linear terms, and its rate: `Σ pₙ τⁿ` and `Σ n pₙ τⁿ⁻¹` from n = 2 on.
 pub(super) struct Bend {
     value: [f64; TERMS - 2],
     rate: [f64; TERMS - 2],
 }
 
 impl Bend {
-    /// Σ of the columns, weighted by `unit`.
+    /// The sum of the columns, weighted by `unit`.
     #[inline]
     pub fn new(columns: &[Series; 5], unit: &[f64; 5]) -> Self {
         let mut value = [0.0; TERMS - 2];
@@ -64,7 +64,7 @@ impl Bend {
         Self { value, rate }
     }
 
-    /// Value and rate at τ = `at`: four interleaved sums, so that no long chain of operations waits for itself.
+    /// Value and rate at τ = `at`, as four interleaved sums: this shortens the chain of dependent operations.
     #[inline]
     pub fn at(&self, at: f64) -> (f64, f64) {
         let square = at * at;
@@ -93,7 +93,7 @@ pub fn derivative(p: &Series) -> Series {
     d
 }
 
-/// Half the largest `|p″|` over `[0, end]`, from above: `Σ n(n−1)/2 |p[n]| endⁿ⁻²`.
+/// Upper bound of half the largest `|p″|` over `[0, end]`: `Σ n(n−1)/2 |p[n]| endⁿ⁻²`.
 #[inline]
 #[must_use]
 pub fn curvature_bound(p: &Series, end: f64) -> f64 {
@@ -108,12 +108,12 @@ pub fn curvature_bound(p: &Series, end: f64) -> f64 {
 ///
 /// **No root is passed.** Let `B ≥ max |g″|/2` over `[0, end]`. From any `t` with `g(t) > 0`, Taylor's theorem gives
 /// `g(t+δ) ≥ g(t) + g′(t) δ − B δ²` for every `δ` up to the end. The right-hand side is positive up to its positive
-/// root `δ*`; hence `g` has no root before `t + δ*`, and the walk goes there. The first root is thus approached from
-/// below and never crossed, however close a second one lies; since the bound is tangent to `g`, the approach is
-/// as fast as Newton's. `B` comes from the coefficients' magnitudes, so it holds without sampling.
+/// root `δ*`. Hence `g` has no root before `t + δ*`, and the walk steps there. The walk thus approaches the first root
+/// from below and never crosses it, however close a second root is. The bound is tangent to `g`, so the approach
+/// converges as fast as Newton's method. `B` comes from the coefficients' magnitudes, so it holds without sampling.
 ///
-/// Leading coefficients of exactly zero mean that the quantity starts at its limit. They are divided out, for
-/// `g = τᵐ q` with `q(0) ≠ 0` has the positive roots of `q`; `q(0) < 0` fails at once.
+/// Leading coefficients of exactly zero mean that the quantity starts at its limit. They are divided out: `g = τᵐ q`
+/// with `q(0) ≠ 0` has the positive roots of `q`, and `q(0) < 0` fails at once.
 #[must_use]
 #[inline]
 pub fn first_failure(guard: &Series, end: f64) -> Option<f64> {
@@ -132,27 +132,29 @@ pub fn first_failure(guard: &Series, end: f64) -> Option<f64> {
     walk(&g, 0.0, end)
 }
 
-/// Steps before the walk takes a shorter stretch: quadratic at a simple root and halving at a double one, they are beyond
-/// the bits there are to find.
+/// Steps after which the walk continues with a shorter stretch. Convergence is quadratic at a simple root and halves
+/// the distance at a double one, so this many steps exceed the available bits.
 const MOST_STEPS: u32 = 200;
 
-/// Stretches before a quantity that has fallen so near to zero that nothing can be told any more counts as failed.
+/// Stretches after which a quantity that has fallen counts as failed: it is then too close to zero for this arithmetic
+/// to decide.
 const MOST_STRETCHES: u32 = 200;
 
-/// What a stretch of the walk found.
+/// Outcome of one stretch of the walk.
 enum Stretch {
     /// No root.
     Clear,
     /// The first root.
     Root(f64),
-    /// No root up to there, in very short steps.
+    /// No root up to that time; the steps became very short.
     Slow(f64),
 }
 
 /// The walk of [`first_failure`], from `from`, where `g` is positive.
 ///
-/// A quantity that has left zero as the third power of time and is still small (a particle just let go by its wall) allows
-/// short steps only while `B` is that of the whole interval: the walk then goes on in stretches, each with its own.
+/// A quantity that has left zero as the third power of time and is still small (a particle just released by its wall)
+/// allows only short steps while `B` is the bound of the whole interval. The walk then continues in stretches, each
+/// with its own bound.
 fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
     let (mut t, mut until, mut has_fallen) = (from, end, false);
     for _ in 0..MOST_STRETCHES {
@@ -167,8 +169,8 @@ fn walk(g: &Series, from: f64, end: f64) -> Option<f64> {
     has_fallen.then_some(t)
 }
 
-/// The walk from `from` to `until` within an interval that goes to `end`. Only a quantity that falls, or has fallen, comes
-/// to a root: one that has only risen may be as near to zero as it will.
+/// Walks from `from` to `until` within an interval that ends at `end`. A small step counts as a root only if the
+/// quantity has fallen; a quantity that has only risen may be arbitrarily close to zero without a root.
 fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut bool) -> Stretch {
     let bound = curvature_bound(g, until);
     let smallest_step = end * f64::EPSILON;
@@ -190,7 +192,7 @@ fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut boo
         t += step;
         (value, slope) = value_and_slope(g, t);
         if value <= 0.0 || (*has_fallen && step <= smallest_step.max(t * f64::EPSILON)) {
-            // Rounding may have put the last step past the root: one Newton step polishes it.
+            // Rounding may have put the last step past the root; one Newton step corrects it.
             if slope < 0.0 {
                 let polished = t - value / slope;
                 if (polished - t).abs() <= 1e-9 * end {
@@ -205,8 +207,8 @@ fn stretch(g: &Series, (from, until): (f64, f64), end: f64, has_fallen: &mut boo
 
 /// The largest value of `p` over `[from, to]`, if it is above `least`; else `least`.
 ///
-/// Walks from one place where `p` rises through the largest value so far to the top it rises to, with the same
-/// certainty as [`first_failure`]: a peak higher than the result by more than a few roundings cannot be passed.
+/// Walks to each point where `p` rises above the largest value so far, and from there to the following maximum. The
+/// certainty is that of [`first_failure`]: a peak higher than the result by more than a few roundings cannot be passed.
 #[must_use]
 pub fn largest(p: &Series, from: f64, to: f64, least: f64) -> f64 {
     let mut most = least.max(value(p, from)).max(value(p, to));
@@ -223,7 +225,7 @@ pub fn largest(p: &Series, from: f64, to: f64, least: f64) -> f64 {
                 None => return most,
             }
         }
-        // From here it rises: to where its slope ends.
+        // `p` rises from here; walk to where its slope becomes zero.
         match if value(&rising, t) > 0.0 { walk(&rising, t, to) } else { Some(t) } {
             Some(top) => t = top,
             None => return most.max(value(p, to)),
@@ -293,7 +295,7 @@ mod tests {
             }
             p
         };
-        // cos(2τ + shift): the peak lies inside for shifts from −2 to 0.
+        // cos(2τ + shift): the peak lies inside the interval for shifts from −2 to 0.
         for n in 1..20 {
             let shift = -0.1 * f64::from(n);
             assert!((largest(&wave(shift), 0.0, 1.0, -5.0) - 1.0).abs() < 1e-8, "{shift}");
@@ -308,7 +310,7 @@ mod tests {
             let mut p = [0.0; TERMS];
             (p[0], p[1], p[2], p[3]) = (since * since * since, 3.0 * since * since, 3.0 * since, 1.0);
             assert_eq!(first_failure(&p, 1.0), None, "{since}");
-            // (t + s)³ (1 − t/0.7) comes back at 0.7.
+            // (t + s)³ (1 − t/0.7) returns to zero at 0.7.
             let rising = p;
             for n in 1..TERMS {
                 p[n] -= rising[n - 1] / 0.7;

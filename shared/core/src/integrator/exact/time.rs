@@ -1,11 +1,11 @@
-//! Time kept in two parts, so that a long run adds many short arcs without losing digits.
+//! Time in double-double precision, so that a long run adds many short arcs without losing digits.
 
 use core::f64::consts::TAU;
 
-/// TAU rounded is this much below 2π.
+/// 2π minus TAU: the rounding error of TAU.
 const TAU_REST: f64 = 2.449_293_598_294_706_4e-16;
 
-/// An instant, s: the sum of a rounded value and what the rounding lost.
+/// An instant, s: the sum of a rounded value and its rounding error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Time {
     rounded: f64,
@@ -26,7 +26,7 @@ impl Time {
         self.rounded
     }
 
-    /// Later by `seconds`.
+    /// This instant plus `seconds`.
     #[inline]
     #[must_use]
     pub fn plus(self, seconds: f64) -> Self {
@@ -53,7 +53,7 @@ impl Time {
     }
 }
 
-/// `a + b` and what its rounding lost (Knuth).
+/// `a + b` and its rounding error (Knuth).
 #[inline]
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
@@ -61,14 +61,14 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - (sum - of_b)) + (b - of_b))
 }
 
-/// `a × b` and what its rounding lost (Dekker; no fused operation, so the bits are the same everywhere).
+/// `a × b` and its rounding error (Dekker; without fused operations, so the bits are the same on every machine).
 fn two_product(a: f64, b: f64) -> (f64, f64) {
     let product = a * b;
     let ((a1, a2), (b1, b2)) = (split(a), split(b));
     (product, ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2)
 }
 
-/// Two halves of 26 bits.
+/// Splits `a` into two halves of 26 bits.
 fn split(a: f64) -> (f64, f64) {
     let scaled = 134_217_729.0 * a;
     let high = scaled - (scaled - a);

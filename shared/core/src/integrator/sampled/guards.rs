@@ -1,4 +1,5 @@
-//! What ends a flight: every quantity that must not become negative in a mode, and the first that would.
+//! Guards that end a flight: quantities that must not become negative in a mode, and the search for the first
+//! violation.
 
 use super::{Event, Flight, Joint, Sampled, WallTouch};
 use crate::integrator::base::BaseSegment;
@@ -100,7 +101,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 }
 
-/// The first of the events so far.
+/// The earliest event found so far.
 struct First<S> {
     at: S,
     event: Option<Event>,

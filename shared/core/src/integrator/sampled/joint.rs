@@ -1,8 +1,8 @@
-//! A spring and a dashpot between structure and second mass: the soft walls of a particle, or a tuned mass.
+//! Spring and dashpot between structure and second mass: the soft walls of a particle, or a tuned mass.
 //!
-//! [`Sampled`] takes them as a type parameter. Without ([`Rigid`], the board's choice) nothing of this is compiled in; with
-//! them ([`Joined`]) the flights that the joint takes part in are shorter than a step where it is stiff, so that
-//! their polynomials stay exact, and cost nothing while the particle is away from the walls.
+//! The joint is a type parameter of [`Sampled`]. With [`Rigid`] (the board's choice) none of this code is compiled in.
+//! With [`Joined`] the flights in which the joint acts are shorter than a step where the joint is stiff, so that their
+//! polynomials stay exact. The joint costs nothing while the particle is away from the walls.
 
 use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
 use crate::integrator::base::BaseSegment;
@@ -13,20 +13,20 @@ use crate::io::Invalid;
 use crate::model::{Initial, Release, SetUp, Wall};
 use crate::scalar::Scalar;
 
-/// The largest (fastest rate × flight) in which a joint acts: what is left out of such a flight is below
-/// 0.05⁷/7! = 2·10⁻¹³ of its amplitude. A contact with a stiff wall is hundreds of them.
+/// The largest (fastest rate × flight) in which a joint acts: the neglected terms of such a flight are below 0.05⁷/7! =
+/// 2·10⁻¹³ of its amplitude. A contact with a stiff wall takes hundreds of flights.
 const LARGEST_RATE_PER_FLIGHT: f64 = 0.5 * LARGEST_RATE_PER_STEP;
 
-/// Whether anything joins structure and second mass.
+/// Whether a joint connects structure and second mass.
 pub trait Joint<S>: Clone + core::fmt::Debug {
     /// The joint, if there is one.
     fn link(&self) -> Option<&Link<S>>;
 
-    /// The joint, to be changed.
+    /// The joint, mutable.
     fn link_mut(&mut self) -> Option<&mut Link<S>>;
 }
 
-/// Nothing: hard walls, or no second mass.
+/// No joint: hard walls, or no second mass.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rigid;
 
@@ -42,17 +42,17 @@ impl<S> Joint<S> for Rigid {
     }
 }
 
-/// A set-up with soft walls or a tuned mass under the sampled driver.
+/// The sampled driver for a set-up with soft walls or a tuned mass.
 pub type Joined<S> = Sampled<S, Link<S>>;
 
-/// What a soft wall does.
+/// State of the contact with a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallTouch {
-    /// Nothing: the particle is between the walls.
+    /// No contact: the particle is between the walls.
     Clear,
-    /// The particle presses into the wall of that side.
+    /// The particle presses into the wall on that side.
     Pressing(Sign),
-    /// The wall let go before the particle is back inside the clearance.
+    /// The wall has released the particle, which is not yet back inside the clearance.
     Leaving(Sign),
 }
 
@@ -64,12 +64,13 @@ pub struct Link<S> {
     /// m/M.
     second_mass: S,
     clearance: S,
-    /// Longest flight in which it acts, steps.
+    /// Longest flight in which the joint acts, steps.
     longest: S,
-    /// None for a tuned mass.
+    /// `None` for a tuned mass.
     release: Option<Release>,
     pub(super) touch: WallTouch,
-    /// The particle has just touched: its penetration starts from zero and grows, whatever rounding says.
+    /// The particle has just touched the wall: its penetration starts from zero and grows by definition, regardless of
+    /// rounding.
     pub(super) touched: bool,
 }
 
@@ -120,12 +121,13 @@ impl<S: Scalar> Link<S> {
         })
     }
 
-    /// It joins a tuned mass, always.
+    /// Whether the joint connects a tuned mass.
     pub(super) fn is_tuned(&self) -> bool {
         self.release.is_none()
     }
 
-    /// It has a part in the motion of `mode`. Not while the particle is held: then its force is between parts of one body.
+    /// Whether the joint affects the motion in `mode`. While the particle is held, the joint force acts between parts
+    /// of one body.
     pub(super) fn acts(&self, mode: Mode) -> bool {
         match mode.contact {
             Contact::Held(_) => false,
@@ -138,7 +140,7 @@ impl<S: Scalar> Link<S> {
         if self.acts(mode) { rest.min(self.longest) } else { rest }
     }
 
-    /// Where it is at rest.
+    /// The offset at which the joint is unloaded.
     fn rest_offset(&self) -> S {
         match self.touch {
             WallTouch::Pressing(side) => signed(side, self.clearance),
@@ -146,7 +148,7 @@ impl<S: Scalar> Link<S> {
         }
     }
 
-    /// Its force on the structure.
+    /// The joint's force on the structure.
     pub(super) fn force(&self, offset: S, slide: S) -> S {
         if self.is_tuned() || matches!(self.touch, WallTouch::Pressing(_)) {
             self.stiffness * (offset - self.rest_offset()) + self.damping * slide
@@ -155,7 +157,7 @@ impl<S: Scalar> Link<S> {
         }
     }
 
-    /// Its force on the structure along a flight.
+    /// The joint's force on the structure along a flight.
     pub(super) fn force_along(&self, offset: &Polynomial<S>) -> Polynomial<S> {
         let mut force = polynomial::derivative(offset).map(|rate| self.damping * rate);
         for (f, w) in force.iter_mut().zip(offset) {
@@ -165,7 +167,7 @@ impl<S: Scalar> Link<S> {
         force
     }
 
-    /// The guard that ends the contact, with the side.
+    /// The side of the contact and the guard that ends it.
     pub(super) fn contact(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
         let WallTouch::Pressing(side) = self.touch else { return None };
         let mut press = offset.map(|w| signed(side, w));
@@ -189,10 +191,10 @@ impl<S: Scalar> Link<S> {
 }
 
 impl<S: Scalar> Joined<S> {
-    /// A set-up with soft walls or a tuned mass, counted in `units`, starting from `initial`; see [`Sampled::new`].
+    /// A set-up with soft walls or a tuned mass in `units`, starting from `initial`; see [`Sampled::new`].
     ///
     /// # Errors
-    /// Names a value that is not physical, or the wall when it is hard and there is no tuned mass.
+    /// Names a value that is not physical, or the structure's mass if there is neither a soft wall nor a tuned mass.
     pub fn joined(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
         set_up.validate_initial(initial)?;
@@ -245,7 +247,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         Flight { x, offset, stretch }
     }
 
-    /// The particle is at a soft wall.
+    /// Handles the particle reaching a soft wall.
     pub(super) fn touch(&mut self, side: Sign, slip: S, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = signed(side, self.state.slide);
         if approach > S::ZERO {
@@ -257,7 +259,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.mode = Some(self.resolve(base, slip));
     }
 
-    /// A particle that friction held starts to slide in `direction`: if a soft wall is there, it presses on it from now on.
+    /// A particle that friction held starts to slide in `direction`. If a soft wall is there, the particle starts to
+    /// press on it.
     pub(super) fn press_from_rest(&mut self, direction: Sign, at: S, observer: &mut impl Observer<S>) {
         let at_wall = signed(direction, self.state.offset) >= self.c.clearance;
         if at_wall && self.joint.link().is_some_and(|link| link.touch == WallTouch::Clear) {
@@ -273,7 +276,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// The soft wall of `side` lets go.
+    /// Ends the contact with the soft wall of `side`.
     pub(super) fn let_go(
         &mut self,
         side: Sign,
@@ -295,7 +298,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.mode = Some(self.resolve(base, slip));
     }
 
-    /// The particle is back inside the clearance.
+    /// Handles the return of the particle into the clearance after an early release.
     pub(super) fn inside(&mut self, side: Sign) {
         if let Some(link) = self.joint.link_mut() {
             link.touch = WallTouch::Clear;
@@ -303,13 +306,13 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         }
     }
 
-    /// Whether the particle is in a wall that still pushes.
+    /// Whether the particle presses into a soft wall.
     #[must_use]
     pub fn is_pressing(&self) -> bool {
         self.joint.link().is_some_and(|link| matches!(link.touch, WallTouch::Pressing(_)))
     }
 
-    /// The way in which the structure starts to slip when the damper's limit is reached.
+    /// The direction in which the structure starts to slip when the damper reaches its limit.
     pub(super) fn breaking_direction(&self, mode: Mode, base: &BaseSegment<S>) -> Sign {
         let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
         if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
