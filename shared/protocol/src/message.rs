@@ -138,7 +138,7 @@ pub enum PlantKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Signal {
     /// Name.
-    pub name: String<16>,
+    pub name: String<24>,
     /// Unit.
     pub unit: String<8>,
 }

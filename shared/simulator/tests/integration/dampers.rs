@@ -242,3 +242,17 @@ fn what_makes_no_sense_now_says_what_to_do() {
     let refused = host.ask(Request::Spring(SpringCommand::Home)).unwrap_err().to_string();
     assert!(refused.contains("stop the experiment first"), "{refused}");
 }
+
+#[test]
+fn the_device_announces_every_signal_by_its_whole_name_and_unit() {
+    let mut host = Host::new(plant(set_up(1e-3)));
+    let mut announced = Vec::new();
+    while announced.len() < SIGNALS.len() {
+        match host.ask(Request::Signals { from: announced.len() as u8 }) {
+            Ok(Reply::Signals(part)) if !part.is_empty() => announced.extend(part),
+            other => panic!("{other:?}"),
+        }
+    }
+    let announced: Vec<_> = announced.iter().map(|signal| (signal.name.as_str(), signal.unit.as_str())).collect();
+    assert_eq!(announced, SIGNALS);
+}
