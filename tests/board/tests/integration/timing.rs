@@ -81,8 +81,8 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
         let after = base_motion(&host);
         assert!(after.len() > 250, "{}", after.len());
         let largest = before.iter().zip(&after).map(|(b, a)| (b - a).abs()).fold(0.0, f32::max);
-        // 100 µs at the highest speed, plus the converter's step.
-        let allowed = AMPLITUDE_M * 2.0 * std::f32::consts::PI * FREQUENCY_HZ * 100e-6 + 3e-6;
+        // 100 µs at the highest speed, the 50 µs of the grid on which the emulated rig takes the output, the converter's step.
+        let allowed = AMPLITUDE_M * 2.0 * std::f32::consts::PI * FREQUENCY_HZ * 150e-6 + 3e-6;
         assert!(largest < allowed, "{largest} m after {stall_us} us");
     }
 }
