@@ -29,6 +29,7 @@
 mod correct;
 mod guards;
 mod joint;
+mod observer;
 
 use super::base::BaseSegment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
@@ -39,6 +40,7 @@ use crate::model::{Initial, SetUp, Wall};
 use crate::scalar::Scalar;
 
 pub use joint::{Joined, Joint, Link, Rigid, WallTouch};
+pub use observer::{Impact, Observer};
 
 /// The largest (fastest rate × step) for which a flight's polynomial is accurate enough; see [`COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
@@ -69,57 +71,6 @@ pub struct Flight<S> {
     /// x − z.
     pub stretch: Polynomial<S>,
 }
-
-/// An impact on a hard wall.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Impact<S> {
-    /// Time in steps from the start of the step.
-    pub at: S,
-    /// +1 where y − x = +d.
-    pub side: Sign,
-    /// |y′ − x′| just before; greater than 0.
-    pub approach: S,
-    /// Momentum given to the structure divided by its mass: the change of x′.
-    pub kick: S,
-}
-
-/// Receives the events and flights between the samples. Every method is optional.
-pub trait Observer<S> {
-    /// The next flight is in `mode`.
-    fn mode(&mut self, mode: Mode) {
-        let _ = mode;
-    }
-
-    /// `flight` is valid from `start` for `length`, both in steps.
-    fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
-        let _ = (start, length, flight);
-    }
-
-    /// The particle hit a wall at a non-zero speed. A particle that starts from rest to press on a soft wall makes no
-    /// impact.
-    fn impact(&mut self, impact: &Impact<S>) {
-        let _ = impact;
-    }
-
-    /// Accumulating impacts ended at `at` (steps from the start of the step) with the particle at rest on the hard wall
-    /// of `side`. The last reported impact includes the remaining ones.
-    fn accumulation(&mut self, at: S, side: Sign) {
-        let _ = (at, side);
-    }
-
-    /// The particle starts to press on the soft wall of `side` at `at` (steps from the start of the step).
-    fn contact_start(&mut self, at: S, side: Sign) {
-        let _ = (at, side);
-    }
-
-    /// The soft wall of `side` released the particle at `at` (steps from the start of the step) with the speed
-    /// `separation`.
-    fn contact_end(&mut self, at: S, side: Sign, separation: S) {
-        let _ = (at, side, separation);
-    }
-}
-
-impl<S> Observer<S> for () {}
 
 /// Taylor recurrence of the structure for one moving mass: `X[n+2] = damping[n]·Q[n+1] + stiffness[n]·Q[n]`, where Q
 /// are the coefficients of x − z.

@@ -3,27 +3,27 @@
 //! All functions are synchronous; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
 //! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks run first in a tick, so that the
 //! spring and the drive obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
-//! commands, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands and
+//! commands, [`Rig::handle`] carries them out in a file of its own; [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands and
 //! results to and from a host.
 
 pub mod command;
 pub mod damper;
 mod event_queue;
+mod handle;
 mod rejected;
 pub mod signals;
 
 use crate::control::experiment::{Driving, Experiment, ExperimentRunner};
 use crate::control::fault::Fault;
-use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringEvent, SpringStage};
-use crate::control::outcome::{ExperimentStage, Outcome, TickInputs};
+use crate::control::friction_spring::SpringEvent;
+use crate::control::outcome::{Outcome, TickInputs};
 use crate::control::safety::{Allowed, ExperimentLimits, SafeStage, Safety, Signs};
 use crate::control::transient::playback::RecordId;
 use crate::io::{Actuators, DriveRange, DriveScale, Motor, Readings, Sensor, Sensors};
 use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
-use crate::settings::{Prepared, Settings};
-use crate::twin::Twin;
+use crate::settings::Settings;
 pub use command::{Brake, Command, Event, State, Status};
 use damper::Dampers;
 use event_queue::EventQueue;
@@ -183,171 +183,6 @@ impl Rig {
     /// event that finds no room is dropped and counted in [`Status::events_lost`].
     pub fn pop_event(&mut self) -> Option<Event> {
         self.events.pop()
-    }
-
-    /// Rejects a request that needs an idle rig.
-    ///
-    /// # Errors
-    /// The rig is not idle. The error holds its state and what to do.
-    pub fn must_be_idle(&self) -> Result<(), Rejected> {
-        let state = self.state;
-        match state {
-            State::Idle => Ok(()),
-            State::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
-            _ => Err(Rejected::wrong_state(state, "stop the experiment first")),
-        }
-    }
-
-    /// Carries out a command.
-    ///
-    /// # Errors
-    /// A parameter is out of range, or the command is not allowed in this state; the rig is unchanged.
-    pub fn handle(&mut self, command: Command) -> Result<(), Rejected> {
-        match command {
-            Command::SetLimits(limits) => {
-                self.must_be_idle()?;
-                if self.experiment.is_none() {
-                    let advice = "configure an experiment first";
-                    return Err(Rejected::wrong_state(self.state, advice));
-                }
-                self.settings.safety.tightened(&limits)?;
-                self.limits = limits;
-            }
-            Command::SetSpring(set_up) => {
-                self.must_be_idle()?;
-                self.dampers.spring = FrictionSpring::new(&self.settings.spring.for_set_up(&set_up))?;
-            }
-            Command::SetTwin(config) => {
-                self.must_be_idle()?;
-                self.dampers.twin = config.as_ref().map(Twin::new).transpose()?;
-            }
-            Command::Configure(experiment) => {
-                self.must_be_idle()?;
-                self.check_drive(&experiment, None)?;
-                self.experiment = Some(experiment);
-                self.limits = ExperimentLimits::default();
-            }
-            Command::SetSettings(settings) => self.set_settings(&settings)?,
-            Command::ReplaceSpring => {
-                self.must_be_idle()?;
-                self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
-            }
-            Command::Start => self.start()?,
-            Command::Stop => {
-                if let Some(runner) = &mut self.runner {
-                    runner.release_drive();
-                    if self.state != State::Faulted {
-                        self.state = State::Stopping;
-                    }
-                }
-            }
-            Command::ClearFault => self.clear_fault()?,
-            Command::Spring(command) => self.ask_spring(command)?,
-            Command::ArmSnippet => self.dampers.meter.arm_snippet(),
-        }
-        Ok(())
-    }
-
-    /// Checks that the drive can deliver what an experiment demands. `record_peak_counts` is the largest |sample| of
-    /// the record that it plays, if the record is loaded.
-    ///
-    /// # Errors
-    /// The experiment demands more.
-    pub fn check_drive(&self, experiment: &Experiment, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
-        match experiment.largest_drive_m(record_peak_counts) {
-            Some((parameter, amplitude_m)) => Ok(self.drive.allow(parameter, amplitude_m)?),
-            None => Ok(()),
-        }
-    }
-
-    fn set_settings(&mut self, settings: &Settings) -> Result<(), Rejected> {
-        let prepared = Prepared::new(settings)?;
-        if self.state != State::Faulted || self.runner.is_some() {
-            self.must_be_idle()?;
-        }
-        self.drive = settings.calibration.drive.range();
-        self.safety.adopt(&prepared.safety);
-        if settings.spring != self.settings.spring {
-            self.dampers.spring = prepared.spring;
-        }
-        self.dampers.meter.adopt(&prepared.impacts);
-        self.settings = *settings;
-        Ok(())
-    }
-
-    /// Puts the board's own settings in force again.
-    fn end_experiment(&mut self) {
-        self.safety.end_experiment();
-        self.dampers.spring.end_set_up(&self.settings.spring);
-    }
-
-    /// Checks that the configured experiment could start now. `record_peak_counts` is the largest |sample| of the
-    /// loaded record.
-    ///
-    /// # Errors
-    /// As [`Rig::handle`] with [`Command::Start`].
-    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
-        self.must_be_idle()?;
-        let Some(experiment) = &self.experiment else {
-            return Err(Rejected::wrong_state(self.state, "configure an experiment first"));
-        };
-        // The settings may have changed since the experiment was configured.
-        self.check_drive(experiment, record_peak_counts)?;
-        match self.dampers.spring.stage() {
-            SpringStage::Faulted => Err(Rejected::wrong_stage(SpringStage::Faulted, "clear the spring's fault first")),
-            stage @ (SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing) => {
-                Err(Rejected::wrong_stage(stage, "wait until it is done, or halt"))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn start(&mut self) -> Result<(), Rejected> {
-        self.could_start(None)?;
-        // The board's settings may have changed since the limits were set.
-        self.safety.tighten(&self.limits)?;
-        self.runner = self.experiment.as_ref().map(|experiment| ExperimentRunner::new(experiment, &self.drive));
-        self.state = State::Running(ExperimentStage::Rest);
-        self.tick = 0;
-        self.points = 0;
-        self.results.clear();
-        self.transient = None;
-        self.largest_drive_m = 0.0;
-        self.finishing = false;
-        self.safety.restart();
-        self.dampers.restart();
-        Ok(())
-    }
-
-    fn clear_fault(&mut self) -> Result<(), Rejected> {
-        let state = self.state;
-        self.safety.clear().map_err(|not_safe| Rejected::wrong_state(state, not_safe.advice))?;
-        self.fault = None;
-        if self.state == State::Faulted {
-            self.state = State::Idle;
-            self.brake = Brake::Open;
-            self.dampers.let_go();
-            self.end_experiment();
-        }
-        Ok(())
-    }
-
-    fn ask_spring(&mut self, command: SpringCommand) -> Result<(), Rejected> {
-        let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
-        let moves = searches || matches!(command, SpringCommand::Set(_));
-        let state = self.state;
-        if self.emergency_stop && (moves || command == SpringCommand::Release) {
-            return Err(Rejected::wrong_state(state, "release the emergency stop first"));
-        }
-        if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
-            return Err(Rejected::wrong_state(state, "the brake closes: clear the fault first"));
-        }
-        match self.state {
-            State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
-            State::Faulted if moves => self.must_be_idle()?,
-            _ => {}
-        }
-        Ok(self.dampers.spring.handle(command)?)
     }
 
     /// Runs one control tick; `record` is the record for a playback. [`Rig::pop_event`] returns the events of the tick.
