@@ -21,6 +21,7 @@ macro_rules! warn {
 
 mod arguments;
 mod devices;
+mod documents;
 #[cfg(feature = "probe")]
 mod flash;
 #[cfg(feature = "probe")]
@@ -41,7 +42,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use outcome::{Failure, Outcome};
 
@@ -79,6 +80,10 @@ enum Command {
     Settings(settings::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
+    /// Print the completions of a shell
+    Completions(documents::Completions),
+    /// Print the manual page of damprig or of one of its commands
+    Man(documents::ManualPage),
     /// Flash the firmware of the controller board
     #[cfg(feature = "probe")]
     Flash(flash::Args),
@@ -120,6 +125,8 @@ pub fn main() -> ExitCode {
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Completions(args) => documents::completions(&args, Cli::command()),
+        Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
     outcome.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }
