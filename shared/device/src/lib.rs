@@ -1,7 +1,7 @@
 //! The device side of the link: what a board does between its pins and its serial line, around the core's `Rig`.
 //!
 //! * [`board`] is what the control loop needs of a board,
-//! * [`control_loop`] is the loop's body: one tick, then at most one request,
+//! * [`control_loop`] is the loop's body: one tick, then one request,
 //! * [`controller`] owns the rig: it serves requests and queues replies, events and telemetry rows,
 //! * [`queues`] lie between the control loop and the link,
 //! * [`message_reader`] reads requests from received bytes, [`outbox`] makes messages of what waits, replies first,

@@ -1,8 +1,8 @@
 //! The rig's state machine: takes samples and commands, returns actuator values, replies and events.
 //!
 //! All functions are synchronous; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks run first in a tick, so that the
-//! spring and the drive obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
+//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. In a tick the interlocks follow the measurement
+//! of impacts and base; the spring and the drive come after them and obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
 //! commands, `handle` carries them out; `activity` has the states, [`signals`] the telemetry, [`damper`] the dampers'
 //! part of a tick. `damprig-protocol` carries commands and results to and from a host.
 
@@ -123,7 +123,8 @@ impl Rig {
         self.activity.state()
     }
 
-    /// Index of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
+    /// Index of the point that began to wait for rest in the last tick, or whose structure was to be held in it. A real
+    /// structure comes to rest, or is held by a person; a simulated plant is reset to the point's start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.begins_from_rest
