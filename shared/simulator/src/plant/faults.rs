@@ -1,7 +1,8 @@
-//! Faults injected into the simulated rig: broken sensors, failed supplies, the emergency stop, and a broken friction-damper drive.
+//! Faults injected into the simulated rig: broken sensors, failed supplies, the emergency stop, a broken
+//! friction-spring drive.
 //!
-//! Sensor faults act on the readings behind the converter, so the rig sees what it would see on a board. Faults are set by
-//! [`super::Plant::inject`] or [`ToSimulator::Inject`](crate::messages::ToSimulator::Inject).
+//! Sensor faults act on the converter's output, so the rig sees what it would see on a board.
+//! [`super::Plant::inject`] and [`ToSimulator::Inject`](crate::messages::ToSimulator::Inject) set them.
 
 use super::Noise;
 use super::spring::Breakage;
@@ -9,19 +10,19 @@ use damprig_core::io::{SENSORS, Sensor};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// A fault of the simulated rig, or its end.
+/// A fault to inject into the simulated rig, or to end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum InjectedFault {
-    /// A sensor is broken; without a fault it is sound again.
+    /// A sensor fault; `None` repairs the sensor.
     Sensor {
-        /// Which.
+        /// The sensor.
         sensor: Sensor,
-        /// How.
+        /// The fault.
         fault: Option<SensorFault>,
     },
     /// A supply is on or off.
     Supply {
-        /// Which.
+        /// The supply.
         supply: Supply,
         /// Whether it is on.
         on: bool,
@@ -31,29 +32,30 @@ pub enum InjectedFault {
         /// Whether it is pressed.
         pressed: bool,
     },
-    /// The friction damper's drive is broken in these ways; in none of them by default.
+    /// Failures of the friction spring's drive; the default is none.
     SpringDrive(Breakage),
 }
 
 /// A supply of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Supply {
-    /// All sensors': their outputs fall to 0 V.
+    /// Supply of all sensors. Without it their outputs are 0 V.
     Sensors,
-    /// The shaker amplifier's: the base gets no drive.
+    /// Supply of the shaker's amplifier. Without it the base is not driven.
     Amplifier,
 }
 
-/// What is wrong with a sensor.
+/// A fault of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SensorFault {
-    /// Its cable is out: the divider pulls the open input to 0 V, but for a residue of 3 mV with 1 mV of noise.
+    /// The cable is disconnected: the divider pulls the open input to 0 V, with a residue of 3 mV and 1 mV RMS of
+    /// noise.
     Unplugged,
-    /// It repeats the same reading.
+    /// The sensor repeats the same reading.
     Stuck,
-    /// It reads one end of the converter's span.
+    /// The sensor reads one end of the converter's span.
     AtRail(End),
-    /// It has this much more white noise, RMS of a sample in the sensor's unit (m or N).
+    /// Additional white noise, RMS of a sample in the sensor's unit (m or N).
     Noisy(f32),
 }
 
@@ -66,11 +68,11 @@ pub enum End {
     High,
 }
 
-/// An open input, and its noise, as shares of a span of 3.3 V.
+/// Reading of an open input, and its RMS noise, as fractions of a span of 3.3 V.
 const RESIDUE: f32 = 3e-3 / 3.3;
 const RESIDUE_NOISE: f32 = 1e-3 / 3.3;
 
-/// What a sensor's samples go from and to, and samples' units in a unit of the sensor.
+/// Lowest and highest value of a sensor's samples, and samples' units per unit of the sensor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     pub low: f32,
@@ -82,7 +84,7 @@ pub(super) struct Span {
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     faults: [Option<SensorFault>; SENSORS],
-    /// What a stuck sensor reads.
+    /// Value that a stuck sensor repeats.
     stuck_at: [Option<f32>; SENSORS],
     noise: Noise,
     /// The sensors have no supply.
@@ -95,7 +97,7 @@ pub(super) struct Faults {
 
 impl Faults {
     pub(super) fn new(seed: u64) -> Self {
-        // Apart from the sensors' own noise, which stays what it is.
+        // A noise of its own, so that the sensors' own noise stays the same.
         Self {
             faults: [None; SENSORS],
             stuck_at: [None; SENSORS],
@@ -118,12 +120,12 @@ impl Faults {
         }
     }
 
-    /// Whether the sensor's readings are wrong.
+    /// Whether the sensor has a fault or no supply.
     pub(super) fn has(&self, sensor: Sensor) -> bool {
         self.sensors_off || self.faults[sensor as usize].is_some()
     }
 
-    /// The reading in place of a sound sample.
+    /// Applies the sensor's fault to a sample.
     pub(super) fn apply(&mut self, sensor: Sensor, sample: f32, span: Span) -> f32 {
         let Span { low, high, per_unit } = span;
         if self.sensors_off {
