@@ -31,7 +31,7 @@ struct Selection {
     impacts: bool,
 }
 
-/// State in which the board started.
+/// How the board started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BootInfo {
     /// Source of the board's clock.

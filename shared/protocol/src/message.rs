@@ -172,7 +172,7 @@ pub struct Description {
     pub reset: Reset,
     /// The last crash of the firmware since power-on, if any.
     pub last_crash: Option<Crash>,
-    /// Source of the settings in use.
+    /// Where the settings in use come from.
     pub settings: Source,
 }
 

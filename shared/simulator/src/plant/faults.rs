@@ -72,7 +72,7 @@ pub enum End {
 const RESIDUE: f32 = 3e-3 / 3.3;
 const RESIDUE_NOISE: f32 = 1e-3 / 3.3;
 
-/// Lowest and highest value of a sensor's samples, and samples' units per unit of the sensor.
+/// What a sensor's samples go from and to, and samples' units in a unit of the sensor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     pub low: f32,
@@ -97,7 +97,7 @@ pub(super) struct Faults {
 
 impl Faults {
     pub(super) fn new(seed: u64) -> Self {
-        // A noise of its own, so that the sensors' own noise stays the same.
+        // Apart from the sensors' own noise, which stays what it is.
         Self {
             faults: [None; SENSORS],
             stuck_at: [None; SENSORS],
@@ -120,12 +120,12 @@ impl Faults {
         }
     }
 
-    /// Whether the sensor has a fault or no supply.
+    /// Whether the sensor's readings are wrong.
     pub(super) fn has(&self, sensor: Sensor) -> bool {
         self.sensors_off || self.faults[sensor as usize].is_some()
     }
 
-    /// Applies the sensor's fault to a sample.
+    /// The reading in place of a sound sample.
     pub(super) fn apply(&mut self, sensor: Sensor, sample: f32, span: Span) -> f32 {
         let Span { low, high, per_unit } = span;
         if self.sensors_off {
