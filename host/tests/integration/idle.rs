@@ -19,11 +19,11 @@ use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
 
-/// Much longer than a reply within the process takes.
+/// Much longer than a reply takes within the process.
 const TIMEOUT: Duration = Duration::from_millis(100);
 
-/// A board of its own clock, which goes on by some ticks whenever the host listens; the structure swings by 90 mm, beyond its
-/// limit, until it is held.
+/// A board with its own clock, which advances by some ticks whenever the host listens. Its structure vibrates by 90
+/// mm, beyond the limit, until it is held.
 struct Board {
     control: Controller,
     reader: MessageReader,
@@ -34,7 +34,7 @@ struct Board {
     tick: u32,
 }
 
-/// A board with a real structure, without flash.
+/// A board with a real structure and no flash.
 struct Real;
 
 impl damprig_device::board::Board for Real {
@@ -83,7 +83,7 @@ impl Link for Board {
             self.control.tick(&sensors, &mut self.upload, &mut self.said);
             self.tick += 1;
         }
-        // It always has something to say, so the host need not ask whether it is there.
+        // The board sends continuously, so the host has no need to query it.
         self.said.0.push(FromDevice::Clock { tick: self.tick });
         for message in self.said.0.drain(..) {
             let mut out = [0; LONGEST];
@@ -112,7 +112,7 @@ fn tripped() -> (Session, Arc<AtomicBool>) {
     let is_held = Arc::default();
     let (mut session, _) = board(&is_held);
     while session.status().expect("it answers").0.state != State::Faulted {
-        session.next_report().expect("the link holds");
+        session.next_report().expect("the link is intact");
     }
     (session, is_held)
 }
@@ -124,17 +124,17 @@ fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_informed
     session
         .bring_to_idle(|what| {
             told.push(what.to_string());
-            // The engineer stops it by hand.
+            // The structure is stopped by hand.
             is_held.store(true, Ordering::Relaxed);
         })
-        .expect("it comes to rest");
+        .expect("the rig becomes idle");
     assert_eq!(told.len(), 1, "{told:?}");
     assert!(told[0].contains("wait for rest"), "{told:?}");
     assert_eq!(session.status().unwrap().0.state, State::Idle);
 }
 
 #[test]
-fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), SessionError> {
+fn after_a_run_stop_drive_returns_when_the_drive_is_silent_and_keeps_the_fault() -> Result<(), SessionError> {
     let (mut session, _) = tripped();
     session.stop_drive()?;
     assert_eq!(session.status()?.0.state, State::Faulted);
@@ -142,13 +142,16 @@ fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), Sess
 }
 
 #[test]
-fn a_board_that_talks_hears_of_its_host_too() -> Result<(), SessionError> {
+fn a_board_that_sends_continuously_still_receives_keep_alive_requests() -> Result<(), SessionError> {
     let (mut session, requests) = board(&Arc::new(AtomicBool::new(true)));
     let before = requests.load(Ordering::Relaxed);
     let begun = Instant::now();
     while requests.load(Ordering::Relaxed) == before {
         session.next_report()?;
-        assert!(begun.elapsed() < Duration::from_secs(5), "the shortest host_silent_s of a campaign");
+        assert!(
+            begun.elapsed() < Duration::from_secs(5),
+            "no request within the shortest host_silent_s that a campaign may set"
+        );
     }
     Ok(())
 }

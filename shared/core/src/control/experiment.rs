@@ -13,7 +13,7 @@ use crate::measure::running::DriveReference;
 
 /// A checked experiment.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum Experiment {
     /// A stepped sine: one frequency after another.
     SteppedSine(stepped_sine::SteppedSinePlan),

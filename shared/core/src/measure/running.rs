@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_motion_of_the_last_whole_cycle_is_shown_and_vanishes_with_the_drive() {
+    fn the_motion_of_the_last_whole_cycle_is_reported_until_the_drive_ends() {
         let increment = Phase::increment(2.5, 1000.0);
         let (mut phase, mut running) = (Phase::default(), RunningLockIn::default());
         for tick in 0..1000 {

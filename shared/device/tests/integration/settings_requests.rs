@@ -1,4 +1,4 @@
-//! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
+//! Requests that read, set and save the settings: when they are allowed, and that each gets exactly one reply.
 
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
@@ -11,7 +11,7 @@ use damprig_device::queues::{Outgoing, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request};
 
-/// A board whose flash takes as long as the test wants.
+/// A board whose flash takes as long as the test demands.
 #[derive(Default)]
 struct Board {
     is_slow: bool,
@@ -129,7 +129,7 @@ fn experiment() -> SteppedSine {
 }
 
 #[test]
-fn settings_are_used_at_once_and_saved_when_asked() {
+fn settings_are_used_at_once_and_saved_on_request() {
     let mut host = Host::new(false);
     assert_eq!(host.settings(), (Settings::default(), Source::Default));
     assert_eq!(host.ask(Request::SetSettings(others())), Ok(Reply::Done));
@@ -142,14 +142,14 @@ fn settings_are_used_at_once_and_saved_when_asked() {
 }
 
 #[test]
-fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
+fn a_value_out_of_range_is_rejected_with_its_name_and_changes_nothing() {
     type Spoil = fn(&mut Settings);
     let spoilt: [(&str, Spoil); 14] = [
         ("calibration.x.metres_per_count", |s| s.calibration.x.metres_per_count = 0.0),
         ("calibration.spring.newtons_per_count", |s| s.calibration.spring.newtons_per_count = f32::NAN),
         ("calibration.spring.zero_counts", |s| s.calibration.spring.zero_counts = 0.0),
         ("calibration.drive.linear_low_counts", |s| s.calibration.drive.linear_low_counts = -1.0),
-        // Beyond what the sensors can see: these would never trip.
+        // Beyond the range of the sensors: these limits would never trip.
         ("safety.limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
         ("safety.limits.base_m", |s| s.safety.limits.base_m = 0.0785),
         ("safety.wall_force_n", |s| s.safety.wall_force_n = 2000.0),
@@ -173,7 +173,7 @@ fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
 }
 
 #[test]
-fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
+fn while_an_experiment_runs_settings_can_be_read_but_neither_set_nor_saved() {
     let mut host = Host::new(false);
     host.ask(Request::Configure(experiment())).unwrap();
     host.ask(Request::Start).unwrap();
@@ -187,11 +187,11 @@ fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
 }
 
 #[test]
-fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_before() {
+fn a_save_is_answered_once_when_the_flash_has_finished_and_no_command_is_accepted_before() {
     let mut host = Host::new(true);
     host.ask(Request::Configure(experiment())).unwrap();
     host.send(100, Request::SaveSettings);
-    // Copies, as of a host that thinks its request was lost.
+    // Copies, as from a host that takes its request for lost.
     host.send(100, Request::SaveSettings);
     host.tick();
     assert_eq!(host.replies(), []);
@@ -210,7 +210,7 @@ fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_be
 }
 
 #[test]
-fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
+fn a_failed_save_is_reported_and_the_settings_stay_in_use() {
     let mut host = Host::new(true);
     host.ask(Request::SetSettings(others())).unwrap();
     host.send(100, Request::SaveSettings);
@@ -225,7 +225,7 @@ fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
 }
 
 #[test]
-fn what_was_kept_is_in_use_from_the_first_tick() {
+fn stored_settings_are_in_use_from_the_first_tick() {
     let mut host = Host::new(false);
     host.control.start_with(&others(), Source::Stored);
     assert_eq!(host.settings(), (others(), Source::Stored));

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stated_acts_and_the_rest_stays_the_boards() {
+    fn stated_limits_are_in_force_and_the_others_stay_the_boards() {
         assert_eq!(settings().tightened(&ExperimentLimits::default()), Ok(settings()));
         let limits = ExperimentLimits {
             structure_m: some(0.02),

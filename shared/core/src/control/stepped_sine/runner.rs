@@ -366,7 +366,7 @@ mod tests {
     use crate::measure::point::SteadyLimits;
 
     #[test]
-    fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {
+    fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {
         let plan = SteppedSinePlan::new(SteppedSine {
             start: Start::CarryOver,
             amplitude_m: 1e-3,
