@@ -223,7 +223,7 @@ fn a_run_that_cannot_be_resumed_names_the_damage_and_what_can_be_read() {
 }
 
 #[test]
-fn a_link_that_is_reconnected_loses_no_point() {
+fn a_reconnected_link_loses_no_point() {
     let folder = folder_with(&short());
     let mut points = 0;
     let rig = Served::again_and_again(move |message| {

@@ -27,7 +27,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     all
 }
 
-/// Resuming is refused with these words and changes nothing.
+/// Resuming must be refused with these words and must change nothing.
 fn refuses(folder: &TempDir, words: &[&str]) {
     let run = folder.path().join("out");
     let before = contents(&run);

@@ -863,7 +863,7 @@ mod tests {
     }
 
     #[test]
-    fn interrupts_at_every_place_leave_conditional_instructions_and_flags_alone() {
+    fn interrupts_at_every_instruction_preserve_flags_and_conditional_execution() {
         // TIM7 interrupts every 37 cycles. 2000 times: tst r7, #1; itete eq; addeq r4, #1; addne r5, #1; moveq; movne;
         // subs r7, #1; bne. The handler clears the flag, counts in r9 and compares.
         let code = [

@@ -37,6 +37,6 @@ fn a_board_neither_panics_nor_stops_answering() {
 }
 
 #[test]
-fn a_host_reads_on_after_anything() {
+fn a_host_reads_the_next_clean_frame_after_any_input() {
     replay("host", seeds::host(), 100_000, damprig_fuzzing::host);
 }

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_of_a_plant_that_was_put_back_is_told_and_not_taught() {
+    fn a_pulse_from_before_a_plants_reset_is_reported_but_not_passed_to_the_twin() {
         let set_up = set_up(2.5, 7.5e-3);
         let quiet = Sensors::default();
         let mut touched = quiet;
