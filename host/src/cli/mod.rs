@@ -3,11 +3,12 @@
 //! To add a subcommand: a file with its clap `Args` and a function that returns [`Outcome`], and a line in both `Command` and
 //! [`main`]. The work itself belongs into the library.
 
-/// Prints a line to standard output. A closed pipe (`| head`) does not end a run: it still has to stop the rig.
+/// Prints a line to standard output; what controls a terminal is spelled out. A closed pipe (`| head`) does not end a run: it
+/// still has to stop the rig.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
+        let _ = writeln!(std::io::stdout(), "{}", $crate::input::shown(&format!($($text)*)));
     }};
 }
 
@@ -15,7 +16,7 @@ macro_rules! say {
 macro_rules! warn {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($text)*);
+        let _ = writeln!(std::io::stderr(), "{}", $crate::input::shown(&format!($($text)*)));
     }};
 }
 

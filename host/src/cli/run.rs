@@ -133,6 +133,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let now = jiff::Zoned::now();
+    refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
         None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
@@ -154,6 +155,17 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         taken: JournalState::default(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
+}
+
+/// Rejects a target that is a file or a folder with something in it.
+fn refuse_taken(out: Option<&Path>) -> Outcome {
+    let Some(out) = out.filter(|out| out.symlink_metadata().is_ok()) else { return Ok(()) };
+    let why = match out.read_dir().map(|mut entries| entries.next().is_some()) {
+        Ok(false) => return Ok(()),
+        Ok(true) => "it is not empty; give --out a new folder, or continue the run in it with --resume",
+        Err(_) => "it is no folder that can be read; give --out a new folder",
+    };
+    Err(Failure::Input(format!("cannot use the folder {}: {why}", out.display())))
 }
 
 fn resume(args: &Args, wanted: &Path) -> Outcome {

@@ -5,6 +5,7 @@ mod common;
 mod controller;
 mod disk;
 mod dry_run;
+mod exit_codes;
 mod exports;
 mod faulty_link;
 mod flash;

@@ -114,7 +114,9 @@ fn mutate(text: &str, rng: &mut Rng) -> String {
         let place = places(&table).swap_remove(rng.usize(..leaves));
         change(&mut table, &place, rng);
     }
-    toml::to_string(&table).unwrap_or_else(|_| text.to_string())
+    // A case may be JSON.
+    let written = if rng.u8(..8) == 0 { serde_json::to_string(&table).ok() } else { toml::to_string(&table).ok() };
+    written.unwrap_or_else(|| text.to_string())
 }
 
 fn mutate_bytes(text: &str, rng: &mut Rng) -> String {
