@@ -42,7 +42,8 @@ const CORE_LAYERS: [&str; 13] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 13] = [
+const HOST_LAYERS: [&str; 14] = [
+    "host_time",
     "input",
     "settings",
     "setup",

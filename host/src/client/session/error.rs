@@ -81,6 +81,26 @@ pub enum SessionError {
         /// Why.
         why: String,
     },
+    /// The device sends what nobody asked for, without end.
+    #[error(
+        "the device at {link} sends more than it was asked for: {what}; it was disconnected. Is it the right device, and is its firmware intact?"
+    )]
+    Flood {
+        /// Which.
+        link: String,
+        /// What it sent.
+        what: String,
+    },
+    /// What the device says about itself cannot be used.
+    #[error(
+        "the device at {link} reports {what}: it cannot be used like this; flash its firmware again, or update this program"
+    )]
+    Unusable {
+        /// Which.
+        link: String,
+        /// What it reported.
+        what: String,
+    },
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,

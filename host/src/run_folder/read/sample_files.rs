@@ -8,14 +8,12 @@ use arrow_array::RecordBatch;
 use super::open_part::salvage;
 use super::parquet_file::read;
 use crate::run_folder::ReadError;
-use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number};
+use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number, part_number};
 
 /// Numbers and files of the closed parts, in order.
 #[must_use]
 pub fn closed_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
-    numbered(&folder.join(PARTS), |path| {
-        path.file_stem().filter(|_| path.extension().is_some_and(|e| e == "parquet"))?.to_str()?.parse().ok()
-    })
+    numbered(&folder.join(PARTS), |path| part_number(path.file_name()?.to_str()?))
 }
 
 /// Numbers and files of the parts that are open, or were when the program was killed.

@@ -323,6 +323,8 @@ impl SteppedSineRunner {
             Waited::Begun => self.put_back = Some(self.place(plan)),
             Waited::Quiet => {
                 self.phase = Phase::default();
+                // As at the start of an experiment: a point from rest does not depend on the point before it.
+                self.waves = [self.phase.sin_cos(); DELAY_TICKS as usize];
                 self.begin_settling(plan);
                 self.driven_ticks = 1;
             }
