@@ -16,7 +16,7 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig-fuzzing", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig-core"]),
 ];
 

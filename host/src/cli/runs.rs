@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use crate::input::near;
-use crate::report::exports::atomic_file::{to_failure, write_new};
+use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
@@ -50,6 +50,9 @@ enum Action {
         /// New file [default: <run>.html in the current folder]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+        /// Replace an existing file
+        #[arg(long)]
+        force: bool,
     },
     /// Export a run to CSV, MATLAB or UFF/UNV
     #[command(after_help = EXPORT_HELP)]
@@ -117,6 +120,9 @@ struct Export {
     /// New file [default: <run>.<format> in the current folder; <run>-<table>.<format> for a single table]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace an existing file
+    #[arg(long)]
+    force: bool,
     /// Export samples from this time of their experiment, s
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     from_s: f64,
@@ -134,7 +140,7 @@ pub fn run(args: &Args) -> Outcome {
         None => list(&args.dir),
         Some(Action::Show { run }) => show(&open(run)?),
         Some(Action::Verify { run }) => check(run),
-        Some(Action::Report { run, out }) => report(&open(run)?, out.as_deref()),
+        Some(Action::Report { run, out, force }) => report(&open(run)?, out.as_deref(), *force),
         Some(Action::Export(export)) => self::export(export),
     }
 }
@@ -297,10 +303,11 @@ fn check(wanted: &Path) -> Outcome {
     Err(Failure::Failed(format!("{failed} checks of {} failed; nothing was changed", wanted.display())))
 }
 
-fn report(run: &RunFolder, out: Option<&Path>) -> Outcome {
+fn report(run: &RunFolder, out: Option<&Path>, force: bool) -> Outcome {
     let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
+    let file = OutFile { path: out.clone(), force };
     let page = page(run);
-    write_new(&out, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
+    write_new(&file, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
     say!("Report: {}", out.display());
     if page.unreadable.is_empty() {
@@ -338,7 +345,8 @@ fn export(args: &Export) -> Outcome {
     });
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let selection = ExportSelection { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
-    let exported = exporter.export(&run, &selection, &out).map_err(Failure::failed)?;
+    let file = OutFile { path: out.clone(), force: args.force };
+    let exported = exporter.export(&run, &selection, &file).map_err(Failure::failed)?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {
@@ -348,6 +356,10 @@ fn export(args: &Export) -> Outcome {
         return Ok(());
     }
     let missing = exported.missing.join("\n  not in the file: ");
-    let rest = format!("a part of the run cannot be read; the rest is in {}", out.display());
+    let rest = if run.manifest().is_recording == Some(true) {
+        format!("the run went on while it was exported to {}; export it again, best when it has ended", out.display())
+    } else {
+        format!("a part of the run cannot be read; the rest is in {}", out.display())
+    };
     Err(Failure::Failed(format!("{rest}\n  not in the file: {missing}")))
 }

@@ -171,7 +171,7 @@ mod tests {
             steady: true,
             impacts_per_cycle: 0.0,
         };
-        Report::Event { tick: end_tick, event: Event::Point(result) }
+        Report::Event { tick: end_tick.saturating_sub(1), event: Event::Point(result) }
     }
 
     fn impact(change: impl FnOnce(&mut ImpactRecord)) -> Report {

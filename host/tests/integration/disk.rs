@@ -115,6 +115,20 @@ mod linux {
     }
 
     #[test]
+    fn a_simulation_on_a_full_disk_leaves_no_file() {
+        let folder = folder_with(&short());
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "64k") else { return };
+        let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/spid.toml");
+        for name in ["disk/motion.csv", "disk/motion.parquet"] {
+            let arguments = ["simulate", case.to_str().unwrap(), "--out", name, "--rate", "5000"];
+            let answer = damprig(&folder).args(arguments).assert().code(1);
+            answer.stderr(contains("No space left on device").and(contains(name)));
+            let left: Vec<_> = std::fs::read_dir(&disk.0).unwrap().map(|e| e.unwrap().file_name()).collect();
+            assert!(left.is_empty(), "{left:?}");
+        }
+    }
+
+    #[test]
     fn a_folder_that_cannot_be_written_is_reported_before_anything_moves() {
         let folder = folder_with(&short());
         let board = Served::start(|_| Fate::Pass);

@@ -12,11 +12,10 @@
 //!   has only six digits for the abscissa). The z axis has the drive frequency, Hz.
 
 use std::io::{BufWriter, Write};
-use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::atomic_file::{to_failure, write_export};
+use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{numbers, texts};
@@ -41,8 +40,8 @@ impl Exporter for Uff {
         (table == RunTable::Transients).then_some(why)
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
-        let failed = to_failure(out);
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+        let failed = to_failure(&out.path);
         write_export(out, |file| {
             let mut exported = ExportSummary::default();
             let mut file = BufWriter::new(file.as_file_mut());

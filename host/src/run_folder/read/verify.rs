@@ -10,6 +10,7 @@ use super::sample_files::{is_open_part, read_samples, sample_files};
 use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
 use crate::input::{Source, regular};
+use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::MANIFEST;
 use crate::run_folder::schema::results::RESULTS;
@@ -33,6 +34,10 @@ pub enum Finding {
 pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
     let path = &find(path)?;
     let mut found = Vec::new();
+    if let Err(error) = refuse_links(path) {
+        // Nothing is read through a link.
+        return Ok(vec![Finding::Wrong(error.to_string())]);
+    }
     let run = match RunFolder::open(path) {
         Ok(run) => Some(run),
         Err(error) => {
