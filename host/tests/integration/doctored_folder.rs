@@ -244,9 +244,9 @@ fn resume(run: &Path) {
     }
 }
 
-/// Number of changed folders: 400, or 20 000 in the full tests.
+/// Number of changed folders: 200, or 20 000 in the full tests.
 fn changes() -> u64 {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 400 }
+    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 200 }
 }
 
 #[test]

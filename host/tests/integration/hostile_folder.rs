@@ -143,7 +143,7 @@ fn playback() -> (tempfile::TempDir, PathBuf) {
     let text = short();
     let experiment = text.find("[[experiment]]").unwrap();
     let telemetry = text.find("[telemetry]").unwrap();
-    let plays = "[[experiment]]\nname = \"quake\"\nkind = \"playback\"\nfile = \"quake.csv\"\nquantity = \"displacement\"\nsample_rate_hz = 50\n\n";
+    let plays = "[[experiment]]\nname = \"quake\"\nkind = \"playback\"\nfile = \"quake.csv\"\nquantity = \"displacement\"\nunit = \"m\"\ntime_step_s = 0.02\n\n";
     let folder = folder_with(&format!("{}{plays}{}", &text[..experiment], &text[telemetry..]));
     let samples: String = (0..200).map(|n| format!("{:.6}\n", 1e-3 * (f64::from(n) * 0.2).sin())).collect();
     std::fs::write(folder.path().join("quake.csv"), samples).unwrap();

@@ -217,7 +217,7 @@ fn interrupted(folder: &TempDir, out: &str) -> Value {
 
 #[test]
 fn existing_files_are_replaced_only_by_force() {
-    let folder = folder(&spid("{ cycles = 3 }"));
+    let folder = folder(&spid("{ duration_s = 1.2 }"));
     let at = |name: &str| folder.path().join(name);
     let outputs = ["motion.csv", "motion.impacts.csv", "motion.accumulations.csv", "motion.svg"];
     let arguments = ["simulate", "case.toml", "--out", "motion.csv", "--plot", "motion.svg"];
