@@ -38,7 +38,6 @@ const CORE_LAYERS: [&str; 13] = [
     "settings",
     "twin",
     "rig",
-    "plant",
 ];
 
 /// The modules of the host from the lowest layer to the highest.

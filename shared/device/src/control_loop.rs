@@ -1,4 +1,6 @@
-//! The body of the control loop, the same on every board and in the virtual rig: one tick of the rig, then a request.
+//! The body of the control loop, the same on every board and in the virtual rig: one tick of the rig, then one request.
+//!
+//! On a simulated board a host can address requests to a tick; those are served at that tick in any number.
 //!
 //! The firmware's control task and the virtual rig call [`step`]. They differ in what they wait for between two steps
 //! and in where the queues are stored.

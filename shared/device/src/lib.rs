@@ -2,7 +2,7 @@
 //! crash record.
 //!
 //! * [`board`] has the trait that every board implements,
-//! * [`control_loop`] is the loop's body: one tick, then a request,
+//! * [`control_loop`] is the loop's body: one tick, then one request,
 //! * [`controller`] owns the rig: it serves requests and queues replies, events and telemetry rows,
 //! * [`queues`] are between the control loop and the link,
 //! * [`message_reader`] reads requests from received bytes, [`outbox`] builds the messages to send, replies first,

@@ -262,6 +262,7 @@ impl Sampling {
             return Sensors::lost();
         }
         let readings = calibration.readings(&self.slow_block);
+        // The board adds the switches.
         Sensors { readings, walls: self.wall_block, at_limit: false, emergency_stop: false }
     }
 

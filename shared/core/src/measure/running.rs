@@ -28,7 +28,7 @@ pub struct RunningMotion {
     pub z_amplitude_m: f32,
     /// Phase of z relative to the drive, −π to π, positive where z leads, rad; within [`PHASE_ERROR_RAD`].
     pub z_phase_rad: f32,
-    /// X/Z.
+    /// Ratio of the two lock-in amplitudes. A result's X/Z has the mean of the cycle maxima of |x| over the same z.
     pub x_over_z: f32,
 }
 

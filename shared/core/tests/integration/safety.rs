@@ -299,7 +299,7 @@ fn invalid_settings_are_rejected_by_name() {
         (SafetyConfig { saturated_s: -1.0, ..good }, "safety.saturated_s"),
         (SafetyConfig { resolution_m: -1e-5, ..good }, "safety.resolution_m"),
         (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
-        (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "limits.base_m"),
+        (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "safety.limits.base_m"),
     ] {
         assert_eq!(Safety::new(&bad).unwrap_err().parameter, name);
     }

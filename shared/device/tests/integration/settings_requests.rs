@@ -150,8 +150,8 @@ fn a_value_out_of_range_is_rejected_with_its_name_and_changes_nothing() {
         ("calibration.spring.zero_counts", |s| s.calibration.spring.zero_counts = 0.0),
         ("calibration.drive.linear_low_counts", |s| s.calibration.drive.linear_low_counts = -1.0),
         // Beyond the range of the sensors: these limits would never trip.
-        ("limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
-        ("limits.base_m", |s| s.safety.limits.base_m = 0.0785),
+        ("safety.limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
+        ("safety.limits.base_m", |s| s.safety.limits.base_m = 0.0785),
         ("safety.wall_force_n", |s| s.safety.wall_force_n = 2000.0),
         ("spring.largest_force_n", |s| s.spring.largest_force_n = 49.5),
         ("impacts.offset_limit_n", |s| s.impacts.offset_limit_n = 100.0),

@@ -129,12 +129,17 @@ impl Lag {
 /// One channel: converts a displacement to readings.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
+    converter: Converter,
+    imperfect: Option<Imperfect>,
+}
+
+/// The range, resolution and noise of one conversion.
+#[derive(Clone, Debug)]
+struct Converter {
     range: f32,
     resolution: f32,
     per_resolution: f32,
-    /// RMS noise of one conversion.
     noise: f32,
-    imperfect: Option<Imperfect>,
 }
 
 #[derive(Clone, Debug)]
@@ -163,14 +168,14 @@ impl Channel {
             None => model.resolution_m,
         };
         let conversions = sheet.map_or(1, |sheet| sheet.oversampling);
-        Self {
+        let converter = Converter {
             range,
             resolution,
             per_resolution: if resolution > 0.0 { 1.0 / resolution } else { 0.0 },
             // `noise_rms_m` is that of a sample, which is the mean of the conversions.
             noise: model.noise_rms_m * libm::sqrtf(f32::from(conversions)),
-            imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)),
-        }
+        };
+        Self { converter, imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)) }
     }
 
     /// Resets the channel to a sensor at rest.
@@ -182,17 +187,18 @@ impl Channel {
 
     /// Returns the next sample's reading, m.
     pub(super) fn read(&mut self, truth: f32, noise: &mut Noise) -> f32 {
-        let Some(mut imperfect) = self.imperfect.take() else { return self.convert(truth, noise) };
-        imperfect.push(truth, self.range);
+        let Some(imperfect) = &mut self.imperfect else { return self.converter.convert(truth, noise) };
+        imperfect.push(truth, self.converter.range);
         let mut sum = 0.0;
         for n in 0..imperfect.conversions {
-            sum += self.convert(imperfect.at(n), noise);
+            sum += self.converter.convert(imperfect.at(n), noise);
         }
-        let mean = sum / f32::from(imperfect.conversions);
-        self.imperfect = Some(imperfect);
-        mean
+        sum / f32::from(imperfect.conversions)
     }
+}
 
+impl Converter {
+    #[inline]
     fn convert(&self, signal: f32, noise: &mut Noise) -> f32 {
         let mut reading = signal;
         if self.noise > 0.0 {

@@ -199,7 +199,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
             "safety.wall_force_n = 450 would loosen the board's 300",
         ),
         (ExperimentLimits { host_silent_s: Some(0.0), ..none }, "safety.host_silent_s = 0 would loosen the board's 10"),
-        (ExperimentLimits { base_m: Some(-1.0), ..none }, "limits.base_m = -1 is not allowed"),
+        (ExperimentLimits { base_m: Some(-1.0), ..none }, "safety.limits.base_m = -1 is not allowed"),
     ] {
         let refused = host.ask(Request::SetLimits(limits)).unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");

@@ -375,7 +375,7 @@ fn a_free_vibration_is_held_released_and_measured() {
             stages.push(stage);
         }
     });
-    assert_eq!(stages, [ExperimentStage::Rest, ExperimentStage::Hold, ExperimentStage::Dwell]);
+    assert_eq!(stages, [ExperimentStage::Hold, ExperimentStage::Dwell]);
     assert!(
         matches!(log.events[..], [(_, Event::Transient(_)), (_, Event::Finished { points: 1, .. })]),
         "{:?}",
