@@ -25,7 +25,7 @@ const ONE_SIDED: [&str; 9] =
     ["embassy", "cortex-m", "defmt", "tokio", "async-std", "std_detect", "clap", "arrow", "serialport"];
 
 /// The modules of the core from the lowest layer to the highest; each may import only earlier ones.
-const CORE_LAYERS: [&str; 13] = [
+const CORE_LAYERS: [&str; 12] = [
     "scalar",
     "sine",
     "io",

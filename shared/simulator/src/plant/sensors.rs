@@ -139,6 +139,7 @@ struct Converter {
     range: f32,
     resolution: f32,
     per_resolution: f32,
+    /// RMS noise of one conversion.
     noise: f32,
 }
 
