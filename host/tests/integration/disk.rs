@@ -78,7 +78,7 @@ mod linux {
     }
 
     #[test]
-    fn a_limit_on_the_size_of_files_stops_the_rig_as_a_full_disk_does() {
+    fn a_file_size_limit_stops_the_rig_like_a_full_disk() {
         let folder = folder_with(&voluminous());
         let board = Served::start(|_| Fate::Pass);
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
@@ -160,6 +160,6 @@ mod linux {
         let answer = damprig(&folder).args(arguments).assert().code(1);
         answer.stderr(contains("cannot").and(contains("out")).and(contains("No such file or directory")));
         assert!(board.was_left_standing(), "the rig was left driving");
-        assert!(!run.join("results.parquet").exists(), "a removed folder is not made again");
+        assert!(!run.join("results.parquet").exists(), "a removed folder is not created again");
     }
 }
