@@ -187,7 +187,7 @@ impl SteppedSineRunner {
         }
     }
 
-    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to start the dwell again.
+    /// Whether, in a dwell of a closed loop, the base has left its tolerance and there is time to restart the dwell.
     fn base_slipped(&self) -> bool {
         match &self.plan.sine.drive {
             DriveMode::Constant => false,
