@@ -1,7 +1,7 @@
 //! Reference runs of the sampled driver, identical for every scalar and machine.
 //!
 //! They serve two comparisons: the bits of a controller without floating point, and the error of its numbers against
-//! `f64`. The comparisons are made elsewhere: `tests/scalars.rs` of this crate (the error), the whole-system tests (the
+//! `f64`. The comparisons are made elsewhere: `tests/integration/scalars.rs` of this crate (the error), the whole-system tests (the
 //! bits).
 
 use crate::integrator::base::{BaseSegment, BaseTrack};
