@@ -14,7 +14,7 @@ use damprig_core::settings::Settings;
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::message_reader::MessageReader;
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Outgoing, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
@@ -28,7 +28,7 @@ struct Board {
     control: Controller,
     reader: MessageReader,
     upload: UploadBuffer,
-    said: Said,
+    queues: LocalQueues,
     is_held: Arc<AtomicBool>,
     requests: Arc<AtomicU32>,
     tick: u32,
@@ -49,26 +49,12 @@ impl damprig_device::board::Board for Real {
     }
 }
 
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
-}
-
 impl Link for Board {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         for &byte in bytes {
             if let Some(ToDevice::Request(request)) = self.reader.push(byte) {
                 self.requests.fetch_add(1, Ordering::Relaxed);
-                self.control.serve(&request, &mut Real, &mut self.upload, &mut self.said);
+                self.control.serve(&request, &mut Real, &mut self.upload, &mut self.queues);
             }
         }
         Ok(())
@@ -80,12 +66,12 @@ impl Link for Board {
             let x_m = if swings { 0.08 * (0.0157 * f64::from(self.tick)).sin() } else { 0.0 };
             let mut sensors = Sensors::default();
             sensors.readings.x = Reading::still(x_m as f32);
-            self.control.tick(&sensors, &mut self.upload, &mut self.said);
+            self.control.tick(&sensors, &mut self.upload, &mut self.queues);
             self.tick += 1;
         }
         // The board sends continuously, so the host has no need to query it.
-        self.said.0.push(FromDevice::Clock { tick: self.tick });
-        for message in self.said.0.drain(..) {
+        self.queues.message(FromDevice::Clock { tick: self.tick }).expect("room");
+        while let Some(message) = self.queues.pop_message() {
             let mut out = [0; LONGEST];
             let length = frame::encode(&message, &mut out).expect("it fits");
             into.extend_from_slice(&out[..length]);
@@ -100,7 +86,7 @@ fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
         control: Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default()),
         reader: MessageReader::default(),
         upload: UploadBuffer::default(),
-        said: Said::default(),
+        queues: LocalQueues::default(),
         is_held: Arc::clone(is_held),
         requests: Arc::clone(&requests),
         tick: 0,

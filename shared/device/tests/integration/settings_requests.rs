@@ -7,7 +7,7 @@ use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request};
 
@@ -36,50 +36,37 @@ impl damprig_device::board::Board for Board {
     }
 }
 
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
-}
-
 struct Host {
     control: Controller,
     board: Board,
-    said: Said,
+    queues: LocalQueues,
     seq: u16,
 }
 
 impl Host {
     fn new(is_slow: bool) -> Self {
         let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
-        Self { control, board: Board { is_slow, ..Board::default() }, said: Said::default(), seq: 0 }
+        Self { control, board: Board { is_slow, ..Board::default() }, queues: LocalQueues::default(), seq: 0 }
     }
 
     fn send(&mut self, seq: u16, ask: Request) {
         let request = NumberedRequest { seq, at_tick: None, request: ask };
-        self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.said);
+        self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.queues);
     }
 
     fn tick(&mut self) {
-        self.control.end_saving(&mut self.board, &mut self.said);
-        self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.said);
+        self.control.end_saving(&mut self.board, &mut self.queues);
+        self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.queues);
     }
 
     fn replies(&mut self) -> Vec<(u16, Result<Reply, Rejected>)> {
-        let said = std::mem::take(&mut self.said.0).into_iter();
-        said.filter_map(|message| match message {
-            FromDevice::Reply { seq, answer } => Some((seq, answer)),
-            _ => None,
-        })
-        .collect()
+        let messages = std::iter::from_fn(|| self.queues.pop_message());
+        messages
+            .filter_map(|message| match message {
+                FromDevice::Reply { seq, answer } => Some((seq, answer)),
+                _ => None,
+            })
+            .collect()
     }
 
     fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {

@@ -11,7 +11,7 @@ use damprig_core::rig::{Rig, State, Status};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{Board, DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
@@ -352,28 +352,14 @@ impl Board for Real {
 /// A board with its own clock, whose sensors see base and structure vibrate by 2 mm.
 struct RealBoard {
     control: Controller,
-    said: Said,
-}
-
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
+    queues: LocalQueues,
 }
 
 impl RealBoard {
     fn done(&mut self, seq: u16, ask: Request) {
         let request = NumberedRequest { seq, at_tick: None, request: ask };
-        self.control.serve(&request, &mut Real, &mut UploadBuffer::new(), &mut self.said);
-        assert_eq!(self.said.0.pop(), Some(FromDevice::Reply { seq, answer: Ok(Reply::Done) }));
+        self.control.serve(&request, &mut Real, &mut UploadBuffer::new(), &mut self.queues);
+        assert_eq!(self.queues.pop_message(), Some(FromDevice::Reply { seq, answer: Ok(Reply::Done) }));
     }
 
     /// Runs up to `most_ticks` ticks without a message; returns the tick at which the drive ends because the host is
@@ -384,8 +370,8 @@ impl RealBoard {
             let mut sensors = Sensors::default();
             let swing = Reading::still((2e-3 * (f64::from(tick) * 0.0157).sin()) as f32);
             (sensors.readings.x, sensors.readings.z) = (swing, swing);
-            self.control.tick(&sensors, &mut upload, &mut self.said);
-            for message in self.said.0.drain(..) {
+            self.control.tick(&sensors, &mut upload, &mut self.queues);
+            while let Some(message) = self.queues.pop_message() {
                 if let FromDevice::Event { event: Event::Fault(fault), .. } = message {
                     assert_eq!(fault.cause, FaultCause::HostSilent);
                     return Some(tick);
@@ -400,7 +386,7 @@ impl RealBoard {
 fn a_drive_ends_after_ten_seconds_of_host_silence_by_default_or_after_a_shorter_limit() {
     for (host_silent_s, expected) in [(None, 10_000), (Some(5.0), 5_000)] {
         let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
-        let mut board = RealBoard { control, said: Said::default() };
+        let mut board = RealBoard { control, queues: LocalQueues::default() };
         board.done(1, Request::Configure(SteppedSine { settle_s: 60.0, ..resonance() }));
         board.done(2, Request::SetLimits(ExperimentLimits { host_silent_s, ..ExperimentLimits::default() }));
         board.done(3, Request::Start);
