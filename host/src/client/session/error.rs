@@ -81,7 +81,7 @@ pub enum SessionError {
         /// The reason.
         why: String,
     },
-    /// Interrupted by Ctrl-C or a termination signal.
+    /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
     /// The reply does not match the request.
