@@ -1,4 +1,4 @@
-//! The measured cases: an impact damper with a mass ratio of 0.1 on a structure with 0.38 % damping, from rest.
+//! Benchmark cases: an impact damper with a mass ratio of 0.1 on a structure with 0.38 % damping, from rest.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,7 +16,7 @@ const MASS_RATIO: f64 = 0.1;
 pub const NATURAL_FREQUENCY_HZ: f64 = 2.5;
 pub const RECORD_STEP_S: f64 = 1.0 / 200.0;
 
-/// A damper under one sine of amplitude 1.
+/// A damper on a base with a sine of amplitude 1.
 #[derive(Clone, Copy)]
 pub struct Setting {
     pub restitution: f64,
@@ -55,7 +55,7 @@ impl Setting {
     }
 }
 
-/// Approach speed of the last impact, m/s, and how many there were.
+/// Approach speed of the last impact, m/s, and number of impacts.
 #[derive(Default)]
 struct Last {
     speed_m_per_s: f64,
@@ -108,7 +108,7 @@ impl Case {
         self.settings().iter().map(|s| s.cycles).sum()
     }
 
-    /// Accumulating impacts stall a general solver that is not told about resting contact.
+    /// Whether the peers complete the case: accumulating impacts stall a general solver without resting contact.
     pub fn peers_finish(self) -> bool {
         matches!(self, Self::A | Self::D)
     }
@@ -117,8 +117,8 @@ impl Case {
         self.settings().iter().map(run).sum()
     }
 
-    /// C: the mean of the cycles' largest |x| over the second half, m. Else the last impact's approach speed, m/s (summed
-    /// over D).
+    /// Case C: mean over the second half of the cycle maxima of |x|, m. Other cases: approach speed of the last
+    /// impact, m/s (case D: the sum over its settings).
     pub fn exact(self) -> f64 {
         if self == Self::C {
             return self.mean_cycle_maximum(0.0);
@@ -130,7 +130,7 @@ impl Case {
         })
     }
 
-    /// The mean of the cycles' largest |x| over the second half, m, from a start `x_m` away from rest.
+    /// Mean over the second half of the cycle maxima of |x|, m, from a start `x_m` away from rest.
     pub fn mean_cycle_maximum(self, x_m: f64) -> f64 {
         self.sum(|setting| {
             let mut motion = setting.motion(x_m);
@@ -145,7 +145,7 @@ impl Case {
         })
     }
 
-    /// What the engine did, the impacts, the cycles.
+    /// Returns the engine's work counters, the number of impacts, and the number of cycles.
     pub fn work(self) -> (Work, u64, f64) {
         let (mut sum, mut impacts) = (Work::default(), 0);
         for setting in self.settings() {
@@ -162,7 +162,7 @@ impl Case {
     }
 }
 
-/// Approach speed on case A's orbit of two equispaced impacts a cycle, m/s.
+/// Approach speed on the orbit of case A, with two equispaced impacts per cycle, m/s.
 pub fn orbit_approach_speed() -> f64 {
     let setting = Case::A.settings()[0];
     let orbit = damprig_core::analysis::symmetric_orbit::SymmetricOrbit::new(
@@ -174,7 +174,7 @@ pub fn orbit_approach_speed() -> f64 {
     orbit.approach_speed_m_per_s
 }
 
-/// A hybrid damper, and ten seconds of a base motion like an earthquake's: filtered noise, seeded, in m.
+/// A hybrid damper, and ten seconds of a base motion like an earthquake's: seeded filtered noise, in m.
 pub fn record() -> (SetUp, Vec<f64>) {
     let mut set_up = Setting { restitution: 0.5, clearance_m: 0.03, ratio: 1.0, cycles: 1.0 }.set_up();
     set_up.friction_damper = Some(FrictionDamper { force_n: 0.3 });
@@ -193,7 +193,7 @@ pub fn record() -> (SetUp, Vec<f64>) {
     (set_up, samples)
 }
 
-/// Largest |x| under the record, m.
+/// Largest |x| of the sampled integrator for the record, m.
 pub fn sampled(set_up: &SetUp, samples: &[f64]) -> f64 {
     let units = Units::metres(RECORD_STEP_S);
     let mut motion = Sampled::<f64>::new(set_up, units, &Initial::default()).expect("a physical set-up");

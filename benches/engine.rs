@@ -1,7 +1,7 @@
-//! The engine beside its peers, in one run: `cargo bench`.
+//! Compares the speed of the exact integrator with that of other methods, in one run: `cargo bench`.
 //!
-//! Every line is the best of short interleaved rounds: what a machine shared with others leaves whole; the ratio is
-//! what counts. Figures are cycles of the base per second, single thread. Units: Z = 1.
+//! Every line is the best of several short, interleaved rounds, because other processes on the machine slow some
+//! rounds down. Compare the ratios. Figures are cycles of the base per second on a single thread. Units: Z = 1.
 //!
 //! Peers: an adaptive Runge–Kutta method with root finding from a crate ([`peers::diffsol`]), and the fixed-step
 //! Runge–Kutta method with a step of 10⁻⁴ s that the source document used ([`peers::fixed_step`]).
@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 
 use cases::Case;
 
-/// Rounds, and the least time a line is measured in each.
+/// Number of rounds, and minimum time per line in each round.
 const ROUNDS: usize = 60;
 const LEAST: Duration = Duration::from_millis(4);
 
-/// One line: what runs and how many cycles (or seconds of a record) one run is.
+/// One line: the function to run, and the number of cycles (or seconds of a record) in one run.
 struct Line {
     name: String,
     unit: &'static str,
@@ -44,7 +44,7 @@ impl Line {
 }
 
 fn main() {
-    // `cargo test --benches` only asks whether it runs.
+    // `cargo test --benches` only checks that the benchmark runs.
     let rounds = if std::env::args().any(|a| a == "--bench") { ROUNDS } else { 1 };
     let mut groups = groups();
     for _ in 0..rounds {
@@ -94,7 +94,7 @@ fn groups() -> Vec<(String, Vec<Line>)> {
     groups
 }
 
-/// Case A ends on an orbit that is known in closed form.
+/// Prints the accuracy for case A, whose orbit is known in closed form.
 fn accuracy() {
     let (last, closed_form) = (Case::A.exact(), cases::orbit_approach_speed());
     println!("\nAccuracy, case A: last impact speed against the closed form of the orbit it settles on");
@@ -107,7 +107,7 @@ fn accuracy() {
     }
 }
 
-/// Case B is chaotic: what a run says is one of what many say.
+/// Prints the spread of case B over 200 nearby starts: it is chaotic, so a single run is one sample.
 fn spread() {
     let mut means: Vec<f64> = (0..200).map(|n| Case::B.mean_cycle_maximum(1e-9 * f64::from(n))).collect();
     means.sort_by(f64::total_cmp);
@@ -117,7 +117,7 @@ fn spread() {
     println!("  mean {mean:.3}, from {:.3} to {:.3}; {within} of 200 between 5.6 and 5.95", means[0], means[199]);
 }
 
-/// Where the time goes.
+/// Prints the work of the engine per impact: arcs, Newton steps and sine evaluations.
 fn cost() {
     println!("\nPer impact: arcs proved by their ends, arcs walked, Newton steps, sine–cosine pairs; impacts a cycle");
     for case in Case::ALL {

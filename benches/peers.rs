@@ -1,4 +1,4 @@
-//! What a user would write otherwise. Both leave out resting contact: neither library knows it.
+//! Alternative methods for comparison: an adaptive solver and a fixed-step solver, neither with resting contact.
 
 use diffsol::{NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason};
 
@@ -6,7 +6,7 @@ use crate::cases::Setting;
 
 type M = NalgebraMat<f64>;
 
-/// Velocities after an impact: momentum kept, relative velocity times −e.
+/// Velocities after an impact: the momentum is conserved, the relative velocity is multiplied by −e.
 fn impact(restitution: f64, mass_ratio: f64, v: f64, u: f64) -> (f64, f64) {
     let common = (v + mass_ratio * u) / (1.0 + mass_ratio);
     let relative = -restitution * (u - v);
@@ -31,15 +31,15 @@ impl Equations {
         }
     }
 
-    /// x″ of the structure.
+    /// Acceleration x″ of the structure.
     fn acceleration(&self, t: f64, x: f64, v: f64) -> f64 {
         let (sine, cosine) = (self.turning * t).sin_cos();
         -self.stiffness * (x - sine) - self.damping * (v - self.turning * cosine)
     }
 }
 
-/// Adaptive Runge–Kutta of order 5(4) with the crate's root finding, restarted after every impact; approach speed of
-/// the last impact.
+/// Adaptive Runge–Kutta method of order 5(4) from the crate `diffsol`, with its root finding, restarted after every
+/// impact. Returns the approach speed of the last impact.
 pub fn diffsol(setting: &Setting, tolerance: f64) -> f64 {
     let equations = Equations::new(setting);
     let d = setting.clearance_m;
@@ -77,7 +77,7 @@ pub fn diffsol(setting: &Setting, tolerance: f64) -> f64 {
                 last = (s[3] - s[1]).abs();
                 let side = (s[2] - s[0]).signum();
                 let (v, u) = impact(setting.restitution, equations.mass_ratio, s[1], s[3]);
-                // A little inside, so that the root just found is not found again.
+                // Start slightly inside the cavity, so that the same root is not found again.
                 let y = s[0] + side * d * (1.0 - 1e-13);
                 let acceleration = equations.acceleration(t, s[0], v);
                 let state = solver.state_mut();
@@ -90,8 +90,8 @@ pub fn diffsol(setting: &Setting, tolerance: f64) -> f64 {
     }
 }
 
-/// The classical method with a step of 10⁻⁴ s, an impact at the end of the step in which the gap closes; approach
-/// speed of the last impact.
+/// Classical Runge–Kutta method with a step of 10⁻⁴ s; an impact occurs at the end of the step in which the gap
+/// closes. Returns the approach speed of the last impact.
 pub fn fixed_step(setting: &Setting) -> f64 {
     const STEP_S: f64 = 1e-4;
     let equations = Equations::new(setting);

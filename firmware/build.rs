@@ -1,4 +1,4 @@
-//! Hands the linker the memory map of the board that the features choose, and where the image says who it is.
+//! Passes the memory map of the selected board and the identity section's script to the linker.
 
 use std::path::PathBuf;
 use std::{env, fs};

@@ -74,7 +74,11 @@ fn the_shipped_campaigns_give_the_same_tables_on_the_emulated_board() {
         run(&campaign(name), &Emulator::start(&image).address(), &there);
         let mut compared = 0;
         for table in TABLES {
-            assert_eq!(here.join(table).is_file(), there.join(table).is_file(), "{name}: {table} is on one side only");
+            assert_eq!(
+                here.join(table).is_file(),
+                there.join(table).is_file(),
+                "{name}: {table} exists for only one of the rigs"
+            );
             if here.join(table).is_file() {
                 let rows = assert_same_table(table, &here, &there);
                 println!("{name}: {rows} rows of {table} are the same");
@@ -86,7 +90,7 @@ fn the_shipped_campaigns_give_the_same_tables_on_the_emulated_board() {
 }
 
 #[test]
-fn a_campaign_repeats_itself_on_the_emulated_board() {
+fn a_repeated_campaign_on_the_emulated_board_gives_the_same_bits() {
     let Some(image) = find("mps2-an386") else { return };
     let folder = TempDir::new().unwrap();
     let folder = |name: &str| folder.path().join(name);

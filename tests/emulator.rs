@@ -169,7 +169,7 @@ fn connect(emulator: &Emulator) -> TcpStream {
 }
 
 #[test]
-fn every_byte_of_an_experiment_is_the_virtual_rigs() {
+fn an_experiment_on_the_emulated_board_gives_the_virtual_rigs_bytes() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run(&mut connect(&emulator), 1);
@@ -185,7 +185,7 @@ fn every_byte_of_an_experiment_is_the_virtual_rigs() {
         messages(&here).iter().filter(|message| event(message)).count()
     };
     assert!(told(|event| matches!(event, Event::Impact(_))) > 5, "no impacts");
-    assert!(told(|event| matches!(event, Event::Spring(_))) >= 4, "the spring did not do what it was asked");
+    assert!(told(|event| matches!(event, Event::Spring(_))) >= 4, "the spring did not carry out its commands");
     println!("compared {} bytes of {} messages", here.len(), messages(&here).len());
     for (ours, theirs) in messages(&here).iter().zip(&messages(&emulated)) {
         assert_eq!(ours, theirs);
@@ -194,7 +194,7 @@ fn every_byte_of_an_experiment_is_the_virtual_rigs() {
 }
 
 #[test]
-fn a_run_on_the_emulated_board_repeats_to_the_byte() {
+fn a_repeated_run_on_the_emulated_board_gives_the_same_bytes() {
     let Some(image) = find("mps2-an386") else { return };
     let run = || run(&mut connect(&Emulator::start(&image)), 1);
     assert!(run() == run());
@@ -242,7 +242,7 @@ fn run_transients(board: &mut impl Board) -> Vec<u8> {
 }
 
 #[test]
-fn every_byte_of_an_upload_a_playback_and_a_release_is_the_virtual_rigs() {
+fn an_upload_a_playback_and_a_release_on_the_emulated_board_give_the_virtual_rigs_bytes() {
     let Some(image) = find("mps2-an386") else { return };
     let emulator = Emulator::start(&image);
     let emulated = run_transients(&mut connect(&emulator));

@@ -78,7 +78,7 @@ fn check(path: &Path, scratch: &Path) -> Result<(), String> {
 }
 
 #[test]
-fn every_golden_case_holds() {
+fn every_golden_case_agrees_within_its_tolerance() {
     let scratch = tempfile::TempDir::new().unwrap();
     let mut cases: Vec<_> =
         fs::read_dir(project().join("tests/cases")).unwrap().map(|entry| entry.unwrap().path()).collect();

@@ -25,7 +25,7 @@ const ONE_SIDED: [&str; 9] =
     ["embassy", "cortex-m", "defmt", "tokio", "async-std", "std_detect", "clap", "arrow", "serialport"];
 
 /// The modules of the core from the lowest layer to the highest; each may import only earlier ones.
-const CORE_LAYERS: [&str; 13] = [
+const CORE_LAYERS: [&str; 12] = [
     "scalar",
     "sine",
     "io",
@@ -38,7 +38,6 @@ const CORE_LAYERS: [&str; 13] = [
     "settings",
     "twin",
     "rig",
-    "plant",
 ];
 
 /// The modules of the host from the lowest layer to the highest.
@@ -63,7 +62,7 @@ fn workspace() -> Metadata {
     MetadataCommand::new().manifest_path(project().join("Cargo.toml")).other_options(locked()).exec().unwrap()
 }
 
-/// Without dependencies, which are downloaded only for a build.
+/// Metadata of the firmware without its dependencies, which are downloaded only for a build.
 fn firmware() -> Metadata {
     let manifest = project().join("firmware/Cargo.toml");
     MetadataCommand::new().manifest_path(manifest).no_deps().other_options(locked()).exec().unwrap()
@@ -108,7 +107,7 @@ fn each_crate_depends_only_on_those_below_it() {
 }
 
 #[test]
-fn every_crate_of_ours_has_its_directions_stated() {
+fn every_crate_of_the_project_is_in_the_table() {
     let (workspace, firmware) = (workspace(), firmware());
     let stated: BTreeSet<_> = DIRECTIONS.iter().map(|(name, _)| (*name).to_string()).collect();
     let members = workspace.workspace_packages().into_iter().chain(firmware.workspace_packages());
@@ -117,7 +116,7 @@ fn every_crate_of_ours_has_its_directions_stated() {
 }
 
 #[test]
-fn what_both_sides_share_reaches_nothing_of_one_side() {
+fn shared_crates_have_no_dependencies_that_belong_to_one_side() {
     let workspace = workspace();
     for name in ["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"] {
         let reached = reached(&workspace, name);

@@ -94,7 +94,7 @@ fn check(tally: &Tally) {
 }
 
 #[test]
-fn a_million_damaged_requests_do_nothing_wrong() {
+fn no_damaged_request_of_a_million_is_accepted() {
     let message = |n: u32| {
         ToDevice::Request(NumberedRequest {
             seq: n as u16,
@@ -114,7 +114,7 @@ fn a_million_damaged_requests_do_nothing_wrong() {
 }
 
 #[test]
-fn a_million_damaged_telemetry_frames_give_no_wrong_sample() {
+fn no_damaged_telemetry_frame_of_a_million_gives_a_wrong_sample() {
     let message = |n: u32| {
         let values = (0..8).map(|k| f32::from_bits(n.wrapping_mul(2_654_435_761).wrapping_add(k) >> 2)).collect();
         FromDevice::Telemetry(Telemetry { seq: n, first_tick: n.wrapping_mul(5), every_ticks: 5, width: 8, values })

@@ -41,6 +41,6 @@ fn every_panic_left_in_the_controller_image_is_known() {
     }
     for (parts, _) in JUSTIFIED {
         let is_left = parts.iter().any(|part| left.iter().any(|name| name.contains(part)));
-        assert!(is_left, "{parts:?} is gone: take it off the list");
+        assert!(is_left, "{parts:?} is no longer in the image: remove it from the list");
     }
 }

@@ -179,7 +179,7 @@ fn the_shipped_campaigns_and_cases_give_the_recorded_numbers() {
     }
     assert!(
         changes.is_empty(),
-        "numbers differ from tests/recorded.toml; if that is intended, record them anew (see the head of this file):\n{}",
+        "numbers differ from tests/recorded.toml; if that is intended, record them again (see the file header):\n{}",
         changes.join("\n")
     );
 }

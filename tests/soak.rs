@@ -101,7 +101,7 @@ fn soak(what: &str, rig: &str) {
         let gaps = batch.column_by_name("gap_before_ticks").unwrap().as_primitive::<UInt32Type>();
         assert!(gaps.values().iter().all(|gap| *gap == 0), "a gap");
         for tick in ticks.values() {
-            assert_eq!(*tick, expected, "a tick is missing, or came twice");
+            assert_eq!(*tick, expected, "a tick is missing or repeated");
             expected += 1;
         }
         let count = batch.column_by_name("impacts").unwrap().as_primitive::<Float32Type>();
@@ -112,7 +112,7 @@ fn soak(what: &str, rig: &str) {
     assert_eq!(manifest["sample_rows"], expected);
     let impacts = table(&run.join("impacts.parquet"));
     let impacts: u64 = impacts.iter().map(|batch| batch.num_rows() as u64).sum();
-    assert_eq!(impacts as f32, counted, "the device has counted other impacts than it has reported");
+    assert_eq!(impacts as f32, counted, "the device's count of impacts differs from the impacts that it reported");
     let verified = damprig().args(["runs", "verify"]).arg(&run).output().unwrap();
     assert!(verified.status.success(), "{}", told(&verified));
     println!("{what}: {expected} ticks of 8 signals and {impacts} impacts, none lost, in {wall_s:.0} s");

@@ -1,16 +1,16 @@
-//! The calls that led to a place, read off the stack: this target's functions keep a chain of frames, each the address of
-//! the next one out and the address to return to.
+//! Reads the call stack. Functions of this target keep a chain of frames; each has the address of the caller's frame
+//! and the return address.
 
 use core::arch::asm;
 
 use damprig_protocol::CALLS_TOLD;
 
 unsafe extern "C" {
-    /// Where the stack begins: the linker's, from cortex-m-rt. Only its address means anything.
+    /// Start of the stack, a linker symbol from cortex-m-rt. Only its address has a meaning.
     static _stack_start: u32;
 }
 
-/// Return addresses, the innermost first; 0 behind the last.
+/// Return addresses, innermost first, followed by 0.
 #[inline(always)]
 pub fn of_here() -> [u32; CALLS_TOLD] {
     let mut frame: usize;
@@ -20,11 +20,11 @@ pub fn of_here() -> [u32; CALLS_TOLD] {
     let mut above = cortex_m::register::msp::read() as usize;
     let end = &raw const _stack_start as usize;
     for call in &mut calls {
-        // Each frame lies further out than the one before it, whole within the stack; what does not is none.
+        // Each frame must be completely within the stack, at a higher address than the one before.
         if frame < above || !frame.is_multiple_of(4) || frame + 8 > end {
             break;
         }
-        // SAFETY: two words of the stack, aligned; nothing writes it meanwhile, interrupts are off.
+        // SAFETY: two aligned words of the stack; nothing writes them meanwhile, because interrupts are off.
         let (outer, return_to) = unsafe { (*(frame as *const usize), *((frame + 4) as *const u32)) };
         *call = return_to;
         above = frame + 8;

@@ -1,5 +1,5 @@
-//! What ended the firmware, kept in memory that a reset leaves alone. What the words mean is the device code's; this is
-//! where they are, and who writes them: a panic, a fault of the processor, a crystal that stops, a task that stalls.
+//! Stores the crash record in memory that survives a reset. Its writers are panics, processor faults, a stopped
+//! crystal and stalled tasks. [`damprig_device::crash`] defines its content.
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
@@ -12,10 +12,10 @@ use embassy_stm32::pac;
 use crate::boards::nucleo_g474re::settings;
 use crate::{callers, tick};
 
-/// The words, and the last tick.
+/// The record and the last tick.
 struct Kept(UnsafeCell<MaybeUninit<(Record, u32)>>);
 
-// SAFETY: written by what ends the program alone, with interrupts masked, and read before any task runs.
+// SAFETY: written only by code that ends the program, with interrupts masked, and read before any task runs.
 unsafe impl Sync for Kept {}
 
 #[unsafe(link_section = ".uninit.crash")]
@@ -23,21 +23,21 @@ static KEPT: Kept = Kept(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn kept() -> (*mut Record, *mut u32) {
     let kept = KEPT.0.get().cast::<(Record, u32)>();
-    // SAFETY: the addresses alone are taken.
+    // SAFETY: only takes the addresses.
     unsafe { (&raw mut (*kept).0, &raw mut (*kept).1) }
 }
 
-/// The rig's tick, for the record.
+/// Stores the rig's tick for the record.
 pub fn note_tick(next: u32) {
     tick::note(next);
-    // SAFETY: the control tick alone writes it; whoever reads it has masked interrupts or runs before the tasks.
+    // SAFETY: only the control tick writes it; readers have masked interrupts or run before the tasks.
     unsafe { kept().1.write_volatile(next) };
 }
 
-/// At the start, before any task: what is to be told of earlier runs.
+/// Called at the start, before any task; returns the crash to report, if any.
 pub fn at_start(reset: Reset) -> Option<Crash> {
     let (record, tick) = kept();
-    // SAFETY: no task runs yet. Whatever memory holds is a sound value of either type: plain words.
+    // SAFETY: no task runs yet. Both types are plain words, so any content of the memory is a valid value.
     unsafe {
         let last_tick = tick.read_volatile();
         let mut words = record.read_volatile();
@@ -47,11 +47,11 @@ pub fn at_start(reset: Reset) -> Option<Crash> {
     }
 }
 
-/// Records why, and leaves the rest to the watchdog.
+/// Records a cause without a reset; the watchdog resets the board.
 pub fn note(cause: CrashCause, calls: [u32; CALLS_TOLD]) {
     cortex_m::interrupt::free(|_| {
         let record = kept().0;
-        // SAFETY: interrupts are masked, and plain words are sound whatever they hold.
+        // SAFETY: interrupts are masked, and any content of plain words is valid.
         unsafe {
             let mut words = record.read_volatile();
             words.write(cause, tick::now(), calls);
@@ -60,7 +60,7 @@ pub fn note(cause: CrashCause, calls: [u32; CALLS_TOLD]) {
     });
 }
 
-/// Records why, and starts again: every output is off from the reset on.
+/// Records a cause and resets the board; the reset switches every output off.
 pub fn end(cause: CrashCause, calls: [u32; CALLS_TOLD]) -> ! {
     note(cause, calls);
     cortex_m::peripheral::SCB::sys_reset()
@@ -71,8 +71,8 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     end(CrashCause::HardFault, [frame.pc(), frame.lr(), 0, 0, 0, 0])
 }
 
-/// A damaged word of the settings was read, which their checksum finds; the crystal stopped, and the hardware has gone back
-/// to the internal oscillator, ten times too slow; the program itself is damaged.
+/// Possible causes: a damaged word of the settings was read, which their checksum detects; the crystal stopped, and
+/// the hardware has switched to the internal oscillator, ten times too slow; the program itself is damaged.
 #[exception]
 unsafe fn NonMaskableInt() {
     if settings::was_misread() {
@@ -88,8 +88,8 @@ unsafe fn NonMaskableInt() {
     end(cause, [0; CALLS_TOLD])
 }
 
-/// A panic's text and place would take 8 KB of flash with them, paths of the machine that built the image among it: the calls
-/// are enough, `addr2line` makes places of them.
+/// Records the call stack only. The text and location of a panic would need 8 KB of flash and would include paths of
+/// the build machine. `addr2line` finds the source lines.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();

@@ -1,6 +1,6 @@
-//! Critical sections of the whole image: interrupts masked, and how long the longest of them took.
+//! Critical sections of the image: mask interrupts and measure the longest time for which they are masked.
 //!
-//! The queues between the tasks and the drivers of the peripherals use them. What they mask, the control tick waits for.
+//! The queues between the tasks and the peripheral drivers use them. A critical section delays the control tick.
 
 use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
@@ -8,7 +8,7 @@ use cortex_m::peripheral::DWT;
 use cortex_m::register::primask;
 use critical_section::RawRestoreState;
 
-/// Count of cycles at the outermost section's beginning; nothing else runs meanwhile.
+/// Cycle count at the start of the outermost section.
 static BEGUN: AtomicU32 = AtomicU32::new(0);
 static LONGEST: AtomicU32 = AtomicU32::new(0);
 
@@ -28,7 +28,7 @@ unsafe impl critical_section::Impl for Masked {
     }
 }
 
-/// Whether this is the outermost section.
+/// Enters a section; returns whether it is the outermost one.
 fn begin() -> bool {
     let was_on = primask::read().is_active();
     cortex_m::interrupt::disable();
@@ -39,24 +39,24 @@ fn begin() -> bool {
     was_on
 }
 
-/// The outermost section is over.
+/// Ends the outermost section.
 fn end() {
     let took = DWT::cycle_count().wrapping_sub(BEGUN.load(Ordering::Relaxed));
     if took > LONGEST.load(Ordering::Relaxed) {
         LONGEST.store(took, Ordering::Relaxed);
     }
     compiler_fence(Ordering::SeqCst);
-    // SAFETY: they were on when the section began.
+    // SAFETY: interrupts were on when the section began.
     unsafe { cortex_m::interrupt::enable() };
 }
 
-/// The longest section since [`forget`], cycles of the core; 0 where its counter is off.
+/// Longest section since [`forget`], core cycles; 0 while the cycle counter is off.
 #[cfg(feature = "board-nucleo-g474re")]
 pub fn longest_cycles() -> u32 {
     LONGEST.load(Ordering::Relaxed)
 }
 
-/// Counts anew: what the start needs says nothing about the tick.
+/// Restarts the measurement, to exclude the sections of the start-up.
 #[cfg(feature = "board-nucleo-g474re")]
 pub fn forget() {
     LONGEST.store(0, Ordering::Relaxed);

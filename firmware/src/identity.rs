@@ -1,5 +1,5 @@
-//! Who the image is, in a section of its file that is not loaded (`identity.x`): `damprig flash` reads it before it touches a
-//! board. What the running board says is the shared device code's.
+//! The image's identity section (`identity.x`), which is not loaded. `damprig flash` reads it before it touches a
+//! board. A running board sends the identity of the shared device code.
 
 use damprig_protocol::image;
 

@@ -1,8 +1,8 @@
-//! The damprig controller image: wiring only. Pins are the boards', decisions the shared crates'.
+//! The damprig controller image: wiring of the tasks only. Pins are in `boards`, decisions in the shared crates.
 
 #![no_std]
 #![no_main]
-// The image that only counts runs no tasks.
+// The image that only counts instructions runs no tasks.
 #![cfg_attr(feature = "count-instructions", allow(dead_code))]
 
 mod boards;
@@ -36,7 +36,7 @@ async fn main(_spawner: embassy_executor::Spawner) {
     tasks::count::run(&board::init().instructions);
 }
 
-/// The tasks of a board: those of `tasks`, for its own parts.
+/// Instances of the tasks in `tasks` for the parts of a board.
 #[cfg(all(not(feature = "board-mps2-an385"), not(feature = "count-instructions")))]
 mod wiring {
     use damprig_core::settings::{Settings, Source};

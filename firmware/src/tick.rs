@@ -1,21 +1,20 @@
-//! The rig's tick, as control has noted it last: the log's time stamps, and where a crash was. It is the `tick` of the
-//! samples, so that a line of the log finds its place among them; it begins anew with each start of an experiment, and stands
-//! still when control does.
+//! The rig's tick as last stored by control, for log time stamps and crash records. It is the `tick` of the samples,
+//! so that a log line can be matched with them. It restarts with each experiment and stops when control does.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// Control alone writes it; a word is written and read at once.
+/// Only control writes it; access to a word is atomic.
 static TICK: AtomicU32 = AtomicU32::new(0);
 
 // A tick is a millisecond.
 defmt::timestamp!("{=u32:tms}", now());
 
-/// The tick that comes next.
+/// Stores the next tick.
 pub fn note(tick: u32) {
     TICK.store(tick, Ordering::Relaxed);
 }
 
-/// As noted last.
+/// The tick that was stored last.
 pub fn now() -> u32 {
     TICK.load(Ordering::Relaxed)
 }

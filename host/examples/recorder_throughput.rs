@@ -1,5 +1,6 @@
-//! Measures the recorder's throughput: 50 signals at 10 kHz of incompressible noise, through the queue to the joined file.
-//! Prints the achieved rate over the wanted one, and the file's size over that of the values alone.
+//! Measures the recorder's throughput: 50 signals of incompressible noise at 10 kHz, through the queue to the joined
+//! file. Prints the ratio of the achieved to the required rate, and the ratio of the file size to that of the values
+//! alone.
 //!
 //! `taskset -c 0 cargo run --release -p damprig --example recorder_throughput [SECONDS]`: one core for both threads.
 
@@ -16,7 +17,7 @@ use damprig::run_folder::write::writer::{Layout, Writer};
 const SIGNALS: usize = 50;
 const RATE_HZ: u32 = 10_000;
 
-/// Rows in a message, as a board at this rate would send.
+/// Rows per message, as a board at this rate would send them.
 const ROWS: u32 = 20;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -38,10 +39,10 @@ fn measure(folder: &std::path::Path, seconds: u32) -> Result<(), Box<dyn std::er
     let begun = Instant::now();
     let mut recorder = Recorder::start(writer, true);
     for n in 0..seconds * RATE_HZ / ROWS {
-        // A point of 32 s.
+        // A point lasts 32 s.
         let point_index = n * ROWS / RATE_HZ / 32;
         let label = PointLabel { point_index, frequency_hz: 2.5, ..PointLabel::default() };
-        // Random values: a repetition would be compressed.
+        // Random values, because repeated values would be compressed.
         let values = (0..ROWS as usize * SIGNALS).map(|_| random.f32() - 0.5).collect();
         recorder.rows(Rows { label: Arc::new(label), ticks: (n * ROWS..(n + 1) * ROWS).collect(), values }, &stop);
     }

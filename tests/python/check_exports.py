@@ -1,10 +1,10 @@
-"""Reads the exports of a run with what users have and compares them with the run's Parquet files.
+"""Reads the exports of a run with scipy, pandas and pyuff and compares them with the run's Parquet files.
 
     check_exports.py RUN CSV_SAMPLES CSV_RESULTS MAT UFF
 
-Numbers of .mat and CSV must be the same bits; those of UFF the same in the digits that the format prints (12 for values,
-6 for the abscissa). What a history or response should hold is worked out here from the Parquet files alone. Exits with
-a message at the first difference.
+Numbers of .mat and CSV must have the same bits; those of UFF must agree in the digits that the format has (12 for values,
+6 for the abscissa). The expected histories and responses are computed here from the Parquet files alone. Exits with a
+message at the first difference.
 """
 
 import json
@@ -29,7 +29,7 @@ def same_bits(read, expected, what):
 
 
 def same_digits(read, expected, digits, what):
-    # A number printed to n significant digits is off by at most half a unit of the last.
+    # A number printed with n significant digits has an error of at most half a unit of the last digit.
     read, expected = np.atleast_1d(read), np.atleast_1d(expected)
     if read.shape != expected.shape:
         sys.exit(f"{what}: {read.shape} values instead of {expected.shape}")
@@ -56,7 +56,7 @@ def check_csv(path, table):
             if list(read[column]) != list(expected):
                 sys.exit(f"{path}: {name} differs")
         elif expected.dtype == np.float32:
-            # The shortest text of the single value: read as double it rounds back to that value.
+            # CSV has the shortest text of a single-precision value; read as double it rounds to that value.
             same_bits(read[column].to_numpy().astype(np.float32), expected, f"{path}: {name}")
         else:
             same_bits(read[column], expected, f"{path}: {name}")
@@ -120,7 +120,7 @@ def check_uff(path, samples, results, manifest):
         ratio = rows["x_amplitude_m"].astype(np.float64) / rows["z_amplitude_m"].astype(np.float64)
         expected = ratio.to_numpy() * np.exp(1j * rows["phase_rad"].astype(np.float64).to_numpy())
         same_digits(response["x"], rows["frequency_hz"].to_numpy(), 6, what)
-        # Sine and cosine of two libraries may differ in their last bit: a digit less than is printed.
+        # Sine and cosine of two libraries may differ in the last bit, so one digit less is compared.
         same_digits(response["data"].real, expected.real, 11, what)
         same_digits(response["data"].imag, expected.imag, 11, what)
         if (response["rsp_node"], response["ref_node"]) != (1, 2):

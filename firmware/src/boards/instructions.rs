@@ -1,10 +1,10 @@
-//! SysTick as the emulator's instruction counter.
+//! Counts instructions with SysTick in the emulator.
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 
-/// Counts instructions: under QEMU's `-icount shift=10` each takes 1 024 ns, which is 25.6 counts of the
-/// 25 MHz SysTick, so the count of instructions comes out exact.
+/// Counts instructions. Under QEMU's `-icount shift=10` each instruction takes 1 024 ns, which is 25.6 counts of the
+/// 25 MHz SysTick, so the number of instructions is exact.
 pub struct InstructionCounter {
     _timer: SYST,
 }
@@ -14,7 +14,7 @@ const INSTRUCTION_NS: u64 = 1 << 10;
 const COUNTER_MASK: u32 = (1 << 24) - 1;
 
 impl InstructionCounter {
-    /// Starts SysTick over its whole range, without interrupts.
+    /// Starts SysTick over its full range, without interrupts.
     pub fn start(mut timer: SYST) -> Self {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(COUNTER_MASK);
@@ -23,8 +23,8 @@ impl InstructionCounter {
         Self { _timer: timer }
     }
 
-    /// The instructions of `work`, at most 650 000, with what it returned. The call of the counter itself
-    /// is not taken off (some ten instructions).
+    /// Runs `work`; returns its result and the number of its instructions, at most 650 000. The number includes the
+    /// call of the counter itself (about ten instructions).
     pub fn count<T>(&self, work: impl FnOnce() -> T) -> (T, u32) {
         let before = SYST::get_current();
         let result = work();
@@ -32,12 +32,12 @@ impl InstructionCounter {
         (result, (u64::from(counts) * 1_000_000_000 / (SYSTEM_CLOCK_HZ * INSTRUCTION_NS)) as u32)
     }
 
-    /// Counts a known number of instructions.
+    /// Checks the counter with a known number of instructions.
     ///
     /// # Panics
-    /// The count is off: the emulator runs without `-icount shift=10`.
+    /// The count is wrong, because the emulator runs without `-icount shift=10`.
     pub fn check(&self) {
-        // SAFETY: does nothing, a thousand times.
+        // SAFETY: a thousand `nop` instructions have no effect.
         let ((), count) = self.count(|| unsafe { core::arch::asm!(".rept 1000", "nop", ".endr") });
         assert!((1000..1020).contains(&count), "1000 instructions counted as {}: run with -icount shift=10", count);
     }

@@ -1,6 +1,7 @@
-//! The boards: pins and peripherals only. Decisions are the shared crates', wiring is `main.rs`'s.
+//! The boards: pins and peripherals only. Decisions are in the shared crates, the wiring of the tasks is in
+//! `main.rs`.
 //!
-//! The traits are what the tasks need of a board; each board file implements them for its parts.
+//! The traits are what the tasks need of a board; each board file implements them.
 
 #[cfg(any(feature = "count-instructions", feature = "board-mps2-an385"))]
 pub mod instructions;
@@ -17,34 +18,34 @@ mod tasked {
     use damprig_device::board::Board;
     use damprig_device::control_loop::Step;
 
-    /// A board in the control task.
+    /// A board, as the control task uses it.
     pub trait TaskBoard: Board {
         /// Starts the ticks.
         fn start(&mut self);
 
-        /// Waits until the next step of the control loop is due; `last` is what the last one did.
+        /// Waits until the next step of the control loop is due; `last` is the result of the previous step.
         async fn wait(&mut self, last: Step, rig: &Rig);
 
-        /// A step has ended; `next_tick` comes next.
+        /// Called at the end of a step; `next_tick` is the next tick.
         fn end_step(&mut self, next_tick: u32);
 
-        /// The control loop and the communication run.
+        /// Feeds the watchdog. Called while control loop and communication run.
         fn feed_watchdog(&mut self);
 
-        /// The communication's tasks have just been found not to run.
+        /// Called when the communication tasks have stopped running.
         fn communication_stalled(&mut self);
     }
 
-    /// The receiving side of the line.
+    /// The receiving side of the serial line.
     pub trait Receiver: embedded_io_async::Read {
-        /// The host has granted ticks up to this one. A board with a clock of its own ignores it.
+        /// Called when the host has granted ticks up to this one. A board with its own clock ignores it.
         fn granted(&mut self, _until_tick: u32) {}
 
-        /// A request waits for the control loop.
+        /// Called when a request has been queued for the control loop.
         fn request_queued(&mut self) {}
     }
 
-    /// The sending side of the line.
+    /// The sending side of the serial line.
     pub trait Transmitter {
         /// Waits until a frame may start.
         async fn ready(&mut self);

@@ -1,8 +1,9 @@
-//! The emulated board: QEMU's mps2-an386, a Cortex-M4F with a CMSDK UART. The rig behind it is simulated on the device itself.
+//! The emulated board: QEMU's mps2-an386, a Cortex-M4F with a CMSDK UART and a rig that is simulated on the board
+//! itself.
 //!
-//! Ticks pass back to back while the host's credit lasts, without a timer: an interrupt costs the emulator more than a tick. The line
-//! sends at the rate of a real one in device time, and everything at once while the clock stands; so every byte is the one that
-//! the virtual rig sends.
+//! Ticks run back to back while the host's credit lasts, without a timer: an interrupt costs the emulator more than a
+//! tick. The line sends at the rate of a real line in device time, and without delay while the clock is stopped. The
+//! board therefore sends the same bytes as the virtual rig.
 
 use core::cell::RefCell;
 use core::convert::Infallible;
@@ -38,29 +39,29 @@ use crate::tasks::queues::Queues;
 use crate::tasks::{let_others_run, settings};
 use crate::tick;
 
-/// The board's name in the protocol.
+/// Name of the board in the protocol.
 pub const NAME: &str = "mps2-an386";
 
-/// What the board has, each part ready for the task that will own it.
+/// The parts of the board, one for each task.
 pub struct Parts {
     /// The simulated rig and its clock.
     pub board: ControlBoard,
-    /// How the board started.
+    /// State in which the board started.
     pub boot: BootInfo,
-    /// From the host.
+    /// Receives from the host.
     pub receiver: LineReceiver,
-    /// To the host.
+    /// Sends to the host.
     pub transmitter: LineTransmitter,
-    /// The place of the settings.
+    /// The settings memory.
     pub store: Option<SettingsStore<SettingsFlash>>,
-    /// The settings as delivered.
+    /// The default settings.
     pub stored: &'static (Settings, Source),
     /// The emulator's instruction counter.
     #[cfg(feature = "count-instructions")]
     pub instructions: InstructionCounter,
 }
 
-/// Takes the peripherals and switches the serial line on. To be called once.
+/// Takes the peripherals and switches the serial line on. Call once.
 pub fn init() -> Parts {
     let core = cortex_m::Peripherals::take().expect("the board is initialised once");
     #[cfg(not(feature = "count-instructions"))]
@@ -81,27 +82,27 @@ pub fn init() -> Parts {
     }
 }
 
-/// Spawns the control task, in the executor of the others.
+/// Spawns the control task in the executor of the other tasks.
 pub fn spawn_control<S>(spawner: &Spawner, control: SpawnToken<S>) {
     spawner.spawn(control);
 }
 
-/// Credit that the host has granted and the board has not taken yet.
+/// Tick credit that the host has granted and the board has not taken yet.
 static GRANTED: Signal<CriticalSectionRawMutex, u32> = Signal::new();
 
-/// Something was received: a clock that stands may go on, or serve a request.
+/// Signalled when something was received: a stopped clock may continue, or serve a request.
 static RECEIVED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
-/// The line in device time. Every task runs in one executor, so a lock is held by one at a time.
+/// State of the line in device time. All tasks run in one executor, so only one holds the lock at a time.
 static LINE: Mutex<CriticalSectionRawMutex, RefCell<Line>> =
     Mutex::new(RefCell::new(Line { pace: LinePace::new(), stands: true }));
 
-/// The line may have become free.
+/// Signalled when the line may have become free.
 static LINE_CHANGED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 
 struct Line {
     pace: LinePace,
-    /// The clock stands, so the line takes everything.
+    /// The clock is stopped, so the line sends without delay.
     stands: bool,
 }
 
@@ -185,7 +186,7 @@ impl TaskBoard for ControlBoard {
     }
 }
 
-/// Two pages of a flash that lasts as long as the emulator.
+/// Two flash pages in memory, which exist as long as the emulator runs.
 pub struct SettingsFlash {
     bytes: [u8; Self::SIZE],
 }
@@ -265,14 +266,14 @@ macro_rules! write_register {
 }
 
 fn start_uart() {
-    // The emulated line has no rate, but the model stays off until the divisor is at least 16.
+    // The emulated line has no rate, but the UART model is off while the divisor is below 16.
     write_register!(baud_divisor, 27); // 25 MHz / 921 600
     write_register!(control, CONTROL_TRANSMIT | CONTROL_RECEIVE);
     // SAFETY: the handler below is ready, and no critical section relies on this mask.
     unsafe { cortex_m::peripheral::NVIC::unmask(Interrupt::Uart0Receive) };
 }
 
-/// The UART's receiving side. Its interrupt wakes the reader.
+/// The receiving side of the UART. Its interrupt wakes the reader.
 pub struct LineReceiver {
     _private: (),
 }
@@ -284,14 +285,15 @@ impl LineReceiver {
         (read_register!(state) & STATE_RECEIVE_FULL != 0).then(|| read_register!(data) as u8)
     }
 
-    /// Waits for the next byte, asleep.
+    /// Sleeps until the next byte arrives.
     async fn read_byte(&mut self) -> u8 {
         poll_fn(|context| {
             BYTE_RECEIVED.register(context.waker());
             match self.try_read() {
                 Some(byte) => Poll::Ready(byte),
                 None => {
-                    // A byte that comes from here on raises the interrupt; one that came in between already has.
+                    // A byte that arrives after this raises the interrupt. One that arrived before has raised it
+                    // already.
                     write_register!(control, CONTROL_TRANSMIT | CONTROL_RECEIVE | CONTROL_RECEIVE_INTERRUPT);
                     match self.try_read() {
                         Some(byte) => Poll::Ready(byte),
@@ -333,7 +335,7 @@ impl Receiver for LineReceiver {
     }
 }
 
-/// The UART's sending side.
+/// The sending side of the UART.
 pub struct LineTransmitter {
     _private: (),
 }
@@ -345,7 +347,7 @@ impl Transmitter for LineTransmitter {
         }
     }
 
-    /// Waits, busy, while the host takes no bytes.
+    /// Busy-waits while the host accepts no bytes.
     async fn send(&mut self, frame: &[u8]) {
         for &byte in frame {
             while read_register!(state) & STATE_TRANSMIT_FULL != 0 {}
@@ -360,7 +362,7 @@ impl Transmitter for LineTransmitter {
     }
 }
 
-/// The interrupt lines used, by their numbers in the vector table.
+/// The used interrupts, by their numbers in the vector table.
 #[derive(Clone, Copy)]
 enum Interrupt {
     Uart0Receive = 0,
@@ -373,8 +375,8 @@ unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
     }
 }
 
-/// Every device interrupt; the only one unmasked is the UART's. It wakes the reader and masks itself: the reader takes the bytes
-/// and unmasks it when it finds none.
+/// Handles every device interrupt; only the UART's is unmasked. The handler wakes the reader and masks the interrupt.
+/// The reader takes the bytes, and unmasks the interrupt when there are no more.
 #[exception]
 unsafe fn DefaultHandler(_number: i16) {
     write_register!(control, CONTROL_TRANSMIT | CONTROL_RECEIVE);
@@ -382,7 +384,7 @@ unsafe fn DefaultHandler(_number: i16) {
     BYTE_RECEIVED.wake();
 }
 
-/// Ends the emulator, with success or failure as its exit status. Needs its semihosting switched on.
+/// Ends the emulator with an exit status of success or failure. Needs semihosting.
 pub fn exit(success: bool) -> ! {
     debug::exit(if success { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE });
     loop {
@@ -390,7 +392,7 @@ pub fn exit(success: bool) -> ! {
     }
 }
 
-/// A panic ends the emulator: the host sees the line closed, a test its exit status.
+/// A panic ends the emulator: the host sees the line closed, a test sees the exit status.
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
     defmt::error!("{}", defmt::Display2Format(info));

@@ -1,5 +1,5 @@
-//! The heartbeat of the communication: control signals this task in every step, and the task answers as soon as its executor runs.
-//! Control stops feeding the watchdog when no answer has come for a while.
+//! Heartbeat of the communication tasks: control signals this task in every step, and the task answers when its
+//! executor runs. Control stops feeding the watchdog when no answer has come for a while.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,10 +9,11 @@ use embassy_sync::signal::Signal;
 static SIGNALLED: Signal<CriticalSectionRawMutex, ()> = Signal::new();
 static ANSWERED: AtomicBool = AtomicBool::new(false);
 
-/// Steps without an answer after which the communication counts as stalled: encoding and sending the longest message takes a few.
+/// Number of steps without an answer after which the communication counts as stalled. Encoding and sending the
+/// longest message takes a few steps.
 const MOST_STEPS: u32 = 500;
 
-/// Answers.
+/// Answers each signal.
 pub async fn run() -> ! {
     loop {
         SIGNALLED.wait().await;
@@ -23,22 +24,22 @@ pub async fn run() -> ! {
 /// State of the communication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heartbeat {
-    /// It answers.
+    /// The task answers.
     Alive,
-    /// It has just stopped answering.
+    /// The task has just stopped answering.
     Stalls,
-    /// It stopped answering earlier.
+    /// The task stopped answering earlier.
     Stalled,
 }
 
-/// Control's side.
+/// Control's side of the heartbeat.
 #[derive(Default)]
 pub struct Watch {
     steps_without: u32,
 }
 
 impl Watch {
-    /// Asks for an answer, once a step; returns whether one has come lately.
+    /// Signals the task; call once per step. Returns whether it has answered recently.
     pub fn check(&mut self) -> Heartbeat {
         SIGNALLED.signal(());
         if ANSWERED.swap(false, Ordering::Relaxed) {

@@ -1,6 +1,6 @@
-//! The control task: waits for a tick, and calls the control loop's body.
+//! The control task: waits for a tick and calls the body of the control loop.
 //!
-//! On the controller board it runs above every other task and never waits for one.
+//! On the controller board it has the highest priority of all tasks and never waits for another one.
 
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::DeviceInfo;
@@ -13,7 +13,7 @@ use crate::boards::TaskBoard;
 use crate::tasks::comms_heartbeat::{Heartbeat, Watch};
 use crate::tasks::queues::{Queues, RequestsOut};
 
-/// The record buffer.
+/// The buffer of the uploaded record.
 static UPLOAD_BUFFER: ConstStaticCell<UploadBuffer> = ConstStaticCell::new(UploadBuffer::new());
 
 /// Runs the control loop. Owns the rig.
@@ -42,7 +42,7 @@ pub async fn run(
     }
 }
 
-/// What this image tells a host of itself.
+/// Description of this image for the host.
 pub fn info(name: &'static str) -> DeviceInfo {
     DeviceInfo {
         revision: option_env!("DAMPRIG_REVISION").unwrap_or_default(),

@@ -1,9 +1,9 @@
 //! Counts the instructions of the control loop in the emulator, prints them and exits.
 //!
-//! The load has everything at once: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off and held at a
-//! friction ratio, both walls' forces measured, the twin running, telemetry of sixteen signals in every tick, and a request in every
-//! fourth tick. Each step is the control loop's own ([`step`]); the simulated plant and the link are left out, and so are the
-//! interrupt and the queues' locks.
+//! The load has all functions on: a hybrid damper under a stepped sine in closed loop, its spring homed, touched off
+//! and held at a friction ratio, both wall forces measured, the twin running, telemetry of sixteen signals in every
+//! tick, and a request in every fourth tick. Each step is the control loop's own ([`step`]). The simulated plant, the
+//! link, the interrupt and the locks of the queues are not counted.
 
 use core::hint::black_box;
 
@@ -35,10 +35,10 @@ use static_cell::ConstStaticCell;
 use crate::boards::mps2_an386::{InstructionCounter, NAME, exit};
 use crate::tasks::control::info;
 
-/// Ticks counted: two points of three seconds each, their ends, the drive's fading out and some idle ones.
+/// Number of ticks: two points of three seconds each, their ends, the fade-out of the drive and some idle ticks.
 const TICKS: u32 = 16_000;
 
-/// What was counted.
+/// Result of the count.
 #[derive(Default)]
 struct Tally {
     sum: u64,
@@ -48,19 +48,19 @@ struct Tally {
     plant: u64,
 }
 
-/// Bytes below the stack's present end that are watched.
+/// Number of bytes below the present end of the stack that are observed.
 const STACK_WATCHED: usize = 16 * 1024;
 const PAINT: u32 = 0x5a5a_a5a5;
-/// What the measuring itself lies on.
+/// Bytes used by the measurement itself.
 const OWN: usize = 64;
 
-/// What `work` returns, and how deep the stack was used below here, bytes.
+/// Returns the result of `work` and its stack depth, bytes.
 #[inline(never)]
 fn depth<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let top = cortex_m::register::msp::read() as usize - OWN;
     let bottom = (top - STACK_WATCHED) as *mut u32;
     for n in 0..STACK_WATCHED / 4 {
-        // SAFETY: below the stack's end lie megabytes of memory that nothing uses.
+        // SAFETY: below the end of the stack there are megabytes of unused memory.
         unsafe { bottom.add(n).write_volatile(PAINT) };
     }
     let result = work();
@@ -69,14 +69,14 @@ fn depth<T>(work: impl FnOnce() -> T) -> (T, usize) {
     (result, STACK_WATCHED + OWN - 4 * untouched)
 }
 
-/// The deepest uses of the stack by the parts of a board, bytes.
+/// Largest stack depths of the parts of a board, bytes.
 #[derive(Default)]
 struct Depths {
     /// A tick with its samples and outputs.
     tick: usize,
-    /// Received bytes to a request.
+    /// From received bytes to a request.
     receive: usize,
-    /// A message to a frame.
+    /// From a message to a frame.
     send: usize,
 }
 
@@ -91,11 +91,11 @@ struct Rehearsal<'a> {
     reader: MessageReader,
     seq: u16,
     depths: Depths,
-    /// Carried out and rejected.
+    /// Numbers of accepted and of rejected requests.
     replies: [u32; 2],
 }
 
-/// A board whose outputs are kept for the plant to take after the step.
+/// A board that stores its outputs, which the plant takes after the step.
 struct CountedBoard {
     slow: SlowBlock,
     sensors: Sensors,
@@ -104,7 +104,7 @@ struct CountedBoard {
 }
 
 impl Board for CountedBoard {
-    /// A converter's counts are put on their scales, as on a real board; the rig gets the simulated readings.
+    /// Converts counts of a converter as on a real board, but gives the simulated readings to the rig.
     fn samples(&mut self, rig: &Rig) -> Option<Sensors> {
         black_box(rig.settings().calibration.readings(black_box(&self.slow)));
         Some(self.sensors)
@@ -142,7 +142,7 @@ impl Requests for OneRequest {
 }
 
 impl Rehearsal<'_> {
-    /// Lets the request arrive as bytes; it is served in the next step.
+    /// Delivers the request as bytes; it is served in the next step.
     fn send(&mut self, ask: Request) {
         self.seq += 1;
         let mut out = [0; LONGEST];
@@ -155,7 +155,7 @@ impl Rehearsal<'_> {
         self.depths.receive = self.depths.receive.max(depth);
     }
 
-    /// One step, counted; then the plant and the link.
+    /// Runs and counts one step, then advances plant and link.
     fn step(&mut self, tally: &mut Tally) {
         let Self { counter, controller, upload, board, requests, queues, depths, replies, .. } = self;
         let tick = controller.next_tick();
@@ -193,7 +193,7 @@ impl Tally {
     }
 }
 
-/// Sets the rig up, counts, prints `name = number` lines under the names of `budgets.toml`, ends the emulator.
+/// Sets the rig up, counts, prints `name = number` lines with the names of `budgets.toml`, and ends the emulator.
 pub fn run(counter: &InstructionCounter) -> ! {
     static UPLOAD_BUFFER: ConstStaticCell<UploadBuffer> = ConstStaticCell::new(UploadBuffer::new());
     counter.check();
@@ -270,13 +270,13 @@ pub fn run(counter: &InstructionCounter) -> ! {
     hprintln!("stack_of_a_tick = {}", tick);
     hprintln!("stack_of_receiving = {}", receive);
     hprintln!("stack_of_sending = {}", send);
-    // The line's tasks take turns; the tick interrupts either.
+    // The line's tasks run one at a time; the tick interrupts either.
     hprintln!("stack_bytes_worst = {}", tick + receive.max(send));
     exit(true)
 }
 
-/// The twin's worst tick alone: under steady acceleration its particle comes to rest at a wall of e = 0.9, with more events in
-/// a tick than the twin allows.
+/// Counts the twin's worst tick alone: under constant acceleration its particle comes to rest at a wall of e = 0.9,
+/// with more events per tick than the twin allows.
 fn worst_of_a_chatter(counter: &InstructionCounter) -> u32 {
     let particle = Particle {
         mass_kg: 0.16,
@@ -297,7 +297,7 @@ fn worst_of_a_chatter(counter: &InstructionCounter) -> u32 {
     worst
 }
 
-/// Of the message with the most numbers, and of the one with the most texts.
+/// Stack depth of encoding the message with the most numbers and the one with the most texts, bytes.
 fn depth_of_sending() -> usize {
     let values = (0..64u8).map(f32::from).collect();
     let telemetry = Telemetry { seq: 1, first_tick: 2, every_ticks: 1, width: 16, values };
@@ -310,7 +310,7 @@ fn depth_of_sending() -> usize {
         .fold(0, usize::max)
 }
 
-/// Not inlined: its stack would then lie in the caller's frame, above what [`depth`] watches.
+/// Not inlined: its stack would then be in the caller's frame, above the range that [`depth`] observes.
 #[inline(never)]
 fn encode(message: &FromDevice, out: &mut [u8; LONGEST]) -> Option<usize> {
     frame::encode(message, out)
@@ -343,7 +343,7 @@ fn plant() -> PlantConfig {
     }
 }
 
-/// What a host may ask for while an experiment runs, one after the other; a new target seldom, so that the spring gets to it.
+/// The requests of a host during an experiment, in turn. A new target is rare, so that the spring reaches it.
 fn asked(turn: u32, is_running: bool) -> Request {
     if turn.is_multiple_of(256) {
         return Request::Spring(SpringCommand::Set(Target::FrictionRatio { ratio: 0.5 }));
@@ -357,7 +357,7 @@ fn asked(turn: u32, is_running: bool) -> Request {
         5 => Request::Identify,
         6 => Request::Snippet { from: 0 },
         7 => Request::Result { index: 0 },
-        // In vain.
+        // Rejected while an experiment runs.
         8..=12 if !is_running => Request::Status,
         8 => Request::Start,
         9 => Request::BeginUpload { bytes: 2, crc32: 0 },
@@ -368,7 +368,7 @@ fn asked(turn: u32, is_running: bool) -> Request {
     }
 }
 
-/// In closed loop, measuring from the first tolerable cycle on.
+/// A closed-loop experiment that measures from the first cycle within tolerance.
 fn experiment() -> SteppedSine {
     SteppedSine {
         start: Start::CarryOver,

@@ -1,7 +1,7 @@
-//! Runs the sampled integrator in fixed point on a controller without floating point: prints the bits of every state of the
-//! core's reference runs and what the steps cost, and exits.
+//! Runs the fixed-point sampled integrator on a controller without floating point. Prints the bits of every state of
+//! the core's reference runs and the cost of the steps, and exits.
 //!
-//! The host makes the same runs with the same function and compares (`tests/fixed_point.rs`).
+//! The host executes the same runs with the same function and compares the bits (`tests/fixed_point.rs`).
 
 use cortex_m_semihosting::hio::{self, HostStream};
 use cortex_m_semihosting::hprintln;
@@ -11,11 +11,12 @@ use damprig_core::fixed_point::reference::{CASES, Motion, STEPS};
 use crate::boards::instructions::InstructionCounter;
 use crate::boards::mps2_an385::exit;
 
-/// Bytes of a state's line: four numbers of 16 hexadecimal digits, each followed by a space or the line's end.
+/// Length of the line of a state, bytes: four numbers of 16 hexadecimal digits, each followed by a space or the end
+/// of the line.
 const LINE: usize = 4 * 17;
 
-/// Runs, prints `case NAME` before the states of each run and `name = number` lines under the names of `budgets.toml` at the
-/// end, ends the emulator.
+/// Executes the runs. Prints `case NAME` before the states of each run and, at the end, `name = number` lines with
+/// the names of `budgets.toml`. Ends the emulator.
 pub fn run(counter: &InstructionCounter) -> ! {
     counter.check();
     let (mut sum, mut worst) = (0, 0);
@@ -36,7 +37,7 @@ pub fn run(counter: &InstructionCounter) -> ! {
     exit(true)
 }
 
-/// A state's bits as a line, in one piece: a call of the emulator's for every number would take longer than the runs.
+/// Prints the bits of a state as one line. One semihosting call per number would take longer than the runs.
 fn print(motion: &Motion<Fixed>, output: &mut HostStream) {
     let state = motion.state();
     let mut line = [b' '; LINE];

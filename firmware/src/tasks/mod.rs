@@ -1,4 +1,5 @@
-//! The tasks, one a file, generic over the board: the shared device code decides, the board touches pins and peripherals.
+//! The async tasks, one per file, generic over the board. Decisions are in the shared device code, pins and
+//! peripherals in the boards.
 
 #[cfg(not(feature = "board-mps2-an385"))]
 pub mod comms_heartbeat;
@@ -17,8 +18,8 @@ pub mod settings;
 #[cfg(not(feature = "board-mps2-an385"))]
 pub mod transmit;
 
-/// Lets every task run that is ready to. The executor polls the ready tasks in batches, the one that became ready last first,
-/// so after one turn of this task the others may still wait.
+/// Lets every ready task run. The executor polls the ready tasks in batches, the most recently woken first, so after
+/// one turn of this task the others may still wait.
 #[cfg(not(feature = "board-mps2-an385"))]
 pub async fn let_others_run() {
     embassy_futures::yield_now().await;

@@ -1,4 +1,4 @@
-//! The bounded queues between the tasks, and the counts of what found no room. Control never waits for them.
+//! Bounded queues between the tasks, and counters of dropped items. Control never waits for space.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -11,15 +11,15 @@ use embassy_sync::channel::Channel;
 use embassy_sync::zerocopy_channel;
 use static_cell::StaticCell;
 
-/// Receiving end of the queue of requests. Requests are large: they are written and served in place.
+/// Receive task's end of the request queue. Requests are large, so they are written and served in place.
 pub type RequestsIn = zerocopy_channel::Sender<'static, CriticalSectionRawMutex, NumberedRequest>;
 
-/// Control's end of the queue of requests.
+/// Control's end of the request queue.
 pub struct RequestsOut(zerocopy_channel::Receiver<'static, CriticalSectionRawMutex, NumberedRequest>);
 
-/// Makes the queue of requests. To be called once.
+/// Makes the request queue. Call once.
 pub fn requests() -> (RequestsIn, RequestsOut) {
-    // Filled here: a constant would lie in flash as a whole.
+    // Initialised at run time: a constant would occupy its full size in flash.
     static PLACES: StaticCell<[NumberedRequest; REQUESTS_WAITING]> = StaticCell::new();
     let places = PLACES.init_with(|| {
         [const { NumberedRequest { seq: 0, at_tick: None, request: Request::Identify } }; REQUESTS_WAITING]
@@ -44,10 +44,10 @@ impl Requests for RequestsOut {
     }
 }
 
-/// Frames that were too long, did not decode or failed their checksum; written by the receive task alone.
+/// Frames that were too long, did not decode or failed their checksum. Only the receive task writes it.
 pub static BAD_FRAMES: AtomicU32 = AtomicU32::new(0);
 
-/// Requests that found no room; written by the receive task alone.
+/// Requests dropped because the queue was full. Only the receive task writes it.
 pub static REQUESTS_DROPPED: AtomicU32 = AtomicU32::new(0);
 
 /// Reads a counter that another task writes.
@@ -55,10 +55,10 @@ pub fn counted(counter: &AtomicU32) -> u32 {
     counter.load(Ordering::Relaxed)
 }
 
-/// Replies and events on their way to the line.
+/// Replies and events to be sent.
 static MESSAGES: Channel<CriticalSectionRawMutex, FromDevice, REPLIES_WAITING> = Channel::new();
 
-/// Telemetry on its way to the line.
+/// Telemetry to be sent.
 static STREAM: Channel<CriticalSectionRawMutex, StreamItem, ROWS_WAITING> = Channel::new();
 
 /// Both ends of the outgoing queues.
@@ -91,12 +91,12 @@ impl Waiting for Queues {
 }
 
 impl Queues {
-    /// Waits until something waits for the line.
+    /// Waits until a message is queued.
     pub async fn filled(&self) {
         select(MESSAGES.ready_to_receive(), STREAM.ready_to_receive()).await;
     }
 
-    /// Queues an item once there is room.
+    /// Queues an item once there is space.
     #[cfg(feature = "board-mps2-an386")]
     pub async fn stream_when_free(&self, item: StreamItem) {
         STREAM.send(item).await;

@@ -9,12 +9,12 @@ use crate::boards::Receiver;
 use crate::tasks::let_others_run;
 use crate::tasks::queues::{BAD_FRAMES, REQUESTS_DROPPED, RequestsIn, counted};
 
-/// Owns the line's receiving side.
+/// Runs the receive task. Owns the receiving side of the line.
 pub async fn run(mut receiver: impl Receiver, mut requests: RequestsIn) -> ! {
     let mut reader = MessageReader::default();
     let mut bytes = [0; 64];
     loop {
-        // A framing or overrun error costs bytes: the checksum of the frame they belonged to shows it.
+        // A framing or overrun error loses bytes; the frame's checksum detects this.
         let Ok(length) = receiver.read(&mut bytes).await else { continue };
         for &byte in &bytes[..length] {
             let message = reader.push(byte);
@@ -30,7 +30,7 @@ pub async fn run(mut receiver: impl Receiver, mut requests: RequestsIn) -> ! {
                         REQUESTS_DROPPED.store(counted(&REQUESTS_DROPPED).saturating_add(1), Ordering::Relaxed);
                     }
                     receiver.request_queued();
-                    // A clock that stands serves it before what follows is read.
+                    // A stopped clock serves the request before the following bytes are read.
                     let_others_run().await;
                 }
             }

@@ -1,5 +1,5 @@
-//! The settings task: saves the settings in flash when control asks, at the line's priority. The line's tasks wait for the 25 ms
-//! that it takes, the ticks do not.
+//! The settings task: saves the settings in flash when control requests it, at the priority of the line's tasks.
+//! These wait for the save, 25 ms; the ticks do not.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,7 +16,7 @@ static SAVED: Signal<CriticalSectionRawMutex, bool> = Signal::new();
 static HAS_STORE: AtomicBool = AtomicBool::new(false);
 static IS_SAVING: AtomicBool = AtomicBool::new(false);
 
-/// Owns the flash.
+/// Runs the settings task. Owns the flash.
 pub async fn run(mut store: SettingsStore<impl NorFlash>) -> ! {
     HAS_STORE.store(true, Ordering::Relaxed);
     loop {
@@ -28,7 +28,7 @@ pub async fn run(mut store: SettingsStore<impl NorFlash>) -> ! {
 /// Begins a save.
 ///
 /// # Errors
-/// There is no place for settings.
+/// There is no settings memory.
 pub fn save(settings: &Settings) -> Result<Saving, Rejected> {
     if !HAS_STORE.load(Ordering::Relaxed) {
         return Err(Rejected::not_here("the flash is one bank: set the option byte DBANK"));
@@ -38,14 +38,14 @@ pub fn save(settings: &Settings) -> Result<Saving, Rejected> {
     Ok(Saving::Begun)
 }
 
-/// How a save has ended, once.
+/// Returns once how a save has ended.
 pub fn saved() -> Option<Result<(), Rejected>> {
     let is_saved = SAVED.try_take()?;
     IS_SAVING.store(false, Ordering::Relaxed);
     Some(is_saved.then_some(()).ok_or(Rejected::not_here("the flash did not take the settings")))
 }
 
-/// A save has begun whose end has not been taken.
+/// Whether a save has begun whose result has not been taken.
 #[cfg(feature = "board-mps2-an386")]
 pub fn is_saving() -> bool {
     IS_SAVING.load(Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! The transmit task: encodes what waits and sends it, replies and events first. The line paces it.
+//! The transmit task: encodes and sends queued messages, replies and events first, at the rate of the line.
 
 use damprig_device::outbox::Outbox;
 use damprig_protocol::frame::{self, LONGEST};
@@ -6,7 +6,7 @@ use damprig_protocol::frame::{self, LONGEST};
 use crate::boards::Transmitter;
 use crate::tasks::queues::Queues;
 
-/// Owns the line's sending side.
+/// Runs the transmit task. Owns the sending side of the line.
 pub async fn run(mut line: impl Transmitter) -> ! {
     let mut outbox = Outbox::default();
     let mut frame = [0; LONGEST];
@@ -14,7 +14,7 @@ pub async fn run(mut line: impl Transmitter) -> ! {
         line.ready().await;
         match outbox.next(&mut Queues) {
             Some(message) => {
-                // Every message fits a frame: a test encodes the longest.
+                // Cannot fail: a test encodes the longest message.
                 let length = frame::encode(&message, &mut frame).unwrap_or(0);
                 line.send(&frame[..length]).await;
             }

@@ -1,5 +1,5 @@
-//! The controller's counters of a run: without counts from before the run, shown by every report, and added up over the parts
-//! of a resumed run.
+//! The controller's counters of a run: counts from before the run are subtracted, every report shows them, and the
+//! parts of a resumed run are added.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -9,7 +9,7 @@ use damprig_protocol::{FromDevice, Reply, Timing};
 use predicates::prelude::*;
 use predicates::str::contains;
 
-/// The message, if it tells of counters, as a board sends it whose ticks have overrun so often.
+/// Replaces the overrun count in a message that carries counters.
 fn overrunning(message: &FromDevice, overruns: u32) -> Fate {
     match message.clone() {
         FromDevice::Reply { seq, answer: Ok(Reply::Status { status, mut counters }) } => {
@@ -25,7 +25,7 @@ fn overrunning(message: &FromDevice, overruns: u32) -> Fate {
 #[test]
 fn late_ticks_are_reported_of_this_run_only() {
     let folder = folder_with(&short());
-    // Forty before the run, and one with every point.
+    // Forty overruns before the run, and one with every point.
     let mut overruns = 40;
     let board = Served::start(move |message| {
         overruns += u32::from(is_point(message));
@@ -57,7 +57,7 @@ fn a_controller_without_counts_gives_no_warning() {
     for count in ["overruns", "rows_dropped", "replies_dropped", "requests_dropped", "bad_frames", "longest_tick_us"] {
         assert_eq!(told[count], 0, "{count}");
     }
-    assert!(told["most_replies_waiting"].as_u64() > Some(0), "it was asked: {told}");
+    assert!(told["most_replies_waiting"].as_u64() > Some(0), "the board's counters were read: {told}");
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
     assert!(page.contains("no tick durations"));
     for alarm in ["came too late:", "damaged when they reached the board", "queue was full"] {
@@ -74,7 +74,7 @@ fn a_resumed_run_adds_up_its_parts_without_counts_between_them() {
     let rig = Served::again_and_again(move |message| {
         points += u32::from(is_point(message));
         counted.fetch_add(u32::from(is_point(message)), Ordering::Relaxed);
-        // The first experiment has three points: its end has been told of by then.
+        // The first experiment has three points, so its end has been reported.
         if is_point(message) && points == 4 {
             return Fate::Close;
         }
@@ -84,11 +84,11 @@ fn a_resumed_run_adds_up_its_parts_without_counts_between_them() {
     damprig(&folder).args(arguments).assert().code(1);
     let run = folder.path().join("out");
     assert_eq!(manifest(&run)["controller"]["overruns"], 3);
-    // Nobody's.
+    // Overruns between the parts: they belong to no run.
     overruns.fetch_add(1000, Ordering::Relaxed);
     damprig(&folder).args(["run", "--resume", "out", "--rig", &rig]).assert().success();
     let told = &manifest(&run)["controller"];
-    assert_eq!(told["overruns"], 6, "three points more: {told}");
+    assert_eq!(told["overruns"], 6, "three more points: {told}");
 }
 
 #[test]
@@ -106,6 +106,6 @@ fn a_board_that_was_reset_during_the_run_counts_from_zero() {
     });
     damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
     let told = &manifest(&folder.path().join("out"))["controller"];
-    // The second point to the sixth. Its counts before the reset were lost with it.
+    // Points two to six. The counts before the reset were lost with it.
     assert_eq!(told["overruns"], 5, "{told}");
 }

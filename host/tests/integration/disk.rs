@@ -18,7 +18,7 @@ mod linux {
     struct Small(PathBuf);
 
     impl Small {
-        /// `None`, with a message on the output, where mounting is not permitted.
+        /// Mounts the file system; returns `None` and prints a message where mounting is not permitted.
         fn mount(at: &Path, size: &str) -> Option<Self> {
             std::fs::create_dir(at).unwrap();
             let options = format!("size={size}");
@@ -42,7 +42,7 @@ mod linux {
         }
     }
 
-    /// Much telemetry, little else.
+    /// A campaign with much telemetry and few results.
     fn voluminous() -> String {
         let many = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.025 }";
         short().replace("frequencies_hz = [2.4, 2.5, 2.6]", many).replace("rate_hz = 100", "rate_hz = 1000")
@@ -69,7 +69,7 @@ mod linux {
         assert_eq!((result_rows(&run), manifest(&run)["status"].as_str()), (50, Some("complete")));
     }
 
-    /// The command in a shell after `first`.
+    /// Runs the command in a shell after the shell command `first`.
     fn in_a_shell(folder: &TempDir, first: &str, arguments: &[&str]) -> assert_cmd::Command {
         let mut shell = assert_cmd::Command::new("sh");
         shell.current_dir(folder.path()).arg("-c").arg(format!("{first}; exec \"$0\" \"$@\""));
@@ -78,7 +78,7 @@ mod linux {
     }
 
     #[test]
-    fn a_limit_on_the_size_of_files_stops_the_rig_as_a_full_disk_does() {
+    fn a_file_size_limit_stops_the_rig_like_a_full_disk() {
         let folder = folder_with(&voluminous());
         let board = Served::start(|_| Fate::Pass);
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
@@ -100,13 +100,13 @@ mod linux {
         let entry = |length: usize| Entry::Link { what: "x".repeat(length), at: String::new() };
         let mut journal = Journal::open(&disk.0).unwrap();
         journal.append(&entry(10)).unwrap();
-        // All blocks but the journal's present one.
+        // Fills all blocks except the journal's last one.
         let rest = std::fs::write(disk.0.join("rest"), vec![0; 64 << 10]);
         assert!(rest.is_err(), "the disk is not full");
         let error = journal.append(&entry(9000)).unwrap_err().to_string();
         assert!(error.contains("No space left on device"), "{error}");
         let length = std::fs::metadata(disk.0.join("journal.jsonl")).unwrap().len();
-        assert!(length > 100, "nothing of the line was taken, so nothing is tested");
+        assert!(length > 100, "no part of the line was written, so the test checks nothing");
         std::fs::remove_file(disk.0.join("rest")).unwrap();
         journal.append(&entry(20)).unwrap();
         let lines = journal::read(&disk.0).unwrap();
@@ -174,6 +174,6 @@ mod linux {
         let answer = damprig(&folder).args(arguments).assert().code(1);
         answer.stderr(contains("cannot").and(contains("out")).and(contains("No such file or directory")));
         assert!(board.was_left_standing(), "the rig was left driving");
-        assert!(!run.join("results.parquet").exists(), "a removed folder is not made again");
+        assert!(!run.join("results.parquet").exists(), "a removed folder is not created again");
     }
 }

@@ -14,27 +14,27 @@ use damprig_core::settings::Settings;
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
 use damprig_device::message_reader::MessageReader;
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Outgoing, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
 use damprig_protocol::{FromDevice, ToDevice};
 
-/// Much longer than a reply within the process takes.
+/// Much longer than a reply takes within the process.
 const TIMEOUT: Duration = Duration::from_millis(100);
 
-/// A board of its own clock, which goes on by some ticks whenever the host listens; the structure swings by 90 mm, beyond its
-/// limit, until it is held.
+/// A board with its own clock, which advances by some ticks whenever the host listens. Its structure vibrates by 90
+/// mm, beyond the limit, until it is held.
 struct Board {
     control: Controller,
     reader: MessageReader,
     upload: UploadBuffer,
-    said: Said,
+    queues: LocalQueues,
     is_held: Arc<AtomicBool>,
     requests: Arc<AtomicU32>,
     tick: u32,
 }
 
-/// A board with a real structure, without flash.
+/// A board with a real structure and no flash.
 struct Real;
 
 impl damprig_device::board::Board for Real {
@@ -49,26 +49,12 @@ impl damprig_device::board::Board for Real {
     }
 }
 
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
-}
-
 impl Link for Board {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         for &byte in bytes {
             if let Some(ToDevice::Request(request)) = self.reader.push(byte) {
                 self.requests.fetch_add(1, Ordering::Relaxed);
-                self.control.serve(&request, &mut Real, &mut self.upload, &mut self.said);
+                self.control.serve(&request, &mut Real, &mut self.upload, &mut self.queues);
             }
         }
         Ok(())
@@ -80,12 +66,12 @@ impl Link for Board {
             let x_m = if swings { 0.08 * (0.0157 * f64::from(self.tick)).sin() } else { 0.0 };
             let mut sensors = Sensors::default();
             sensors.readings.x = Reading::still(x_m as f32);
-            self.control.tick(&sensors, &mut self.upload, &mut self.said);
+            self.control.tick(&sensors, &mut self.upload, &mut self.queues);
             self.tick += 1;
         }
-        // It always has something to say, so the host need not ask whether it is there.
-        self.said.0.push(FromDevice::Clock { tick: self.tick });
-        for message in self.said.0.drain(..) {
+        // The board sends continuously, so the host has no need to query it.
+        self.queues.message(FromDevice::Clock { tick: self.tick }).expect("room");
+        while let Some(message) = self.queues.pop_message() {
             let mut out = [0; LONGEST];
             let length = frame::encode(&message, &mut out).expect("it fits");
             into.extend_from_slice(&out[..length]);
@@ -100,7 +86,7 @@ fn board(is_held: &Arc<AtomicBool>) -> (Session, Arc<AtomicU32>) {
         control: Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default()),
         reader: MessageReader::default(),
         upload: UploadBuffer::default(),
-        said: Said::default(),
+        queues: LocalQueues::default(),
         is_held: Arc::clone(is_held),
         requests: Arc::clone(&requests),
         tick: 0,
@@ -112,7 +98,7 @@ fn tripped() -> (Session, Arc<AtomicBool>) {
     let is_held = Arc::default();
     let (mut session, _) = board(&is_held);
     while session.status().expect("it answers").0.state != State::Faulted {
-        session.next_report().expect("the link holds");
+        session.next_report().expect("the link is intact");
     }
     (session, is_held)
 }
@@ -124,17 +110,17 @@ fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_informed
     session
         .bring_to_idle(|what| {
             told.push(what.to_string());
-            // The engineer stops it by hand.
+            // The structure is stopped by hand.
             is_held.store(true, Ordering::Relaxed);
         })
-        .expect("it comes to rest");
+        .expect("the rig becomes idle");
     assert_eq!(told.len(), 1, "{told:?}");
     assert!(told[0].contains("wait for rest"), "{told:?}");
     assert_eq!(session.status().unwrap().0.state, State::Idle);
 }
 
 #[test]
-fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), SessionError> {
+fn after_a_run_stop_drive_returns_when_the_drive_is_silent_and_keeps_the_fault() -> Result<(), SessionError> {
     let (mut session, _) = tripped();
     session.stop_drive()?;
     assert_eq!(session.status()?.0.state, State::Faulted);
@@ -142,13 +128,16 @@ fn after_a_run_a_silent_drive_is_enough_and_the_fault_stays() -> Result<(), Sess
 }
 
 #[test]
-fn a_board_that_talks_hears_of_its_host_too() -> Result<(), SessionError> {
+fn a_board_that_sends_continuously_still_receives_keep_alive_requests() -> Result<(), SessionError> {
     let (mut session, requests) = board(&Arc::new(AtomicBool::new(true)));
     let before = requests.load(Ordering::Relaxed);
     let begun = Instant::now();
     while requests.load(Ordering::Relaxed) == before {
         session.next_report()?;
-        assert!(begun.elapsed() < Duration::from_secs(5), "the shortest host_silent_s of a campaign");
+        assert!(
+            begun.elapsed() < Duration::from_secs(5),
+            "no request within the shortest host_silent_s that a campaign may set"
+        );
     }
     Ok(())
 }

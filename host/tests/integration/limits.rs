@@ -1,4 +1,4 @@
-//! Limits in a campaign: the board's act; the campaign may tighten them for its duration, never loosen them.
+//! Limits in a campaign: the board's limits act; a campaign may tighten them while it runs, but not loosen them.
 
 use crate::common::{Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, short};
 use damprig_protocol::{Event, FromDevice};
@@ -59,7 +59,7 @@ impl Lab {
         String::from_utf8(done.get_output().stdout.clone()).unwrap()
     }
 
-    /// Runs a campaign into the folder `out`; its exit code and what it said of errors.
+    /// Runs a campaign into the folder `out`; returns its exit code and its error messages.
     fn run(&self, campaign: &str, out: &str) -> (i32, String) {
         std::fs::write(self.folder.path().join("test.toml"), campaign).unwrap();
         let arguments = ["run", "test.toml", "--rig", &self.rig, "--out", out, "--reconnect-s", "0"];
@@ -102,7 +102,7 @@ enum End {
     Signal(&'static str),
 }
 
-/// A lab whose first campaign ends so, at its first point; the process to be signalled comes by the channel.
+/// A lab whose first campaign ends in this way at its first point. The channel supplies the process to signal.
 fn lab_that_ends(end: End) -> (Lab, std::sync::mpsc::Sender<u32>) {
     let (tell, process) = std::sync::mpsc::channel::<u32>();
     let mut is_over = false;
@@ -125,14 +125,14 @@ fn lab_that_ends(end: End) -> (Lab, std::sync::mpsc::Sender<u32>) {
 }
 
 #[test]
-fn a_tightened_limit_acts_in_its_campaign_alone_however_that_ends() {
+fn a_tightened_limit_acts_only_in_its_campaign_however_the_campaign_ends() {
     let mut ends = vec![End::Complete, End::Trip, End::LostLink];
     #[cfg(unix)]
     ends.extend([End::Signal("-INT"), End::Signal("-KILL")]);
     for end in ends {
         let (lab, tell) = lab_that_ends(end);
         lab.settings(&["set", "safety.wall_force_n=300", "--save"]);
-        // Within it unless it is to trip.
+        // The experiment stays within this limit unless it is to trip.
         let limit = if end == End::Trip { "wall_force_limit_n = 50" } else { "wall_force_limit_n = 200" };
         let tightened = campaign(limit, SOFT);
         std::fs::write(lab.folder.path().join("test.toml"), tightened).unwrap();
@@ -144,7 +144,7 @@ fn a_tightened_limit_acts_in_its_campaign_alone_however_that_ends() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        // Nobody listens where no signal is sent.
+        // Fails where no signal is sent, because nobody receives.
         let _ = tell.send(child.id());
         let output = child.wait_with_output().unwrap();
         let words = String::from_utf8_lossy(&output.stderr);
@@ -361,7 +361,7 @@ fn a_resumed_run_notes_other_limits_and_refuses_other_constants() {
     });
     let (code, words) = lab.run(&campaign("", SOFT), "out");
     assert_eq!(code, 1, "{words}");
-    // The same board, as far as a run can tell, that nobody has left in the middle of an experiment.
+    // A board that looks the same to a run but has no experiment in progress.
     let again = Lab::new();
     let resume = || damprig(&lab.folder).args(["run", "--resume", "out", "--rig", &again.rig]).output().unwrap();
     again.settings(&["set", "impacts.threshold_n=3"]);

@@ -1,16 +1,15 @@
-//! What is wrong with a campaign is answered with line, key, value, what is allowed, and the likely fix,
-//! before anything moves.
+//! An invalid campaign is refused before anything moves, with line, key, value, what is allowed, and the likely fix.
 
 use crate::common::{damprig, folder_with, short};
 
-/// The short campaign with one text in the place of another.
+/// The short campaign with one text replaced by another.
 fn edited(from: &str, to: &str) -> String {
     let text = short();
     assert!(text.contains(from), "the short campaign has no {from:?}");
     text.replacen(from, to, 1)
 }
 
-/// Line of the edited campaign in which `text` stands.
+/// Line of the edited campaign that contains `text`.
 fn line_of(campaign: &str, text: &str) -> usize {
     1 + campaign[..campaign.find(text).expect("the text is there")].matches('\n').count()
 }
@@ -79,7 +78,7 @@ fn a_step_in_the_wrong_direction_is_refused_with_the_right_one() {
 }
 
 #[test]
-fn a_frequency_above_what_the_tick_carries_is_refused() {
+fn a_frequency_too_high_for_the_tick_rate_is_refused() {
     let words = ["`experiment[1].frequencies_hz` = 51 is not allowed", "at most 50 Hz", "tick of 1000 Hz"];
     refused("[2.4, 2.5, 2.6]", "[2.4, 2.5, 51]", &words);
 }
@@ -94,7 +93,7 @@ fn a_dwell_without_enough_cycles_is_refused_with_one_that_has_them() {
 }
 
 #[test]
-fn an_unknown_set_up_is_answered_with_those_there_are() {
+fn an_unknown_set_up_is_answered_with_the_known_ones() {
     let to = "start = \"from_rest\"\nset_ups = [\"hybird\"]";
     let words = [
         "`experiment[1].set_ups` names an unknown set-up \"hybird\"",
@@ -172,7 +171,7 @@ fn all_problems_are_in_one_answer() {
 }
 
 #[test]
-fn a_swing_beyond_the_range_is_refused_and_the_z_that_is_offered_fits() {
+fn a_predicted_displacement_beyond_the_range_is_refused_and_the_suggested_z_fits() {
     let campaign = edited("base_amplitude_m = 0.0004", "base_amplitude_m = 0.004");
     let folder = folder_with(&campaign);
     let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
@@ -189,9 +188,9 @@ fn a_swing_beyond_the_range_is_refused_and_the_z_that_is_offered_fits() {
     damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().success();
 }
 
-/// A structure that hardly answers stays within every limit; the drive does not go as far as that.
+/// The structure hardly responds and stays within every limit, but the drive cannot deliver the base amplitude.
 #[test]
-fn what_the_drive_cannot_deliver_is_refused_on_every_virtual_rig_and_in_a_dry_run() {
+fn a_base_amplitude_that_the_drive_cannot_deliver_is_refused_on_every_virtual_rig_and_in_a_dry_run() {
     let damped = short().replace("damping_ratio = 0.0038", "damping_ratio = 0.5");
     let far = damped.replace("base_amplitude_m = 0.0004", "base_amplitude_m = 0.005");
     for rig in
@@ -237,7 +236,7 @@ fn the_drive_limit_of_a_closed_loop_is_the_rigs_unless_it_is_tighter() {
 }
 
 #[test]
-fn a_missing_file_is_answered_with_its_neighbour_and_no_toml_with_the_place() {
+fn a_missing_file_is_answered_with_a_similar_name_and_invalid_toml_with_its_position() {
     let folder = folder_with("name = [\n");
     let missing = damprig(&folder).args(["run", "tst.toml"]).output().unwrap();
     assert!(String::from_utf8_lossy(&missing.stderr).contains("did you mean ./test.toml?"), "{missing:?}");

@@ -152,7 +152,7 @@ fn a_resumed_run_measures_the_missing_points_and_reports_them() {
     answer.stdout(contains("3 of 6 points are kept as they are").and(contains(words)).and(contains("6 of 6 points")));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&run), measured(&folder.path().join("whole")));
-    assert!(sample_rows(&run) > begun, "what was begun of the interrupted point is kept too");
+    assert!(sample_rows(&run) > begun, "samples of the interrupted point are kept too");
     let manifest = manifest(&run);
     assert_eq!((manifest["resumed"].as_u64(), manifest["status"].as_str()), (Some(1), Some("complete")));
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
@@ -242,7 +242,7 @@ fn a_run_that_cannot_be_resumed_names_the_damage_and_what_can_be_read() {
 }
 
 #[test]
-fn a_link_that_is_reconnected_loses_no_point() {
+fn a_reconnected_link_loses_no_point() {
     let folder = folder_with(&short());
     let mut points = 0;
     let rig = Served::again_and_again(move |message| {

@@ -1,4 +1,4 @@
-//! `damprig run` from the file to the folder, and the folders of runs that end early.
+//! `damprig run` from the campaign file to the run folder, and the folders of runs that end early.
 
 use crate::common::{
     Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, rows, sample_rows, short,
@@ -11,7 +11,7 @@ use predicates::str::contains;
 const POINTS: usize = 6;
 
 #[test]
-fn a_campaign_becomes_a_complete_folder_that_reads_back() {
+fn a_campaign_gives_a_complete_run_folder_that_reads_back() {
     let folder = folder_with(&short());
     let run = folder.path().join("out");
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success().stdout(contains("6 of 6 points"));
@@ -20,7 +20,7 @@ fn a_campaign_becomes_a_complete_folder_that_reads_back() {
     let manifest = manifest(&run);
     assert_eq!(manifest["status"], "complete");
     assert_eq!(manifest["signals"][0]["unit"], "m");
-    // 5 s of drive in each point at 100 Hz, and the rest before it.
+    // Each point is driven for 5 s at 100 Hz, after a rest.
     let samples = rows(run.join("samples.parquet"));
     assert!(samples >= POINTS * 500, "{samples} rows");
     assert_eq!(manifest["sample_rows"], samples);
@@ -65,9 +65,9 @@ fn a_folder_in_use_is_refused_before_anything_moves() {
 }
 
 #[test]
-fn a_port_that_nobody_listens_on_is_reported_at_once() {
+fn a_port_without_a_listener_is_reported_at_once() {
     let folder = folder_with(&short());
-    // A port that was just free.
+    // A port that has just been released.
     let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let rig = format!("tcp:127.0.0.1:{port}");
     let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().code(1);
@@ -83,7 +83,7 @@ fn a_link_that_breaks_during_the_run_keeps_the_points_taken() {
     let mut points = 0;
     let board = Served::start(move |message| {
         points += usize::from(is_point(message));
-        // The third result is on its way when the cable comes out.
+        // The cable is disconnected while the third result is on its way.
         if points == 3 { Fate::Close } else { Fate::Pass }
     });
     let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out", "--reconnect-s", "0"];
@@ -172,7 +172,7 @@ fn damaged_frames_are_counted_and_change_no_result() {
     assert!(counters["missing_records"].as_u64().unwrap() > 0, "{counters}");
 }
 
-/// A disk is "full" for a process that may not write files beyond a size.
+/// A limit on the file size makes the disk "full" for the process.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_is_reported_and_the_parts_stay_readable() {
@@ -191,7 +191,7 @@ fn a_full_disk_is_reported_and_the_parts_stay_readable() {
     assert!(rows(folder.path().join("out/results.parquet")) >= 1);
 }
 
-/// Runs the short campaign against a board that sends `signal` to the program when a result comes by.
+/// Runs the short campaign against a board that sends `signal` to the program when it sends a result.
 #[cfg(unix)]
 fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, Served) {
     use std::sync::mpsc;
@@ -220,7 +220,7 @@ fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, 
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_and_a_request_to_terminate_stop_the_rig_and_keep_what_was_taken() {
+fn ctrl_c_and_sigterm_stop_the_rig_and_keep_the_measured_points() {
     for signal in ["-INT", "-TERM"] {
         let (folder, output, board) = signalled(signal);
         let words = String::from_utf8_lossy(&output.stderr);
@@ -244,8 +244,8 @@ fn a_killed_run_leaves_its_points_readable_and_its_status_running() {
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("killed while it was running"));
 }
 
-/// A friction damper whose spring the rig homes, touches off and sets by itself does what one of that constant force does;
-/// beside a particle it does so too.
+/// A friction damper whose spring the rig homes, touches off and sets itself has the same effect as one with that
+/// constant force, alone and together with a particle.
 #[test]
 fn a_campaign_sets_its_spring_by_itself() {
     let campaign = r#"

@@ -26,12 +26,12 @@ mod unix {
 
     use crate::common::{damprig, folder_with, is_point, manifest, read_parquet, rows, short};
 
-    /// A simulated board at one end of a pseudo-terminal, as long as the test lasts; the name of the other end. From its
-    /// result of this number on nothing comes from it, until it is asked anew who it is; and if it `relapses`, from the next
-    /// answer about its state on once more.
+    /// A simulated board at one end of a pseudo-terminal until the end of the test; returns the name of the other
+    /// end. From its result of this number on it sends nothing until it is asked for its identity again. If it
+    /// `relapses`, it falls silent once more at its next reply to a status request.
     fn at_a_serial_line(silent_from_point: usize, relapses: bool) -> String {
         let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
-        let name = other.name().expect("it has a name");
+        let name = other.name().expect("a pseudo-terminal has a name");
         std::thread::spawn(move || {
             // Kept open: a pseudo-terminal without another end is broken.
             let _other = other;
@@ -158,7 +158,7 @@ mod unix {
         }
     }
 
-    /// Such a board behind a TCP port; for `--rig`.
+    /// Serves such a board behind a TCP port; returns the address for `--rig`.
     fn with_its_own_clock() -> String {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
@@ -215,7 +215,7 @@ mod unix {
         assert_eq!(manifest["counters"]["lost_rows"], 0, "{}", manifest["counters"]);
         let clock = &manifest["segments"][0]["clock"];
         let rate = clock["drift_ppm"].as_f64().unwrap() / 1e6 + 1.0;
-        // 17 s of its time in 3.4 s of ours.
+        // 17 s of device time in 3.4 s of host time.
         assert!(clock["pairs"].as_u64().unwrap() >= 3 && (rate - FAST).abs() < 0.05 * FAST, "{clock}");
     }
 }

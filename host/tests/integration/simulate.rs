@@ -212,7 +212,7 @@ fn interrupted(folder: &TempDir, out: &str) -> Value {
     let mut rest = String::new();
     while told.read_line(&mut rest).unwrap() > 0 {}
     assert!(rest.contains("interrupted at"), "{rest}");
-    serde_json::from_slice(&output.stdout).expect("the answer up to there")
+    serde_json::from_slice(&output.stdout).expect("the answer up to the interruption")
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn existing_files_are_replaced_only_by_force() {
 fn an_interrupted_run_keeps_its_time_history_impacts_and_summary() {
     let folder = folder(&spid("{ duration_s = 1e9 }"));
     let answer = interrupted(&folder, "motion.csv");
-    let stopped_at_s = answer["stopped_at_s"].as_f64().expect("where it was stopped");
+    let stopped_at_s = answer["stopped_at_s"].as_f64().expect("the time of the interruption");
     assert_eq!(answer["summary"]["simulated_s"].as_f64(), Some(stopped_at_s));
     assert!(answer["summary"]["impact_count"].as_u64() > Some(10));
     let times = csv_columns(&folder.path().join("motion.csv")).remove(0).1;

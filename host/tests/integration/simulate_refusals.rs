@@ -1,4 +1,5 @@
-//! What `damprig simulate` must not do: overwrite its inputs, misread a unit, ignore an option, run without end.
+//! `damprig simulate` refuses to overwrite its inputs, to misread a unit, to ignore an option, and to run without
+//! end.
 
 use std::process::Output;
 
@@ -59,7 +60,7 @@ fn an_output_never_overwrites_an_input_or_another_output() {
 
 #[cfg(unix)]
 #[test]
-fn a_link_to_the_record_is_the_record() {
+fn a_link_to_the_record_counts_as_the_record() {
     let case = format!("{STRUCTURE}{RECORD}run = {{ duration_s = 1 }}\n");
     let folder = folder(&[("case.toml", &case), ("shake.csv", SHAKE)]);
     std::os::unix::fs::symlink("shake.csv", folder.path().join("link.csv")).unwrap();

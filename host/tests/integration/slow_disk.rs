@@ -47,7 +47,7 @@ impl Gate {
 
     fn wait_until(&self, what: &str, is_so: impl Fn(&State) -> bool) {
         let waiting = self.changed.wait_timeout_while(self.state.lock().unwrap(), PATIENCE, |state| !is_so(state));
-        assert!(!waiting.unwrap().1.timed_out(), "waited in vain until {what}");
+        assert!(!waiting.unwrap().1.timed_out(), "timed out before {what}");
     }
 }
 
@@ -112,7 +112,7 @@ impl Watcher for Clerk {
     }
 }
 
-/// Runs the short campaign into a folder; gives the writer and the rows that the recorder dropped.
+/// Runs the short campaign into a folder; returns the writer and the number of rows that the recorder dropped.
 fn run(folder: &Path, disturbs: bool) -> (Writer, u64) {
     std::fs::create_dir(folder).unwrap();
     let file = folder.join("campaign.toml");
@@ -160,7 +160,7 @@ fn rows(folder: &Path) -> Vec<(String, f64, f64)> {
 }
 
 #[test]
-fn a_stalled_disk_costs_only_the_samples_of_that_time() {
+fn a_stalled_disk_loses_only_the_samples_of_that_time() {
     let folder = TempDir::new().unwrap();
     let (whole, slow) = (folder.path().join("whole"), folder.path().join("slow"));
     let (undisturbed, none) = run(&whole, false);
@@ -182,7 +182,7 @@ fn a_stalled_disk_costs_only_the_samples_of_that_time() {
         assert!(there.iter().any(|(s, t, _)| s == set_up && t == tick), "{set_up} {tick}");
         if *gap > 0.0 {
             assert_eq!((set_up.as_str(), *gap), ("bare", tick - last - every_ticks), "at {tick}");
-            assert!(last >= stopped_at, "rows are missing at {tick}, before the disk stood");
+            assert!(last >= stopped_at, "rows are missing at {tick}, before the disk stalled");
             found += gap / every_ticks;
         }
         last = *tick;

@@ -1,5 +1,4 @@
-//! Records, pulses and free vibrations in a campaign: what comes of them, how they are taken up again, and what is
-//! refused.
+//! Records, pulses and free vibrations in a campaign: results, resuming, and refusals.
 
 use std::path::Path;
 
@@ -17,7 +16,7 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
-/// Ten seconds of displacement at 100 Hz in mm: begins and ends at rest.
+/// Ten seconds of displacement at 100 Hz in mm, at rest at both ends.
 fn record() -> String {
     use std::f64::consts::TAU;
     let z = |t: f64| {
@@ -90,7 +89,7 @@ fn row<'r>(rows: &'r [TransientRow], set_up: &str, experiment: &str) -> &'r Tran
     rows.iter().find(|r| r.set_up == set_up && r.experiment == experiment).unwrap()
 }
 
-/// A measured signal of a row's measured ticks: the tick and the value.
+/// A signal during the measured ticks of a row: ticks and values.
 fn history(run: &Path, of: &TransientRow, signal: &str) -> Vec<(u64, f64)> {
     let mut out = Vec::new();
     for batch in RunFolder::open(run).unwrap().samples() {
@@ -106,7 +105,7 @@ fn history(run: &Path, of: &TransientRow, signal: &str) -> Vec<(u64, f64)> {
 }
 
 #[test]
-fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
+fn a_played_record_moves_the_structure_as_predicted_by_simulate() {
     let folder = folder(&[SET_UPS, PLAYBACK, TELEMETRY].concat());
     damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
     let run = folder.path().join("run");
@@ -114,8 +113,8 @@ fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
         let played = row(&rows(&run), set_up, "record").clone();
         let measured = history(&run, &played, "x_m");
         assert_eq!(measured.len() as u64, played.end_tick - played.start_tick, "a sample is missing");
-        // Playing begins two samples of the record before it; a reading is 2.45 ticks after its demand: one of waiting,
-        // one for the velocity at the cubic's end, 0.45 for the mean of the block.
+        // The playback starts two samples of the record before it. A reading is 2.45 ticks later than its demand: one
+        // tick of waiting, one for the velocity at the cubic's end, 0.45 for the mean of the block.
         let at = |tick: u64| (tick - played.start_tick) as f64 * 1e-3 - 0.02 - 2.45e-3;
         let wanted: Vec<(f64, f64)> =
             measured.iter().map(|(tick, x)| (at(*tick), *x)).filter(|(t, _)| *t >= 0.0).collect();
@@ -132,24 +131,25 @@ fn a_record_that_the_rig_plays_moves_the_structure_as_simulate_says() {
         let case = Case::parse(&source, "case").unwrap();
         let answer =
             simulate(&case, &mut (), RunOptions { keep: true, longest_part_s: 1.0, go_on: &mut |_| true }).unwrap();
-        // Counts of peak/32767 round by half of one: at resonance, if they conspired, 1/(2ζ) = 132 of that. The mean over
-        // a block flattens a peak by (Ωh)²/24. Before its first sample the spline has (z1 − 0)/2 of velocity to make.
+        // Tolerances: rounding to counts of peak/32767 gives half a count, at resonance at most 1/(2ζ) = 132 times
+        // that. The mean over a block reduces a peak by (Ωh)²/24. Before its first sample the spline has to reach a
+        // velocity of (z1 − 0)/2.
         let peak_z = f64::from(played.z_peak_m);
         let bound = 132.0 * peak_z / 65_534.0 + 1.1e-5 * f64::from(played.x_peak_m) + 1e-6;
         let worst = wanted.iter().zip(&answer.x_m).map(|((_, x), s)| (x - s).abs()).fold(0.0, f64::max);
         assert!(worst < bound, "{set_up}: {worst:.3e} m of {bound:.3e}, of a peak of {:.3e}", played.x_peak_m);
         assert!(f64::from(played.x_peak_m) > 2.0 * peak_z, "the structure should have answered: {played:?}");
-        // The prediction in the folder is the same, over the device's own window.
+        // The prediction in the folder agrees over the device's own window.
         assert!((f64::from(played.x_rms_m) / played.predicted_x_rms_m - 1.0).abs() < 1e-3, "{played:?}");
         assert!((f64::from(played.x_peak_m) / played.predicted_x_peak_m - 1.0).abs() < 1e-3, "{played:?}");
-        // A base that follows exactly: what is left is rounding to counts, and (Ωτ)²/2 at 3.7 Hz and 0.45 ticks.
+        // The base follows exactly. The remaining error is rounding to counts, and (Ωτ)²/2 at 3.7 Hz and 0.45 ticks.
         assert!(played.base_error_rms_m < 1e-4 * played.wanted_rms_m, "{played:?}");
         assert!((played.base_delay_s - 2.45e-3).abs() < 1e-5, "{played:?}");
     }
 }
 
 #[test]
-fn all_three_kinds_are_measured_kept_and_shown() {
+fn all_three_kinds_are_measured_recorded_and_reported() {
     let folder = folder(&campaign());
     let said = damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
     let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
@@ -163,10 +163,10 @@ fn all_three_kinds_are_measured_kept_and_shown() {
     let run = folder.path().join("run");
     let all = rows(&run);
     let release = row(&all, "bare", "release");
-    // x0 is met to (Ωh)²/6, a peak to (Ωh)²/8: 1e-4 in all over ten cycles.
+    // x0 has an error of (Ωh)²/6, a peak one of (Ωh)²/8: together 1e-4 over ten cycles.
     assert!((release.damping_ratio - 0.0038).abs() < 1e-4 / 62.8, "{release:?}");
     assert!((release.frequency_hz - 2.5).abs() < 1e-4 && release.cycles == 10, "{release:?}");
-    // Coulomb friction takes 4F/k in each cycle besides.
+    // Coulomb friction removes 4F/k more in each cycle.
     let friction = row(&all, "friction", "release");
     let stiffness = 1.6 * (std::f64::consts::TAU * 2.5f64).powi(2);
     assert!(friction.start_m - friction.end_m > 10.0 * 4.0 * 0.2 / stiffness, "{friction:?}");
@@ -207,7 +207,7 @@ fn the_shipped_campaign_runs() {
 }
 
 #[test]
-fn a_stepped_sine_may_stand_beside_them() {
+fn a_campaign_may_have_transients_and_a_stepped_sine() {
     let sine = "\n[[experiment]]\nname = \"sine\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.0]\nstart = \"from_rest\"\ndwell_s = 4.0\nset_ups = [\"bare\"]\n";
     let folder = folder(&[SET_UPS, PULSE, sine, TELEMETRY].concat());
     damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success().stdout(contains("3 of 3 points"));
@@ -220,14 +220,14 @@ fn is_event(message: &FromDevice) -> bool {
     matches!(message, FromDevice::Event { event: Event::Transient(_), .. })
 }
 
-/// What was measured, without when.
+/// The measured values without their times.
 fn measured(run: &Path) -> Vec<String> {
     let one = |r: &TransientRow| format!("{:?}", TransientRow { start_tick: 0, end_tick: 0, segment: 0, ..r.clone() });
     rows(run).iter().map(one).collect()
 }
 
 #[test]
-fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
+fn an_interrupted_run_keeps_complete_experiments_and_repeats_the_rest() {
     let folder = folder(&campaign());
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     let mut events = 0;
@@ -237,7 +237,7 @@ fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
     });
     let run = ["run", "test.toml", "--out", "cut", "--reconnect-s", "0", "--rig", &board.rig];
     damprig(&folder).args(run).assert().code(1).stderr(contains("2 of 6 points are kept"));
-    // The record is the folder's own from here on.
+    // From here on the record is read from the run folder.
     std::fs::remove_file(folder.path().join("record.csv")).unwrap();
     let again = Served::start(|_| Fate::Pass);
     let resumed = damprig(&folder).args(["run", "--resume", "cut", "--rig", &again.rig]).assert().success();
@@ -246,12 +246,12 @@ fn a_run_that_was_cut_off_keeps_what_is_complete_and_repeats_the_rest() {
     assert_eq!(measured(&folder.path().join("cut")), measured(&folder.path().join("whole")));
     let starts =
         again.received().iter().filter(|m| matches!(m, ToDevice::Request(r) if r.request == Request::Start)).count();
-    assert_eq!(starts, 4, "what is complete is not measured again");
+    assert_eq!(starts, 4, "complete experiments are not measured again");
     damprig(&folder).args(["runs", "verify", "cut"]).assert().success();
 }
 
 #[test]
-fn an_upload_goes_on_after_a_lost_link_and_is_not_made_twice() {
+fn an_upload_continues_after_a_lost_link_and_is_not_repeated() {
     let folder = folder(&[SET_UPS, PLAYBACK, TELEMETRY].concat());
     let (told, hear) = std::sync::mpsc::channel();
     let mut closed = false;
@@ -270,8 +270,8 @@ fn an_upload_goes_on_after_a_lost_link_and_is_not_made_twice() {
     assert_eq!(measured(&folder.path().join("run")), measured(&folder.path().join("whole")));
     let progress: Vec<_> = hear.try_iter().collect();
     let there: Vec<u32> = progress.iter().map(|p| p.there).collect();
-    assert!(there.is_sorted(), "it began anew: {there:?}");
-    // 2002 bytes in 16 chunks; the second set-up finds them there.
+    assert!(there.is_sorted(), "the upload began again: {there:?}");
+    // 2002 bytes are 16 chunks; the second set-up finds them on the board.
     let receiving = progress.iter().filter(|p| p.stage == UploadStage::Receiving && p.there > 0).count();
     assert!((15..=17).contains(&receiving), "{receiving} chunks");
 }
@@ -294,7 +294,7 @@ fn edited(experiment: &str, from: &str, to: &str) -> String {
 }
 
 #[test]
-fn a_record_that_is_not_there_is_answered_with_those_that_look_like_it() {
+fn a_missing_record_is_answered_with_files_of_similar_name() {
     refused(&edited(PLAYBACK, "record.csv", "recrod.csv"), &["experiment[1].file", "did you mean", "record.csv"]);
 }
 
@@ -314,12 +314,12 @@ fn a_record_that_would_leave_the_limits_is_refused_with_the_peak_that_fits() {
 }
 
 #[test]
-fn the_shakers_stroke_is_told_before_anything_moves() {
+fn a_record_beyond_the_shakers_stroke_is_reported_before_anything_moves() {
     let campaign = edited(PULSE, "amplitude_m = 0.004", "amplitude_m = 0.02") + "[rig.shaker]\nhalf_stroke_m = 0.015\n";
     refused(&campaign, &["the shaker's stroke", "20.000 mm, at most 15.000 mm", "write amplitude_m = 0.015"]);
 }
 
-/// A 10 mm pulse came out as 5 mm on a board, and as 10 mm on a virtual rig.
+/// Regression test: a 10 mm pulse became 5 mm on a board and stayed 10 mm on a virtual rig.
 #[test]
 fn a_pulse_or_a_record_that_the_drive_cannot_deliver_is_refused_before_anything_moves() {
     let words = ["asks the drive for 10 mm", "delivers ±4.392 mm", "calibration.drive", "write amplitude_m = 0.0043"];
@@ -331,7 +331,7 @@ fn a_pulse_or_a_record_that_the_drive_cannot_deliver_is_refused_before_anything_
 }
 
 #[test]
-fn ends_that_are_no_rest_are_refused_and_a_ramp_makes_them_one() {
+fn a_record_not_at_rest_at_its_ends_is_refused_without_a_ramp() {
     let shifted = PLAYBACK.replace("unit = \"mm\"", "unit = \"mm\"\ncolumn = 2\ntime_column = 1");
     let jump = |text: &str| {
         let folder = folder_with(&[SET_UPS, text, TELEMETRY].concat());
@@ -347,7 +347,7 @@ fn ends_that_are_no_rest_are_refused_and_a_ramp_makes_them_one() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_with_what_does() {
+fn invalid_keys_and_values_are_refused_with_what_is_allowed() {
     refused(
         &edited(PLAYBACK, "tail_s = 2", "scale = 2\ntarget_peak_m = 0.001"),
         &["leave out `scale` or `target_peak_m`"],

@@ -1,4 +1,5 @@
-//! A design map by the exact engine: X/Z of an impact damper at resonance over clearance and restitution.
+//! Computes a design map with the exact integrator: X/Z of an impact damper at resonance over clearance and
+//! restitution.
 //!
 //! `cargo run --release -p damprig-core --example design_map`
 
@@ -9,7 +10,7 @@ use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::io::Invalid;
 use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 
-/// Mean of the cycles' largest |x| over the last 50 of 200 cycles, per unit of Z.
+/// Mean of the cycle maxima of |x| over the last 50 of 200 cycles, divided by Z.
 fn amplitude_ratio(clearance_over_z: f64, restitution: f64) -> Result<f64, Invalid> {
     let particle = Particle {
         mass_kg: 0.16,

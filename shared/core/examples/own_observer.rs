@@ -1,4 +1,5 @@
-//! An observer of one's own: the impulse that every impact gives to the structure, and where it stands at that moment.
+//! Example of a user-defined observer: the impulse of each impact on the structure, and the structure's displacement
+//! then.
 //!
 //! `cargo run -p damprig-core --example own_observer`
 
@@ -14,7 +15,7 @@ struct Impulses {
 }
 
 impl Observer for Impulses {
-    // Nothing is asked of the arcs, so nothing is computed for them.
+    // This observer ignores arcs, so the integrator need not compute them for it.
     const ARCS: bool = false;
 
     fn impact(&mut self, impact: &Impact) {

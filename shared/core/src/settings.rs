@@ -52,8 +52,8 @@ impl Settings {
         impacts.validate()?;
         let walls = WALL_USABLE.map(|counts| calibration.walls.to_force_n(f32::from(counts)));
         for (name, limit, most) in [
-            ("limits.structure_m", safety.limits.structure_m, calibration.x.usable_m().amplitude()),
-            ("limits.base_m", safety.limits.base_m, calibration.z.usable_m().amplitude()),
+            ("safety.limits.structure_m", safety.limits.structure_m, calibration.x.usable_m().amplitude()),
+            ("safety.limits.base_m", safety.limits.base_m, calibration.z.usable_m().amplitude()),
             ("safety.wall_force_n", safety.wall_force_n, walls.high),
             ("impacts.clip_n", impacts.clip_n, walls.high),
             ("impacts.offset_limit_n", impacts.offset_limit_n, walls.amplitude()),
@@ -70,12 +70,12 @@ impl Settings {
 /// Origin of the settings in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
-    /// As delivered: no settings of this layout are stored.
+    /// The defaults: no settings of this layout are stored.
     #[default]
     Default,
     /// The settings that were saved last.
     Stored,
-    /// As delivered: the stored settings are damaged.
+    /// The defaults: the stored settings are damaged.
     Damaged,
     /// Set by a host and not saved.
     Host,
@@ -84,8 +84,6 @@ pub enum Source {
 /// Checked settings with everything derived from them. Adopting them is a plain copy.
 #[derive(Clone, Debug)]
 pub struct Prepared {
-    /// The settings.
-    pub settings: Settings,
     pub(crate) safety: Safety,
     pub(crate) spring: FrictionSpring,
     pub(crate) impacts: ImpactSettings,
@@ -99,7 +97,6 @@ impl Prepared {
     pub fn new(settings: &Settings) -> Result<Self, Invalid> {
         settings.validate()?;
         Ok(Self {
-            settings: *settings,
             safety: Safety::new(&settings.safety)?,
             spring: FrictionSpring::new(&settings.spring)?,
             impacts: ImpactSettings::new(&settings.impacts, &settings.calibration.walls, WALL_SUBSAMPLES as u8)?,

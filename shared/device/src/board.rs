@@ -1,68 +1,68 @@
-//! What the control loop needs of a board: samples, outputs, ticks, and a place for the settings.
+//! The trait [`Board`]: samples, outputs, ticks and settings memory that the control loop needs.
 
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::Settings;
 use damprig_protocol::{Clock, NumberedRequest, PlantKind, Timing};
 
-/// A board. The provided methods are those of a board with a real structure and a clock of its own.
+/// A board. The default methods suit a board with a real structure and its own clock.
 pub trait Board {
-    /// Real, or simulated in which precision.
+    /// Whether the plant is real or simulated, and in which precision.
     const PLANT: PlantKind = PlantKind::Real;
 
-    /// Whose clock counts the ticks.
+    /// The clock that counts the ticks.
     const CLOCK: Clock = Clock::RealTime;
 
-    /// The samples of the tick that is due; `None` while the clock stands.
+    /// Returns the samples of the tick that is due; `None` while the clock is stopped.
     fn samples(&mut self, rig: &Rig) -> Option<Sensors>;
 
     /// Sets the outputs that the rig demands in this tick.
     fn set(&mut self, actuators: &Actuators, rig: &Rig);
 
-    /// Saves the settings, or begins to.
+    /// Saves the settings, or begins to save them.
     ///
     /// # Errors
     /// They cannot be saved.
     fn save(&mut self, settings: &Settings) -> Result<Saving, Rejected>;
 
-    /// How a save that took longer has ended, once.
+    /// Returns once how a save that took longer has ended.
     fn saved(&mut self) -> Option<Result<(), Rejected>> {
         None
     }
 
-    /// How well the ticks keep their time.
+    /// Timing of the ticks.
     fn timing(&self) -> Timing {
         Timing::default()
     }
 
-    /// Whether an experiment can start.
+    /// Checks whether an experiment can start.
     ///
     /// # Errors
-    /// What is missing.
+    /// Something that the experiment needs is missing.
     fn can_start(&self) -> Result<(), Rejected> {
         Ok(())
     }
 
-    /// An experiment has started: ticks count from 0.
+    /// Called when an experiment has started: ticks count from 0.
     fn started(&mut self) {}
 
-    /// A message to the simulator behind the board.
+    /// Handles a message to the simulator behind the board.
     ///
     /// # Errors
-    /// The board has none, or the message is not valid.
+    /// The board has no simulator, or the message is invalid.
     fn simulate(&mut self, _message: &[u8]) -> Result<(), Rejected> {
         Err(Rejected::not_here("this board drives a real structure: its plant cannot be set"))
     }
 
-    /// Keeps a request for its tick.
+    /// Keeps a request until its tick.
     ///
     /// # Errors
-    /// The board's clock is its own, or another request waits already.
+    /// The board has its own clock, or its space for waiting requests is full.
     fn defer(&mut self, _request: &NumberedRequest) -> Result<(), Rejected> {
         Err(Rejected::not_here("only a simulated board lets a request wait for its tick"))
     }
 
-    /// The kept request, once its tick has come.
+    /// Returns the kept request, once its tick has come.
     fn due(&mut self, _next_tick: u32) -> Option<NumberedRequest> {
         None
     }
@@ -73,7 +73,7 @@ pub trait Board {
 pub enum Saving {
     /// The settings are saved.
     Done,
-    /// They are being saved; [`Board::saved`] reports the end.
+    /// The save has begun; [`Board::saved`] reports the end.
     Begun,
 }
 

@@ -1,7 +1,9 @@
-//! The body of the control loop, the same on every board and in the virtual rig: one tick of the rig, then at most one request.
+//! The body of the control loop, the same on every board and in the virtual rig: one tick of the rig, then one request.
 //!
-//! The firmware's control task and the virtual rig call [`step`]. They differ in what they wait for between two steps and in
-//! where the queues lie.
+//! On a simulated board a host can address requests to a tick; those are served at that tick in any number.
+//!
+//! The firmware's control task and the virtual rig call [`step`]. They differ in what they wait for between two steps
+//! and in where the queues are stored.
 
 use damprig_protocol::Clock;
 
@@ -15,13 +17,13 @@ use crate::upload_buffer::UploadBuffer;
 pub enum Step {
     /// A tick of the rig, and a request if one waited.
     Ticked,
-    /// A request; the clock stands.
+    /// A request; the clock is stopped.
     Served,
-    /// Nothing: the clock stands and no request waits.
+    /// Nothing: the clock is stopped and no request waits.
     Idle,
 }
 
-/// One turn of the loop: samples, tick, outputs, events and telemetry; then a request.
+/// Runs one step of the loop: samples, tick, outputs, events and telemetry, then requests.
 pub fn step(
     controller: &mut Controller,
     upload: &mut UploadBuffer,
@@ -34,7 +36,7 @@ pub fn step(
     let samples = board.samples(controller.rig());
     if let Some(sensors) = &samples {
         if is_granted(board) {
-            // A granted tick shows that the host is there.
+            // A granted tick shows that the host is connected.
             controller.hear_host();
         }
         let actuators = controller.tick(sensors, upload, outgoing);
@@ -42,7 +44,7 @@ pub fn step(
     }
     controller.note_losses(requests.losses());
     controller.note_timing(board.timing());
-    // One request, and those with a tick behind it: they wait for their tick alone.
+    // Serve one request. Requests with a tick that follow it are served too: they need wait for their tick only.
     let mut first = true;
     while let Some(request) = requests.front().filter(|request| first || request.at_tick.is_some()) {
         controller.serve(request, board, upload, outgoing);
@@ -56,7 +58,7 @@ pub fn step(
     }
 }
 
-/// Serves the request that was kept for the tick that comes next.
+/// Serves the request that was kept for the next tick.
 fn serve_due(
     controller: &mut Controller,
     upload: &mut UploadBuffer,

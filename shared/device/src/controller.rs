@@ -17,46 +17,47 @@ use damprig_protocol::{
 };
 use heapless::{Deque, Vec};
 
-/// Numbers of served requests that are kept to recognise a repetition: a late copy may arrive after some later requests.
+/// Numbers of served requests that are kept to recognise a repetition: a late copy may arrive after some later
+/// requests.
 const SERVED_KEPT: usize = 8;
 
-/// What telemetry to send.
+/// The selected telemetry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Selection {
-    /// Ticks from row to row; 0 for none.
+    /// Ticks from row to row; 0 for no rows.
     every_ticks: u16,
     chosen: Chosen,
-    /// Every impact is an event.
+    /// Send every impact as an event.
     impacts: bool,
 }
 
 /// How the board started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BootInfo {
-    /// What counts its ticks.
+    /// Source of the board's clock.
     pub clock_source: ClockSource,
-    /// Why it started.
+    /// Cause of the last reset.
     pub reset: Reset,
-    /// What ended an earlier run of the firmware.
+    /// The last crash of the firmware since power-on, if any.
     pub last_crash: Option<Crash>,
 }
 
 impl Default for BootInfo {
-    /// Of a simulated board.
+    /// For a simulated board.
     fn default() -> Self {
         Self { clock_source: ClockSource::Granted, reset: Reset::Unknown, last_crash: None }
     }
 }
 
-/// Owns the rig.
+/// Owns the rig, serves requests and queues messages.
 #[derive(Clone, Debug)]
 pub struct Controller {
     identity: Identity,
-    /// Without what the board type and the settings decide.
+    /// Without clock, plant and source of the settings, which [`Controller::describe`] adds.
     description: Description,
     rig: Rig,
     settings_source: Source,
-    /// Number of the save request whose reply is pending.
+    /// Sequence number of the save request whose reply is pending.
     saving: Option<u16>,
     selection: Selection,
     served: Deque<u16, SERVED_KEPT>,
@@ -67,7 +68,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// An idle rig on the board that `info` describes.
+    /// Makes a controller with an idle rig on the board that `info` describes.
     #[must_use]
     pub fn new(info: DeviceInfo, boot: BootInfo) -> Self {
         Self {
@@ -122,24 +123,24 @@ impl Controller {
         &self.rig
     }
 
-    /// The tick that comes next.
+    /// The next tick.
     #[must_use]
     pub fn next_tick(&self) -> u32 {
         self.rig.next_tick()
     }
 
-    /// The host has shown that it is there.
+    /// Notes that the host is connected.
     pub fn hear_host(&mut self) {
         self.rig.hear_host();
     }
 
-    /// Takes the receiving side's counts.
+    /// Takes the counts of the receiving side.
     pub fn note_losses(&mut self, losses: Losses) {
         self.counters.bad_frames = losses.bad_frames;
         self.counters.requests_dropped = losses.requests_dropped;
     }
 
-    /// Takes the board's timing.
+    /// Takes the timing of the board.
     pub fn note_timing(&mut self, timing: Timing) {
         self.counters.timing = timing;
     }
@@ -164,7 +165,7 @@ impl Controller {
             return;
         }
         if matches!(request.request, Request::Identify) {
-            // A new session numbers its requests anew.
+            // A new session restarts the sequence numbers.
             self.served.clear();
         }
         if self.saving == Some(seq) {
@@ -177,7 +178,7 @@ impl Controller {
             let done = if is_upload(&request.request) { Reply::Upload(upload.progress()) } else { Reply::Done };
             self.last_rejected.clone().map_or(Ok(done), Err)
         } else if is_repeated {
-            // Nobody waits for this reply any more.
+            // The reply to an older request is no longer expected.
             Ok(Reply::Done)
         } else {
             self.answer(request, board, upload, outgoing)
@@ -324,7 +325,7 @@ impl Controller {
     fn snippet(&self, from: u16) -> Result<Reply, Rejected> {
         let (snippet, scale) = self.rig.snippet();
         let mut samples = Vec::new();
-        // Never more than there is room for.
+        // Cannot fail: the length is the capacity.
         let _ = samples.resize_default(SAMPLES_TOLD);
         let Some((copied, side)) = snippet.copy(usize::from(from), &mut samples) else {
             return Err(Rejected::not_here(if snippet.is_armed() {
@@ -391,7 +392,7 @@ impl Selection {
     }
 }
 
-/// The request has no effect: a repetition is served again.
+/// Whether the request has no effect. A repetition of such a request is served again.
 fn is_question(ask: &Request) -> bool {
     matches!(
         ask,
@@ -406,7 +407,7 @@ fn is_question(ask: &Request) -> bool {
     )
 }
 
-/// The request is part of an upload: a repetition is answered with the upload's progress.
+/// Whether the request is part of an upload. A repetition is answered with the upload's progress.
 fn is_upload(ask: &Request) -> bool {
     matches!(ask, Request::BeginUpload { .. } | Request::UploadChunk { .. })
 }

@@ -1,12 +1,12 @@
-//! The device side of the link: what a board does between its pins and its serial line, around the core's `Rig`.
+//! The device side of the link, around the core's `Rig`: control loop, controller, queues, uploads, settings, crash record.
 //!
-//! * [`board`] is what the control loop needs of a board,
-//! * [`control_loop`] is the loop's body: one tick, then at most one request,
+//! * [`board`] has the trait that every board implements,
+//! * [`control_loop`] is the loop's body: one tick, then one request,
 //! * [`controller`] owns the rig: it serves requests and queues replies, events and telemetry rows,
-//! * [`queues`] lie between the control loop and the link,
-//! * [`message_reader`] reads requests from received bytes, [`outbox`] makes messages of what waits, replies first,
+//! * [`queues`] are between the control loop and the link,
+//! * [`message_reader`] reads requests from received bytes, [`outbox`] builds the messages to send, replies first,
 //! * [`upload_buffer`] holds the record that a host uploads,
-//! * [`settings_store`] keeps the settings in flash, [`crash`] the record of what ended the firmware.
+//! * [`settings_store`] keeps the settings in flash, [`crash`] the crash record.
 //!
 //! Decisions about the experiment belong to `damprig-core`, byte formats to `damprig-protocol`, pins to the firmware, simulated
 //! plants to `damprig-simulator`.
@@ -24,14 +24,15 @@ pub mod queues;
 pub mod settings_store;
 pub mod upload_buffer;
 
-/// Most telemetry rows that wait for the line.
+/// Maximum number of telemetry rows in the queue.
 ///
-/// While the longest replies and events go out (eight frames of 300 bytes, 26 ms), rows of every tick wait.
+/// The longest replies and events take 26 ms to send (eight frames of 300 bytes). Rows of every tick must fit the
+/// queue meanwhile.
 pub const ROWS_WAITING: usize = 32;
 
-/// Most replies and events that wait for the line: a reply, and the events of a tick with impacts on both walls and the end of
-/// an experiment.
+/// Maximum number of replies and events in the queue: a reply, and the events of a tick with impacts on both walls
+/// and the end of an experiment.
 pub const REPLIES_WAITING: usize = 8;
 
-/// Most requests that wait for their tick.
+/// Maximum number of requests that wait for their tick.
 pub const REQUESTS_WAITING: usize = 2;

@@ -4,10 +4,10 @@ use crate::queues::{Row, StreamItem, Waiting};
 use damprig_protocol::{FromDevice, MOST_VALUES, Telemetry};
 use heapless::{Deque, Vec};
 
-/// Bits per second of the line.
+/// Baud rate of the serial line, bits per second.
 pub const BAUD: u32 = 921_600;
 
-/// Makes messages of what waits in the outgoing queues.
+/// Builds messages from the outgoing queues.
 #[derive(Clone, Debug, Default)]
 pub struct Outbox {
     batch: Batch,
@@ -15,7 +15,7 @@ pub struct Outbox {
 }
 
 impl Outbox {
-    /// The next message; `None` until more is queued.
+    /// Returns the next message; `None` until more is queued.
     pub fn next(&mut self, waiting: &mut impl Waiting) -> Option<FromDevice> {
         loop {
             if let Some(message) = waiting.pop_message() {
@@ -48,10 +48,10 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Takes a row; call [`Batch::pop`] until it is empty before the next.
+    /// Takes a row. Call [`Batch::pop`] until it returns `None` before the next push.
     ///
-    /// A row that does not follow the one before it at the batch's spacing begins a new batch, so a dropped row is
-    /// seen as a gap in the ticks.
+    /// A row that does not continue the batch at its spacing begins a new batch, so a dropped row shows as a gap in
+    /// the ticks.
     pub fn push(&mut self, row: &Row) {
         let places = row.chosen.places();
         let width = places.len();
@@ -83,16 +83,16 @@ impl Batch {
         }
     }
 
-    /// Closes the batch as it is.
+    /// Closes the open batch.
     pub fn close(&mut self) {
         if let Some(open) = self.open.take() {
             self.seq = self.seq.wrapping_add(1);
-            // A push closes at most two, and they are popped before the next push.
+            // A push closes at most two batches, and they are popped before the next push.
             let _ = self.done.push_back(open);
         }
     }
 
-    /// The next closed batch.
+    /// Removes and returns the next closed batch.
     pub fn pop(&mut self) -> Option<Telemetry> {
         self.done.pop_front()
     }
@@ -105,7 +105,7 @@ mod tests {
     use damprig_core::rig::Signals;
 
     const WIDTH: usize = 6;
-    /// In a full message.
+    /// Rows in a full message.
     const ROWS: usize = MOST_VALUES / WIDTH;
 
     fn row(tick: u32) -> Row {

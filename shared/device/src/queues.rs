@@ -8,12 +8,12 @@ use heapless::{Deque, Vec};
 
 use crate::{REPLIES_WAITING, ROWS_WAITING};
 
-/// What the receiving side has lost since power-on.
+/// Messages that the receiving side has lost since power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Frames that were too long, did not decode or failed their checksum.
     pub bad_frames: u32,
-    /// Requests that found no room.
+    /// Requests dropped because their queue was full.
     pub requests_dropped: u32,
 }
 
@@ -25,48 +25,48 @@ pub trait Requests {
     /// Removes the oldest request.
     fn drop_front(&mut self);
 
-    /// What was lost on the way.
+    /// Messages lost by the receiving side.
     fn losses(&self) -> Losses;
 }
 
 /// The control loop's end of the outgoing queues.
 pub trait Outgoing {
-    /// Queues a reply or an event; returns how many wait.
+    /// Queues a reply or an event; returns the length of the queue.
     ///
     /// # Errors
-    /// There is no room.
+    /// The queue is full.
     #[allow(clippy::result_unit_err)] // The only failure is "full", and the caller counts it.
     fn message(&mut self, message: FromDevice) -> Result<usize, ()>;
 
-    /// Queues a row of telemetry or a mark between rows; returns how many wait.
+    /// Queues a row of telemetry or a mark between rows; returns the length of the queue.
     ///
     /// # Errors
-    /// There is no room.
+    /// The queue is full.
     #[allow(clippy::result_unit_err)]
     fn stream(&mut self, item: StreamItem) -> Result<usize, ()>;
 
-    /// Drops the rows that wait: an experiment has started.
+    /// Drops the queued rows; called when an experiment has started.
     fn clear_stream(&mut self) {}
 }
 
 /// The link's end of the outgoing queues.
 pub trait Waiting {
-    /// The oldest reply or event.
+    /// Removes and returns the oldest reply or event.
     fn pop_message(&mut self) -> Option<FromDevice>;
 
-    /// The oldest row or mark.
+    /// Removes and returns the oldest row or mark.
     fn pop_stream(&mut self) -> Option<StreamItem>;
 }
 
-/// What the queue of telemetry holds.
+/// An item of the telemetry queue.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not available.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum StreamItem {
     /// A row of telemetry.
     Row(Row),
-    /// Ticks count from 0: earlier rows are of another experiment.
+    /// An experiment has started: ticks count from 0, and earlier rows belong to another experiment.
     Started,
-    /// A granted clock stands before this tick, and everything before it was queued.
+    /// A granted clock has stopped before this tick. Everything before it has been queued.
     ClockStands {
         /// The first tick that has not run.
         tick: u32,
@@ -76,7 +76,7 @@ pub enum StreamItem {
 /// One row of telemetry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Its tick.
+    /// Tick of the row.
     pub tick: u32,
     /// Ticks between rows.
     pub every_ticks: u16,
@@ -84,11 +84,11 @@ pub struct Row {
     pub chosen: Chosen,
     /// All signals.
     pub values: Signals,
-    /// No row follows soon: send it without waiting for more.
+    /// No row follows soon: send it without waiting for a full batch.
     pub last: bool,
 }
 
-/// Places in the signal table.
+/// The selected signals, as indices in the signal table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Chosen {
     places: [u8; MOST_SIGNALS],
@@ -96,28 +96,28 @@ pub struct Chosen {
 }
 
 impl Default for Chosen {
-    /// The motion.
+    /// The motion signals.
     fn default() -> Self {
         Self { width: MOTION_SIGNALS as u8, places: core::array::from_fn(|n| n as u8) }
     }
 }
 
 impl Chosen {
-    /// These places, in the row's order.
+    /// Selects these signals, in the row's order.
     #[must_use]
     pub fn new(signals: &Vec<u8, MOST_SIGNALS>) -> Self {
         let place = |n| signals.get(n).copied().unwrap_or_default();
         Self { width: signals.len() as u8, places: core::array::from_fn(place) }
     }
 
-    /// The places.
+    /// Indices of the selected signals.
     #[must_use]
     pub fn places(&self) -> &[u8] {
         &self.places[..usize::from(self.width).min(MOST_SIGNALS)]
     }
 }
 
-/// Both outgoing queues, for a board whose control loop and link take turns.
+/// Both outgoing queues, for a board whose control loop and link run in one thread.
 #[derive(Debug, Default)]
 pub struct LocalQueues {
     messages: Deque<FromDevice, REPLIES_WAITING>,

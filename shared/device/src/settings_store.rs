@@ -1,14 +1,16 @@
-//! The rig's settings in flash: the last ones that were saved, whenever the supply goes.
+//! Stores the rig's settings in flash. A power loss at any instant leaves either the old or the new settings.
 //!
-//! Two pages hold a record each: the settings in postcard with their layout's hash, a number that counts the savings, and a
-//! CRC-32 over all of it. A saving erases the page that does *not* hold the newest record and writes there; so whatever an
-//! interrupted erasing or programming leaves in that page, the other is untouched, and the checksum tells which to believe
-//! (one in 2³² of any bytes would pass). A record of another layout is not read as if it were ours. What the flash's error
-//! correction cannot mend must come back as any bytes. `sequential-storage` read neither settings after an erasing that was
-//! cut short bit by bit.
+//! Each of two pages holds one record: the settings in postcard, the hash of their layout, a sequence number, and a
+//! CRC-32 over all of these. A save erases the page that does *not* hold the newest record and writes there. An
+//! interrupted erase or write therefore leaves the other page untouched, and the checksum shows which record is valid
+//! (random bytes pass with a probability of 2⁻³²). A record of another layout is not read. A read of a word with an
+//! uncorrectable error must return some bytes instead of faulting.
 //!
-//! A page bears 10 000 erasings (data sheet), both together 20 000 savings. When settings may be saved is
-//! [`crate::controller`]'s decision.
+//! The crate `sequential-storage` is not used: after an erase that was interrupted bit by bit it found neither the
+//! old nor the new settings.
+//!
+//! A page endures 10 000 erase cycles (data sheet), both pages together 20 000 saves. [`crate::controller`] decides
+//! when settings may be saved.
 
 use core::ops::Range;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
@@ -16,30 +18,31 @@ use damprig_core::settings::{Prepared, Settings, Source};
 use embedded_storage::nor_flash::NorFlash;
 use postcard_schema::key::Key;
 
-/// The layout of [`Settings`], names included.
+/// Hash of the layout of [`Settings`], names included.
 const LAYOUT: [u8; 8] = Key::for_path::<Settings>("settings").to_bytes();
 
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// A record, padded to whole words of the flash, bytes: 44 numbers of four, the head, the checksum, and some to grow.
+/// Size of a record, bytes, a multiple of the flash's word: 44 numbers of four bytes, header, checksum, and a
+/// reserve.
 const RECORD: usize = 256;
 
-/// Layout, number, and length of the settings; of any layout's record.
+/// Size of the header, bytes, the same in every layout: layout hash, sequence number, length of the settings.
 const HEAD: usize = 8 + 4 + 4;
 
 type Bytes = [u8; RECORD];
 
-/// The settings could not be saved; what was saved before is still there, if anything was.
+/// The settings could not be saved. Settings saved before are still stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotSaved;
 
-/// What a page holds.
+/// Content of a page.
 enum Slot {
     Blank,
     Damaged,
-    /// A sound record of another layout, of this number.
+    /// A valid record of another layout, with its sequence number.
     Other(u32),
-    /// Settings of ours.
+    /// Settings of this layout, with their sequence number.
     Ours(u32, Settings),
 }
 
@@ -51,7 +54,7 @@ impl Slot {
         Self::sound(record).unwrap_or(Self::Damaged)
     }
 
-    /// `None` for a record whose checksum is wrong, or whose settings are.
+    /// Returns `None` for a record with a wrong checksum or invalid settings.
     fn sound(record: &Bytes) -> Option<Self> {
         let (number, length) = (word(record, 8)?, word(record, 12)? as usize);
         let end = HEAD.checked_add(length)?;
@@ -78,7 +81,7 @@ fn word(bytes: &Bytes, at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
 }
 
-/// The record of `settings`, and erased bytes after it.
+/// Encodes `settings` as a record, padded with erased bytes.
 fn record(number: u32, settings: &Settings) -> Option<Bytes> {
     let mut record = [0xff; RECORD];
     let length = postcard::to_slice(settings, record.get_mut(HEAD..RECORD - 4)?).ok()?.len();
@@ -91,14 +94,15 @@ fn record(number: u32, settings: &Settings) -> Option<Bytes> {
     Some(record)
 }
 
-/// Settings in two pages of a flash.
+/// Stores settings in two pages of a flash.
 pub struct SettingsStore<F> {
     flash: F,
     pages: [u32; 2],
 }
 
 impl<F: NorFlash> SettingsStore<F> {
-    /// In `range`, bytes from the flash's start. `None` unless these are two whole pages that a record fits into.
+    /// Uses the pages in `range`, bytes from the start of the flash. `None` unless these are exactly two pages that
+    /// each hold a record.
     pub fn new(flash: F, range: Range<u32>) -> Option<Self> {
         let page = F::ERASE_SIZE as u32;
         let fits = page as usize >= RECORD && RECORD.is_multiple_of(F::WRITE_SIZE);
@@ -106,7 +110,7 @@ impl<F: NorFlash> SettingsStore<F> {
         (fits && is_whole).then(|| Self { flash, pages: [range.start, range.start + page] })
     }
 
-    /// What was saved last, else the settings as delivered; and which of the two.
+    /// Reads the settings that were saved last, or the defaults, and their source.
     pub fn load(&mut self) -> (Settings, Source) {
         let mut newest: Option<(u32, Settings)> = None;
         let (mut is_other, mut is_damaged) = (false, false);
@@ -129,17 +133,17 @@ impl<F: NorFlash> SettingsStore<F> {
         }
     }
 
-    /// Saves, and reads back.
+    /// Saves the settings and verifies them by reading back.
     ///
     /// # Errors
-    /// The flash did not take them.
+    /// The flash did not accept the record.
     pub fn save(&mut self, settings: &Settings) -> Result<(), NotSaved> {
         let mut numbers = [None; 2];
         for (number, page) in numbers.iter_mut().zip(self.pages) {
             *number = self.read(page).number();
         }
         let [first, second] = numbers;
-        // Nothing is older than any number.
+        // `None`, a page without a record, is less than any number.
         let page = self.pages[usize::from(first > second)];
         let number = first.max(second).map_or(0, |newest| newest.saturating_add(1));
         let record = record(number, settings).ok_or(NotSaved)?;

@@ -1,31 +1,31 @@
-//! The buffer of the record that a host uploads. A playback borrows the record from it.
+//! The buffer of the uploaded record. A playback borrows the record from it.
 //!
-//! Bytes are accepted in order only. The checksum is computed while they arrive, eight samples in each tick of an idle rig: 2.6 s
-//! for the longest record, about as long as the transfer takes. An upload stays until another one is begun, even if the host
-//! disconnects.
+//! Bytes are accepted in order only. The checksum is computed while they arrive, eight samples per tick of an idle
+//! rig. That takes 2.6 s for the longest record, about as long as the transfer. An upload is kept until another one
+//! begins, even if the host disconnects.
 
 use damprig_core::control::transient::playback::{MOST_SAMPLES, RecordId};
 use damprig_core::rig::Rejected;
 use damprig_protocol::upload::{MOST_BYTES, Progress, UploadStage, checksum};
 
-/// Samples whose bytes go into the checksum in a tick.
+/// Samples added to the checksum per tick.
 const CHECKED_PER_TICK: u32 = 8;
 
 const _: () = assert!(MOST_SAMPLES as u32 * 2 == MOST_BYTES);
 
-/// The record, as far as it has arrived. All zeros when new, so that it lies in `.bss`.
+/// The record as far as it has arrived. A new buffer is all zeros, so it is placed in `.bss`.
 #[derive(Debug)]
 pub struct UploadBuffer {
     samples: [i16; MOST_SAMPLES],
-    /// Length and checksum of what was begun; 0 samples for nothing.
+    /// Length in samples and checksum of the upload that was begun; 0 samples for none.
     wanted: u32,
     crc32: u32,
     there: u32,
-    /// Largest |sample| of what is there.
+    /// Largest |sample| received.
     peak: u16,
     checked: u32,
     running: u32,
-    /// Samples that may be lent: all, once the checksum is right.
+    /// Samples that may be lent: all once the checksum matches, before that 0.
     whole: u32,
     damaged: bool,
 }
@@ -37,7 +37,7 @@ impl Default for UploadBuffer {
 }
 
 impl UploadBuffer {
-    /// Without a record.
+    /// Makes an empty buffer.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -53,7 +53,7 @@ impl UploadBuffer {
         }
     }
 
-    /// Goes on with this upload (an even number of bytes that the buffer holds, and its checksum), or begins it.
+    /// Continues this upload, or begins it if it is another one. `bytes` is an even number up to the capacity.
     pub fn begin(&mut self, bytes: u32, crc32: u32) {
         let samples = bytes / 2;
         if (samples, crc32) != (self.wanted, self.crc32) || self.damaged {
@@ -67,7 +67,7 @@ impl UploadBuffer {
         (self.there, self.peak, self.checked, self.running, self.whole) = (0, 0, 0, 0, 0);
     }
 
-    /// Takes the bytes if they go on with what is there; otherwise nothing changes.
+    /// Stores the bytes if they continue the received part; otherwise nothing changes.
     ///
     /// # Errors
     /// No upload was begun, or the bytes go beyond its end.
@@ -91,7 +91,7 @@ impl UploadBuffer {
         Ok(())
     }
 
-    /// How far the upload has come.
+    /// Progress of the upload.
     #[must_use]
     pub fn progress(&self) -> Progress {
         let stage = if self.damaged {
@@ -106,7 +106,7 @@ impl UploadBuffer {
         Progress { there: 2 * self.there, stage }
     }
 
-    /// Once a tick of an idle rig: looks at some more samples.
+    /// Adds some samples to the checksum. Called once per tick of an idle rig.
     #[inline]
     pub fn check(&mut self) {
         if self.checked < self.there {
@@ -134,19 +134,19 @@ impl UploadBuffer {
         }
     }
 
-    /// This record is there, whole.
+    /// Whether this record has been received completely and its checksum matches.
     #[must_use]
     pub fn holds(&self, wanted: &RecordId) -> bool {
         self.whole > 0 && (u32::from(wanted.samples), wanted.crc32) == (self.wanted, self.crc32)
     }
 
-    /// Largest |sample| of this record, if it is there, whole.
+    /// Largest |sample| of this record in counts; `None` unless [`UploadBuffer::holds`] it.
     #[must_use]
     pub fn peak_counts(&self, wanted: &RecordId) -> Option<u16> {
         self.holds(wanted).then_some(self.peak)
     }
 
-    /// The record that is there; empty unless it is whole.
+    /// The complete record; empty until the checksum matches.
     #[must_use]
     pub fn record(&self) -> &[i16] {
         self.samples.get(..self.whole as usize).unwrap_or_default()
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_that_came_in_chunks_is_lent_once_its_checksum_is_right() {
+    fn a_record_received_in_chunks_is_lent_once_its_checksum_matches() {
         for samples in [1, 7, 64, 65, MOST_SAMPLES] {
             let (mut buffer, bytes) = (UploadBuffer::new(), record(samples, 5));
             let id = RecordId { samples: samples as u16, crc32: checksum(0, &bytes) };
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chunk_out_of_its_order_changes_nothing_and_a_repeated_one_is_harmless() {
+    fn a_chunk_out_of_order_or_repeated_changes_nothing() {
         let (mut buffer, bytes) = (UploadBuffer::new(), record(300, 9));
         buffer.begin(600, checksum(0, &bytes));
         buffer.take(0, &bytes[..128]).unwrap();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn an_upload_goes_on_where_it_was_left_and_another_one_begins_anew() {
+    fn the_same_upload_continues_and_another_one_begins_at_zero() {
         let (mut buffer, bytes, other) = (UploadBuffer::new(), record(300, 9), record(300, 10));
         buffer.begin(600, checksum(0, &bytes));
         buffer.take(0, &bytes[..128]).unwrap();
@@ -223,11 +223,11 @@ mod tests {
         send(&mut buffer, &other);
         assert_eq!(settle(&mut buffer), UploadStage::Whole);
         buffer.begin(600, checksum(0, &other));
-        assert_eq!(buffer.progress().stage, UploadStage::Whole, "what is there need not come again");
+        assert_eq!(buffer.progress().stage, UploadStage::Whole, "a complete upload is kept");
     }
 
     #[test]
-    fn a_record_that_is_not_what_its_checksum_says_is_dropped_and_can_come_again() {
+    fn a_record_with_a_wrong_checksum_is_dropped_and_can_be_uploaded_again() {
         let (mut buffer, bytes) = (UploadBuffer::new(), record(300, 9));
         let crc32 = checksum(0, &bytes);
         let mut wrong = bytes.clone();
@@ -237,14 +237,14 @@ mod tests {
         assert_eq!(settle(&mut buffer), UploadStage::Damaged);
         assert!(buffer.record().is_empty());
         buffer.take(0, &bytes[..128]).unwrap();
-        assert_eq!(buffer.progress().there, 0, "not without a new beginning");
+        assert_eq!(buffer.progress().there, 0, "a new upload must begin first");
         buffer.begin(600, crc32);
         send(&mut buffer, &bytes);
         assert_eq!(settle(&mut buffer), UploadStage::Whole);
     }
 
     #[test]
-    fn bytes_without_a_beginning_or_beyond_the_end_are_refused() {
+    fn bytes_before_an_upload_begins_or_beyond_its_end_are_rejected() {
         let mut buffer = UploadBuffer::new();
         assert!(matches!(buffer.take(0, &[0; 4]), Err(Rejected::NotHere { why }) if why.contains("begin")));
         buffer.begin(6, 1);

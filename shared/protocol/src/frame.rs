@@ -1,26 +1,26 @@
-//! Bytes on the line: COBS, CRC-32, a zero at the end.
+//! Frames on the byte stream: COBS encoding, CRC-32 checksum, terminated by a zero byte.
 
 use crate::upload;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest body, bytes: a stepped sine of 400 frequencies and some room.
+/// Longest body, bytes: enough for a stepped sine of 400 frequencies.
 pub const LONGEST_BODY: usize = 1_728;
 
 const CHECKSUM: usize = 4;
 
-/// Longest frame with its final zero, bytes: COBS adds one byte for every 254 begun.
+/// Longest frame with its terminating zero, bytes. COBS adds one byte for every 254 bytes or part of them.
 pub const LONGEST: usize = LONGEST_BODY + CHECKSUM + (LONGEST_BODY + CHECKSUM).div_ceil(254) + 1;
 
-/// Why bytes are no frame.
+/// Why a frame is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadFrame {
     /// Longer than [`LONGEST`].
     TooLong,
-    /// Not COBS, or shorter than a checksum.
+    /// Not valid COBS, or shorter than a checksum.
     Malformed,
-    /// The checksum is another.
+    /// The checksum does not match.
     Checksum,
-    /// The body is no message of this protocol.
+    /// The body is not a message of this protocol.
     Message,
 }
 
@@ -31,14 +31,15 @@ pub fn encode<T: Serialize>(message: &T, out: &mut [u8; LONGEST]) -> Option<usiz
     seal(&mut checked, length, out)
 }
 
-/// Writes any body as a frame into `out`; returns its length. `None` when it is longer than [`LONGEST_BODY`].
+/// Writes an arbitrary body as a frame into `out`; returns its length. `None` when it is longer than
+/// [`LONGEST_BODY`].
 pub fn wrap(body: &[u8], out: &mut [u8; LONGEST]) -> Option<usize> {
     let mut checked = [0; LONGEST_BODY + CHECKSUM];
     checked[..LONGEST_BODY].get_mut(..body.len())?.copy_from_slice(body);
     seal(&mut checked, body.len(), out)
 }
 
-/// Adds the checksum to a body of this length, and makes a frame of both.
+/// Appends the checksum to a body of this length and encodes both as a frame.
 fn seal(checked: &mut [u8; LONGEST_BODY + CHECKSUM], length: usize, out: &mut [u8; LONGEST]) -> Option<usize> {
     let (body, end) = checked.split_at_mut_checked(length)?;
     end.first_chunk_mut::<CHECKSUM>()?.copy_from_slice(&upload::checksum(0, body).to_le_bytes());
@@ -47,7 +48,7 @@ fn seal(checked: &mut [u8; LONGEST_BODY + CHECKSUM], length: usize, out: &mut [u
     Some(length + 1)
 }
 
-/// Finds frames in a stream of bytes.
+/// Finds frames in a byte stream and decodes them.
 #[derive(Clone, Debug)]
 pub struct Reader {
     buffer: [u8; LONGEST],
@@ -62,7 +63,7 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// Takes one byte; the message or the error that it completes, if any. Empty frames are passed over.
+    /// Takes one byte; returns the message or the error that it completes, if any. Empty frames are skipped.
     pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<Result<T, BadFrame>> {
         if byte != 0 {
             if let Some(slot) = self.buffer.get_mut(self.length) {
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_is_what_arrives() {
+    fn a_message_decodes_to_what_was_encoded() {
         let mut out = [0; LONGEST];
         let length = encode(&request(5), &mut out).unwrap();
         assert_eq!(read_all(&out[..length]).0.as_slice(), [request(5)]);
@@ -133,7 +134,7 @@ mod tests {
             stream[bit / 8] ^= 1 << (bit % 8);
             stream[length..length + second_length].copy_from_slice(&second[..second_length]);
             let (good, bad) = read_all(&stream[..length + second_length]);
-            // A flip in the closing zero joins both frames into one bad one.
+            // A flip in the terminating zero joins both frames into one invalid frame.
             let closing = bit / 8 == length - 1;
             let expected: &[ToDevice] = if closing { &[] } else { &[request(6)] };
             assert_eq!(good.as_slice(), expected, "bit {bit}");

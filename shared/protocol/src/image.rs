@@ -1,28 +1,29 @@
-//! Who a firmware image is, for whoever holds its file and has no board to ask.
+//! Identity of a firmware image: a section of the ELF file with protocol version, schema hash, board and firmware
+//! version.
 //!
-//! The image carries the bytes in a section that is not loaded, so that they cost a board nothing. What a running board
-//! says of itself is [`Identity`], here as there.
+//! The section is not loaded onto the board, so it costs no flash. A host reads it from the file before flashing. It
+//! decodes to an [`Identity`], the same type that a running board sends.
 
 use heapless::String;
 
 use crate::{Identity, SCHEMA, VERSION};
 
-/// The section's name.
+/// Name of the section.
 pub const SECTION: &str = ".damprig.identity";
 
-/// The section's length, bytes: mark, version, schema, board, firmware.
+/// Length of the section, bytes: mark, version, schema, board, firmware.
 pub const LENGTH: usize = 8 + 2 + 8 + 2 * NAME;
 
-/// Room for a name, bytes; what is left is 0.
+/// Space for a name, bytes; the rest is filled with zeros.
 const NAME: usize = 32;
 
-/// What the section begins with; its last byte is the layout's version.
+/// The first bytes of the section; the last of them is the version of the layout.
 const MARK: [u8; 8] = *b"damprig\x01";
 
-/// The section of an image that speaks this protocol, for `board` with the firmware's version `firmware`.
+/// Content of the section for `board` and firmware version `firmware`, with this protocol's version and schema hash.
 ///
 /// # Panics
-/// While compiling: a name is longer than 32 bytes.
+/// At compile time, when a name is longer than 32 bytes.
 #[must_use]
 pub const fn to_bytes(board: &str, firmware: &str) -> [u8; LENGTH] {
     let mut bytes = [0; LENGTH];
@@ -43,7 +44,7 @@ const fn put(to: &mut [u8; LENGTH], at: usize, from: &[u8]) {
     }
 }
 
-/// What a section says; nothing when it is no section of [`to_bytes`].
+/// Decodes a section; `None` when it was not made by [`to_bytes`].
 #[must_use]
 pub fn from_bytes(bytes: &[u8]) -> Option<Identity> {
     let rest = bytes.strip_prefix(&MARK)?;
@@ -68,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_section_says_what_was_put_into_it() {
+    fn a_section_decodes_to_the_identity_that_was_encoded() {
         let it = from_bytes(&to_bytes("board", "1.2.3")).expect("a section");
         assert_eq!((it.protocol, it.schema, &*it.board, &*it.firmware), (VERSION, SCHEMA, "board", "1.2.3"));
         let longest = "abcdefghijklmnopqrstuvwxyzabcdef";
@@ -76,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn another_layout_and_a_part_of_a_section_are_none() {
+    fn a_section_of_another_layout_or_a_truncated_one_is_rejected() {
         let whole = to_bytes("board", "1.2.3");
         for length in 0..LENGTH {
             assert_eq!(from_bytes(&whole[..length]), None, "{length} bytes");

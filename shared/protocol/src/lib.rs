@@ -7,14 +7,14 @@
 //! * A body is one [`ToDevice`] or [`FromDevice`] in [postcard](https://postcard.jamesmunns.com/wire-format).
 //! * Every [`NumberedRequest`] has a sequence number and gets exactly one [`FromDevice::Reply`] with the same number. A request
 //!   repeated with the same number is answered again but not carried out again.
-//! * [`FromDevice::Event`] and [`FromDevice::Telemetry`] come unasked, each with its own sequence number, so a gap shows
-//!   what was lost. Replies and events go before telemetry.
-//! * A simulated board has no clock of its own: its ticks pass only as far as [`ToDevice::Grant`] allows, and it says
-//!   [`FromDevice::Clock`] when it has used them up. A real board ignores grants.
-//! * The board's settings are the base of every limit. [`Request::SetLimits`] tightens some for one experiment; a looser one is
-//!   [`Rejected::Looser`]. The board ends them by itself.
-//! * Records are [`upload`]ed in chunks; what is there survives a broken link.
-//! * [`Request::Identify`] and [`Reply::Identity`] never change, so that two versions can tell each other what they are.
+//! * [`FromDevice::Event`] and [`FromDevice::Telemetry`] are sent without a request. Each has its own sequence
+//!   number, so a gap shows what was lost. Replies and events are sent before telemetry.
+//! * A simulated board runs its clock only as far as [`ToDevice::Grant`] allows, and sends [`FromDevice::Clock`] when
+//!   it has used up the credit. A real board ignores grants.
+//! * The board's settings are the base of every limit. [`Request::SetLimits`] tightens some of them for one
+//!   experiment; a looser limit is answered with [`Rejected::Looser`]. The board itself ends the tightening.
+//! * Records are [`upload`]ed in chunks. An upload continues after a broken link.
+//! * [`Request::Identify`] and [`Reply::Identity`] never change, so that two versions can identify each other.
 //!
 //! # Known answers
 //! The bytes are part of the contract:
@@ -42,7 +42,8 @@
 //! assert_eq!(out[..length], expected);
 //! ```
 //!
-//! Who answers lives in `damprig-device`, who asks in the host; the values carried are `damprig-core`'s.
+//! The device side is in `damprig-device`, the host side in the `damprig` crate. The values carried are types of
+//! `damprig-core`.
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -57,10 +58,10 @@ pub use damprig_core::rig::{Event, Rejected, clipped};
 pub use message::*;
 pub use request::{NumberedRequest, Request, SIMULATOR_BYTES, ToDevice};
 
-/// Changes when an older or newer other side could misread something that the schema does not show.
+/// Version of the protocol. It increases with a change of meaning that [`SCHEMA`] does not show.
 pub const VERSION: u16 = 5;
 
-/// A hash of every message's layout, names included: two sides that differ in it do not understand each other.
+/// Hash of the layout of every message, names included. Two sides with different hashes cannot communicate.
 pub const SCHEMA: [u8; 8] = schema();
 
 const fn schema() -> [u8; 8] {

@@ -1,4 +1,4 @@
-//! The message tables: what a device says. What a host asks is in [`crate::Request`].
+//! Messages from a device to the host: replies, events, telemetry and clock. Requests are in [`crate::Request`].
 
 use damprig_core::io::ForceScale;
 use damprig_core::measure::point::PointResult;
@@ -12,118 +12,120 @@ use serde::{Deserialize, Serialize};
 use crate::upload::Progress;
 use crate::{Event, Rejected};
 
-/// Most telemetry signals in a row.
+/// Maximum number of telemetry signals in a row.
 pub const MOST_SIGNALS: usize = 16;
 
-/// Signals of the table in one answer.
+/// Maximum number of entries of the signal table in one reply.
 pub const SIGNALS_TOLD: usize = 4;
 
-/// Samples of a snippet in one answer.
+/// Maximum number of snippet samples in one reply.
 pub const SAMPLES_TOLD: usize = 32;
 
-/// Calls of a [`Crash`].
+/// Number of call addresses in a [`Crash`].
 pub const CALLS_TOLD: usize = 6;
 
-/// Most values (rows × signals) in one telemetry message.
+/// Maximum number of values (rows × signals) in one telemetry message.
 pub const MOST_VALUES: usize = 64;
 
-/// From the device.
+/// A message from the device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
 pub enum FromDevice {
-    /// To the request of the same number.
+    /// Reply to the request with the same sequence number.
     Reply {
-        /// The request's number.
+        /// Sequence number of the request.
         seq: u16,
-        /// The answer, or why there is none.
+        /// The reply, or why the request was rejected.
         answer: Result<Reply, Rejected>,
     },
-    /// Something happened.
+    /// An event of the rig.
     Event {
-        /// Counts events since power-on.
+        /// Number of the event since power-on, modulo 2¹⁶.
         seq: u16,
-        /// In which tick.
+        /// Tick in which it occurred.
         tick: u32,
-        /// What.
+        /// The event.
         event: Event,
     },
-    /// Rows of signals.
+    /// Rows of telemetry.
     Telemetry(Telemetry),
-    /// A simulated board has used up its credit.
+    /// A simulated board has used up its tick credit.
     Clock {
         /// The first tick that has not run.
         tick: u32,
     },
 }
 
-/// What the device answers.
+/// Replies to requests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
 pub enum Reply {
-    /// To [`Request::Identify`](crate::Request::Identify).
+    /// Reply to [`Request::Identify`](crate::Request::Identify).
     Identity(Identity),
-    /// Carried out.
+    /// The request was carried out.
     Done,
-    /// To [`Request::Describe`](crate::Request::Describe).
+    /// Reply to [`Request::Describe`](crate::Request::Describe).
     Description(Description),
-    /// To [`Request::Status`](crate::Request::Status).
+    /// Reply to [`Request::Status`](crate::Request::Status).
     Status {
-        /// The rig's.
+        /// Status of the rig.
         status: Status,
-        /// The link's.
+        /// Counters of the link and of the timing.
         counters: Counters,
     },
-    /// To [`Request::Result`](crate::Request::Result).
+    /// Reply to [`Request::Result`](crate::Request::Result).
     Result(PointResult),
-    /// To [`Request::Signals`](crate::Request::Signals): the table from there on, as much as fits.
+    /// Reply to [`Request::Signals`](crate::Request::Signals): entries of the signal table from the requested one on,
+    /// as many as fit.
     Signals(Vec<Signal, SIGNALS_TOLD>),
-    /// To [`Request::Snippet`](crate::Request::Snippet).
+    /// Reply to [`Request::Snippet`](crate::Request::Snippet).
     Snippet {
-        /// What the samples mean.
+        /// Conversion of the samples from converter counts to force.
         scale: ForceScale,
         /// +1 for the wall at +d, −1 for the one at −d.
         side: i8,
-        /// Samples of the whole shape.
+        /// Number of samples in the whole snippet.
         length: u16,
-        /// Counts from there on, as many as fit.
+        /// Samples in converter counts, from the requested one on, as many as fit.
         samples: Vec<u16, SAMPLES_TOLD>,
     },
-    /// To [`Request::Settings`](crate::Request::Settings).
+    /// Reply to [`Request::Settings`](crate::Request::Settings).
     Settings {
         /// The settings in use.
         settings: Settings,
-        /// Where they come from.
+        /// Where the settings come from.
         source: Source,
     },
-    /// To [`Request::BeginUpload`](crate::Request::BeginUpload) and [`Request::UploadChunk`](crate::Request::UploadChunk).
+    /// Reply to [`Request::BeginUpload`](crate::Request::BeginUpload) and
+    /// [`Request::UploadChunk`](crate::Request::UploadChunk).
     Upload(Progress),
-    /// To [`Request::Transient`](crate::Request::Transient).
+    /// Reply to [`Request::Transient`](crate::Request::Transient).
     Transient(TransientResult),
 }
 
-/// Who a device is. Its layout never changes.
+/// Identity of a device. The layout of this type never changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Identity {
-    /// [`crate::VERSION`].
+    /// Version of the protocol, [`crate::VERSION`].
     pub protocol: u16,
-    /// [`crate::SCHEMA`].
+    /// Hash of the message layouts, [`crate::SCHEMA`].
     pub schema: [u8; 8],
-    /// The firmware's version.
+    /// Version of the firmware.
     pub firmware: String<32>,
-    /// The board.
+    /// Name of the board.
     pub board: String<32>,
 }
 
-/// Whose clock counts the ticks.
+/// The clock that counts the ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Clock {
-    /// The board's own.
+    /// The board's own clock.
     RealTime,
-    /// The host's, by [`ToDevice::Grant`](crate::ToDevice::Grant).
+    /// Ticks are granted by the host with [`ToDevice::Grant`](crate::ToDevice::Grant).
     Granted,
 }
 
-/// What moves when the rig drives.
+/// The plant that the rig drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum PlantKind {
     /// A real structure.
@@ -137,47 +139,47 @@ pub enum PlantKind {
 /// A telemetry signal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Signal {
-    /// Name.
+    /// Name of the signal.
     pub name: String<24>,
-    /// Unit.
+    /// Unit, as `m` or `Hz`.
     pub unit: String<8>,
 }
 
-/// What a device can do.
+/// Properties of a device: clock, plant, capacities, firmware build, and the state in which it started.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Description {
-    /// Control ticks per second.
+    /// Control ticks per second, Hz.
     pub tick_hz: f32,
-    /// Whose clock.
+    /// The clock that counts the ticks.
     pub clock: Clock,
-    /// What is driven.
+    /// The plant that the rig drives.
     pub plant: PlantKind,
-    /// Most frequencies in one experiment.
+    /// Maximum number of frequencies in one experiment.
     pub most_points: u16,
-    /// Length of the signal table ([`Request::Signals`](crate::Request::Signals)).
+    /// Number of entries in the signal table ([`Request::Signals`](crate::Request::Signals)).
     pub signals: u8,
-    /// Most of them in a row.
+    /// Maximum number of signals in a row of telemetry.
     pub most_signals: u8,
-    /// Samples of each wall force per second.
+    /// Sample rate of each wall force, Hz.
     pub force_rate_hz: f32,
-    /// Where the ticks come from.
+    /// Source of the board's clock.
     pub clock_source: ClockSource,
-    /// Revision of the firmware's source; empty where it is not known.
+    /// Revision of the firmware's source; empty if unknown.
     pub revision: String<16>,
-    /// How the firmware was built.
+    /// Build profile of the firmware.
     pub profile: String<8>,
-    /// Why the board started.
+    /// Cause of the last reset.
     pub reset: Reset,
-    /// What ended an earlier run of the firmware.
+    /// The last crash of the firmware since power-on, if any.
     pub last_crash: Option<Crash>,
     /// Where the settings in use come from.
     pub settings: Source,
 }
 
-/// What counts a real board's ticks.
+/// Source of the board's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ClockSource {
-    /// The host's grants.
+    /// Ticks are granted by the host.
     Granted,
     /// The crystal, ± 50 ppm.
     Crystal,
@@ -185,32 +187,32 @@ pub enum ClockSource {
     InternalOscillator,
 }
 
-/// Why a board started.
+/// Cause of a reset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Reset {
-    /// Nothing tells: a simulated board, or a cause that is none of these.
+    /// Unknown: a simulated board, or none of the other causes.
     #[default]
     Unknown,
-    /// The supply came on or had sagged.
+    /// Power-on, or a brown-out of the supply.
     Power,
     /// The reset button, or the debugger.
     Pin,
-    /// The firmware asked for it: after a panic or a fault of the processor.
+    /// Requested by the firmware after a panic or a processor fault.
     Software,
     /// The watchdog.
     Watchdog,
 }
 
-/// What ended an earlier run of the firmware; it survives the reset.
+/// A crash of the firmware. The record survives a reset, but not a power-off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Crash {
-    /// What.
+    /// Cause of the crash.
     pub cause: CrashCause,
-    /// The rig's tick.
+    /// Tick of the rig at the crash.
     pub tick: u32,
-    /// Where in the program: addresses of the calls that led there, the innermost first; 0 where nothing tells.
+    /// Call stack: return addresses in the program, innermost first; 0 where unknown.
     pub calls: [u32; CALLS_TOLD],
-    /// Crashes since the supply came on.
+    /// Number of crashes since power-on.
     pub count: u32,
 }
 
@@ -225,31 +227,31 @@ impl core::fmt::Display for Crash {
     }
 }
 
-/// What can end the firmware.
+/// Cause of a crash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum CrashCause {
     /// A panic.
     Panic,
-    /// A fault of the processor.
+    /// A processor fault.
     HardFault,
-    /// The control tick did not come.
+    /// The control task missed its ticks.
     ControlStalled,
-    /// The line's tasks did not run.
+    /// The communication tasks did not run.
     CommunicationStalled,
-    /// The watchdog bit, and nothing says why.
+    /// A watchdog reset without a recorded cause.
     Watchdog,
-    /// The crystal stopped.
+    /// The crystal oscillator stopped.
     ClockFailed,
-    /// The supply fell below the level at which the board still works.
+    /// The supply fell below the board's minimum voltage.
     SupplyLow,
-    /// The program's flash has an error beyond its correction.
+    /// The program flash has an error that its error correction cannot repair.
     ProgramDamaged,
-    /// A non-maskable interrupt of no known cause.
+    /// A non-maskable interrupt with an unknown cause.
     UnknownNmi,
 }
 
 impl CrashCause {
-    /// In words, for people.
+    /// Description of the cause for people.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -266,49 +268,49 @@ impl CrashCause {
     }
 }
 
-/// What went wrong on the link and in time, counted since power-on.
+/// Counters of lost messages and of the timing, since power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Counters {
     /// Frames that were too long, did not decode or failed their checksum.
     pub bad_frames: u32,
-    /// Requests that found no room.
+    /// Requests dropped because their queue was full.
     pub requests_dropped: u32,
-    /// Replies and events that found no room.
+    /// Replies and events dropped because their queue was full.
     pub replies_dropped: u32,
-    /// Telemetry rows that found no room.
+    /// Telemetry rows dropped because their queue was full.
     pub rows_dropped: u32,
-    /// Most replies and events that waited for the line at once.
+    /// Largest number of replies and events that were queued at once.
     pub most_replies_waiting: u8,
-    /// Most telemetry rows that waited for the line at once.
+    /// Largest number of telemetry rows that were queued at once.
     pub most_rows_waiting: u8,
-    /// The tick's time on the board.
+    /// Timing of the ticks.
     pub timing: Timing,
 }
 
-/// How a board keeps its ticks; all 0 on a simulated one, whose ticks take no time.
+/// Timing of the ticks on the board; all 0 on a simulated board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Timing {
-    /// Blocks of samples that were overwritten before a tick had read them.
+    /// Sample blocks that were overwritten before a tick had read them.
     pub overruns: u32,
-    /// Longest tick, µs.
+    /// Duration of the longest tick, µs.
     pub longest_tick_us: u16,
-    /// Largest deviation of a tick's start from its place, µs.
+    /// Largest deviation of the start of a tick from its nominal time, µs.
     pub largest_jitter_us: u16,
-    /// Longest time for which interrupts were masked, 0.1 µs.
+    /// Longest time for which interrupts were masked, in units of 0.1 µs.
     pub longest_masked_tenths_us: u16,
 }
 
 /// A batch of telemetry rows, evenly spaced.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Telemetry {
-    /// Counts messages since the last start.
+    /// Number of the message since the last start.
     pub seq: u32,
     /// Tick of the first row.
     pub first_tick: u32,
     /// Ticks from row to row.
     pub every_ticks: u16,
-    /// Signals in a row.
+    /// Number of signals in a row.
     pub width: u8,
-    /// Row after row, the signals of each in their order.
+    /// Values row by row; within a row in the order of the selected signals.
     pub values: Vec<f32, MOST_VALUES>,
 }

@@ -16,11 +16,11 @@ use crate::upload::CHUNK_BYTES;
 /// Longest message to the simulator, bytes.
 pub const SIMULATOR_BYTES: usize = 480;
 
-/// From the host.
+/// A message from the host.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum ToDevice {
-    /// Asks for something; gets exactly one reply.
+    /// A request; it gets exactly one reply.
     Request(NumberedRequest),
     /// A simulated board may run its clock up to (not including) this tick.
     Grant {
@@ -29,96 +29,98 @@ pub enum ToDevice {
     },
 }
 
-/// A question or a command.
+/// A request with its sequence number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct NumberedRequest {
-    /// Returned with the reply; a repeated number is the same request again.
+    /// Sequence number, returned with the reply. A repeated number marks a repetition of the same request.
     pub seq: u16,
-    /// On a simulated board: the tick before which it is carried out; at once if none is given.
+    /// Tick before which a simulated board carries the request out; `None` for at once.
     pub at_tick: Option<u32>,
-    /// What is asked.
+    /// The request.
     pub request: Request,
 }
 
-/// What a host may ask.
+/// Requests to a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant)]
 pub enum Request {
-    /// Who is there? Never changes its place in this list.
+    /// Ask for the device's identity. This variant always stays first.
     Identify,
-    /// What are your signals and bounds?
+    /// Ask for the device's properties.
     Describe,
-    /// State, tick and counters.
+    /// Ask for state, tick and counters.
     Status,
-    /// Tighten limits of the board for the configured experiment, from its start until the rig is idle again without a
-    /// latched fault. A limit looser than the board's is refused. Configuring an experiment ends earlier ones.
+    /// Tighten limits of the board for the configured experiment, from its start until the rig is idle again without
+    /// a latched fault. A limit looser than the board's is rejected. Configuring an experiment removes earlier
+    /// tightened limits.
     SetLimits(ExperimentLimits),
-    /// A message to the simulator behind a simulated board, as `damprig-simulator` encodes it. A real board rejects it.
+    /// A message to the simulator behind a simulated board, encoded by `damprig-simulator`. A real board rejects it.
     Simulator(Vec<u8, SIMULATOR_BYTES>),
-    /// Set the experiment.
+    /// Configure a stepped sine as the experiment.
     Configure(SteppedSine),
-    /// Send one row of telemetry every so many ticks, and say when impacts happen.
+    /// Select the telemetry: a row every so many ticks, and whether impacts are sent as events.
     SetTelemetry {
-        /// Ticks from row to row; 0 for none.
+        /// Ticks from row to row; 0 for no rows.
         every_ticks: u16,
-        /// What a row holds: places in the signal table, in any order. Empty for the motion alone.
+        /// Signals of a row: indices in the signal table, in any order. Empty for the motion signals alone.
         signals: Vec<u8, MOST_SIGNALS>,
-        /// Every impact is an event.
+        /// Send every impact as an event.
         impacts: bool,
     },
-    /// Begin the experiment: the tick restarts at 0, a simulated plant from its start.
+    /// Start the experiment. The tick count restarts at 0; a simulated plant starts from its initial state.
     Start,
-    /// End the experiment.
+    /// Stop the experiment.
     Stop,
-    /// A result that did not arrive.
+    /// Ask for a point's result, for instance one whose event was lost.
     Result {
-        /// Its place in the frequency list.
+        /// Index in the frequency list.
         index: u16,
     },
-    /// Forget a latched fault.
+    /// Clear a latched fault.
     ClearFault,
-    /// A part of the signal table.
+    /// Ask for a part of the signal table.
     Signals {
-        /// The first place wanted.
+        /// First index wanted.
         from: u8,
     },
-    /// Describe the set-up to the friction damper's drive, until its experiment has ended. The drive has to be homed again.
+    /// Describe the set-up's friction spring to the spring's drive, until the experiment has ended. The drive must be
+    /// homed again.
     SetSpring(SpringSetUp),
-    /// Home, touch off, press, release, halt.
+    /// Command the friction spring: home, touch off, press, release, halt.
     Spring(SpringCommand),
-    /// Let a twin of this set-up run along, or none.
+    /// Run a twin of this set-up, or none.
     SetTwin(Option<TwinConfig>),
-    /// Record the shape of the next impact.
+    /// Record the force samples of the next impact.
     ArmSnippet,
-    /// A part of the last recorded shape.
+    /// Ask for a part of the last recorded impact.
     Snippet {
-        /// The first sample wanted.
+        /// First sample wanted.
         from: u16,
     },
-    /// The settings in use.
+    /// Ask for the settings in use.
     Settings,
-    /// Use these settings from now on; they are not saved.
+    /// Use these settings from now on, without saving them.
     SetSettings(Settings),
-    /// Keep the settings in use over power cuts. The reply comes when that is done.
+    /// Save the settings in use to non-volatile memory. The reply is sent when that is done.
     SaveSettings,
-    /// Make room for an upload, or go on with exactly this one. Idle only.
+    /// Begin an upload, or continue one with the same length and checksum. Only when idle.
     BeginUpload {
-        /// Its length: even, at most [`crate::upload::MOST_BYTES`].
+        /// Length of the upload, bytes: even, at most [`crate::upload::MOST_BYTES`].
         bytes: u32,
-        /// Its [`crate::upload::checksum`].
+        /// [`crate::upload::checksum`] of the upload.
         crc32: u32,
     },
-    /// A part of the upload that was begun last. Idle only.
+    /// A chunk of the upload that was begun last. Only when idle.
     UploadChunk {
-        /// Its place, even; taken only where it goes on with what is there.
+        /// Offset in the upload, bytes, even. The chunk is stored only if it continues the received part.
         offset: u32,
-        /// An even number of bytes; none to ask how far the upload has come.
+        /// An even number of bytes; empty to ask for the progress.
         data: Vec<u8, CHUNK_BYTES>,
     },
-    /// Set a playback of the uploaded record as the experiment.
+    /// Configure a playback of the uploaded record as the experiment.
     ConfigurePlayback(Playback),
-    /// Set a free vibration as the experiment.
+    /// Configure a free vibration as the experiment.
     ConfigureFreeVibration(FreeVibration),
-    /// The result of the last record or free vibration, if it did not arrive.
+    /// Ask for the result of the last playback or free vibration, for instance if its event was lost.
     Transient,
 }

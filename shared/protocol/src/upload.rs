@@ -1,21 +1,22 @@
-//! Uploads: what is too long for a message goes in chunks, and counts only when the checksum of the whole is right.
+//! Uploads: a record too long for one message is sent in chunks and accepted when the checksum of the whole matches.
 //!
-//! [`crate::Request::BeginUpload`] names the upload by its length and checksum and is answered with how much *of exactly this
-//! one* is there, so that it goes on after a broken link, or after another program began it. A chunk that does not follow what
-//! is there is not taken; every answer says where to go on. Once all is there the device checks the whole, a few bytes a
-//! tick; an upload that does not agree with its checksum is dropped and has to begin again.
+//! [`crate::Request::BeginUpload`] identifies the upload by its length and checksum. The reply says how much of
+//! exactly this upload has been received, so an upload continues after a broken link, even from another program. A
+//! chunk that does not continue the received part is ignored; every reply says where to continue. When everything has
+//! been received the device verifies the checksum, a few bytes per tick. A damaged upload is dropped and must begin
+//! again.
 
 use crc::{CRC_32_ISO_HDLC, Crc};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Longest upload, bytes: the controller's record buffer.
+/// Longest upload, bytes: the size of the controller's record buffer.
 pub const MOST_BYTES: u32 = 40 * 1024;
 
-/// Most bytes in a chunk.
+/// Maximum number of bytes in a chunk.
 pub const CHUNK_BYTES: usize = 128;
 
-/// A controller has better uses for the table's 1 KiB of flash: its line is slow.
+/// The controller computes the CRC without a table: its link is slow, and the table costs 1 KiB of flash.
 #[cfg(target_os = "none")]
 type Table = crc::NoTable;
 #[cfg(not(target_os = "none"))]
@@ -23,7 +24,8 @@ type Table = crc::Table<1>;
 
 const CRC: Crc<u32, Table> = Crc::<u32, Table>::new(&CRC_32_ISO_HDLC);
 
-/// CRC-32 (ISO-HDLC) of `before` and then `bytes`, where `checksum` is that of `before`; 0 for none.
+/// CRC-32 (ISO-HDLC) of a preceding part and `bytes`, where `checksum` is that of the preceding part; 0 if there is
+/// none.
 #[must_use]
 pub fn checksum(checksum: u32, bytes: &[u8]) -> u32 {
     let mut digest = CRC.digest_with_initial((checksum ^ CRC_32_ISO_HDLC.xorout).reverse_bits());
@@ -31,25 +33,25 @@ pub fn checksum(checksum: u32, bytes: &[u8]) -> u32 {
     digest.finalize()
 }
 
-/// How far an upload has come.
+/// Progress of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Progress {
-    /// Bytes that are there: the next chunk's offset.
+    /// Bytes received: the offset of the next chunk.
     pub there: u32,
-    /// What is to be done.
+    /// Stage of the upload.
     pub stage: UploadStage,
 }
 
-/// The stages of an upload.
+/// Stages of an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum UploadStage {
-    /// More chunks are to come.
+    /// More chunks are expected.
     Receiving,
-    /// All is there; the device looks at the checksum.
+    /// All bytes have been received; the device computes the checksum.
     Checking,
-    /// All is there and right.
+    /// All bytes have been received and the checksum matches.
     Whole,
-    /// All was there and not right; it was dropped and has to begin again.
+    /// The checksum did not match. The upload was dropped and must begin again.
     Damaged,
 }
 
@@ -58,8 +60,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_checksum_in_parts_is_that_of_the_whole() {
-        // The check value of the CRC catalogue.
+    fn the_checksum_can_be_computed_in_parts() {
+        // Check value of the CRC catalogue.
         assert_eq!(checksum(0, b"123456789"), 0xcbf4_3926);
         assert_eq!(checksum(checksum(checksum(0, b"1234"), b""), b"56789"), 0xcbf4_3926);
     }

@@ -1,8 +1,8 @@
 //! A simulated board: the control loop's outputs drive a simulated plant, and its ticks pass under the host's tick credit.
 //!
-//! Device time passes only as far as the host has granted ([`ToDevice::Grant`](damprig_protocol::ToDevice::Grant)). Without credit
-//! the clock stands: requests are served at once, and everything that waits for the line is sent. So nothing that a host can
-//! observe depends on how fast either side runs, and a run repeats bit for bit.
+//! Device time advances only as far as the host has granted ([`ToDevice::Grant`](damprig_protocol::ToDevice::Grant)).
+//! Without credit the clock is stopped: requests are served at once, and all queued messages are sent. So nothing
+//! that a host can observe depends on how fast either side runs, and a run repeats bit for bit.
 
 use damprig_core::io::{Actuators, Readings, Sensors};
 use damprig_core::rig::{Rejected, Rig};
@@ -14,9 +14,9 @@ use damprig_protocol::{Clock, NumberedRequest, PlantKind};
 use crate::messages::ToSimulator;
 use crate::plant::Plant;
 
-/// A scalar that a simulated plant may run in.
+/// A scalar type that a simulated plant can use.
 pub trait PlantScalar: Scalar {
-    /// How it is announced.
+    /// Kind of plant that is announced to the host.
     const KIND: PlantKind;
 }
 
@@ -28,14 +28,14 @@ impl PlantScalar for f64 {
     const KIND: PlantKind = PlantKind::SimulatedF64;
 }
 
-/// The board: no plant and no credit at first.
+/// The simulated board; new, it has no plant and no credit.
 #[derive(Debug)]
 pub struct SimulatedBoard<S> {
     plant: Option<Plant<S>>,
     sensors: Sensors,
     /// The first tick that may not run yet.
     until_tick: u32,
-    /// The host has been told that the credit is used up.
+    /// Whether the host has been told that the credit is used up.
     clock_told: bool,
     /// A request that waits for its tick.
     deferred: Option<NumberedRequest>,
@@ -48,7 +48,7 @@ impl<S> Default for SimulatedBoard<S> {
 }
 
 impl<S: PlantScalar> SimulatedBoard<S> {
-    /// The clock may run up to this tick.
+    /// Allows the clock to run up to, not including, this tick.
     pub fn grant(&mut self, until_tick: u32) {
         self.until_tick = until_tick;
         self.clock_told = false;
@@ -60,7 +60,7 @@ impl<S: PlantScalar> SimulatedBoard<S> {
         next_tick >= self.until_tick
     }
 
-    /// Whether the host has still to be told that the credit is used up; true once for each grant.
+    /// Whether the host must still be told that the credit is used up; true once for each grant.
     pub fn tells_clock(&mut self) -> bool {
         !core::mem::replace(&mut self.clock_told, true)
     }
@@ -93,7 +93,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         self.sensors = plant.tick(actuators);
     }
 
-    /// Keeps the settings as long as the board lives: they are the controller's.
+    /// The settings stay in use while the board exists: the controller holds them.
     fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
         Ok(Saving::Done)
     }
@@ -105,7 +105,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         }
     }
 
-    /// Puts the plant back to its start. Credit and a kept request refer to the earlier count of ticks, so they end.
+    /// Resets the plant. Credit and a deferred request refer to the earlier count of ticks and are dropped.
     fn started(&mut self) {
         if let Some(plant) = &mut self.plant {
             plant.restart(0);
@@ -113,7 +113,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         self.deferred = None;
         self.until_tick = 0;
         self.clock_told = true;
-        // The friction damper's seat stays where it is.
+        // The friction damper's seat keeps its position.
         let Sensors { readings: Readings { spring_n, spring_rail, .. }, at_limit, emergency_stop, .. } = self.sensors;
         self.sensors = Sensors { at_limit, emergency_stop, ..Sensors::default() };
         (self.sensors.readings.spring_n, self.sensors.readings.spring_rail) = (spring_n, spring_rail);
@@ -132,7 +132,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
 
     fn defer(&mut self, request: &NumberedRequest) -> Result<(), Rejected> {
         match &self.deferred {
-            // A copy of the request that waits.
+            // A copy of the deferred request.
             Some(waiting) if waiting.seq == request.seq => {}
             Some(_) => return Err(Rejected::not_here("another request already waits for its tick")),
             None => self.deferred = Some(request.clone()),

@@ -1,7 +1,7 @@
-//! A whole device in this process: the control loop around a simulated board, its queues, and its link under tick credit.
+//! A complete simulated device: control loop, simulated board, queues, and its link under tick credit.
 //!
-//! The virtual rig is exactly this. The emulated board runs the same loop and the same simulated board in the firmware's tasks, and
-//! sends the same bytes.
+//! The virtual rig is this device. The emulated board runs the same loop and the same simulated board in the
+//! firmware's tasks and sends the same bytes.
 
 use damprig_core::settings::{Settings, Source};
 use damprig_device::REQUESTS_WAITING;
@@ -20,10 +20,10 @@ use crate::board::{PlantScalar, SimulatedBoard};
 use crate::line_pace::LinePace;
 use crate::plant::Plant;
 
-/// Whether a device's clock can go on.
+/// Whether a device's clock can advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// There is credit left.
+    /// Credit is left.
     Running,
     /// The credit is used up; nothing happens until something is received.
     Standing,
@@ -64,7 +64,7 @@ pub struct SimulatedDevice<S> {
 }
 
 impl<S: PlantScalar> SimulatedDevice<S> {
-    /// An idle device without a plant; its clock stands.
+    /// Makes an idle device without a plant; its clock is stopped.
     #[must_use]
     pub fn new(info: DeviceInfo) -> Self {
         Self {
@@ -79,12 +79,12 @@ impl<S: PlantScalar> SimulatedDevice<S> {
         }
     }
 
-    /// Adopts settings as a board does that has stored them; before the first tick.
+    /// Adopts stored settings before the first tick.
     pub fn start_with(&mut self, settings: &Settings, source: Source) {
         self.controller.start_with(settings, source);
     }
 
-    /// Takes received bytes. While the clock stands requests are served at once.
+    /// Takes received bytes. While the clock is stopped, requests are served at once.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             match self.reader.push(byte) {
@@ -121,7 +121,7 @@ impl<S: PlantScalar> SimulatedDevice<S> {
         step
     }
 
-    /// Lets up to `most_ticks` pass; `out` takes the frames.
+    /// Runs up to `most_ticks` ticks; passes the frames to `out`.
     pub fn run(&mut self, most_ticks: u32, mut out: impl FnMut(&[u8])) -> Progress {
         let mut frame = [0; LONGEST];
         let mut ticks = 0;
@@ -150,7 +150,7 @@ impl<S: PlantScalar> SimulatedDevice<S> {
         Progress::Running
     }
 
-    /// While the clock stands, the line takes everything that waits.
+    /// Sends all queued messages. Used while the clock is stopped.
     fn send_all(&mut self, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) {
         while let Some(message) = self.outbox.next(&mut self.queues) {
             write(&message, frame, out);
@@ -160,25 +160,25 @@ impl<S: PlantScalar> SimulatedDevice<S> {
 
 /// Sends `message`; returns its length in bytes.
 fn write(message: &FromDevice, frame: &mut [u8; LONGEST], out: &mut impl FnMut(&[u8])) -> usize {
-    // Every message fits a frame: a test encodes the longest.
+    // Cannot fail: a test encodes the longest message.
     let length = frame::encode(message, frame).unwrap_or(0);
     out(&frame[..length]);
     length
 }
 
-/// A device in single or double precision. Its functions are compiled with this crate, so that a host built for debugging
-/// still runs it fast.
+/// A device in single or double precision. Its functions are compiled with this crate, so that a debug build of the
+/// host still runs it optimised.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant)] // The caller boxes it.
 pub enum VirtualDevice {
-    /// The controller's precision.
+    /// Single precision, as on the emulated board.
     Single(SimulatedDevice<f32>),
     /// Double precision.
     Double(SimulatedDevice<f64>),
 }
 
 impl VirtualDevice {
-    /// As [`SimulatedDevice::start_with`].
+    /// See [`SimulatedDevice::start_with`].
     pub fn start_with(&mut self, settings: &Settings, source: Source) {
         match self {
             Self::Single(device) => device.start_with(settings, source),
@@ -186,7 +186,7 @@ impl VirtualDevice {
         }
     }
 
-    /// As [`SimulatedDevice::receive`].
+    /// See [`SimulatedDevice::receive`].
     pub fn receive(&mut self, bytes: &[u8]) {
         match self {
             Self::Single(device) => device.receive(bytes),
@@ -194,7 +194,7 @@ impl VirtualDevice {
         }
     }
 
-    /// As [`SimulatedDevice::run`].
+    /// See [`SimulatedDevice::run`].
     pub fn run(&mut self, most_ticks: u32, out: &mut dyn FnMut(&[u8])) -> Progress {
         match self {
             Self::Single(device) => device.run(most_ticks, out),

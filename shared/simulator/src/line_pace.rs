@@ -1,13 +1,13 @@
-//! The serial line's rate in device time, so that a simulated board sends as late as a real one.
+//! Limits a simulated board to the serial line's rate in device time, so that it sends as late as a real board.
 
 use damprig_core::io::TICK_HZ;
 use damprig_device::control_loop::Step;
 use damprig_device::outbox::BAUD;
 
-/// Bytes that the line carries in a tick: ten bits to the byte.
+/// Bytes that the line carries per tick, with ten bits per byte.
 const BYTES_PER_TICK: f32 = BAUD as f32 / 10.0 / TICK_HZ;
 
-/// The line's allowance: a frame may start once those before it are through.
+/// Allowance of the line in bytes. A frame may start when those before it have been sent.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LinePace {
     allowance: f32,
@@ -20,7 +20,7 @@ impl LinePace {
         Self { allowance: 0.0 }
     }
 
-    /// Takes a step of the control loop; `next_tick` is the tick after it. A start begins with an idle line.
+    /// Follows a step of the control loop; `next_tick` is the tick after it. A start resets the line to idle.
     pub fn follow(&mut self, step: Step, next_tick: u32) {
         if next_tick == 0 {
             *self = Self::default();
@@ -29,7 +29,7 @@ impl LinePace {
         }
     }
 
-    /// A tick has passed. An idle line saves nothing up beyond one tick.
+    /// Adds the allowance of a tick. An idle line accumulates at most one tick's allowance.
     pub fn tick(&mut self) {
         let allowance = self.allowance + BYTES_PER_TICK;
         self.allowance = if allowance > BYTES_PER_TICK { BYTES_PER_TICK } else { allowance };
@@ -41,7 +41,7 @@ impl LinePace {
         self.allowance > 0.0
     }
 
-    /// A frame of this many bytes has started.
+    /// Charges a frame of this many bytes, which has started.
     pub fn charge(&mut self, bytes: usize) {
         self.allowance -= bytes as f32;
     }
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_line_carries_its_rate_and_no_more() {
+    fn the_line_carries_exactly_its_rate() {
         let (mut pace, mut sent) = (LinePace::default(), 0);
         for _ in 0..1000 {
             pace.tick();

@@ -9,25 +9,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::plant::{InjectedFault, PlantConfig};
 
-/// What a host may ask of the simulator.
+/// A message to the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not available.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum ToSimulator {
-    /// Replace the plant. The friction damper's drive has to be homed again.
+    /// Replace the plant. The friction spring's drive must be homed again.
     SetPlant(PlantConfig),
-    /// Break or repair part of the plant.
+    /// Inject a fault into the plant, or repair it.
     Inject(InjectedFault),
 }
 
-/// The layout of [`ToSimulator`], names included. It precedes every message: the protocol's own schema does not cover it.
+/// Hash of the layout of [`ToSimulator`], names included. It precedes every message, because the protocol's own
+/// schema hash does not cover this type.
 const SCHEMA: [u8; 8] = Key::for_path::<ToSimulator>("to_simulator").to_bytes();
 
 impl ToSimulator {
-    /// The request that carries this message.
+    /// Makes the request that carries this message.
     #[must_use]
     pub fn request(&self) -> Request {
         let mut bytes = Vec::new();
-        // Every message fits: a test encodes the longest.
+        // Cannot fail: a test encodes the longest message.
         let _ = bytes.resize_default(SIMULATOR_BYTES);
         let (schema, body) = bytes.split_at_mut(SCHEMA.len());
         schema.copy_from_slice(&SCHEMA);
@@ -36,10 +37,10 @@ impl ToSimulator {
         Request::Simulator(bytes)
     }
 
-    /// The message that a request carries.
+    /// Decodes the message that a request carries.
     ///
     /// # Errors
-    /// It is of another version of the simulator, or damaged.
+    /// The message is of another version of the simulator, or damaged.
     pub fn decode(bytes: &[u8]) -> Result<Self, Rejected> {
         let body = bytes.strip_prefix(&SCHEMA);
         let body = body.ok_or(Rejected::not_here("the message is for another version of the simulator"))?;
@@ -50,7 +51,7 @@ impl ToSimulator {
     }
 }
 
-/// The request that sets the plant.
+/// Makes the request that sets the plant.
 #[must_use]
 pub fn set_plant(config: PlantConfig) -> Request {
     ToSimulator::SetPlant(config).request()
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plant_with_everything_arrives_as_it_was_sent() {
+    fn the_longest_plant_decodes_to_what_was_encoded() {
         let Request::Simulator(bytes) = set_plant(longest()) else { panic!("another request") };
         assert!(bytes.len() + 16 < SIMULATOR_BYTES, "{} bytes", bytes.len());
         assert_eq!(ToSimulator::decode(&bytes), Ok(ToSimulator::SetPlant(longest())));

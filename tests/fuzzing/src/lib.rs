@@ -74,7 +74,7 @@ fn receive(board: &mut SimulatedDevice<f32>, piece: &Piece) {
         Piece::Raw(bytes) => board.receive(bytes),
         Piece::Body(body) => {
             let mut buffer = [0; LONGEST];
-            let length = frame::wrap(body, &mut buffer).expect("a body is no longer than it may be");
+            let length = frame::wrap(body, &mut buffer).expect("the body fits a frame");
             board.receive(&buffer[..length]);
         }
     }
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_are_split_as_they_were_joined_and_any_rest_is_a_piece() {
+    fn joined_pieces_are_split_again_and_a_truncated_one_is_the_last() {
         let pieces = [Piece::Raw(vec![1, 2, 3]), Piece::Body(vec![0; 301]), Piece::Raw(vec![])];
         assert_eq!(split(&join(&pieces)), pieces);
         assert_eq!(split(&[0x09, 0x00, 5]), [Piece::Body(vec![5])], "cut short");

@@ -366,7 +366,7 @@ mod tests {
         let mut choices = BTreeSet::new();
         all(T::SCHEMA, &mut choices);
         let left: Vec<&Choice> = choices.difference(&made).collect();
-        assert!(choices.len() > 20 && left.is_empty(), "of {} choices not made: {left:?}", choices.len());
+        assert!(choices.len() > 20 && left.is_empty(), "of {} choices, these were not made: {left:?}", choices.len());
     }
 
     #[test]
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn every_choice_of_the_protocol_is_made_and_every_body_is_a_message() {
+    fn the_bodies_make_every_choice_of_the_protocol_and_decode() {
         check::<ToDevice>();
         check::<FromDevice>();
     }

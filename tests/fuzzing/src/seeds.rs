@@ -164,7 +164,7 @@ mod tests {
     use damprig_protocol::{Event, FromDevice};
 
     #[test]
-    fn each_experiment_is_carried_out_so_its_mutations_begin_behind_the_checks() {
+    fn each_seed_experiment_is_carried_out_completely() {
         for (name, pieces) in experiments() {
             let mut reader = Reader::default();
             let stream = said(&pieces);

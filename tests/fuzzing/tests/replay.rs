@@ -58,6 +58,6 @@ fn a_run_over_a_link_that_changes_messages_ends_in_an_orderly_way() {
 }
 
 #[test]
-fn a_host_reads_on_after_anything() {
+fn a_host_reads_the_next_clean_frame_after_any_input() {
     replay("host", seeds::host(), 100_000, damprig_fuzzing::host);
 }

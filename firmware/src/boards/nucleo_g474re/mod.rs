@@ -7,21 +7,20 @@
 //! | PC0 (A5) | ADC1 IN6 | friction damper's spring force |
 //! | PC1 (A4) | ADC2 IN7 | force on the wall at −d |
 //! | PC2 (CN7-35) | ADC2 IN8 | force on the wall at +d |
-//! | PA2, PA3 | LPUART1 | the line: the debugger's serial port, 921 600 baud |
-//! | PA4 (A2) | DAC1 OUT1 | drive; the middle of its span is no drive |
+//! | PA2, PA3 | LPUART1 | serial line: the debugger's serial port, 921 600 baud |
+//! | PA4 (A2) | DAC1 OUT1 | drive; the middle of its span is zero drive |
 //! | PA5 | GPIO | the board's LED |
 //! | PC7 (D9) | GPIO | the drive's relay, high closes it |
 //! | PB4 (D5) | TIM16 CH1 | step |
 //! | PB5 (D4) | GPIO | direction, high towards the structure |
-//! | PB10 (D6) | GPIO | motor off (low switches it on) |
-//! | PA8 (D7) | GPIO, pull-up | limit switch, opens where the travel begins |
+//! | PB10 (D6) | GPIO | motor off (low switches the motor on) |
+//! | PA8 (D7) | GPIO, pull-up | limit switch, opens at the start of the travel |
 //! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
 //!
-//! Switches open to tell, so a broken wire tells too. [`clock`] chooses what counts, [`sampling`] holds the converters,
-//! [`stepper`] the motor, [`stall`] notices a tick that does not come, [`supply`] a supply that
-//! falls.
+//! Switches open to signal, so a broken wire signals too. [`clock`] selects the oscillator, [`sampling`] runs the
+//! converters, [`stepper`] the motor. [`stall`] detects a missing control tick, [`supply`] a low supply.
 //!
-//! The watchdog goes on while a debugger halts the core: a halted core drives nothing for longer than 50 ms.
+//! The watchdog keeps running while a debugger halts the core, so a halted core drives the rig for at most 50 ms.
 
 mod clock;
 mod sampling;
@@ -55,18 +54,18 @@ use stepper::Stepper;
 use crate::boards::{Receiver, TaskBoard, Transmitter};
 use crate::{crash, critical_section, tasks};
 
-/// The board's name in the protocol.
+/// Name of the board in the protocol.
 pub const NAME: &str = "nucleo-g474re";
 
-/// Bits per second of the line.
+/// Baud rate of the serial line, bits per second.
 const BAUD: u32 = damprig_device::outbox::BAUD;
 
-/// Without being fed for this long the watchdog resets the board: relay open, motor off. µs; longer than the erasing of a
-/// flash page (24.5 ms at most), which holds up whatever fetches from the same bank. Its oscillator of 32 kHz runs at 34 kHz at most:
-/// 47 ms.
+/// Time-out of the watchdog, µs. When it expires the board is reset: relay open, motor off. It is longer than the
+/// erase of a flash page (24.5 ms at most), which blocks accesses to the same bank. The watchdog's oscillator of
+/// nominally 32 kHz runs at up to 34 kHz, which gives 47 ms.
 const WATCHDOG_US: u32 = 50_000;
 
-/// Ring of received bytes, which DMA fills: 11 ms, while the line's task waits for control.
+/// Size of the receive ring, bytes. DMA fills it; it holds 11 ms of bytes while the receive task waits for control.
 const RECEIVE_RING: usize = 1024;
 
 bind_interrupts!(struct Interrupts {
@@ -75,29 +74,29 @@ bind_interrupts!(struct Interrupts {
     LPUART1 => usart::InterruptHandler<peripherals::LPUART1>;
 });
 
-/// Where the settings are stored.
+/// The flash that stores the settings.
 pub use settings::SettingsFlash;
 
-/// The line's receiving side.
+/// The receiving side of the serial line.
 pub type LineReceiver = RingBufferedUartRx<'static>;
 
-/// What the board has, each part ready for the task that will own it.
+/// The parts of the board, one for each task.
 pub struct Parts {
     /// The converters and outputs of the control tick.
     pub board: ControlBoard,
-    /// How the board started.
+    /// State in which the board started.
     pub boot: BootInfo,
-    /// From the host.
+    /// Receives from the host.
     pub receiver: LineReceiver,
-    /// To the host.
+    /// Sends to the host.
     pub transmitter: LineTransmitter,
-    /// The place of the settings; none on a chip whose flash is one bank.
+    /// The settings memory; `None` on a chip whose flash has one bank.
     pub store: Option<SettingsStore<SettingsFlash>>,
-    /// The settings that were stored.
+    /// The stored settings and their source.
     pub stored: &'static (Settings, Source),
 }
 
-/// Runs the control task above the thread executor, on an interrupt that the board has no other use for.
+/// Runs the control task above the thread executor, on an interrupt that is not used otherwise.
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
 
 #[embassy_stm32::interrupt]
@@ -106,26 +105,26 @@ unsafe fn UART5() {
     unsafe { CONTROL.on_interrupt() }
 }
 
-/// Spawns the control task, above all others.
+/// Spawns the control task with the highest priority of all tasks.
 pub fn spawn_control<S: Send>(_: &Spawner, control: SpawnToken<S>) {
     interrupt::UART5.set_priority(Priority::P6);
     CONTROL.start(interrupt::UART5).spawn(control);
 }
 
-/// Sets the clocks, takes the peripherals and starts sampling. To be called once.
+/// Sets the clocks, takes the peripherals and starts sampling. Call once.
 pub fn init() -> Parts {
     let reset = why_reset();
     let mut config = Config::default();
     let clock_source;
     (config.rcc, clock_source) = clock::choose();
     let p = embassy_stm32::init(config);
-    // First of all the relay: open.
+    // Open the relay before anything else.
     let relay = Output::new(p.PC7, Level::Low, Speed::Low);
     clock::watch(clock_source);
 
     supply::watch();
 
-    // The line never delays the tick; the executor of the tick sits between them.
+    // The line never delays the tick; the priority of the control executor is between the two.
     for interrupt in [interrupt::LPUART1, interrupt::DMA1_CHANNEL3, interrupt::DMA1_CHANNEL4] {
         interrupt.set_priority(Priority::P8);
     }
@@ -168,11 +167,11 @@ pub fn init() -> Parts {
     }
 }
 
-/// Reads the reset's flags, and clears them for the next.
+/// Reads the cause of the reset, and clears its flags for the next reset.
 fn why_reset() -> Reset {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|flags| flags.set_rmvf(true));
-    // The pin's flag comes with every reset.
+    // Every reset also sets the pin's flag.
     if flags.borrstf() {
         Reset::Power
     } else if flags.iwdgrstf() {
@@ -186,7 +185,7 @@ fn why_reset() -> Reset {
     }
 }
 
-/// What the control tick reads and sets.
+/// Inputs and outputs of the control tick.
 pub struct ControlBoard {
     sampling: Sampling,
     drive: Drive,
@@ -195,7 +194,7 @@ pub struct ControlBoard {
     emergency_stop: Input<'static>,
     watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
     timer: TickTimer,
-    /// Taken when the ticks begin.
+    /// `None` once the ticks have started.
     stall_timer: Option<Peri<'static, peripherals::TIM7>>,
 }
 
@@ -254,7 +253,7 @@ impl TaskBoard for ControlBoard {
         self.watchdog.pet();
     }
 
-    /// The watchdog is no longer fed, so it resets the board.
+    /// Records the cause. The watchdog is no longer fed and resets the board.
     fn communication_stalled(&mut self) {
         crash::note(CrashCause::CommunicationStalled, [0; CALLS_TOLD]);
     }
@@ -262,19 +261,19 @@ impl TaskBoard for ControlBoard {
 
 impl Receiver for LineReceiver {}
 
-/// The line's sending side, and the LED, which changes with every frame.
+/// The sending side of the serial line, and the LED, which toggles with every frame.
 pub struct LineTransmitter {
     uart: UartTx<'static, Async>,
     led: Output<'static>,
 }
 
 impl Transmitter for LineTransmitter {
-    /// The frame itself waits for room.
+    /// Returns at once; [`Transmitter::send`] waits for space.
     async fn ready(&mut self) {}
 
     async fn send(&mut self, frame: &[u8]) {
         self.led.toggle();
-        // DMA moves the bytes and reports no error.
+        // DMA transfers the bytes and reports no error.
         let _ = self.uart.write_all(frame).await;
     }
 }
@@ -286,10 +285,11 @@ struct Drive {
 }
 
 impl Drive {
-    /// The output comes on at 0 V, the negative end, and is set to no drive at once; the relay is open meanwhile.
+    /// Switches the output on. It starts at 0 V, the negative end, and is set to zero drive at once; the relay is
+    /// open.
     fn new(output: DacChannel<'static, Blocking>, relay: Output<'static>) -> Self {
         let mut drive = Self { output, relay };
-        // The middle, until the settings say where no drive is.
+        // The middle, until the settings define the code of zero drive.
         drive.output.set(Value::Bit12Right(OUTPUT_FULL_SCALE_COUNTS.div_ceil(2)));
         drive
     }
@@ -298,7 +298,7 @@ impl Drive {
         self.output.set(Value::Bit12Right(scale.to_counts(demand_m)));
     }
 
-    /// The relay closes on an output that has been at no drive for a tick, and opens at once.
+    /// Sets output and relay. The relay closes after the output has been at zero drive for a tick; it opens at once.
     fn set(&mut self, demand_m: f32, enabled: bool, scale: &DriveScale) {
         if !enabled {
             self.relay.set_low();
@@ -324,7 +324,7 @@ const CYCLES_PER_TICK: u32 = clock::CORE_HZ / 1_000;
 
 impl TickTimer {
     fn start() -> Self {
-        // SAFETY: nothing else uses the core's trace unit, and this runs once.
+        // SAFETY: nothing else uses the core's trace unit, and this code runs once.
         let mut core = unsafe { cortex_m::Peripherals::steal() };
         core.DCB.enable_trace();
         core.DWT.enable_cycle_counter();

@@ -1,11 +1,12 @@
-//! The converters: x, z and spring force at 10 kHz on ADC1, oversampled; both wall forces at 50 kHz on ADC2, single conversions.
+//! Samples the sensors: x, z and spring force at 10 kHz on ADC1, oversampled; both wall forces at 50 kHz on ADC2.
 //!
-//! TIM3 starts ADC1's sequence every 100 µs, TIM4 ADC2's every 20 µs. DMA fills a ring of two halves for each, one half a tick,
-//! and a full half of ADC1's ring wakes the control tick, which reads that half in place. The timers share one clock, so the
-//! rings stay in step; ADC2 is started first and converts once, so its half is full when ADC1's is.
+//! TIM3 starts ADC1's sequence every 100 µs, TIM4 ADC2's every 20 µs. DMA fills a ring of two halves for each
+//! converter, one half per tick. A full half of ADC1's ring wakes the control tick, which reads that half in place.
+//! The timers share one clock, so the rings stay in step. ADC2 is started first and makes single conversions, so its
+//! half is full when ADC1's is.
 //!
-//! After a lost block both timers, converters and DMA channels are stopped and started again, so that both rings begin anew at
-//! their first half and the next block is as fresh as any other.
+//! After a lost block both timers, converters and DMA channels are stopped and restarted. Both rings then start again
+//! with their first half, and the age of the next block is the usual one.
 
 use core::future::poll_fn;
 use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
@@ -26,17 +27,17 @@ use embassy_sync::waitqueue::AtomicWaker;
 
 use super::clock::CORE_HZ;
 
-/// The peripherals that sampling takes. The pins' channels are [`SLOW_INPUTS`] and [`WALL_INPUTS`].
+/// Peripherals that sampling takes. The channels of the pins are [`SLOW_INPUTS`] and [`WALL_INPUTS`].
 pub struct SamplingParts {
-    /// The slow converter, its DMA channel and its timer.
+    /// ADC1, its DMA channel and its timer.
     pub slow:
         (Peri<'static, peripherals::ADC1>, Peri<'static, peripherals::DMA1_CH1>, Peri<'static, peripherals::TIM3>),
-    /// x, z and spring force.
+    /// Pins of x, z and spring force.
     pub slow_pins: [AnyAdcChannel<'static, peripherals::ADC1>; 3],
-    /// The walls' converter, its DMA channel and its timer.
+    /// ADC2, its DMA channel and its timer.
     pub walls:
         (Peri<'static, peripherals::ADC2>, Peri<'static, peripherals::DMA1_CH2>, Peri<'static, peripherals::TIM4>),
-    /// The wall at −d, the wall at +d.
+    /// Pins of the force sensors at −d and at +d.
     pub wall_pins: [AnyAdcChannel<'static, peripherals::ADC2>; 2],
 }
 
@@ -46,32 +47,33 @@ const SLOW_INPUTS: [u8; 3] = [1, 2, 6];
 /// Channels of ADC2: the wall at −d, the wall at +d.
 const WALL_INPUTS: [u8; 2] = [7, 8];
 
-/// ADC1's ring: `SUBSAMPLES` readings of its three inputs a half. DMA writes it; atomics because the core does not.
+/// ADC1's ring: each half has `SUBSAMPLES` readings of the three inputs. DMA writes the ring; the core only reads it,
+/// through atomics.
 static SLOW_RING: [[AtomicU16; SLOW_BLOCK]; 2] = [const { [const { AtomicU16::new(0) }; SLOW_BLOCK] }; 2];
 
-/// ADC2's ring: a word holds both walls, the wall at −d in its low half.
+/// ADC2's ring: a word has both wall forces, the wall at −d in its low half.
 static WALL_RING: [[AtomicU32; WALL_SUBSAMPLES]; 2] = [const { [const { AtomicU32::new(0) }; WALL_SUBSAMPLES] }; 2];
 
-/// Halves of ADC1's ring that have been filled since sampling was started.
+/// Number of halves of ADC1's ring that have been filled since sampling was started.
 static HALVES_FILLED: AtomicU32 = AtomicU32::new(0);
 
 static TICK: AtomicWaker = AtomicWaker::new();
 
-/// A converter and the DMA channel that empties it.
+/// A converter and the DMA channel that stores its results.
 struct Converter {
     adc: pac::adc::Adc,
-    /// DMA1's channel, from 0.
+    /// Channel of DMA1, from 0.
     channel: usize,
     ring: *const u16,
     ring_readings: u16,
 }
 
-// SAFETY: the ring is a static that only DMA writes.
+// SAFETY: the ring is a static variable that only DMA writes.
 unsafe impl Send for Converter {}
 
 impl Converter {
-    /// Sets a calibrated converter up: `inputs` in sequence at each rising edge of `trigger` (RM0440, table 163), and its DMA
-    /// channel with the multiplexer's `request` (RM0440, table 91). Nothing is converted yet.
+    /// Sets a calibrated converter up to convert `inputs` in sequence at each rising edge of `trigger` (RM0440, table
+    /// 163), and its DMA channel with the multiplexer's `request` (RM0440, table 91). Does not start it.
     fn new(
         adc: pac::adc::Adc,
         inputs: &[u8],
@@ -98,7 +100,7 @@ impl Converter {
         Self { adc, channel, ring, ring_readings: ring_readings as u16 }
     }
 
-    /// Begins with the first half of the ring; `interrupts` when a half is full.
+    /// Starts with the first half of the ring; with `interrupts`, each full half raises an interrupt.
     fn start(&self, interrupts: bool) {
         let dma = pac::DMA1.ch(self.channel);
         pac::DMA1.ifcr().write(|flags| flags.set_gif(self.channel, true));
@@ -116,12 +118,12 @@ impl Converter {
             control.set_tcie(interrupts);
             control.set_en(true);
         });
-        // A converter that was overrun has stopped to ask for transfers.
+        // A converter with an overrun no longer requests transfers.
         self.adc.isr().write(|flags| flags.set_ovr(true));
         self.adc.cr().modify(|control| control.set_adstart(true));
     }
 
-    /// Ends the conversion and the transfers.
+    /// Stops the conversions and the transfers.
     fn stop(&self) {
         if self.adc.cr().read().adstart() {
             self.adc.cr().modify(|control| control.set_adstp(Adstp::STOP));
@@ -130,7 +132,7 @@ impl Converter {
         pac::DMA1.ch(self.channel).cr().modify(|control| control.set_en(false));
     }
 
-    /// Whether a half has been filled since this was last asked, and the other has not.
+    /// Whether this half has been filled since the last call and the other half has not.
     fn takes_half(&self, half: usize) -> bool {
         let flags = pac::DMA1.isr().read();
         let filled = [flags.htif(self.channel), flags.tcif(self.channel)];
@@ -139,7 +141,7 @@ impl Converter {
     }
 }
 
-/// Counts the halves that are full, two where the interrupt came too late for one.
+/// Counts full halves: two if the interrupt was late for one.
 #[embassy_stm32::interrupt]
 unsafe fn DMA1_CHANNEL1() {
     let flags = pac::DMA1.isr().read();
@@ -155,11 +157,11 @@ pub struct Sampling {
     walls: Converter,
     slow_trigger: Timer<'static, peripherals::TIM3>,
     wall_trigger: Timer<'static, peripherals::TIM4>,
-    /// Halves taken since sampling was started.
+    /// Number of halves taken since sampling was started.
     taken: u32,
     slow_block: SlowBlock,
     wall_block: [WallCounts; WALL_SUBSAMPLES],
-    /// The last blocks came too late to be read.
+    /// The last blocks were overwritten before they could be read.
     is_lost: bool,
     overruns: u32,
     /// Nobody else gets them.
@@ -167,7 +169,7 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Sets the converters up; nothing is converted yet.
+    /// Sets the converters up without starting them.
     pub fn new(parts: SamplingParts) -> Self {
         let slow_trigger = Timer::new(parts.slow.2);
         set_rate(&slow_trigger, TICK_HZ as u32 * SUBSAMPLES as u32);
@@ -200,9 +202,9 @@ impl Sampling {
         }
     }
 
-    /// Starts both. To be called once.
+    /// Starts both converters. Call once.
     pub fn start(&mut self) {
-        // Below the stall watch, above the control tick.
+        // The priority is below the stall watch and above the control tick.
         interrupt::DMA1_CHANNEL1.set_priority(Priority::P4);
         // SAFETY: the handler above is ready, and no critical section relies on this mask.
         unsafe { interrupt::DMA1_CHANNEL1.enable() };
@@ -228,7 +230,7 @@ impl Sampling {
         self.begin();
     }
 
-    /// Waits for a tick's blocks.
+    /// Waits for the blocks of a tick and reads them.
     pub async fn next_block(&mut self) {
         let filled = poll_fn(|context| {
             TICK.register(context.waker());
@@ -246,7 +248,7 @@ impl Sampling {
             let word = from.load(Ordering::Relaxed);
             *to = WallCounts::new(word as u16, (word >> 16) as u16);
         }
-        // DMA goes on in the other half: once that is full, it writes into this one.
+        // Meanwhile DMA fills the other half; once that is full, it overwrites this one.
         self.is_lost |= HALVES_FILLED.load(Ordering::Acquire) != self.taken;
         if self.is_lost {
             self.overruns = self.overruns.saturating_add(1);
@@ -254,12 +256,13 @@ impl Sampling {
         }
     }
 
-    /// The blocks on their scales; NaN if they came too late to be read.
+    /// The blocks converted to physical units; NaN if they were overwritten before they could be read.
     pub fn sensors(&self, calibration: &Calibration) -> Sensors {
         if self.is_lost {
             return Sensors::lost();
         }
         let readings = calibration.readings(&self.slow_block);
+        // The board adds the switches.
         Sensors { readings, walls: self.wall_block, at_limit: false, emergency_stop: false }
     }
 
@@ -269,7 +272,7 @@ impl Sampling {
     }
 }
 
-/// Sets a timer's update rate: every 17 000 or 3 400 clocks, which it counts undivided.
+/// Sets the update rate of a timer: a period of 17 000 or 3 400 clock cycles, without prescaler.
 fn set_rate<T: CoreInstance>(timer: &Timer<'static, T>, rate_hz: u32) {
     let registers = timer.regs_core();
     registers.psc().write_value(0);

@@ -1,7 +1,7 @@
-//! The two flash pages of the settings, in bank 2; the program is fetched from bank 1.
+//! The two flash pages of the settings, in bank 2. The program is in bank 1.
 //!
-//! Erasing a page takes 22 ms, 24.5 ms at most (data sheet). Only the task that erases waits for it, with interrupts enabled, and
-//! whatever reads bank 2.
+//! Erasing a page takes 22 ms, 24.5 ms at most (data sheet). Only the task that erases waits for it, with interrupts
+//! enabled, and any access to bank 2.
 
 use core::ops::Range;
 
@@ -14,7 +14,7 @@ use static_cell::StaticCell;
 /// The flash that stores the settings.
 pub type SettingsFlash = Flash<'static, Blocking>;
 
-/// Bytes from the flash's start, as `memory.x` has them.
+/// Range of the settings, bytes from the start of the flash, from `memory.x`.
 fn place() -> Range<u32> {
     unsafe extern "C" {
         static __settings_begin: u8;
@@ -23,8 +23,8 @@ fn place() -> Range<u32> {
     (&raw const __settings_begin).addr() as u32..(&raw const __settings_end).addr() as u32
 }
 
-/// Opens the flash and reads the settings. No place on a chip whose option byte DBANK makes one bank of it: erasing would
-/// stop the program, and the driver would not go on.
+/// Opens the flash and reads the settings. Returns no store on a chip whose option byte DBANK selects a single bank:
+/// an erase would stop the program, and the driver does not support it.
 pub fn open(
     flash: Peri<'static, peripherals::FLASH>,
 ) -> (Option<SettingsStore<SettingsFlash>>, &'static (Settings, Source)) {
@@ -35,13 +35,14 @@ pub fn open(
     (store, stored)
 }
 
-/// A word of bank 2 that an interrupted programming left beyond what the flash's error correction can mend was read: it reads
-/// as anything, which the settings' checksum finds, and raises the non-maskable interrupt, which asks here.
+/// Whether the non-maskable interrupt was caused by reading a damaged word of bank 2, and clears its flag. An
+/// interrupted programming operation can leave a word that the ECC cannot correct. Such a word reads as arbitrary
+/// bytes, which the checksum of the settings detects.
 pub fn was_misread() -> bool {
     let errors = pac::FLASH.eccr().read();
     let is_ours = errors.eccd() && errors.bk_ecc();
     if is_ours {
-        // Writing a flag's 1 clears it.
+        // A flag is cleared by writing 1.
         pac::FLASH.eccr().write_value(errors);
     }
     is_ours

@@ -1,6 +1,7 @@
-//! Notices a control tick that does not come, and writes down where the program was before the watchdog bites.
+//! Detects a missing control tick and records the call stack before the watchdog resets the board.
 //!
-//! TIM7 interrupts everything else 200 times a second, so a loop in the tick itself does not hide from it.
+//! The interrupt of TIM7 has the highest priority and runs 200 times per second, so it also detects a loop in the
+//! tick itself.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -11,19 +12,20 @@ use embassy_stm32::{Peri, pac, peripherals, rcc};
 use super::clock::CORE_HZ;
 use crate::{callers, crash, tick};
 
-/// Looks per second.
+/// Checks per second.
 const LOOKS_HZ: u32 = 200;
 
-/// Count of the timer, Hz.
+/// Counting rate of the timer, Hz.
 const COUNT_HZ: u32 = 10_000;
 
-/// Looks in a row without a tick: 30 ms to 35 ms after the last one, of the watchdog's 47 at the least.
+/// Number of consecutive checks without a tick: 30 ms to 35 ms after the last tick. The watchdog expires after 47 ms
+/// at the earliest.
 const MOST_LOOKS: u32 = 6;
 
 static TICK_BEFORE: AtomicU32 = AtomicU32::new(0);
 static WITHOUT: AtomicU32 = AtomicU32::new(0);
 
-/// Begins to look. To be called when the ticks have begun.
+/// Starts the checks. Call when the ticks have started.
 pub fn watch(_timer: Peri<'static, peripherals::TIM7>) {
     rcc::enable_and_reset::<peripherals::TIM7>();
     let timer = pac::TIM7;
@@ -43,7 +45,8 @@ unsafe fn TIM7_DAC() {
     if TICK_BEFORE.swap(noted, Ordering::Relaxed) != noted {
         WITHOUT.store(0, Ordering::Relaxed);
     } else if WITHOUT.fetch_add(1, Ordering::Relaxed) + 1 == MOST_LOOKS {
-        // The first of the calls is the exception's own mark; those after it are who called what was interrupted.
+        // The first call is the exception's own return mark; the following ones are the callers of the interrupted
+        // code.
         crash::note(CrashCause::ControlStalled, callers::of_here());
     }
 }

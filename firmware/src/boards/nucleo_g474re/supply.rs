@@ -7,10 +7,10 @@ use embassy_stm32::pac;
 
 use crate::crash;
 
-/// PLS: the threshold of a falling supply, 2.9 V nominal (DS12288, table 19).
+/// PLS: threshold for a falling supply, 2.9 V nominal (DS12288, table 19).
 const THRESHOLD: u8 = 6;
 
-/// The detector's line of the extended interrupt controller (RM0440, table 100).
+/// Line of the voltage detector in the extended interrupt controller (RM0440, table 100).
 const LINE: usize = 16;
 
 /// Begins to watch, once the supply is above the threshold. Every output is still off.
@@ -29,7 +29,7 @@ pub fn watch() {
 
 #[embassy_stm32::interrupt]
 unsafe fn PVD_PVM() {
-    // The relay, and the motor's driver, whatever the tick is doing with them.
+    // Open the relay and switch the motor's driver off, whatever the tick has set.
     pac::GPIOC.bsrr().write(|pins| pins.set_br(7, true));
     pac::GPIOB.bsrr().write(|pins| pins.set_bs(10, true));
     crash::end(CrashCause::SupplyLow, [0; CALLS_TOLD])

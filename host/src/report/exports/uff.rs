@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_is_split_where_it_turns_and_every_branch_rises() {
+    fn a_sweep_is_split_at_its_reversals_into_rising_branches() {
         assert_eq!(sweep(&[1.0, 2.0, 3.0]), [(vec![1.0, 2.0, 3.0], false)]);
         assert_eq!(sweep(&[1.0, 2.0, 1.5, 1.0]), [(vec![1.0, 2.0], false), (vec![1.0, 1.5], true)]);
         assert_eq!(sweep(&[2.0, 2.0]), [(vec![2.0], false), (vec![2.0], false)]);

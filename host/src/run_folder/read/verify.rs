@@ -313,7 +313,7 @@ mod tests {
     use super::gaps;
 
     #[test]
-    fn a_gap_is_told_with_its_place_and_its_length_in_rows() {
+    fn a_gap_is_reported_with_its_place_and_its_length_in_rows() {
         assert_eq!(gaps(&[0.0, 10.0, 20.0], 10.0), None);
         assert_eq!(gaps(&[0.0, 10.0, 50.0], 10.0).unwrap(), "1 gaps, 3 rows lost, the first after tick 10");
         assert!(gaps(&[0.0, 10.0, 10.0], 10.0).unwrap().ends_with("1 times the tick does not rise"));

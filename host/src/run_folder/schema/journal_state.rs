@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_points_come_in_ranges_of_neighbours() {
+    fn missing_points_are_listed_as_ranges() {
         let taken = JournalState::of(&[start(0, false), result(0, 0), result(3, 0)]);
         assert_eq!(taken.missing("a", "e", 6), [1..3, 4..6]);
         assert_eq!(taken.missing("b", "e", 2).first(), Some(&(0..2)));

@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stalled_disk_blocks_nobody_and_dropped_rows_are_counted() {
+    fn a_stalled_disk_does_not_block_the_link_and_dropped_rows_are_counted() {
         let (mut recorder, held, give) = stalled(false);
         let stop = AtomicBool::new(false);
         recorder.rows(rows(0), &stop);

@@ -1,4 +1,4 @@
-//! Shared by the tests of the command: the binary, campaigns on the disk, and boards behind a TCP port with injected faults.
+//! Shared by the tests: the `damprig` binary, campaigns on disk, and boards behind a TCP port with injected faults.
 
 #![allow(dead_code)] // Each test file uses its part.
 
@@ -17,7 +17,7 @@ use damprig_simulator::device::{Progress, SimulatedDevice};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use tempfile::TempDir;
 
-/// The command, started in a folder of its own.
+/// The command, started in its own folder.
 pub fn damprig(folder: &TempDir) -> Command {
     let mut command = Command::cargo_bin("damprig").expect("the binary of this package");
     command.current_dir(folder.path());
@@ -30,50 +30,50 @@ pub fn short() -> String {
     std::fs::read_to_string(path).expect("the shipped campaign")
 }
 
-/// A fresh folder with a campaign `test.toml` in it.
+/// A new folder with a campaign `test.toml`.
 pub fn folder_with(campaign: &str) -> TempDir {
     let folder = TempDir::new().expect("a temporary folder");
     std::fs::write(folder.path().join("test.toml"), campaign).expect("a file");
     folder
 }
 
-/// All rows of a Parquet file, as one batch each read.
+/// All rows of a Parquet file, in batches.
 pub fn read_parquet(path: PathBuf) -> Vec<RecordBatch> {
     let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let reader = ParquetRecordBatchReaderBuilder::try_new(file).expect("Parquet").build().expect("Parquet");
     reader.map(|batch| batch.expect("a whole batch")).collect()
 }
 
-/// Number of rows.
+/// Number of rows of a Parquet file.
 pub fn rows(path: PathBuf) -> usize {
     read_parquet(path).iter().map(RecordBatch::num_rows).sum()
 }
 
-/// Rows of samples in a run folder, complete or not.
+/// Number of sample rows in a run folder, complete or not.
 pub fn sample_rows(run: &Path) -> usize {
     let run = damprig::run_folder::RunFolder::open(run).expect("a run");
     run.samples().map(|batch| batch.expect("readable samples").num_rows()).sum()
 }
 
-/// Rows of results in a run folder, complete or not.
+/// Number of result rows in a run folder, complete or not.
 pub fn result_rows(run: &Path) -> usize {
     let run = damprig::run_folder::RunFolder::open(run).expect("a run");
     run.results().expect("readable results").iter().map(RecordBatch::num_rows).sum()
 }
 
-/// The manifest.
+/// The manifest of a run.
 pub fn manifest(run: &Path) -> serde_json::Value {
     let text = std::fs::read_to_string(run.join("manifest.json")).expect("a manifest");
     serde_json::from_str(&text).expect("JSON")
 }
 
-/// What to do with a message on its way to the host.
+/// Treatment of a message on its way to the host.
 pub enum Fate {
     /// Send it.
     Pass,
-    /// Flip a bit of it.
+    /// Flip one of its bits.
     Corrupt,
-    /// Send this in its place.
+    /// Send this message instead.
     Replace(Box<FromDevice>),
     /// Send it, and these after it.
     Also(Vec<FromDevice>),
@@ -81,7 +81,7 @@ pub enum Fate {
     Flood(Box<FromDevice>),
     /// Close the connection instead.
     Close,
-    /// Send nothing from here on, but stay connected.
+    /// Send nothing from now on, but stay connected.
     Mute,
     /// The board is reset by a short loss of power; the connection stays.
     Reset,
@@ -89,7 +89,7 @@ pub enum Fate {
 
 /// A simulated board behind a TCP port of this machine; `fate` decides about every message.
 pub struct Served {
-    /// For `--rig`.
+    /// Address of the board, for `--rig`.
     pub rig: String,
     thread: JoinHandle<Heard>,
 }
@@ -113,8 +113,8 @@ impl Served {
         Self { rig, thread }
     }
 
-    /// Serves one connection after the other, as long as the test lasts; the board keeps its state in between. Gives its
-    /// address for `--rig`.
+    /// Serves one connection after the other until the end of the test; the board keeps its state between them.
+    /// Returns its address for `--rig`.
     pub fn again_and_again(mut fate: impl FnMut(&FromDevice) -> Fate + Send + 'static) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
@@ -127,7 +127,7 @@ impl Served {
         rig
     }
 
-    /// The requests of the host, after it has disconnected.
+    /// The requests of the host. Call after it has disconnected.
     pub fn received(self) -> Vec<ToDevice> {
         self.thread.join().expect("the board's thread").received
     }
@@ -215,10 +215,10 @@ pub fn is_point(message: &FromDevice) -> bool {
     matches!(message, FromDevice::Event { event: Event::Point(_), .. })
 }
 
-/// Long enough for a loaded machine, short enough to fail.
+/// A time limit that is long enough for a loaded machine.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A run of the short campaign that was cut off at its fourth point.
+/// A run of the short campaign that was interrupted at its fourth point.
 pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
     let folder = folder_with(campaign);
     let mut points = 0;

@@ -140,7 +140,7 @@ pub struct BaseLoop {
     travel: Option<(f32, f32)>,
     half_travel: f32,
     held: u32,
-    /// In the last tick.
+    /// Whether the drive was at its limit in the last tick.
     saturated: bool,
 }
 
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn at_high_gain_a_pole_stands_by_the_structures_own_zero() {
+    fn at_high_gain_a_pole_is_near_the_structures_zero() {
         let (sigma, kappa, delta, gain) = (0.0597, 0.326, 0.3, 20.0);
         let [slow, _] = envelope_poles(sigma, kappa, delta, gain);
         let share = 1.0 - kappa / gain;

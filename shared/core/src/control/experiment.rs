@@ -13,7 +13,7 @@ use crate::measure::running::DriveReference;
 
 /// A checked experiment.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum Experiment {
     /// A stepped sine: one frequency after another.
     SteppedSine(stepped_sine::SteppedSinePlan),
@@ -51,7 +51,7 @@ impl Experiment {
     }
 }
 
-/// An experiment in progress. The caller keeps its [`Experiment`] and passes the same one to every call.
+/// An experiment in progress, with its plan.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)]
 pub enum ExperimentRunner {
@@ -91,29 +91,27 @@ impl ExperimentRunner {
     pub fn new(experiment: &Experiment, drive: &DriveRange) -> Self {
         match experiment {
             Experiment::SteppedSine(plan) => Self::SteppedSine(stepped_sine::SteppedSineRunner::new(plan, drive)),
-            Experiment::Playback(_) => Self::Playback(playback::PlaybackRunner::new(drive)),
-            Experiment::FreeVibration(_) => Self::FreeVibration(free_vibration::FreeVibrationRunner::default()),
+            Experiment::Playback(plan) => Self::Playback(playback::PlaybackRunner::new(plan, drive)),
+            Experiment::FreeVibration(plan) => Self::FreeVibration(free_vibration::FreeVibrationRunner::new(plan)),
         }
     }
 
     /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
     /// tick. `record` is the record that a playback plays.
-    pub fn tick(&mut self, experiment: &Experiment, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
-        match (self, experiment) {
-            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.tick(plan, now),
-            (Self::Playback(runner), Experiment::Playback(plan)) => runner.tick(plan, record, now),
-            (Self::FreeVibration(runner), Experiment::FreeVibration(plan)) => (0.0, runner.tick(plan, now)),
-            // The plan is of another kind: the drive stays at zero.
-            _ => (0.0, Outcome::Running),
+    pub fn tick(&mut self, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
+        match self {
+            Self::SteppedSine(runner) => runner.tick(now),
+            Self::Playback(runner) => runner.tick(record, now),
+            Self::FreeVibration(runner) => (0.0, runner.tick(now)),
         }
     }
 
     /// The drive for this tick, m, without measuring. Used for the fade after a stop.
-    pub fn fade(&mut self, experiment: &Experiment, record: &[i16]) -> f32 {
-        match (self, experiment) {
-            (Self::SteppedSine(runner), Experiment::SteppedSine(plan)) => runner.fade(plan),
-            (Self::Playback(runner), Experiment::Playback(plan)) => runner.fade(plan, record),
-            _ => 0.0,
+    pub fn fade(&mut self, record: &[i16]) -> f32 {
+        match self {
+            Self::SteppedSine(runner) => runner.fade(),
+            Self::Playback(runner) => runner.fade(record),
+            Self::FreeVibration(_) => 0.0,
         }
     }
 

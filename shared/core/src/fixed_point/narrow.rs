@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn product_and_quotient_are_the_librarys() {
+    fn product_and_quotient_equal_those_of_the_library() {
         for a in numbers() {
             for b in numbers() {
                 assert_eq!(product(a, b), a.saturating_mul(b), "{} * {}", a.to_bits(), b.to_bits());
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn the_root_is_the_librarys() {
+    fn the_square_root_equals_that_of_the_library() {
         for a in numbers().filter(|a| *a >= I16F48::ZERO) {
             assert_eq!(root(a), a.sqrt(), "{}", a.to_bits());
         }

@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sampled_sine_is_met_between_the_samples() {
+    fn a_sampled_sine_is_interpolated_within_the_stated_error() {
         let step = 2.0 * core::f64::consts::PI * 3.0 / 1000.0;
         let mut track = BaseTrack::at_rest(0.0);
         for n in 0..3 {
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_join_to_the_whole() {
+    fn the_last_part_of_a_segment_ends_like_the_whole() {
         let whole = BaseSegment([0.1, -0.2, 0.3, 0.4]);
         let last = whole.part(2, 3);
         assert!((last.from(1.0).0[0] - whole.from(1.0).0[0]).abs() < 1e-15);

@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn no_spring_force_is_a_tenth_of_the_span() {
+    fn zero_spring_force_is_at_a_tenth_of_the_span() {
         let rig = Calibration::default();
         let block = |counts: u16| rig.readings(&[[32_760, 32_760, counts]; SUBSAMPLES]);
         assert_eq!((block(6_552).spring_n, block(6_552).spring_rail), (0.0, Rail::Clear));

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_come_to_what_their_numbers_come_to() {
+    fn a_block_of_counts_gives_the_reading_of_its_values() {
         let (zero_counts, per_count) = (32_760.0, 2.5e-6);
         let to_si = |counts: u16| (f32::from(counts) - zero_counts) * per_count;
         let usable = SLOW_USABLE.map(to_si);

@@ -22,7 +22,7 @@ pub struct DriveRange {
 pub struct AboveLimit {
     /// The parameter's name, with its unit.
     pub parameter: &'static str,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f32,
     /// The limit, in the same unit.
     pub limit: f32,
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_demand_beyond_either_end_is_cut_and_told() {
+    fn a_demand_beyond_either_end_is_clipped_and_reported() {
         let range = DriveRange { low_m: -3e-3, high_m: 4e-3 };
         assert_eq!(range.amplitude_m(), 3e-3);
         for (demand, drive) in [(0.0, 0.0), (4e-3, 4e-3), (-3e-3, -3e-3)] {

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hundredth_of_the_span_at_either_end_is_rail() {
+    fn a_hundredth_of_the_span_at_either_end_counts_as_rail() {
         let counts = Usable::of_counts(4_095);
         assert_eq!((counts.low, counts.high), (40, 4_055));
         assert!(

@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_block_comes_to_its_mean_and_its_farthest_sample() {
+    fn a_block_is_reduced_to_its_mean_and_its_largest_magnitude() {
         let block = [1.0, -4.0, 2.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
         let expected = Reading { mean_m: 0.5, peak_m: 4.0, inside_peak_m: 4.0, still_at: None, rail: Rail::Clear };
         assert_eq!(Reading::of(&block), expected);
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_that_is_no_number_shows_in_mean_and_peak() {
+    fn a_nan_sample_makes_mean_and_peak_nan() {
         let mut block = [1.0; SUBSAMPLES];
         block[3] = f32::NAN;
         let reading = Reading::of(&block);

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn no_drive_is_the_middle_of_the_output() {
+    fn zero_drive_is_the_middle_of_the_output() {
         let drive = Calibration::default().drive;
         assert_eq!(drive.to_counts(0.0), 2_048);
         assert_eq!(drive.to_counts(f32::NAN), 2_048);
@@ -194,7 +194,7 @@ mod tests {
 
     /// 0.2 V to 3.1 V of 3.3 V is 248.2 to 3846.8 counts.
     #[test]
-    fn a_demand_beyond_the_linear_range_stays_at_its_end() {
+    fn a_demand_beyond_the_linear_range_is_clipped_to_its_end() {
         let drive = Calibration::default().drive;
         for (demand_m, counts) in [(1.0, 3_846), (f32::INFINITY, 3_846), (-1.0, 249), (f32::NEG_INFINITY, 249)] {
             assert_eq!(drive.to_counts(demand_m), counts, "{demand_m}");

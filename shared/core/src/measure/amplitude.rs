@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_amplitude_of_a_sine_with_an_offset_comes_back_within_half_a_tick_of_a_cycle() {
+    fn the_amplitude_of_a_sine_with_an_offset_has_an_error_of_at_most_half_a_tick_of_a_cycle() {
         for frequency in [2.0, 2.35, 2.5, 3.0, 7.3] {
             let mut amplitude = CycleAmplitude::default();
             let mut worst: f32 = 0.0;
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn there_is_no_amplitude_without_a_drive_or_from_no_numbers() {
+    fn there_is_no_amplitude_without_a_drive_or_from_nan_samples() {
         let mut amplitude = CycleAmplitude::default();
         (0..1000).for_each(|_| _ = amplitude.push(1e-3, 2.5));
         assert_eq!(amplitude.push(1e-3, 0.0), None);

@@ -59,7 +59,7 @@ mod tests {
     use crate::sine::Phase;
 
     #[test]
-    fn amplitude_and_phase_of_a_known_sine_come_back() {
+    fn amplitude_and_phase_of_a_known_sine_are_measured() {
         let increment = Phase::increment(2.5, 1000.0);
         let (mut phase, mut lock_in, mut samples) = (Phase::default(), LockIn::default(), 0);
         for tick in 1..=80 * 400 {

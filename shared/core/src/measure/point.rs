@@ -217,7 +217,7 @@ mod tests {
     use crate::sine::Phase;
 
     #[test]
-    fn the_distortion_of_a_known_wave_comes_back() {
+    fn the_distortion_of_a_known_wave_is_measured() {
         let increment = Phase::increment(2.5, 1000.0);
         let (mut phase, mut meter) = (Phase::default(), PointMeter::new(20));
         while meter.cycles() < 20 {

@@ -28,7 +28,7 @@ pub struct RunningMotion {
     pub z_amplitude_m: f32,
     /// Phase of z relative to the drive, −π to π, positive where z leads, rad; within [`PHASE_ERROR_RAD`].
     pub z_phase_rad: f32,
-    /// X/Z.
+    /// Ratio of the two lock-in amplitudes. A result's X/Z has the mean of the cycle maxima of |x| over the same z.
     pub x_over_z: f32,
 }
 
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_motion_of_the_last_whole_cycle_is_shown_and_vanishes_with_the_drive() {
+    fn the_motion_of_the_last_whole_cycle_is_reported_until_the_drive_ends() {
         let increment = Phase::increment(2.5, 1000.0);
         let (mut phase, mut running) = (Phase::default(), RunningLockIn::default());
         for tick in 0..1000 {

@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_million_small_values_on_a_large_one_are_all_there() {
+    fn a_million_small_values_added_to_a_large_one_are_not_lost() {
         let (mut sum, mut exact) = (Sum::default(), 1e6);
         sum.push(1e6);
         for n in 0..1_000_000u32 {

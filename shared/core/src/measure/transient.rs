@@ -45,7 +45,7 @@ pub struct TransientResult {
     pub wanted_rms_m: f32,
     /// RMS of z minus the demand, at the delay that makes it smallest, m.
     pub base_error_rms_m: f32,
-    /// That delay, from the demand to the reading, s; 0 without a demand.
+    /// Delay from the demand to the reading at which that error is smallest, s; 0 without a demand.
     pub base_delay_s: f32,
     /// The demand was cut at its limit.
     pub drive_saturated: bool,
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_figures_of_sines_are_their_closed_forms() {
+    fn rms_and_peaks_of_sines_agree_with_their_closed_forms() {
         let result = measured(2.0, 0.0);
         for (value, expected) in
             [(result.x_rms_m, 3.0), (result.z_rms_m, 1.0), (result.relative_rms_m, 2.0), (result.wanted_rms_m, 1.0)]
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_is_found_and_is_no_error() {
+    fn a_delay_is_measured_and_does_not_count_as_error() {
         for late in [1.0, 1.6, 2.0, 2.45, 3.2] {
             let result = measured(late, 0.0);
             assert!((f64::from(result.base_delay_s) * 1e3 - late).abs() < 2e-2, "{late}: {}", result.base_delay_s);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_base_adds_is_the_error() {
+    fn motion_that_the_base_adds_counts_as_error() {
         let result = measured(2.45, 0.02);
         assert!((result.base_error_rms_m / (0.02 / core::f32::consts::SQRT_2) - 1.0).abs() < 5e-3);
     }

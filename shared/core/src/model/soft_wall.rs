@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn at_its_frequency_a_dashpot_loses_what_the_loss_factor_says() {
+    fn a_dashpot_dissipates_the_loss_factors_energy_at_its_frequency() {
         // Loss per cycle over 2π times the stored energy ½k1X²: π c1 ω X²/(π k1 X²) = η.
         let omega = Structure::from_modal(1.6, 2.5, 0.0).angular_frequency_rad_per_s();
         let lost = damping(Material::Rubber, DampingLaw::Natural) * omega / Material::Rubber.stiffness_n_per_m();

@@ -34,7 +34,7 @@ impl Dampers {
         self.meter.counts().total()
     }
 
-    /// Starts the tick count anew: counts at zero, the twin at rest. The spring keeps its position.
+    /// Restarts the tick count: counts at zero, the twin at rest. The spring keeps its position.
     pub fn restart(&mut self) {
         self.meter.reset();
         if let Some(twin) = &mut self.twin {
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pulse_of_a_plant_that_was_put_back_is_told_and_not_taught() {
+    fn a_pulse_from_before_a_plants_reset_is_reported_but_not_passed_to_the_twin() {
         let set_up = set_up(2.5, 7.5e-3);
         let quiet = Sensors::default();
         let mut touched = quiet;

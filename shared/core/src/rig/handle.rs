@@ -1,10 +1,10 @@
 //! Commands to the rig: checks each against the present state and carries it out.
 
+use super::activity::{Activity, Phase};
 use super::command::{Brake, Command, State};
 use super::{Rejected, Rig};
 use crate::control::experiment::{Experiment, ExperimentRunner};
 use crate::control::friction_spring::{FrictionSpring, SpringCommand, SpringStage};
-use crate::control::outcome::ExperimentStage;
 use crate::control::safety::ExperimentLimits;
 use crate::settings::{Prepared, Settings};
 use crate::twin::Twin;
@@ -15,7 +15,7 @@ impl Rig {
     /// # Errors
     /// The rig is not idle. The error holds its state and what to do.
     pub fn must_be_idle(&self) -> Result<(), Rejected> {
-        let state = self.state;
+        let state = self.state();
         match state {
             State::Idle => Ok(()),
             State::Faulted => Err(Rejected::wrong_state(state, "clear the fault first")),
@@ -33,7 +33,7 @@ impl Rig {
                 self.must_be_idle()?;
                 if self.experiment.is_none() {
                     let advice = "configure an experiment first";
-                    return Err(Rejected::wrong_state(self.state, advice));
+                    return Err(Rejected::wrong_state(self.state(), advice));
                 }
                 self.settings.safety.tightened(&limits)?;
                 self.limits = limits;
@@ -58,14 +58,7 @@ impl Rig {
                 self.dampers.spring = FrictionSpring::new(&self.settings.spring)?;
             }
             Command::Start => self.start()?,
-            Command::Stop => {
-                if let Some(runner) = &mut self.runner {
-                    runner.release_drive();
-                    if self.state != State::Faulted {
-                        self.state = State::Stopping;
-                    }
-                }
-            }
+            Command::Stop => self.activity.stop(false),
             Command::ClearFault => self.clear_fault()?,
             Command::Spring(command) => self.handle_spring(command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),
@@ -87,7 +80,7 @@ impl Rig {
 
     fn set_settings(&mut self, settings: &Settings) -> Result<(), Rejected> {
         let prepared = Prepared::new(settings)?;
-        if self.state != State::Faulted || self.runner.is_some() {
+        if !matches!(self.activity, Activity::Faulted(_)) {
             self.must_be_idle()?;
         }
         self.drive = settings.calibration.drive.range();
@@ -106,15 +99,15 @@ impl Rig {
         self.dampers.spring.end_set_up(&self.settings.spring);
     }
 
-    /// Checks that the configured experiment could start now. `record_peak_counts` is the largest |sample| of the
-    /// loaded record.
+    /// The configured experiment, if it could start now. `record_peak_counts` is the largest |sample| of the loaded
+    /// record.
     ///
     /// # Errors
     /// As [`Rig::handle`] with [`Command::Start`].
-    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<(), Rejected> {
+    pub fn could_start(&self, record_peak_counts: Option<u16>) -> Result<&Experiment, Rejected> {
         self.must_be_idle()?;
         let Some(experiment) = &self.experiment else {
-            return Err(Rejected::wrong_state(self.state, "configure an experiment first"));
+            return Err(Rejected::wrong_state(self.state(), "configure an experiment first"));
         };
         // The settings may have changed since the experiment was configured.
         self.check_drive(experiment, record_peak_counts)?;
@@ -123,33 +116,30 @@ impl Rig {
             stage @ (SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing) => {
                 Err(Rejected::wrong_stage(stage, "wait until it is done, or halt"))
             }
-            _ => Ok(()),
+            _ => Ok(experiment),
         }
     }
 
     fn start(&mut self) -> Result<(), Rejected> {
-        self.could_start(None)?;
+        let runner = ExperimentRunner::new(self.could_start(None)?, &self.drive);
         // The board's settings may have changed since the limits were set.
         self.safety.tighten(&self.limits)?;
-        self.runner = self.experiment.as_ref().map(|experiment| ExperimentRunner::new(experiment, &self.drive));
-        self.state = State::Running(ExperimentStage::Rest);
+        self.activity = Activity::Experiment { runner, phase: Phase::Running };
         self.tick = 0;
         self.points = 0;
         self.results.clear();
         self.transient = None;
         self.largest_drive_m = 0.0;
-        self.finishing = false;
         self.safety.restart();
         self.dampers.restart();
         Ok(())
     }
 
     fn clear_fault(&mut self) -> Result<(), Rejected> {
-        let state = self.state;
+        let state = self.state();
         self.safety.clear().map_err(|not_safe| Rejected::wrong_state(state, not_safe.advice))?;
-        self.fault = None;
-        if self.state == State::Faulted {
-            self.state = State::Idle;
+        if state == State::Faulted {
+            self.activity = Activity::Idle;
             self.brake = Brake::Open;
             self.dampers.let_go();
             self.end_experiment();
@@ -160,14 +150,14 @@ impl Rig {
     fn handle_spring(&mut self, command: SpringCommand) -> Result<(), Rejected> {
         let searches = matches!(command, SpringCommand::Home | SpringCommand::TouchOff);
         let moves = searches || matches!(command, SpringCommand::Set(_));
-        let state = self.state;
+        let state = self.state();
         if self.emergency_stop && (moves || command == SpringCommand::Release) {
             return Err(Rejected::wrong_state(state, "release the emergency stop first"));
         }
         if self.brake != Brake::Open && matches!(command, SpringCommand::Release | SpringCommand::Halt) {
             return Err(Rejected::wrong_state(state, "the brake closes: clear the fault first"));
         }
-        match self.state {
+        match state {
             State::Running(_) | State::Stopping if searches => self.must_be_idle()?,
             State::Faulted if moves => self.must_be_idle()?,
             _ => {}

@@ -1,11 +1,13 @@
 //! The rig's state machine: takes samples and commands, returns actuator values, replies and events.
 //!
 //! All functions are synchronous; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. The interlocks run first in a tick, so that the
-//! spring and the drive obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
-//! commands, [`Rig::handle`] carries them out in a file of its own; [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands and
-//! results to and from a host.
+//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. In a tick the interlocks follow the
+//! measurement of impacts and base; the spring and the drive come after them and obey them in the same tick.
+//! [`crate::io`] has the input and output types, [`command`] the commands, `handle` carries them out; `activity` has
+//! the states, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands
+//! and results to and from a host.
 
+mod activity;
 pub mod command;
 pub mod damper;
 mod event_queue;
@@ -24,6 +26,7 @@ use crate::measure::point::PointResult;
 use crate::measure::snippet::Snippet;
 use crate::measure::transient::TransientResult;
 use crate::settings::Settings;
+use activity::{Activity, Phase};
 pub use command::{Brake, Command, Event, State, Status};
 use damper::Dampers;
 use event_queue::EventQueue;
@@ -39,21 +42,18 @@ pub const KEPT_RESULTS: usize = 8;
 pub struct Rig {
     /// Settings of the board. They are in force unless the experiment tightens limits or describes its spring.
     settings: Settings,
+    /// The configured experiment and its limits.
     experiment: Option<Experiment>,
-    /// Limits of the configured experiment.
     limits: ExperimentLimits,
-    runner: Option<ExperimentRunner>,
+    activity: Activity,
     safety: Safety,
     dampers: Dampers,
-    state: State,
     tick: u32,
     points: u16,
     results: Deque<PointResult, KEPT_RESULTS>,
     transient: Option<TransientResult>,
     /// Largest |demanded base displacement| since the start, m.
     largest_drive_m: f32,
-    fault: Option<Fault>,
-    finishing: bool,
     begins_from_rest: Option<u16>,
     host_heard: bool,
     drive: DriveRange,
@@ -78,17 +78,14 @@ impl Rig {
             settings: Settings::default(),
             experiment: None,
             limits: ExperimentLimits::default(),
-            runner: None,
+            activity: Activity::Idle,
             safety: Safety::default(),
             dampers: Dampers::default(),
-            state: State::Idle,
             tick: 0,
             points: 0,
             results: Deque::new(),
             transient: None,
             largest_drive_m: 0.0,
-            fault: None,
-            finishing: false,
             begins_from_rest: None,
             host_heard: false,
             drive: DriveScale::default().range(),
@@ -109,10 +106,10 @@ impl Rig {
     #[must_use]
     pub fn status(&self) -> Status {
         Status {
-            state: self.state,
+            state: self.state(),
             tick: self.tick,
             points: self.points,
-            fault: self.fault,
+            fault: self.activity.fault(),
             safe: self.safety.stage(),
             sensors: self.safety.sensors(),
             brake: self.brake,
@@ -124,10 +121,11 @@ impl Rig {
     /// State of the rig.
     #[must_use]
     pub fn state(&self) -> State {
-        self.state
+        self.activity.state()
     }
 
-    /// Index of the point that began to wait for rest in the last tick, or whose structure was to be held in it.
+    /// Index of the point that began to wait for rest in the last tick, or whose structure was to be held in it. A real
+    /// structure comes to rest, or is held by a person; a simulated plant is reset to the point's start.
     #[must_use]
     pub fn begins_from_rest(&self) -> Option<u16> {
         self.begins_from_rest
@@ -188,7 +186,7 @@ impl Rig {
     /// Runs one control tick; `record` is the record for a playback. [`Rig::pop_event`] returns the events of the tick.
     pub fn tick(&mut self, sensors: &Sensors, record: &[i16]) -> Actuators {
         let (tick, readings) = (self.tick, sensors.readings);
-        let frequency_hz = self.runner.as_ref().map_or(0.0, ExperimentRunner::frequency_hz);
+        let frequency_hz = self.activity.runner().map_or(0.0, ExperimentRunner::frequency_hz);
         self.dampers.measure(tick, sensors, frequency_hz, &mut self.events);
         let allowed = self.check_interlocks(sensors, frequency_hz);
         self.brake = self.dampers.brake(allowed.brake_n);
@@ -196,7 +194,7 @@ impl Rig {
         let mut actuators = Actuators { motor, ..Actuators::default() };
         self.run_experiment(&readings, record, &allowed, &mut actuators);
         self.dampers.update_twin(tick, &readings);
-        let reference = self.runner.as_ref().and_then(ExperimentRunner::reference);
+        let reference = self.activity.runner().and_then(ExperimentRunner::reference);
         self.dampers.update_motion(&readings, reference);
         if self.begins_from_rest.is_some() {
             self.dampers.put_back(tick);
@@ -223,7 +221,7 @@ impl Rig {
             self.events.push(Event::Spring(event));
         }
         if let Some(SpringEvent::Fault(fault)) = event
-            && self.runner.is_some()
+            && self.activity.runner().is_some()
         {
             self.latch(fault);
         }
@@ -235,14 +233,13 @@ impl Rig {
         self.begins_from_rest = None;
         let (impacts, clipped) = (self.dampers.impacts(), self.safety.clipped_now());
         let now = TickInputs { tick: self.tick, readings, impacts, clipped };
-        let (Some(runner), Some(experiment)) = (&mut self.runner, &self.experiment) else { return };
-        let (drive_m, outcome) = if let State::Running(_) = self.state {
-            let driven = runner.tick(experiment, record, &now);
+        let Activity::Experiment { runner, phase } = &mut self.activity else { return };
+        let (drive_m, outcome) = if let Phase::Running = phase {
+            let driven = runner.tick(record, &now);
             self.begins_from_rest = runner.begins_from_rest();
-            self.state = State::Running(runner.stage());
             driven
         } else {
-            (runner.fade(experiment, record), Outcome::Running)
+            (runner.fade(record), Outcome::Running)
         };
         actuators.drive_enabled = allowed.relay;
         actuators.drive_m = drive_m * allowed.drive;
@@ -252,10 +249,9 @@ impl Rig {
         }
         let is_silent = runner.is_silent();
         self.record(outcome);
-        if !matches!(self.state, State::Running(_)) && is_silent || !allowed.relay {
-            self.runner = None;
+        if !matches!(self.state(), State::Running(_)) && is_silent || !allowed.relay {
             actuators.drive_enabled = false;
-            self.come_to_rest();
+            self.end_drive();
         }
     }
 
@@ -266,14 +262,14 @@ impl Rig {
         let force_n = |wall: usize| if wall_rails[wall].is_all() { 0.0 } else { meter.highest_n()[wall] };
         let (low, high) = (force_n(0), force_n(1));
         self.emergency_stop = sensors.emergency_stop;
-        let drive = self.runner.as_ref().map_or(Driving::default(), ExperimentRunner::driving);
+        let drive = self.activity.runner().map_or(Driving::default(), ExperimentRunner::driving);
         Signs {
             tick: self.tick,
             driving: drive.on,
             swinging: drive.swinging,
             drive_m: self.largest_drive_m,
             frequency_hz,
-            running: self.runner.is_some(),
+            running: self.activity.runner().is_some(),
             wall_rails,
             wall_drift: meter.drift_n(),
             wall_force_n: if low > high { low } else { high },
@@ -293,11 +289,7 @@ impl Rig {
     /// Reacts to a fault that is already latched: the drive is released. The interlocks' output of each tick determines
     /// whether the brake closes.
     fn trip(&mut self, fault: Fault) {
-        self.fault = Some(fault);
-        self.state = State::Faulted;
-        if let Some(runner) = &mut self.runner {
-            runner.release_drive();
-        }
+        self.activity.trip(fault);
         self.events.push(Event::Fault(fault));
     }
 
@@ -315,34 +307,29 @@ impl Rig {
                 let _ = self.results.push_back(result);
                 self.events.push(Event::Point(result));
                 if matches!(outcome, Outcome::Finished(_)) {
-                    self.finish();
+                    self.activity.stop(true);
                 }
             }
             Outcome::Transient(result) => {
                 self.points += 1;
                 self.transient = Some(result);
                 self.events.push(Event::Transient(result));
-                self.finish();
+                self.activity.stop(true);
             }
         }
     }
 
-    /// Ends the measurement: the drive may fade.
-    fn finish(&mut self) {
-        self.finishing = true;
-        if self.state != State::Faulted {
-            self.state = State::Stopping;
-        }
-    }
-
-    /// The drive has faded out: returns to idle, unless a fault is latched.
-    fn come_to_rest(&mut self) {
-        if self.state == State::Faulted {
+    /// The drive has faded out: the board's own settings are in force again, unless a fault is latched.
+    fn end_drive(&mut self) {
+        if let Some(fault) = self.activity.fault() {
+            self.activity = Activity::Faulted(fault);
             return;
         }
-        self.state = State::Idle;
+        let is_complete =
+            matches!(self.activity, Activity::Experiment { phase: Phase::Stopping { is_complete: true }, .. });
+        self.activity = Activity::Idle;
         self.end_experiment();
-        if core::mem::take(&mut self.finishing) {
+        if is_complete {
             self.events.push(Event::Finished { points: self.points, rows_dropped: 0 });
         }
     }

@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_has_the_place_of_its_name() {
+    fn a_value_is_at_the_index_of_its_name() {
         let signals = Signals { x: 1.0, twin_x: 2.0, particle_velocity: 3.0, ..Signals::default() };
         for (name, value) in [("x", 1.0), ("twin_x", 2.0), ("particle_velocity", 3.0), ("z", 0.0)] {
             let place = SIGNALS.iter().position(|(known, _)| *known == name).unwrap();

@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn strong_impacts_that_do_not_come_raise_the_alarm_and_one_that_comes_takes_it_back() {
+    fn missing_strong_impacts_raise_the_alarm_and_a_matched_one_clears_it() {
         let mut matcher = matcher();
         for n in 0..3 {
             matcher.predict(200 * n, 0.0, 1, 0.1);
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn bounces_that_share_a_pulse_are_paired_with_it_together() {
+    fn bounces_within_one_pulse_are_all_paired_with_it() {
         let mut matcher = matcher();
         for at in [0.0, 1.0, 1.5, 9.0] {
             matcher.predict(100, at, 1, 0.1);

@@ -1,4 +1,4 @@
-//! Chatters that end in a particle resting on a hard wall: how many, when, and what is left out of the list of impacts.
+//! Chatters that end with a particle at rest on a hard wall: their number, their times, and the summed impacts.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::response::{Response, Wanted};
@@ -28,7 +28,7 @@ fn damper(mass_ratio: f64, clearance_m: f64, coefficient: f64, friction_coeffici
 #[derive(Default)]
 struct Ends {
     fastest_m_per_s: f64,
-    /// Ends and their sides, s.
+    /// Times (s) and sides of the ends.
     seen: Vec<(f64, Sign)>,
     longest_s: f64,
 }
@@ -49,11 +49,11 @@ impl Observer for Ends {
 }
 
 #[test]
-fn only_impacts_slower_than_a_ten_thousandth_of_the_fastest_are_left_out_also_of_a_light_particle() {
+fn only_impacts_slower_than_a_ten_thousandth_of_the_fastest_are_summed_even_for_a_light_particle() {
     let mut draw = draws(51);
     let mut ends = 0;
     for _ in 0..60 {
-        // The lighter the particle, the less its bounces matter to the motion.
+        // The lighter the particle, the less its bounces affect the motion.
         let set_up = damper(10.0_f64.powf(draw(-8.0, -0.5)), 0.06, draw(0.1, 0.8), 0.0);
         let drive =
             Excitation::Sine { amplitude_m: 3e-3, angular_frequency_rad_per_s: draw(14.0, 17.0), phase_rad: 0.0 };
@@ -68,7 +68,7 @@ fn only_impacts_slower_than_a_ten_thousandth_of_the_fastest_are_left_out_also_of
 
 const STEP_S: f64 = 1e-3;
 
-/// The sampled driver lists every bounce that it can tell from rest.
+/// Ends of chatters for the sampled driver, which lists every bounce that it distinguishes from rest.
 #[derive(Default)]
 struct ListedEnds {
     step: f64,
@@ -82,7 +82,7 @@ impl sampled::Observer<f64> for ListedEnds {
 }
 
 #[test]
-fn a_chatter_ends_when_its_last_bounce_does_under_either_driver() {
+fn a_chatter_ends_with_its_last_bounce_under_either_driver() {
     let mut draw = draws(52);
     let (mut compared, mut summed_s) = (0, 0.0_f64);
     for n in 0..80 {
@@ -97,22 +97,24 @@ fn a_chatter_ends_when_its_last_bounce_does_under_either_driver() {
             listed.step = f64::from(step);
             sampled.step(&BaseSegment::at_rest(0.0), &mut listed);
         }
-        // Motions that magnify a rounding may chatter differently later; the first two are compared.
+        // A motion that amplifies rounding errors may chatter differently later, so only the first two ends are
+        // compared.
         for (a, b) in ends.seen.iter().zip(&listed.seen).take(2) {
             assert_eq!(a.1, b.1, "{n}");
-            // Bounces that the sampled driver cannot tell from rest leave the wall at √(64 ε d A), A some m/s², and last
-            // 2/(1 − e)/A times that: 2·10⁻⁷ s. What the sum to first order leaves out is less: (6·10⁻⁵ s)² over a period.
+            // Bounces that the sampled driver cannot distinguish from rest leave the wall at √(64 ε d A), where A is
+            // some m/s², and last 2/(1 − e)/A times that: 2·10⁻⁷ s. The error of the first-order sum is smaller:
+            // (6·10⁻⁵ s)² over a period.
             assert!((a.0 - b.0).abs() < 2e-7, "{n}: {} {}", a.0, b.0);
             compared += 1;
         }
         summed_s = summed_s.max(ends.longest_s);
     }
     assert!(compared > 20, "only {compared} were compared");
-    assert!(summed_s > 2e-5, "tails of at most {summed_s:e} s were summed");
+    assert!(summed_s > 2e-5, "only tails of at most {summed_s:e} s were summed");
 }
 
 #[test]
-fn a_plastic_impact_is_no_accumulation() {
+fn a_plastic_impact_is_not_an_accumulation() {
     let set_up = damper(0.1, 0.02, 0.0, 0.0);
     let initial = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
     let mut exact = Exact::new(&set_up, &Excitation::Fixed, &initial).expect("physical");

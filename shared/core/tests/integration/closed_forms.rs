@@ -1,4 +1,4 @@
-//! The exact driver against formulas: each is written out here as published and evaluated for drawn parameters.
+//! The exact driver compared with published formulas, each evaluated for random parameters.
 
 use core::f64::consts::{PI, TAU};
 
@@ -42,7 +42,7 @@ impl Observer for Impacts {
     }
 }
 
-/// Masri and Caughey; Bapat and Sankar.
+/// Masri and Caughey (1966); Bapat and Sankar (1985).
 #[test]
 fn a_run_started_on_the_two_impact_orbit_stays_on_it() {
     let mut draw = draws(11);
@@ -61,10 +61,10 @@ fn a_run_started_on_the_two_impact_orbit_stays_on_it() {
             motion.run(half * 1.001, &mut impacts);
             let first = impacts.seen[0].expect("the particle crosses the cavity");
             if first.time_s < 0.99 * half || impacts.count != 1 {
-                // An impact falls between: the formula does not know, the run does.
+                // A further impact occurs in between, which the formula excludes.
                 continue;
             }
-            // Rounding, carried through half a period: of the phase, of the largest displacement.
+            // Rounding of the phase and of the largest displacement, propagated over half a period.
             let size = orbit.approach_speed_m_per_s;
             assert!((first.time_s - half).abs() < 1e-13 * (1.0 + d), "{:e}", first.time_s - half);
             assert_eq!(first.side, -1);
@@ -84,7 +84,7 @@ fn a_run_started_on_the_two_impact_orbit_stays_on_it() {
 }
 
 #[test]
-fn the_stable_orbit_is_where_a_run_from_rest_ends() {
+fn a_run_from_rest_ends_on_the_stable_orbit() {
     for (ratio, e, d) in [(1.0, 0.3, 10.0), (1.0, 0.5, 10.0), (1.1, 0.5, 5.0)] {
         let set_up = impact_damper(0.0038, 0.1, d, e);
         let turning = TAU * 2.5 * ratio;
@@ -103,9 +103,9 @@ fn the_stable_orbit_is_where_a_run_from_rest_ends() {
     }
 }
 
-/// Light-damper limit: K = 2(1−e)/(π(1+e)), (A/d)min = K/√(1+K²).
+/// Limit of a light damper: K = 2(1−e)/(π(1+e)), (A/d)min = K/√(1+K²).
 #[test]
-fn a_light_particle_needs_the_least_motion_that_the_limit_says() {
+fn a_light_particle_impacts_above_the_minimum_amplitude_of_the_closed_form() {
     let mut draw = draws(12);
     for _ in 0..50 {
         let (e, turning) = (draw(0.1, 0.95), TAU * 2.5 * draw(0.3, 0.8));
@@ -117,12 +117,12 @@ fn a_light_particle_needs_the_least_motion_that_the_limit_says() {
             let set_up = impact_damper(0.0, 1e-9, amplitude / share, e);
             SymmetricOrbit::new(&set_up, 1.0, turning).is_some()
         };
-        // The mass ratio moves the threshold by its own size.
+        // The mass ratio changes the threshold by its own size.
         assert!(exists(threshold * (1.0 + 1e-6)) && !exists(threshold * (1.0 - 1e-6)), "e {e}");
     }
 }
 
-/// Den Hartog (1931): forced, Coulomb friction, motion without stops.
+/// Den Hartog (1931): forced vibration with Coulomb friction, without stops.
 #[test]
 fn coulomb_friction_without_stops_has_den_hartogs_amplitude() {
     let mut draw = draws(13);
@@ -157,7 +157,7 @@ fn coulomb_friction_without_stops_has_den_hartogs_amplitude() {
             motion.run((from + cycles + 1.0) * cycle_s, &mut response);
             response.max_abs_x_m()
         };
-        // Until a hundred cycles change nothing: friction stops the transient in finite time where it can.
+        // Run until a hundred cycles change nothing: friction ends the transient in finite time where it can.
         let (mut last, mut now) = (0.0, amplitude(100.0));
         for _ in 0..60 {
             if f64::abs(now - last) < 1e-12 {
@@ -174,7 +174,7 @@ fn coulomb_friction_without_stops_has_den_hartogs_amplitude() {
     assert!(tested > 20, "only {tested} were tested");
 }
 
-/// The amplitude falls by 2 F/k every half cycle; at rest where the spring is weaker than friction.
+/// The amplitude falls by 2 F/k per half cycle. The structure stops where the spring force is below the friction.
 #[test]
 fn free_coulomb_decay_is_a_straight_line() {
     let mut draw = draws(14);
@@ -195,9 +195,9 @@ fn free_coulomb_decay_is_a_straight_line() {
     }
 }
 
-/// A particle over a floor that accelerates evenly is a bouncing ball: t∞ = √(2h/a) (1+e)/(1−e).
+/// A particle above a floor with constant acceleration is a bouncing ball: t∞ = √(2h/a) (1+e)/(1−e).
 #[test]
-fn accumulating_impacts_end_when_the_bouncing_ball_does() {
+fn accumulating_impacts_end_at_the_time_of_the_bouncing_ball() {
     struct Rest(Option<Accumulation>, f64);
     impl Observer for Rest {
         const ARCS: bool = false;
@@ -211,7 +211,7 @@ fn accumulating_impacts_end_when_the_bouncing_ball_does() {
     let mut draw = draws(15);
     for _ in 0..50 {
         let (e, height, pull) = (draw(0.05, 0.9), draw(0.1, 2.0), draw(2.0, 20.0));
-        // So heavy that the particle does not matter, so soft that the spring does not, so slow that the force is even.
+        // The structure is so heavy, soft and slow that its acceleration is constant and the particle has no effect.
         let (mass, light) = (1e9, 1e-9);
         let structure = Structure { mass_kg: mass, stiffness_n_per_m: 1e-6, damping_n_s_per_m: 0.0 };
         let particle = Particle {
@@ -228,15 +228,15 @@ fn accumulating_impacts_end_when_the_bouncing_ball_does() {
         let mut rest = Rest(None, 0.0);
         motion.run(1.5 * end, &mut rest);
         let Accumulation { time_s: at, ended_s, .. } = rest.0.expect("the particle comes to rest");
-        // It is said to rest when what remains no longer shows: the flights still to come last this long.
+        // The particle counts as at rest when the remaining flights are negligible. They last this long.
         let remaining = 2.0 * e * rest.1 / (pull * (1.0 - e));
         assert!(at <= end * (1.0 + 1e-9) && end - at <= remaining * 1.001 + 1e-9 * end, "{at} {end} {remaining:e}");
-        // The pull is even to 10⁻⁹ of itself, so the flights still to come are a geometric series.
+        // The acceleration is constant to 10⁻⁹, so the remaining flights form a geometric series.
         assert!((ended_s / end - 1.0).abs() < 1e-9, "{ended_s} {end}");
     }
 }
 
-/// Den Hartog's tuned mass: both fixed points are √(1 + 2/μ) high whatever its damping.
+/// Tuned mass (Den Hartog): both fixed points have the height √(1 + 2/μ) for every damping.
 #[test]
 fn a_tuned_mass_has_its_fixed_points() {
     let mut draw = draws(16);
@@ -271,9 +271,9 @@ fn a_tuned_mass_has_its_fixed_points() {
     }
 }
 
-/// A mass on a soft wall, z₁ = c₁/(2√(k₁ m)) with the reduced mass: what it leaves with, by both rules.
+/// A mass on a soft wall, z₁ = c₁/(2√(k₁ m)) with the reduced mass: separation speed for both release rules.
 #[test]
-fn a_soft_wall_returns_what_its_loss_says() {
+fn the_separation_speed_from_a_soft_wall_agrees_with_its_closed_form() {
     struct Contact(f64, Option<f64>);
     impl Observer for Contact {
         const ARCS: bool = false;
@@ -287,7 +287,7 @@ fn a_soft_wall_returns_what_its_loss_says() {
     let mut draw = draws(17);
     for _ in 0..50 {
         let (z, mass_ratio) = (draw(0.01, 0.6), draw(0.01, 0.5));
-        // A structure without a spring to speak of: two free bodies.
+        // The structure's spring is negligible, so both bodies are free.
         let structure = Structure { mass_kg: 1.0, stiffness_n_per_m: 1e-9, damping_n_s_per_m: 0.0 };
         let (stiffness_n_per_m, reduced) = (draw(1e3, 1e5), mass_ratio / (1.0 + mass_ratio));
         let damping_n_s_per_m = 2.0 * z * (stiffness_n_per_m * reduced).sqrt();

@@ -1,4 +1,4 @@
-//! The energy books close only on a motion in which nothing happens without a cause: faults put in on purpose show.
+//! The energy balance closes only for a correct motion: injected errors appear in the residual.
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Accumulation, Arc, Exact, ExactState, Excitation, Impact, Observer};
@@ -24,7 +24,7 @@ fn from(state: &ExactState) -> Initial {
     Initial { x_m: state.x_m, v_m_per_s: state.v_m_per_s, y_m: state.y_m(), u_m_per_s: state.u_m_per_s() }
 }
 
-/// Passes to the meter what is chosen of a motion, impacts as `tamper` leaves them.
+/// Passes selected events of a motion to the meter, with impacts changed by `tamper`.
 struct Part<'a, F> {
     meter: &'a mut EnergyMeter,
     starts: bool,
@@ -56,7 +56,8 @@ impl<F: FnMut(&mut Impact)> Observer for Part<'_, F> {
     }
 }
 
-/// The events of a true start, then the arcs of a motion whose structure has another velocity after the first impact.
+/// The meter gets the start events of a correct run, then the arcs of a run with another velocity after the first
+/// impact.
 #[test]
 fn a_velocity_lost_at_the_first_instant_shows_in_the_residual() {
     let set_up = damper(0.5);
@@ -81,7 +82,7 @@ fn a_velocity_lost_at_the_first_instant_shows_in_the_residual() {
 }
 
 #[test]
-fn a_jump_in_the_middle_of_a_run_shows_also_where_it_keeps_the_energy() {
+fn a_jump_in_the_middle_of_a_run_shows_even_if_it_keeps_the_energy() {
     let set_up = damper(0.5);
     let jump = |change: fn(&mut ExactState)| {
         let mut meter = EnergyMeter::new(&set_up);
@@ -93,7 +94,7 @@ fn a_jump_in_the_middle_of_a_run_shows_also_where_it_keeps_the_energy() {
         motion.run(2.0, &mut meter);
         meter.balance().residual_j().abs()
     };
-    // What Initial rounds when it takes the relative coordinates apart.
+    // Only rounding, from the conversion of relative coordinates in `Initial`.
     assert!(jump(|_| {}) < 1e-15, "{:e}", jump(|_| {}));
     let changes: [fn(&mut ExactState); 5] = [
         |s| (s.v_m_per_s, s.slide_m_per_s) = (-s.v_m_per_s, s.slide_m_per_s + 2.0 * s.v_m_per_s),
@@ -118,13 +119,13 @@ fn an_impact_that_breaks_its_law_shows_in_the_residual() {
     };
     assert!(residual_j(|_| {}) < 1e-14, "{:e}", residual_j(|_| {}));
     assert!(residual_j(|i| i.after.slide_m_per_s *= 1.0 + 1e-7) > 1e-10, "another restitution");
-    assert!(residual_j(|i| i.after.v_m_per_s += 1e-7) > 1e-10, "momentum from nowhere");
-    assert!(residual_j(|i| i.before.v_m_per_s += 1e-7) > 1e-10, "an impact that the motion does not come to");
+    assert!(residual_j(|i| i.after.v_m_per_s += 1e-7) > 1e-10, "momentum is not conserved");
+    assert!(residual_j(|i| i.before.v_m_per_s += 1e-7) > 1e-10, "the impact does not begin with the motion's state");
 }
 
-/// Chatters: what their tails take is booked, and nothing is left open.
+/// The energy of summed impacts is included in the balance.
 #[test]
-fn summed_chatters_leave_nothing_open() {
+fn the_balance_closes_with_summed_chatters() {
     struct Count(usize);
     impl Observer for Count {
         const ARCS: bool = false;

@@ -1,4 +1,4 @@
-//! Events of the rig: in order, bounded, and none lost without being counted.
+//! Events of the rig: in order, bounded, and lost ones are counted.
 
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
@@ -25,7 +25,7 @@ fn running() -> Rig {
     rig
 }
 
-/// Short pulses on both walls, one after the other: seven in a block on each.
+/// Short pulses alternating between both walls: seven per wall in a block.
 fn chattering() -> Sensors {
     let mut sensors = Sensors::default();
     for (n, pair) in sensors.walls.iter_mut().enumerate() {
@@ -36,7 +36,7 @@ fn chattering() -> Sensors {
 }
 
 #[test]
-fn impacts_beyond_the_queue_are_counted_as_lost_and_the_fault_of_the_same_tick_is_told() {
+fn impacts_beyond_the_queue_are_counted_as_lost_and_a_fault_of_the_same_tick_is_reported() {
     let mut rig = running();
     assert!(rig.events().next().is_none());
     let stopped = Sensors { emergency_stop: true, ..chattering() };
@@ -46,7 +46,7 @@ fn impacts_beyond_the_queue_are_counted_as_lost_and_the_fault_of_the_same_tick_i
     assert!(matches!(fault, Event::Fault(fault) if fault.cause == FaultCause::EmergencyStop), "{fault:?}");
     assert_eq!(impacts.len(), 8);
     assert!(impacts.iter().all(|event| matches!(event, Event::Impact(_))), "{impacts:?}");
-    // The last pulse of a block has not ended.
+    // The last pulse of a block does not end in it.
     let pulses = 2 * (WALL_SUBSAMPLES / 7) as u32;
     assert_eq!(rig.status().events_lost, pulses - 8);
 }

@@ -1,4 +1,4 @@
-//! What has to hold for every system, over systems drawn at random (seeded): the exact driver.
+//! Properties of the exact driver that hold for every system, tested on random systems with fixed seeds.
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::exact::{Arc, Exact, ExactState, Excitation, Impact, Observer};
@@ -38,7 +38,7 @@ impl Draw {
         SetUp { particle: Some(particle), friction_damper, ..SetUp::bare(structure) }
     }
 
-    /// Any system.
+    /// Any kind of system.
     fn any(&mut self) -> SetUp {
         let mut set_up = self.hard();
         match self.0.next_u32() % 4 {
@@ -85,7 +85,7 @@ impl Draw {
     }
 }
 
-/// Everything an observer can check against the laws.
+/// Observer that checks the laws of motion.
 struct Laws {
     set_up: SetUp,
     impacts: usize,
@@ -103,11 +103,11 @@ impl Observer for Laws {
         let scale = arc.start.x_m.abs() + arc.end.x_m.abs() + particle.clearance_m;
         for n in 0..=200 {
             let state = arc.state(arc.length_s * f64::from(n) / 200.0);
-            // Some ten roundings of what was added up.
+            // About ten roundings of the sum.
             let allowed = particle.clearance_m + 16.0 * f64::EPSILON * scale;
             assert!(!hard || state.offset_m.abs() <= allowed, "{:e} past the wall", state.offset_m.abs() - allowed);
         }
-        // What the ends say is what the series says.
+        // The end states agree with the series.
         let last = arc.state(arc.length_s);
         let speed = arc.start.v_m_per_s.abs() + arc.start.slide_m_per_s.abs() + scale / arc.length_s.max(1e-3);
         assert!((last.x_m - arc.end.x_m).abs() <= 64.0 * f64::EPSILON * scale, "{:e}", last.x_m - arc.end.x_m);
@@ -131,7 +131,7 @@ impl Observer for Laws {
 }
 
 #[test]
-fn impacts_keep_momentum_and_nothing_passes_a_wall() {
+fn impacts_conserve_momentum_and_no_particle_passes_a_wall() {
     let mut draw = Draw::new(1);
     let mut impacts = 0;
     for _ in 0..300 {
@@ -147,7 +147,7 @@ fn impacts_keep_momentum_and_nothing_passes_a_wall() {
 }
 
 #[test]
-fn energy_goes_where_a_mechanism_takes_it_and_nowhere_else() {
+fn energy_changes_only_by_the_known_mechanisms() {
     let mut draw = Draw::new(2);
     for n in 0..300 {
         let set_up = draw.any();
@@ -160,7 +160,7 @@ fn energy_goes_where_a_mechanism_takes_it_and_nowhere_else() {
             motion.run(f64::from(second), &mut meter);
             let balance = meter.balance();
             through = balance.dissipated_j() + balance.input_j.abs() + balance.stored_j.abs();
-            // Sums of some thousand arcs, each right to a few roundings of the energy in motion.
+            // The sums have some thousand terms, each with an error of a few roundings of the energy in the motion.
             let allowed = 1e-12 * (through + 0.1);
             assert!(
                 balance.residual_j().abs() <= allowed,
@@ -182,7 +182,7 @@ fn energy_goes_where_a_mechanism_takes_it_and_nowhere_else() {
 }
 
 #[test]
-fn a_conservative_system_runs_backwards_to_where_it_started() {
+fn a_conservative_system_run_backwards_returns_to_its_start() {
     let mut draw = Draw::new(3);
     let mut reversed = 0;
     for _ in 0..200 {
@@ -204,7 +204,7 @@ fn a_conservative_system_runs_backwards_to_where_it_started() {
             y_m: state.y_m(),
             u_m_per_s: -state.u_m_per_s(),
         };
-        // How much the motion magnifies a small change says how much of the roundings comes back.
+        // The amplification of a small change gives the expected error from rounding.
         let nudged = Initial { v_m_per_s: initial.v_m_per_s + 1e-9, ..initial };
         let (plain, moved) = (there(&initial), there(&nudged));
         let growth = ((plain.v_m_per_s - moved.v_m_per_s).abs() + (plain.u_m_per_s() - moved.u_m_per_s()).abs()) / 1e-9;
@@ -253,7 +253,7 @@ fn twice_the_base_and_twice_the_clearance_give_twice_the_motion_to_the_last_bit(
 }
 
 #[test]
-fn the_answer_does_not_depend_on_how_often_it_is_asked_for() {
+fn the_result_does_not_depend_on_the_number_of_intermediate_stops() {
     let mut draw = Draw::new(5);
     let mut compared = 0;
     for _ in 0..100 {
@@ -280,7 +280,7 @@ fn the_answer_does_not_depend_on_how_often_it_is_asked_for() {
 }
 
 #[test]
-fn soft_walls_tend_to_hard_ones_as_they_stiffen() {
+fn soft_walls_converge_to_hard_walls_with_increasing_stiffness() {
     let mut draw = Draw::new(6);
     for _ in 0..20 {
         let mut set_up = draw.hard();
@@ -308,14 +308,14 @@ fn soft_walls_tend_to_hard_ones_as_they_stiffen() {
         };
         let apart = |k: f64| (soft(k).x_m - hard.x_m).abs() + (soft(k).offset_m - hard.offset_m).abs();
         let (near, nearer) = (apart(1e8), apart(1e10));
-        // The contact lasts as 1/√k, and that is the difference.
+        // The difference is the duration of the contact, which is proportional to 1/√k.
         assert!(nearer <= 0.2 * near + 1e-12, "{near:e} {nearer:e}");
     }
 }
 
-/// A touch that grazes: the clearance is set to what the particle would just reach, less or more than a given share.
+/// A grazing contact: the clearance is set slightly below or above the largest offset of the particle.
 #[test]
-fn a_grazing_touch_is_hit_when_it_is_one_and_passed_when_it_is_not() {
+fn a_grazing_contact_is_detected_and_a_near_miss_is_not() {
     struct Reach(f64);
     impl Observer for Reach {
         fn arc(&mut self, arc: &Arc<'_>) {
@@ -338,7 +338,7 @@ fn a_grazing_touch_is_hit_when_it_is_one_and_passed_when_it_is_not() {
         let particle = set_up.particle.as_mut().expect("a particle was drawn");
         particle.friction_coefficient = 0.0;
         particle.clearance_m = 10.0;
-        // The particle stays nearly in place and the structure swings: the offset has a smooth largest value.
+        // The particle stays nearly in place and the structure vibrates, so the offset has a smooth maximum.
         let initial =
             Initial { x_m: draw.between(5e-3, 30e-3), v_m_per_s: draw.between(-0.2, 0.2), ..Initial::default() };
         let natural = (set_up.structure.stiffness_n_per_m / set_up.structure.mass_kg).sqrt();
@@ -346,7 +346,7 @@ fn a_grazing_touch_is_hit_when_it_is_one_and_passed_when_it_is_not() {
         let reach = |set_up: &SetUp| {
             let mut motion = Exact::new(set_up, &Excitation::Fixed, &initial).expect("drawn within the ranges");
             let mut reach = Reach(0.0);
-            // Fine steps: a sampled peak lies below the true one by at most the curvature over the step squared.
+            // Small steps: a sampled peak is below the true one by at most the curvature times the squared step.
             for n in 1..=4000 {
                 motion.run(end_s * f64::from(n) / 4000.0, &mut reach);
             }
@@ -364,10 +364,10 @@ fn a_grazing_touch_is_hit_when_it_is_one_and_passed_when_it_is_not() {
             motion.run(end_s, &mut count);
             count.0
         };
-        // 64 samples in each of 4 000 steps miss the top by less than (5/256000)²/8 = 5e-11 of the swing.
+        // 64 samples in each of 4 000 steps miss the maximum by less than (5/256000)²/8 = 5e-11 of the amplitude.
         for share in [1e-3, 1e-5, 1e-7, 1e-9, 2e-10] {
-            assert!(impacts(share) > 0, "a touch {share:e} deep was passed");
-            assert_eq!(impacts(-share), 0, "a touch {share:e} away was taken for one");
+            assert!(impacts(share) > 0, "a contact {share:e} deep was missed");
+            assert_eq!(impacts(-share), 0, "a miss by {share:e} counted as a contact");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! What happens at the instant a motion starts, against closed forms written out here: an impact at t = 0 keeps momentum,
-//! scales the relative velocity by −e, and changes nothing else, whatever is mounted and however the base moves.
+//! Events at the start of a motion, compared with closed forms. An impact at t = 0 conserves momentum, multiplies the
+//! relative velocity by −e, and changes nothing else, for every damper and base motion.
 
 use damprig_core::analysis::energy::EnergyMeter;
 use damprig_core::integrator::base::BaseSegment;
@@ -28,7 +28,7 @@ impl Draw {
         choices[self.0.next_u64() as usize % choices.len()]
     }
 
-    /// Zero in half the cases.
+    /// A random value that is zero in half the cases.
     fn maybe(&mut self, low: f64, high: f64) -> f64 {
         let value = self.between(low, high);
         self.one_of(&[0.0, value])
@@ -53,7 +53,7 @@ impl Draw {
         SetUp { particle: Some(particle), ..SetUp::bare(structure) }
     }
 
-    /// No damper, one of no force, or one that slips.
+    /// No damper, one without force, or one that slips.
     fn damper(&mut self) -> Option<FrictionDamper> {
         let force_n = self.between(0.05, 2.0);
         self.one_of(&[None, Some(0.0), Some(force_n)]).map(|force_n| FrictionDamper { force_n })
@@ -94,7 +94,7 @@ impl Draw {
     }
 }
 
-/// What moves the structure: offset + amplitude sin(Ωt + φ), of the base (m) or of a force (N).
+/// Excitation: offset + amplitude sin(Ωt + φ), of the base (m) or of a force (N).
 #[derive(Clone, Copy)]
 struct Drive {
     is_force: bool,
@@ -102,7 +102,7 @@ struct Drive {
     amplitude: f64,
     turning: f64,
     phase: f64,
-    /// The closed form ends here, s.
+    /// Time until which the closed form is valid, s.
     until_s: f64,
 }
 
@@ -150,7 +150,7 @@ impl Drive {
 /// x and x′ at `t` of `mass x″ + c (x′ − z′) + k (x − z) = force + drive`, from x0 and v0.
 fn oscillator(structure: &Structure, mass: f64, drive: &Drive, force: f64, (x0, v0): (f64, f64), t: f64) -> (f64, f64) {
     let (c, k, w) = (structure.damping_n_s_per_m, structure.stiffness_n_per_m, drive.turning);
-    // The steady part: Im(X e^{iwt}), X = numerator/(k − m w² + i c w).
+    // Steady response: Im(X e^{iwt}), X = numerator/(k − m w² + i c w).
     let (re, im) = if drive.is_force { (1.0, 0.0) } else { (k, c * w) };
     let (cos, sin) = (drive.phase.cos(), drive.phase.sin());
     let (top_re, top_im) = (drive.amplitude * (re * cos - im * sin), drive.amplitude * (re * sin + im * cos));
@@ -204,7 +204,7 @@ impl Observer for Seen {
     }
 }
 
-/// A start at a wall, approaching it, of a set-up with hard walls; and the velocities that the impact leaves.
+/// A start at a hard wall with an approaching particle, and the velocities after the impact.
 struct FirstImpact {
     initial: Initial,
     side: f64,
@@ -217,7 +217,7 @@ impl FirstImpact {
         let Wall::Restitution { coefficient } = particle.wall else { panic!("the wall is hard") };
         let side = draw.side();
         let x_m = draw.maybe(-20e-3, 20e-3);
-        // Also at rest, and exactly as fast as the base.
+        // Includes rest, and exactly the speed of the base.
         let any = draw.between(-0.3, 0.3);
         let v = draw.one_of(&[0.0, drive.base(0.0).1, any, any]);
         let approach = draw.between(1e-3, 1.5);
@@ -233,7 +233,8 @@ impl FirstImpact {
     }
 }
 
-/// The motion after the impact in closed form, as long as nothing else happens: the state at `t` and whether anything has.
+/// The motion after the impact in closed form until the next event: the state at `t`, and whether an event has
+/// occurred.
 fn after_impact(set_up: &SetUp, drive: &Drive, first: &FirstImpact, t: f64) -> (Phase, bool) {
     let particle = set_up.particle.expect("a particle is mounted");
     let structure = &set_up.structure;
@@ -252,7 +253,7 @@ fn after_impact(set_up: &SetUp, drive: &Drive, first: &FirstImpact, t: f64) -> (
     ([x, vx, y, uy], slips_on && slides_on && apart && t < drive.until_s)
 }
 
-/// The latest of some times up to `longest_s` until which `holds` does at a thousand places.
+/// The latest of several times up to `longest_s` until which `holds` is true at a thousand instants.
 fn undisturbed_s(longest_s: f64, holds: impl Fn(f64) -> bool) -> Option<f64> {
     let share = |n: u32| longest_s * f64::from(n) / 1000.0;
     let first = (1..=1000).find(|n| !holds(share(*n))).unwrap_or(1001);
@@ -265,7 +266,7 @@ fn close(found: &Phase, expected: &Phase, allowed: f64, turning: f64) -> bool {
 }
 
 #[test]
-fn an_impact_at_the_start_keeps_momentum_and_leaves_every_other_velocity_alone() {
+fn an_impact_at_the_start_conserves_momentum_and_changes_no_other_velocity() {
     let mut draw = Draw::new(31);
     let (mut free, mut slipping) = (0, 0);
     for n in 0..4000 {
@@ -283,7 +284,7 @@ fn an_impact_at_the_start_keeps_momentum_and_leaves_every_other_velocity_alone()
         let impact = seen.0.first.expect("it starts with an impact");
         assert_eq!((impact.time_s, f64::from(impact.side), seen.0.impacts), (0.0, first.side, 1), "{n}");
         let (expected, _) = after_impact(&set_up, &drive, &first, end_s);
-        // Rounding of displacements of some cm, over some rad.
+        // Rounding errors of displacements of some cm, over some rad.
         let (found, turning) = (phase(motion.state()), drive.turning.max(40.0));
         assert!(close(&found, &expected, 1e-14, turning), "{n}: {found:?} {expected:?}\n{set_up:?} {excitation:?}");
         let balance = seen.1.balance();
@@ -296,7 +297,7 @@ fn an_impact_at_the_start_keeps_momentum_and_leaves_every_other_velocity_alone()
 }
 
 #[test]
-fn the_impact_of_the_reported_case_gives_the_structure_its_share_of_the_momentum() {
+fn an_impact_at_the_start_of_a_known_case_gives_the_structure_its_share_of_the_momentum() {
     let particle = Particle {
         mass_kg: 0.16,
         clearance_m: 0.03,
@@ -312,9 +313,10 @@ fn the_impact_of_the_reported_case_gives_the_structure_its_share_of_the_momentum
     assert_eq!(motion.mode().grip, Grip::Absent);
 }
 
-/// Without restitution both go on as one where the wall pushes the particle, and apart where it would have to pull.
+/// Without restitution particle and structure move together if the wall pushes the particle, and separate if it would
+/// have to pull.
 #[test]
-fn a_plastic_impact_at_the_start_joins_or_parts_by_the_sign_of_the_wall_force() {
+fn a_plastic_impact_at_the_start_sticks_or_separates_by_the_sign_of_the_wall_force() {
     let mut draw = Draw::new(32);
     let (mut joined, mut parted) = (0, 0);
     for n in 0..2000 {
@@ -354,7 +356,7 @@ fn a_plastic_impact_at_the_start_joins_or_parts_by_the_sign_of_the_wall_force() 
     assert!(joined > 500 && parted > 500, "only {joined} and {parted} were tested");
 }
 
-/// Fourth-order Runge–Kutta in short steps on the equations of one mode: error below 10⁻¹³ of the motion.
+/// Fourth-order Runge–Kutta method with short steps for the equations of one mode; relative error below 10⁻¹³.
 fn runge_kutta(
     rate: impl Fn(f64, &Phase) -> Phase,
     mut s: Phase,
@@ -376,9 +378,10 @@ fn runge_kutta(
     s
 }
 
-/// A tuned mass, or a particle that starts in touch with a soft wall: no velocity jumps, and the damper resists the slip.
+/// A tuned mass, or a particle that starts in contact with a soft wall: no velocity jumps, and the friction damper
+/// resists the slip.
 #[test]
-fn nothing_jumps_at_the_start_of_a_tuned_mass_or_of_a_soft_contact() {
+fn no_velocity_jumps_at_the_start_of_a_tuned_mass_or_of_a_soft_contact() {
     let mut draw = Draw::new(33);
     let (mut tuned, mut soft) = (0, 0);
     for n in 0..600 {
@@ -421,7 +424,7 @@ fn nothing_jumps_at_the_start_of_a_tuned_mass_or_of_a_soft_contact() {
             let spring = structure.stiffness_n_per_m * (s[0] - z) + structure.damping_n_s_per_m * (s[1] - vz);
             [s[1], (joint - spring - resistance + drive.force(t)) / structure.mass_kg, s[3], -joint / second]
         };
-        // As long as the slip keeps its direction and the wall pushes.
+        // While the slip keeps its direction and the wall pushes.
         let mut until_s = 0.0;
         let mut holds = true;
         let start = [initial.x_m, initial.v_m_per_s, initial.y_m, initial.u_m_per_s];
@@ -451,16 +454,17 @@ fn nothing_jumps_at_the_start_of_a_tuned_mass_or_of_a_soft_contact() {
     assert!(tuned > 150 && soft > 150, "only {tuned} and {soft} were tested");
 }
 
-/// A structure exactly as fast as the base sticks if the damper can hold it, and else slips the way that the rest pulls.
+/// A structure with the velocity of the base sticks if the friction damper can hold it; otherwise it slips in the
+/// direction of the other forces.
 #[test]
-fn a_structure_as_fast_as_its_base_sticks_or_slips_by_the_force_that_is_needed() {
+fn a_structure_as_fast_as_its_base_sticks_or_slips_by_the_required_friction_force() {
     let mut draw = Draw::new(34);
     let (mut stuck, mut slipping) = (0, 0);
     for n in 0..1000 {
         let structure = draw.structure();
         let force_n = draw.between(0.05, 4.0);
         let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..SetUp::bare(structure) };
-        // Bases whose velocity at the start is a number without rounding: zero.
+        // Bases whose initial velocity is exactly zero.
         let turning = structure.angular_frequency_rad_per_s() * draw.between(0.5, 1.6);
         let amplitude_n = draw.between(0.1, 4.0);
         let excitation = draw.one_of(&[
@@ -497,7 +501,7 @@ fn a_structure_as_fast_as_its_base_sticks_or_slips_by_the_force_that_is_needed()
 }
 
 #[test]
-fn a_restart_in_the_middle_is_a_start_with_the_phase_of_then() {
+fn a_restart_during_a_run_equals_a_start_with_the_drive_phase_of_that_time() {
     let mut draw = Draw::new(35);
     for n in 0..500 {
         let restitution = draw.between(0.0, 1.0);
@@ -528,7 +532,7 @@ struct Count(usize);
 
 impl<S: Scalar> sampled::Observer<S> for Count {
     fn impact(&mut self, impact: &sampled::Impact<S>) {
-        assert!(impact.approach > S::ZERO, "an impact of no speed");
+        assert!(impact.approach > S::ZERO, "an impact without approach speed");
         self.0 += 1;
     }
 }
@@ -553,7 +557,7 @@ fn sampled_state<S: Scalar, J: Joint<S>>(mut motion: Sampled<S, J>, drive: &Driv
     ([x, v, x + offset, v + slide], count.0)
 }
 
-/// Impacts at the start under the sampled driver; `rounding` is a few units in the last place of a centimetre.
+/// Impacts at the start with the sampled driver; `rounding` is a few units in the last place of a centimetre.
 fn sampled_impacts_at_the_start<S: Scalar>(seed: u64, rounding: f64) {
     let mut draw = Draw::new(seed);
     let mut tested = 0;
@@ -588,23 +592,23 @@ fn sampled_impacts_at_the_start<S: Scalar>(seed: u64, rounding: f64) {
 }
 
 #[test]
-fn the_sampled_driver_takes_an_impact_at_the_start_as_the_closed_form_does() {
-    // The base between samples: (Ωh)⁴/384 = 5·10⁻⁸ of 5 mm at 6 Hz.
+fn an_impact_at_the_start_of_the_sampled_driver_agrees_with_the_closed_form() {
+    // Interpolation of the base: (Ωh)⁴/384 = 5·10⁻⁸ of 5 mm at 6 Hz.
     sampled_impacts_at_the_start::<f64>(36, 1e-9);
-    // 50 steps of a centimetre's 6·10⁻⁸.
+    // 50 steps, each with a rounding error of 6·10⁻⁸ of a centimetre.
     sampled_impacts_at_the_start::<f32>(37, 5e-8);
 }
 
 #[cfg(feature = "fixed-point")]
 #[test]
-fn the_fixed_point_driver_takes_an_impact_at_the_start_as_the_closed_form_does() {
+fn an_impact_at_the_start_in_fixed_point_agrees_with_the_closed_form() {
     sampled_impacts_at_the_start::<damprig_core::fixed_point::Fixed>(38, 1e-9);
 }
 
-/// Everything at rest, the particle at a wall: it presses, rests or leaves without an impact, as one that starts a
-/// nanometre before the wall does but for that nanometre.
+/// Everything starts at rest, with the particle at a wall: it presses, rests or leaves without an impact. A particle
+/// that starts a nanometre before the wall gives the same motion but for that nanometre.
 #[test]
-fn a_particle_at_rest_at_a_wall_makes_no_impact_and_no_event_is_left_unresolved() {
+fn a_particle_at_rest_at_a_wall_makes_no_impact_and_leaves_no_unresolved_event() {
     let mut draw = Draw::new(39);
     let (mut pressed, mut compared) = (0, 0);
     for n in 0..3000 {
@@ -650,7 +654,7 @@ fn a_particle_at_rest_at_a_wall_makes_no_impact_and_no_event_is_left_unresolved(
                 phase(motion.state())
             };
             let (touching, apart) = (at(0.0), at(1e-9));
-            // Contacts and friction pass a change on; a few of them do not make it a thousand times larger.
+            // Contacts and friction propagate a change, but do not amplify it a thousandfold.
             assert!(close(&touching, &apart, 1e-6, 100.0), "{n}: {touching:?} {apart:?}\n{set_up:?} {excitation:?}");
             compared += 1;
         }
@@ -659,7 +663,7 @@ fn a_particle_at_rest_at_a_wall_makes_no_impact_and_no_event_is_left_unresolved(
 }
 
 #[test]
-fn the_sampled_driver_leaves_rest_at_a_soft_wall_without_an_impact_too() {
+fn the_sampled_driver_leaves_rest_at_a_soft_wall_without_an_impact() {
     let mut draw = Draw::new(40);
     for n in 0..600 {
         let mut set_up = draw.hard(0.5);
@@ -685,17 +689,17 @@ fn the_sampled_driver_leaves_rest_at_a_soft_wall_without_an_impact_too() {
     }
 }
 
-/// A half-sine ends with a jump of the base's velocity, a versine without: a structure that sticks keeps its velocity, and
-/// slips after the one and not after the other.
+/// A half-sine pulse ends with a jump of the base's velocity, a versine without. A sticking structure keeps its
+/// velocity: it slips after the half-sine, but not after the versine.
 #[test]
-fn a_structure_that_sticks_keeps_its_velocity_where_that_of_the_base_jumps() {
+fn a_sticking_structure_keeps_its_velocity_when_that_of_the_base_jumps() {
     let mut draw = Draw::new(41);
     for n in 0..300 {
         let structure = draw.structure();
         let duration_s = draw.between(0.1, 0.4);
         let amplitude_m = draw.between(1e-3, 5e-3);
         let turning = TAU / duration_s;
-        // Enough to carry the structure through the pulse.
+        // Enough friction to carry the structure through the pulse.
         let force_n = 2.0 * amplitude_m * structure.mass_kg * turning * turning;
         let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..SetUp::bare(structure) };
         let still = Initial { v_m_per_s: amplitude_m * PI / duration_s, ..Initial::default() };

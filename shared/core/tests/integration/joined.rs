@@ -1,4 +1,4 @@
-//! Soft walls and tuned masses under the sampled driver, against the exact one.
+//! Soft walls and tuned masses with the sampled driver, compared with the exact driver.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
@@ -12,7 +12,7 @@ use damprig_core::model::{
 const STEP_S: f64 = 2.5e-4;
 const DRIVE: Excitation = Excitation::Sine { amplitude_m: 0.003, angular_frequency_rad_per_s: 14.0, phase_rad: 0.0 };
 
-/// Touches and releases, s.
+/// Times of contacts and releases, s.
 #[derive(Default)]
 struct Contacts {
     step: f64,
@@ -63,7 +63,7 @@ fn tuned(force_n: f64) -> SetUp {
     }
 }
 
-/// The largest difference of x and y over `steps`, in parts of the largest |x|; both drivers' contacts.
+/// Largest difference of x and y over `steps`, relative to the largest |x|, and the contacts of both drivers.
 fn compare(set_up: &SetUp, excitation: Excitation, initial: Initial, steps: u32) -> (f64, Contacts, Contacts) {
     let mut exact = Exact::new(set_up, &excitation, &initial).unwrap();
     let mut sampled = Joined::<f64>::joined(set_up, Units::metres(STEP_S), &initial).unwrap();
@@ -89,7 +89,8 @@ fn compare(set_up: &SetUp, excitation: Excitation, initial: Initial, steps: u32)
     (worst / largest, of_exact, of_sampled)
 }
 
-/// The drive is met between samples to (Ωh)⁴/384 = 4·10⁻¹³ of Z, the flights to 2·10⁻¹¹; each contact multiplies an error.
+/// Interpolation of the drive between samples has an error of (Ωh)⁴/384 = 4·10⁻¹³ of Z, a flight one of 2·10⁻¹¹; each
+/// contact multiplies an error.
 const ALLOWED: f64 = 1e-7;
 
 #[test]
@@ -122,7 +123,7 @@ fn friction_inside_a_soft_wall_and_a_friction_damper_agree_with_the_exact_driver
             let (error, exact, sampled) = compare(&set_up, excitation, initial, 16_000);
             println!("μi = {friction}, F = {force_n} N: {error:.1e}, {} contacts", exact.touches_s.len());
             let contacts = exact.touches_s.len() + usize::from(friction > 0.1);
-            assert!(contacts > 0, "the friction of 0.3 may keep the particle from the walls, no other");
+            assert!(contacts > 0, "only the friction of 0.3 may keep the particle from the walls");
             assert_eq!(exact.touches_s.len(), sampled.touches_s.len(), "μi = {friction}, F = {force_n}");
             assert!(error < ALLOWED, "μi = {friction}, F = {force_n}: {error:e}");
         }
@@ -130,7 +131,7 @@ fn friction_inside_a_soft_wall_and_a_friction_damper_agree_with_the_exact_driver
 }
 
 #[test]
-fn a_tuned_mass_agrees_with_the_exact_driver_also_on_a_structure_that_sticks() {
+fn a_tuned_mass_agrees_with_the_exact_driver_even_on_a_sticking_structure() {
     let start = Initial { x_m: 0.035, y_m: 0.01, u_m_per_s: 0.2, ..Initial::default() };
     for force_n in [0.0, 0.5, 2.0] {
         for (excitation, initial) in [(Excitation::Fixed, start), (DRIVE, start)] {

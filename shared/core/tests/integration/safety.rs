@@ -1,10 +1,10 @@
-//! The interlocks: every fault leads to the safe state, and nothing restarts before it.
+//! The interlocks: every fault leads to the safe state, and the drive cannot restart before it.
 
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::{Allowed, Limits, SafeStage, Safety, SafetyConfig, Signs};
 use damprig_core::io::{Rail, Reading, Readings, SUBSAMPLES, Sensor, Sensors, Usable};
 
-/// ±80 mm less 1 % of its span at either end.
+/// The laser's usable span: ±80 mm less 1 % of its span at either end.
 const LASER: Usable<f32> = Usable { low: -0.0784, high: 0.0784 };
 
 struct Bench {
@@ -47,7 +47,7 @@ impl Bench {
         self.tick().0
     }
 
-    /// Runs until something is latched, which must be `cause`; then until safe, checking the way.
+    /// Runs until a fault is latched, which must have `cause`, then until the rig is safe, and checks the sequence.
     fn expect(&mut self, cause: FaultCause) {
         let found = (0..20_000).find_map(|_| self.tick().1);
         assert_eq!(found, Some(cause));
@@ -68,18 +68,18 @@ impl Bench {
                 assert!(!allowed.relay && allowed.drive == 0.0, "tick {tick}: {allowed:?}");
             }
             drive = allowed.drive;
-            assert!(self.safety.clear().is_err(), "not while it rings");
+            assert!(self.safety.clear().is_err(), "the fault cannot be cleared while the structure rings");
             assert_eq!(self.safety.fault().unwrap().cause, cause, "the first cause stays");
         }
         assert_eq!(self.safety.stage(), SafeStage::Ringing);
-        // Everything is mended and at rest.
+        // The cause has been removed and the rig is at rest.
         (self.x_m, self.z_m, self.signs) = (1e-5, 1e-5, Signs { host_heard: true, ..Signs::default() });
-        // The last zero crossing of 20 mm was below 1 mm for 3 ms before: those count.
+        // |x| was below 1 mm for 3 ms at the last zero crossing of 20 mm; these count too.
         self.run(490);
-        assert_eq!(self.safety.stage(), SafeStage::Ringing, "half a second of rest, not less");
+        assert_eq!(self.safety.stage(), SafeStage::Ringing, "less than half a second of rest is not enough");
         self.run(20);
         assert_eq!(self.safety.stage(), SafeStage::Safe);
-        assert_eq!(self.safety.fault().unwrap().cause, cause, "readable until it is cleared");
+        assert_eq!(self.safety.fault().unwrap().cause, cause, "the fault can be read until it is cleared");
         self.safety.clear().unwrap();
         let (allowed, _) = self.tick();
         assert_eq!(allowed, Allowed { drive: 1.0, relay: true, brake_n: None });
@@ -87,7 +87,7 @@ impl Bench {
 }
 
 #[test]
-fn a_healthy_rig_runs_for_ever() {
+fn a_healthy_rig_causes_no_fault() {
     let mut bench = Bench::new();
     assert_eq!(bench.run(60_000), Allowed { drive: 1.0, relay: true, brake_n: None });
     assert_eq!(bench.safety.stage(), SafeStage::Clear);
@@ -137,13 +137,14 @@ fn a_growing_vibration_is_ended_before_it_reaches_its_limit() {
         }
     }
     assert_eq!(cause, Some(FaultCause::StructureForeseen));
-    // Six half-cycles of 200 ms at 5 µm/ms are 6 mm before 78 mm; up to one more until the maximum is known.
+    // In six half-cycles of 200 ms the amplitude grows by 6 mm at 5 µm/ms, before 78 mm; up to one more half-cycle
+    // passes until the maximum is known.
     assert!((0.071..0.074).contains(&largest), "{largest}");
     bench.expect_safe_path(FaultCause::StructureForeseen);
 }
 
 #[test]
-fn sensors_that_cannot_be_believed_end_the_drive() {
+fn unreliable_sensors_end_the_drive() {
     for (broken, cause) in [
         (f32::NAN, FaultCause::SensorInvalid as fn(Sensor) -> FaultCause),
         (f32::NEG_INFINITY, FaultCause::SensorAtRail),
@@ -163,7 +164,7 @@ fn sensors_that_cannot_be_believed_end_the_drive() {
                 assert!(allowed.drive.is_finite());
             }
             assert_eq!(found, Some(cause(sensor)), "{broken} on {sensor:?}");
-            // Still broken, "at rest": that is not to be believed.
+            // Still broken, with readings as at rest: these give no evidence of rest.
             if cause(sensor) != FaultCause::SensorFrozen(sensor) {
                 for _ in 0..2000 {
                     let x = Reading::within(&[broken; SUBSAMPLES], &LASER);
@@ -200,7 +201,7 @@ fn every_sensor_at_a_rail_for_five_milliseconds_ends_an_experiment_and_is_named(
 }
 
 #[test]
-fn a_lost_sensor_of_an_idle_rig_is_told_and_latches_nothing() {
+fn a_lost_sensor_of_an_idle_rig_is_reported_and_latches_no_fault() {
     let mut bench = Bench::new();
     bench.signs = Signs { host_heard: true, ..Signs::default() };
     let lost = Readings { x: Reading::within(&[-0.08; SUBSAMPLES], &LASER), ..Sensors::default().readings };
@@ -212,7 +213,7 @@ fn a_lost_sensor_of_an_idle_rig_is_told_and_latches_nothing() {
 }
 
 #[test]
-fn a_sensor_may_stand_still_while_nothing_is_driven() {
+fn a_sensor_may_stand_still_while_the_rig_is_not_driven() {
     let mut bench = Bench::new();
     (bench.signs.driving, bench.signs.swinging) = (false, false);
     (bench.x_m, bench.z_m) = (0.0, 0.0);
@@ -220,7 +221,7 @@ fn a_sensor_may_stand_still_while_nothing_is_driven() {
     assert_eq!(bench.safety.stage(), SafeStage::Clear);
 }
 
-/// Ticks that both sensors stand still before their fault, at most 3000.
+/// Number of ticks for which both sensors may stand still before the fault, at most 3000.
 fn still_for(bench: &mut Bench) -> Option<u32> {
     bench.run(1000);
     let still = Readings { x: Reading::still(2e-3), z: Reading::still(1e-3), ..Sensors::default().readings };
@@ -229,7 +230,8 @@ fn still_for(bench: &mut Bench) -> Option<u32> {
 
 #[test]
 fn a_slow_sine_may_stand_still_for_half_a_period_before_its_sensor_counts_as_frozen() {
-    // As set, 0.5 s; half a period of 0.4 Hz, 1.25 s. The first still block is a step, not yet standing still.
+    // The configured time is 0.5 s; half a period of 0.4 Hz is 1.25 s. The first constant block contains a step and
+    // does not count.
     for (frequency_hz, ticks) in [(0.0, 500), (2.5, 500), (0.4, 1250)] {
         let mut bench = Bench::new();
         bench.signs.frequency_hz = frequency_hz;
@@ -238,7 +240,7 @@ fn a_slow_sine_may_stand_still_for_half_a_period_before_its_sensor_counts_as_fro
 }
 
 #[test]
-fn a_drive_that_the_sensors_do_not_resolve_shows_no_frozen_sensor() {
+fn a_drive_below_the_sensors_resolution_trips_no_frozen_sensor_check() {
     for (drive_m, resolution_m, is_judged) in [(2e-3, 1e-5, true), (4e-5, 1e-5, false), (2e-3, 1e-3, false)] {
         let mut bench = Bench::with(SafetyConfig { resolution_m, ..SafetyConfig::default() });
         bench.signs.drive_m = drive_m;
@@ -247,7 +249,7 @@ fn a_drive_that_the_sensors_do_not_resolve_shows_no_frozen_sensor() {
 }
 
 #[test]
-fn saturation_that_is_only_reported_ends_no_drive() {
+fn saturation_that_is_only_reported_does_not_end_the_drive() {
     let mut bench = Bench::with(SafetyConfig::default());
     bench.signs.saturated = true;
     bench.run(60_000);
@@ -255,7 +257,7 @@ fn saturation_that_is_only_reported_ends_no_drive() {
 }
 
 #[test]
-fn forces_saturation_and_silence_end_the_drive_after_their_time() {
+fn wall_force_saturation_and_host_silence_end_the_drive_after_their_time() {
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.wall_force_n = 501.0;
@@ -277,7 +279,7 @@ fn forces_saturation_and_silence_end_the_drive_after_their_time() {
 }
 
 #[test]
-fn a_second_fault_during_the_fade_can_only_cut_it_short() {
+fn a_second_fault_during_the_fade_can_only_shorten_it() {
     let mut bench = Bench::new();
     bench.run(1000);
     bench.signs.wall_force_n = 501.0;
@@ -289,7 +291,7 @@ fn a_second_fault_during_the_fade_can_only_cut_it_short() {
 }
 
 #[test]
-fn wrong_settings_are_named() {
+fn invalid_settings_are_rejected_by_name() {
     let good = SafetyConfig::default();
     for (bad, name) in [
         (SafetyConfig { half_cycles_ahead: 21.0, ..good }, "safety.half_cycles_ahead"),
@@ -297,7 +299,7 @@ fn wrong_settings_are_named() {
         (SafetyConfig { saturated_s: -1.0, ..good }, "safety.saturated_s"),
         (SafetyConfig { resolution_m: -1e-5, ..good }, "safety.resolution_m"),
         (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
-        (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "limits.base_m"),
+        (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "safety.limits.base_m"),
     ] {
         assert_eq!(Safety::new(&bad).unwrap_err().parameter, name);
     }

@@ -1,4 +1,4 @@
-//! The sampled driver against exact results, in both precisions, at the controller's tick.
+//! The sampled driver compared with exact results, in both precisions, at the controller's tick.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::{Contact, Mode};
@@ -25,7 +25,7 @@ fn with_particle(zeta: f64, mass_ratio: f64, clearance_m: f64, restitution: f64,
     SetUp { particle: Some(particle), ..bare(zeta) }
 }
 
-/// A sine base of amplitude `z_m` and angular frequency `omega`, as the exact cubic pieces of its samples.
+/// A sine base of amplitude `z_m` and angular frequency `omega`, as the cubic segments of its samples.
 fn sine_segment<S: Scalar>(z_m: f64, omega: f64, step: usize) -> BaseSegment<S> {
     let (t0, t1) = (step as f64 * STEP_S, (step + 1) as f64 * STEP_S);
     let velocity = |t: f64| z_m * omega * STEP_S * libm::cos(omega * t);
@@ -53,33 +53,34 @@ fn forced_maximum<S: Scalar>(set_up: &SetUp, z_m: f64, omega: f64, cycles: usize
     maximum
 }
 
-/// The steady amplitude of the bare structure over Z: √((1+(2ζr)²)/((1−r²)²+(2ζr)²)).
+/// Steady amplitude ratio of the bare structure: √((1+(2ζr)²)/((1−r²)²+(2ζr)²)).
 #[test]
-fn the_bare_structure_settles_to_its_transmissibility() {
+fn the_bare_structure_settles_at_its_transmissibility() {
     for r in [0.9, 1.0, 1.1] {
         let zeta = 0.0038;
         let two_zeta_r: f64 = 2.0 * zeta * r;
         let exact = ((1.0 + two_zeta_r.powi(2)) / ((1.0 - r * r).powi(2) + two_zeta_r.powi(2))).sqrt();
         let omega = r * 2.0 * PI * 2.5;
         let maximum = forced_maximum::<f32>(&bare(zeta), 1e-3, omega, 1000, 5) / 1e-3;
-        // What is left of the transient after n cycles (e^(−ζ2πn/r) = 1e-9), the peak between two samples
-        // (1 − cos(ωh/2) = 3.4e-5), and f32.
+        // Remaining transient after n cycles (e^(−ζ2πn/r) = 1e-9), the peak between two samples (1 − cos(ωh/2) =
+        // 3.4e-5), and the rounding of f32.
         assert!((maximum / exact - 1.0).abs() < 5e-5, "r = {r}: {maximum} against {exact}");
     }
 }
 
-/// Free decay by 2πζ/√(1−ζ²) per cycle; `f32` must not add damping of its own.
+/// The free decay is 2πζ/√(1−ζ²) per cycle; `f32` must not add damping.
 #[test]
 fn f32_keeps_a_damping_ratio_of_0_0038_to_a_thousandth() {
     let zeta = 0.0038;
     let mut sampled =
         Sampled::<f32>::new(&bare(zeta), Units::metres(STEP_S), &Initial { x_m: 0.035, ..Initial::default() }).unwrap();
     let cycles = 40;
-    // A damped cycle is not a whole number of steps: energy instead of amplitude, at whole nominal cycles.
+    // A damped cycle is not a whole number of steps, so energies at whole nominal cycles are compared instead of
+    // amplitudes.
     let energy = |s: &Sampled<f32>| {
         let (x, v) = (f64::from(s.state().x), f64::from(s.state().v) / STEP_S);
         let omega = 2.0 * PI * 2.5;
-        // The damped oscillation's invariant: x² + ((v + ζωx)/ωd)².
+        // Invariant of the damped oscillation: x² + ((v + ζωx)/ωd)².
         let damped = omega * libm::sqrt(1.0 - zeta * zeta);
         x * x + libm::pow((v + zeta * omega * x) / damped, 2.0)
     };
@@ -92,7 +93,7 @@ fn f32_keeps_a_damping_ratio_of_0_0038_to_a_thousandth() {
     assert!((measured / zeta - 1.0).abs() < 1e-3, "{measured}");
 }
 
-/// The symmetric orbit with two impacts a cycle (Masri & Caughey 1966): its speed V over ZΩ.
+/// The symmetric orbit with two impacts per cycle (Masri & Caughey 1966): its speed V over ZΩ.
 fn symmetric_orbit_speed(r: f64, e: f64, d: f64, mu: f64, zeta: f64) -> f64 {
     let (omega, drive) = (1.0, r);
     let damped = omega * libm::sqrt(1.0 - zeta * zeta);
@@ -121,7 +122,7 @@ impl<S: Scalar> Observer<S> for LastApproach<S> {
     }
 }
 
-/// The particle crosses the structure's cavity with V before and after; between impacts it leaves at relative speed e·w.
+/// The particle crosses the cavity with speed V; after an impact it leaves the structure at the relative speed e·w.
 #[test]
 fn the_impact_damper_settles_on_the_symmetric_orbit() {
     for (r, e, d_over_z) in [(1.0, 0.3, 10.0), (1.0, 0.5, 10.0), (1.1, 0.5, 5.0)] {
@@ -146,9 +147,9 @@ fn check_orbit<S: Scalar>(set_up: &SetUp, z_m: f64, drive: f64, approach: f64, t
     assert!((measured / approach - 1.0).abs() < tolerance, "{measured} against {approach}");
 }
 
-/// Free Coulomb decay: the amplitude falls by 2F/k every half cycle, and the structure stops inside ±F/k.
+/// Free Coulomb decay: the amplitude falls by 2F/k per half cycle, and the structure stops inside ±F/k.
 #[test]
-fn dry_friction_takes_the_same_from_every_half_cycle_and_then_holds() {
+fn coulomb_friction_reduces_the_amplitude_equally_in_every_half_cycle_and_then_holds() {
     let mut set_up = bare(0.0);
     let reach_m = 1e-3;
     set_up.friction_damper = Some(FrictionDamper { force_n: reach_m * set_up.structure.stiffness_n_per_m });
@@ -165,7 +166,8 @@ fn dry_friction_takes_the_same_from_every_half_cycle_and_then_holds() {
     assert!((sampled.state().x * 1e3 + 0.3).abs() < 1e-9 && sampled.state().v == 0.0);
 }
 
-/// At every impact momentum is kept and the relative speed scaled by e; the particle never leaves its cavity.
+/// Checks every impact: momentum is conserved, the relative speed is multiplied by e, and the particle stays in its
+/// cavity.
 struct Laws<'a> {
     set_up: &'a SetUp,
     impacts: usize,
@@ -187,10 +189,10 @@ impl Observer<f64> for Laws<'_> {
         let (m, mm) = (particle.mass_kg, self.set_up.structure.mass_kg);
         let Wall::Restitution { coefficient } = particle.wall else { unreachable!() };
         let expected = m / (m + mm) * (1.0 + coefficient) * impact.approach;
-        // The last bounce of a chatter sticks: it gives between 1 and 1 + e times the plastic impulse.
+        // The last bounce of a chatter sticks: its impulse is between 1 and 1 + e times the plastic impulse.
         let plastic = m / (m + mm) * impact.approach;
         let kick = impact.kick * f64::from(impact.side);
-        // The kick is a difference of velocities of up to 1e-3 m/step, each rounded.
+        // The kick is a difference of velocities of up to 1e-3 m/step, each with a rounding error.
         let rounding = 4.0 * f64::EPSILON * 1e-3;
         assert!(kick <= expected + rounding && kick >= plastic - rounding, "{kick} of {expected}");
         self.impacts += 1;
@@ -198,7 +200,7 @@ impl Observer<f64> for Laws<'_> {
 }
 
 #[test]
-fn random_dampers_keep_the_laws_of_impact_and_stay_in_their_cavity() {
+fn random_dampers_obey_the_laws_of_impact_and_stay_in_their_cavity() {
     let mut random = 12345u64;
     let mut uniform = |low: f64, high: f64| {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -225,9 +227,9 @@ fn random_dampers_keep_the_laws_of_impact_and_stay_in_their_cavity() {
     }
 }
 
-/// Without dissipation the energy of structure and particle is kept through thousands of impacts.
+/// Without dissipation the energy of structure and particle stays constant over thousands of impacts.
 #[test]
-fn a_conservative_damper_keeps_its_energy() {
+fn a_conservative_damper_conserves_its_energy() {
     let set_up = with_particle(0.0, 0.1, 0.02, 1.0, 0.0);
     let initial = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
     let mut sampled = Sampled::<f64>::new(&set_up, Units::metres(STEP_S), &initial).unwrap();
@@ -252,10 +254,11 @@ impl<S> Observer<S> for Flights {
     }
 }
 
-/// A base that accelerates steadily brings the particle to rest at the wall behind it, by a chatter whose last bounces are
-/// all in one step: from v = a(1−e)/2 in lengths per step down to the resolution, √(2a·16ε·d), 47 of e = 0.8.
+/// A base with constant acceleration brings the particle to rest at the wall behind it, by a chatter whose last
+/// bounces are all in one step: from v = a(1−e)/2 in lengths per step down to the resolution, √(2a·16ε·d), 47 bounces
+/// for e = 0.8.
 #[test]
-fn a_bound_on_the_events_of_a_step_holds_and_the_particle_comes_to_rest_all_the_same() {
+fn a_particle_comes_to_rest_within_the_bound_on_the_events_of_a_step() {
     let acceleration = 2.0 * STEP_S * STEP_S;
     let structure = Structure::from_modal(MASS_KG, 10.0, 0.3);
     let set_up = SetUp { structure, ..with_particle(0.3, 0.1, 2e-3, 0.8, 0.0) };

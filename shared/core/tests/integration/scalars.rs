@@ -1,6 +1,6 @@
-//! The small scalars against `f64`: one source, three number types, and what each loses.
+//! Compares the scalar types `f32` and fixed point with `f64` in the same integrator, and checks the stated errors.
 //!
-//! Run with `--nocapture` for the tables that stand in the documentation of `integrator::sampled` and `fixed_point`.
+//! Run with `--nocapture` to print the tables in the documentation of `integrator::sampled` and `fixed_point`.
 #![cfg(feature = "fixed-point")]
 
 use damprig_core::fixed_point::Fixed;
@@ -32,7 +32,7 @@ impl Trace {
         (self.states.iter().map(|[x, ..]| x * x).sum::<f64>() / self.states.len() as f64).sqrt()
     }
 
-    /// Largest difference of the first `parts` of the state up to each step.
+    /// Largest difference of the first `parts` components of the state up to each step.
     fn running_difference(&self, other: &Self, parts: usize) -> Vec<f64> {
         let differences = self
             .states
@@ -48,7 +48,7 @@ impl Trace {
     }
 }
 
-/// At which step which of the structure's x and x′/ω and the particle's y and y′/ω change, and by how much.
+/// A change of the state: the step, and the changes of the structure's x and x′/ω and of the particle's y and y′/ω.
 type Disturbance = (u32, [f64; 4]);
 
 fn run_disturbed<S: Scalar>(case: &Case, steps: u32, disturbance: Option<Disturbance>) -> Trace {
@@ -75,11 +75,12 @@ fn run<S: Scalar>(case: &Case, steps: u32) -> Trace {
     run_disturbed::<S>(case, steps, None)
 }
 
-/// What fixed point loses at most in each second without impacts, in units of length: x, x′/ω, and with internal friction
+/// Largest error of fixed point per second without impacts, in units of length: x, x′/ω, and with internal friction
 /// y, y′/ω. Derived in `fixed_point`.
 const LOSS_PER_SECOND: [f64; 4] = [2e-9, 2e-9, 6e-9, 8e-10];
 
-/// What a loss in every second becomes: it grows as such a change made at that second's start does in `f64`.
+/// Estimates the effect of an error in every second: it grows like the same change at the start of that second in
+/// `f64`.
 fn estimate(case: &Case, exact: &Trace) -> Vec<f64> {
     let mut sum = vec![0.0; exact.states.len()];
     for second in 0..STEPS / 1_000 {
@@ -97,7 +98,7 @@ fn estimate(case: &Case, exact: &Trace) -> Vec<f64> {
 }
 
 #[test]
-fn fixed_point_errs_no_more_than_estimated_and_stays_within_1e_4_over_ten_seconds_of_impacts() {
+fn the_error_of_fixed_point_is_within_its_estimate_and_within_1e_4_over_ten_seconds_of_impacts() {
     println!("largest error of x, x'/w, y-x, (y'-x')/w in units of length; its estimate");
     for case in &CASES {
         let (exact, fixed) = (run::<f64>(case, STEPS), run::<Fixed>(case, STEPS));
@@ -108,7 +109,7 @@ fn fixed_point_errs_no_more_than_estimated_and_stays_within_1e_4_over_ten_second
         for (step, (error, estimate)) in error.iter().zip(&estimate).enumerate() {
             assert!(error <= estimate, "{} at step {step}: {error:.1e}, estimated {estimate:.1e}", case.name);
         }
-        // Ten seconds lie before the motion's divergence: there the estimate says nothing any more.
+        // Ten seconds are before the motion diverges; after that the estimate is not valid.
         assert!(whole_estimate < 1e-4, "{}: {whole_estimate}", case.name);
         assert!(whole_error < 1e-4, "{}: {whole_error}", case.name);
     }
@@ -126,7 +127,8 @@ fn single_precision_keeps_the_displacement_of_free_vibrations() {
             let impact_s = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             let rms = (small.rms() / exact.rms() - 1.0).abs();
             println!("{:<33} | {name:<6}  {displacement:.1e}   {impact_s:.1e}    {rms:.1e}", case.name);
-            // The cases' conditioning (output change over input change) is up to 4100: times f32's 6e-8.
+            // The conditioning of the cases (output change over input change) is up to 4100, multiplied by 6e-8 of
+            // f32.
             assert!(displacement < 2.5e-4, "{}, {name}: {displacement}", case.name);
         }
     }

@@ -1,5 +1,5 @@
-//! The exact driver against a plainly different method: a dense adaptive Runge–Kutta of order 8 from a crate, the
-//! equations of motion written out again, and impacts by bisection. Systems drawn at random (seeded).
+//! Compares the exact driver with an independent method on random systems with fixed seeds: an adaptive Runge–Kutta
+//! method of order 8 from a crate, separately written equations of motion, and impacts by bisection.
 
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation};
 use damprig_core::model::{Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
@@ -7,7 +7,7 @@ use differential_equations::prelude::{ExplicitRungeKutta, IVP, ODE};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
-/// Of one step, relative and in m.
+/// Tolerance of one step, relative and in m.
 const TOLERANCE: f64 = 1e-11;
 const TOLERANCE_M: f64 = 1e-13;
 
@@ -39,7 +39,7 @@ impl Equations {
         if past <= 0.0 {
             return 0.0;
         }
-        // A wall cannot pull: the same as contact that ends where the force does.
+        // A wall cannot pull. This is equivalent to a contact that ends when its force is zero.
         let side = apart.signum();
         side * (stiffness_n_per_m * past + damping_n_s_per_m * side * closing).max(0.0)
     }
@@ -64,11 +64,11 @@ impl ODE<f64, Phase> for Equations {
 fn integrate(equations: &Equations, from: f64, to: f64, start: Phase) -> Phase {
     let method = ExplicitRungeKutta::dop853().rtol(TOLERANCE).atol(TOLERANCE_M);
     let solution = IVP::ode(equations, from, to, start).method(method).solve().expect("the method reaches the end");
-    *solution.last().expect("it has an end").1
+    *solution.last().expect("the solution has a last point").1
 }
 
-/// The state at `end_s`; hard walls by bisection for the instant and the textbook impact law. None where impacts
-/// accumulate: this method has no resting contact.
+/// The state at `end_s`. For hard walls the instant of impact is found by bisection, and the law of impact is
+/// applied. `None` where impacts accumulate: this method has no resting contact.
 fn run(equations: &Equations, initial: &Initial, end_s: f64) -> Option<Phase> {
     let mut s = [initial.x_m, initial.v_m_per_s, initial.y_m, initial.u_m_per_s];
     let hard = equations.set_up.particle.and_then(|p| match p.wall {
@@ -104,7 +104,7 @@ fn run(equations: &Equations, initial: &Initial, end_s: f64) -> Option<Phase> {
         let relative = -coefficient * (u - v);
         hit[1] = common - light / (mass + light) * relative;
         hit[3] = common + mass / (mass + light) * relative;
-        // A little inside, or rounding makes it hit again where it stands.
+        // Start slightly inside the cavity; otherwise rounding causes the same impact again.
         hit[2] = hit[0] + (hit[2] - hit[0]).signum() * clearance_m * (1.0 - 1e-14);
         impacts += 1;
         if impacts > MOST_IMPACTS {
@@ -119,7 +119,7 @@ fn apart(exact: &ExactState, other: &Phase) -> f64 {
     (exact.x_m - other[0]).abs() + (exact.y_m() - other[2]).abs()
 }
 
-/// Compares `wanted` systems that do not magnify a small change beyond measure; returns the largest error met.
+/// Compares `wanted` systems that do not amplify a small change too much; returns the largest error.
 fn compare(seed: u64, wanted: usize, allowed: f64, mut system: impl FnMut(&mut dyn FnMut(f64, f64) -> f64) -> SetUp) {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut draw = |low: f64, high: f64| low + (high - low) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
@@ -155,7 +155,7 @@ fn compare(seed: u64, wanted: usize, allowed: f64, mut system: impl FnMut(&mut d
     println!("seed {seed}: {compared} systems, largest difference {worst:.1e} m");
 }
 
-// The other method's error: 1500 steps and some restarts, each within 10⁻¹³ m, which is the larger tolerance here.
+// Error of the other method: 1500 steps and some restarts, each within 10⁻¹³ m; it determines the tolerance.
 
 #[test]
 fn hard_walls_agree_with_an_adaptive_method() {
@@ -187,7 +187,7 @@ fn tuned_masses_agree_with_an_adaptive_method() {
 
 #[test]
 fn soft_walls_agree_with_an_adaptive_method() {
-    // The method steps across the kinks of the contact force; its error control holds them to its tolerance only.
+    // The method steps across the kinks of the contact force, so its error is limited by its tolerance only.
     compare(23, 30, 1e-9, |draw| {
         let structure = Structure::from_modal(draw(0.5, 3.0), draw(1.0, 5.0), draw(0.0, 0.05));
         let particle = Particle {

@@ -1,4 +1,4 @@
-//! Settings in a flash whose supply goes at any operation: the old ones or the new ones are there, never neither, never a mix.
+//! Power loss at any flash operation leaves the old settings or the new ones, never none and never a mixture.
 
 use crate::support::flash::{Cut, Flash, PAGE, SIZE, WORD};
 use damprig_core::settings::{Settings, Source};
@@ -16,7 +16,7 @@ fn save(flash: &mut Flash, settings: &Settings) -> Result<(), NotSaved> {
     store(flash).save(settings)
 }
 
-/// Settings that differ from those of any other number in several places.
+/// Settings that differ in several values from those of any other number.
 fn numbered(number: u16) -> Settings {
     let mut settings = Settings::default();
     settings.calibration.drive.zero_counts += 0.1 * f32::from(number);
@@ -25,10 +25,10 @@ fn numbered(number: u16) -> Settings {
     settings
 }
 
-/// Both pages have been used and used again.
+/// Enough saves to have used both pages more than once.
 const SAVINGS: u16 = 2;
 
-/// The flash after so many savings.
+/// The flash after so many saves.
 fn after(savings: u16) -> Flash {
     let mut flash = Flash::default();
     for number in 1..=savings {
@@ -49,7 +49,7 @@ const CUTS: [Cut; 8] = [
 ];
 
 #[test]
-fn the_last_saved_settings_are_read_after_any_number_of_savings() {
+fn the_last_saved_settings_are_read_after_any_number_of_saves() {
     let mut flash = Flash::default();
     assert_eq!(load(&mut flash), (Settings::default(), Source::Default));
     for number in 1..=4 * SAVINGS {
@@ -59,7 +59,7 @@ fn the_last_saved_settings_are_read_after_any_number_of_savings() {
 }
 
 #[test]
-fn a_supply_that_goes_at_any_operation_and_again_leaves_the_old_settings_or_the_new() {
+fn power_loss_at_any_operation_and_again_in_the_next_save_leaves_the_old_settings_or_the_new() {
     let (mut tried, mut old_read) = (0, 0);
     for savings in 0..=SAVINGS {
         let before = after(savings);
@@ -67,7 +67,7 @@ fn a_supply_that_goes_at_any_operation_and_again_leaves_the_old_settings_or_the_
         let (new, third) = (numbered(1000), numbered(2000));
         let mut whole = before.restarted(None);
         save(&mut whole, &new).unwrap();
-        assert!(whole.operations > 20, "a record is more than that: {}", whole.operations);
+        assert!(whole.operations > 20, "too few operations for a save: {}", whole.operations);
         for (n, cut) in (0..whole.operations).flat_map(|n| CUTS.map(|cut| (n, cut))) {
             let here = || format!("saving {savings}, operation {n}, {cut:?}");
             let mut flash = before.restarted(Some((n, cut)));
@@ -77,7 +77,7 @@ fn a_supply_that_goes_at_any_operation_and_again_leaves_the_old_settings_or_the_
             assert!(savings == 0 || source == Source::Stored, "{}", here());
             tried += 1;
             old_read += usize::from(read == old);
-            // Whoever sees the old ones saves again, and the supply goes once more.
+            // Save again on what the first cut left, and cut the supply again.
             for (m, second) in (0..whole.operations).flat_map(|m| CUTS.map(|cut| (m, cut))) {
                 let mut flash = flash.restarted(Some((m, second)));
                 assert_eq!(save(&mut flash, &third), Err(NotSaved));
@@ -95,14 +95,14 @@ fn a_supply_that_goes_at_any_operation_and_again_leaves_the_old_settings_or_the_
 }
 
 #[test]
-fn a_flash_that_takes_nothing_is_told_and_keeps_what_it_has() {
+fn a_flash_that_cannot_be_written_is_reported_and_keeps_its_settings() {
     let mut flash = after(3).restarted(Some((0, Cut::Before)));
     assert_eq!(save(&mut flash, &numbered(9)), Err(NotSaved));
     assert_eq!(load(&mut flash.restarted(None)), (numbered(3), Source::Stored));
 }
 
 #[test]
-fn a_flash_full_of_anything_reads_as_damaged_and_can_be_saved_to() {
+fn a_flash_with_arbitrary_bytes_reads_as_damaged_and_can_be_saved_to() {
     let mut flash = Flash::default();
     for (n, byte) in flash.bytes.iter_mut().enumerate() {
         *byte = (n * n / 7) as u8;
@@ -113,7 +113,7 @@ fn a_flash_full_of_anything_reads_as_damaged_and_can_be_saved_to() {
 }
 
 #[test]
-fn a_damaged_bit_anywhere_never_gives_other_settings() {
+fn a_flipped_bit_anywhere_never_gives_other_settings() {
     let whole = after(1);
     for bit in 0..8 * 40 * WORD {
         let mut flash = whole.restarted(None);
@@ -128,9 +128,9 @@ fn a_damaged_bit_anywhere_never_gives_other_settings() {
 }
 
 #[test]
-fn a_record_of_another_layout_is_not_read_and_not_called_damaged() {
+fn a_record_of_another_layout_is_neither_read_nor_reported_as_damaged() {
     let mut flash = after(1);
-    // The first byte of the layout's hash, and the checksum made good.
+    // Change the first byte of the layout hash and correct the checksum.
     let length = 16 + u32::from_le_bytes(flash.bytes[12..16].try_into().unwrap()) as usize;
     flash.bytes[0] ^= 1;
     let checksum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&flash.bytes[..length]);
@@ -141,7 +141,7 @@ fn a_record_of_another_layout_is_not_read_and_not_called_damaged() {
 }
 
 #[test]
-fn settings_out_of_range_are_not_believed_however_sound_their_record() {
+fn settings_out_of_range_are_rejected_even_in_a_valid_record() {
     let mut wrong = numbered(1);
     wrong.spring.step_m = -1.0;
     let mut flash = Flash::default();
@@ -150,7 +150,7 @@ fn settings_out_of_range_are_not_believed_however_sound_their_record() {
 }
 
 #[test]
-fn a_place_that_is_not_two_whole_pages_is_refused() {
+fn a_range_that_is_not_two_whole_pages_is_rejected() {
     for range in [0..PAGE as u32, 0..SIZE as u32 - 1, 8..SIZE as u32 + 8] {
         assert!(SettingsStore::new(&mut Flash::default(), range).is_none());
     }

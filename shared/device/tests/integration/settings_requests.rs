@@ -1,4 +1,4 @@
-//! Asking for settings, using others, saving them: what a host may do when, and that every request gets one answer.
+//! Requests that read, set and save the settings: when they are allowed, and that each gets exactly one reply.
 
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
@@ -7,11 +7,11 @@ use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request};
 
-/// A board whose flash takes as long as the test wants.
+/// A board whose flash takes as long as the test demands.
 #[derive(Default)]
 struct Board {
     is_slow: bool,
@@ -36,50 +36,37 @@ impl damprig_device::board::Board for Board {
     }
 }
 
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
-}
-
 struct Host {
     control: Controller,
     board: Board,
-    said: Said,
+    queues: LocalQueues,
     seq: u16,
 }
 
 impl Host {
     fn new(is_slow: bool) -> Self {
         let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
-        Self { control, board: Board { is_slow, ..Board::default() }, said: Said::default(), seq: 0 }
+        Self { control, board: Board { is_slow, ..Board::default() }, queues: LocalQueues::default(), seq: 0 }
     }
 
     fn send(&mut self, seq: u16, ask: Request) {
         let request = NumberedRequest { seq, at_tick: None, request: ask };
-        self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.said);
+        self.control.serve(&request, &mut self.board, &mut UploadBuffer::new(), &mut self.queues);
     }
 
     fn tick(&mut self) {
-        self.control.end_saving(&mut self.board, &mut self.said);
-        self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.said);
+        self.control.end_saving(&mut self.board, &mut self.queues);
+        self.control.tick(&Sensors::default(), &mut UploadBuffer::new(), &mut self.queues);
     }
 
     fn replies(&mut self) -> Vec<(u16, Result<Reply, Rejected>)> {
-        let said = std::mem::take(&mut self.said.0).into_iter();
-        said.filter_map(|message| match message {
-            FromDevice::Reply { seq, answer } => Some((seq, answer)),
-            _ => None,
-        })
-        .collect()
+        let messages = std::iter::from_fn(|| self.queues.pop_message());
+        messages
+            .filter_map(|message| match message {
+                FromDevice::Reply { seq, answer } => Some((seq, answer)),
+                _ => None,
+            })
+            .collect()
     }
 
     fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
@@ -129,7 +116,7 @@ fn experiment() -> SteppedSine {
 }
 
 #[test]
-fn settings_are_used_at_once_and_saved_when_asked() {
+fn settings_are_used_at_once_and_saved_on_request() {
     let mut host = Host::new(false);
     assert_eq!(host.settings(), (Settings::default(), Source::Default));
     assert_eq!(host.ask(Request::SetSettings(others())), Ok(Reply::Done));
@@ -142,16 +129,16 @@ fn settings_are_used_at_once_and_saved_when_asked() {
 }
 
 #[test]
-fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
+fn a_value_out_of_range_is_rejected_with_its_name_and_changes_nothing() {
     type Spoil = fn(&mut Settings);
     let spoilt: [(&str, Spoil); 14] = [
         ("calibration.x.metres_per_count", |s| s.calibration.x.metres_per_count = 0.0),
         ("calibration.spring.newtons_per_count", |s| s.calibration.spring.newtons_per_count = f32::NAN),
         ("calibration.spring.zero_counts", |s| s.calibration.spring.zero_counts = 0.0),
         ("calibration.drive.linear_low_counts", |s| s.calibration.drive.linear_low_counts = -1.0),
-        // Beyond what the sensors can see: these would never trip.
-        ("limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
-        ("limits.base_m", |s| s.safety.limits.base_m = 0.0785),
+        // Beyond the range of the sensors: these limits would never trip.
+        ("safety.limits.structure_m", |s| s.safety.limits.structure_m = 0.0785),
+        ("safety.limits.base_m", |s| s.safety.limits.base_m = 0.0785),
         ("safety.wall_force_n", |s| s.safety.wall_force_n = 2000.0),
         ("spring.largest_force_n", |s| s.spring.largest_force_n = 49.5),
         ("impacts.offset_limit_n", |s| s.impacts.offset_limit_n = 100.0),
@@ -173,7 +160,7 @@ fn a_value_out_of_range_is_refused_by_its_name_and_changes_nothing() {
 }
 
 #[test]
-fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
+fn while_an_experiment_runs_settings_can_be_read_but_neither_set_nor_saved() {
     let mut host = Host::new(false);
     host.ask(Request::Configure(experiment())).unwrap();
     host.ask(Request::Start).unwrap();
@@ -187,11 +174,11 @@ fn while_an_experiment_runs_settings_are_told_but_neither_set_nor_saved() {
 }
 
 #[test]
-fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_before() {
+fn a_save_is_answered_once_when_the_flash_has_finished_and_no_command_is_accepted_before() {
     let mut host = Host::new(true);
     host.ask(Request::Configure(experiment())).unwrap();
     host.send(100, Request::SaveSettings);
-    // Copies, as of a host that thinks its request was lost.
+    // Copies, as from a host that takes its request for lost.
     host.send(100, Request::SaveSettings);
     host.tick();
     assert_eq!(host.replies(), []);
@@ -210,7 +197,7 @@ fn the_reply_to_a_saving_comes_once_when_the_flash_is_done_and_nothing_begins_be
 }
 
 #[test]
-fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
+fn a_failed_save_is_reported_and_the_settings_stay_in_use() {
     let mut host = Host::new(true);
     host.ask(Request::SetSettings(others())).unwrap();
     host.send(100, Request::SaveSettings);
@@ -225,7 +212,7 @@ fn a_flash_that_fails_is_told_and_the_settings_stay_in_use() {
 }
 
 #[test]
-fn what_was_kept_is_in_use_from_the_first_tick() {
+fn stored_settings_are_in_use_from_the_first_tick() {
     let mut host = Host::new(false);
     host.control.start_with(&others(), Source::Stored);
     assert_eq!(host.settings(), (others(), Source::Stored));

@@ -1,7 +1,8 @@
-//! Faults injected into the simulated rig: broken sensors, failed supplies, the emergency stop, and a broken friction-damper drive.
+//! Faults injected into the simulated rig: broken sensors, failed supplies, the emergency stop, a broken
+//! friction-spring drive.
 //!
-//! Sensor faults act on the readings behind the converter, so the rig sees what it would see on a board. Faults are set by
-//! [`super::Plant::inject`] or [`ToSimulator::Inject`](crate::messages::ToSimulator::Inject).
+//! Sensor faults act on the converter's output, so the rig sees what it would see on a board.
+//! [`super::Plant::inject`] and [`ToSimulator::Inject`](crate::messages::ToSimulator::Inject) set them.
 
 use super::Noise;
 use super::spring::Breakage;
@@ -9,19 +10,19 @@ use damprig_core::io::{SENSORS, Sensor};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// A fault of the simulated rig, or its end.
+/// A fault to inject into the simulated rig, or to end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum InjectedFault {
-    /// A sensor is broken; without a fault it is sound again.
+    /// A sensor fault; `None` repairs the sensor.
     Sensor {
-        /// Which.
+        /// The sensor.
         sensor: Sensor,
-        /// How.
+        /// The fault.
         fault: Option<SensorFault>,
     },
     /// A supply is on or off.
     Supply {
-        /// Which.
+        /// The supply.
         supply: Supply,
         /// Whether it is on.
         on: bool,
@@ -31,29 +32,30 @@ pub enum InjectedFault {
         /// Whether it is pressed.
         pressed: bool,
     },
-    /// The friction damper's drive is broken in these ways; in none of them by default.
+    /// Failures of the friction spring's drive; the default is none.
     SpringDrive(Breakage),
 }
 
 /// A supply of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Supply {
-    /// All sensors': their outputs fall to 0 V.
+    /// Supply of all sensors. Without it their outputs are 0 V.
     Sensors,
-    /// The shaker amplifier's: the base gets no drive.
+    /// Supply of the shaker's amplifier. Without it the base is not driven.
     Amplifier,
 }
 
-/// What is wrong with a sensor.
+/// A fault of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum SensorFault {
-    /// Its cable is out: the divider pulls the open input to 0 V, but for a residue of 3 mV with 1 mV of noise.
+    /// The cable is disconnected: the divider pulls the open input to 0 V, with a residue of 3 mV and 1 mV RMS of
+    /// noise.
     Unplugged,
-    /// It repeats the same reading.
+    /// The sensor repeats the same reading.
     Stuck,
-    /// It reads one end of the converter's span.
+    /// The sensor reads one end of the converter's span.
     AtRail(End),
-    /// It has this much more white noise, RMS of a sample in the sensor's unit (m or N).
+    /// Additional white noise, RMS of a sample in the sensor's unit (m or N).
     Noisy(f32),
 }
 
@@ -66,7 +68,7 @@ pub enum End {
     High,
 }
 
-/// An open input, and its noise, as shares of a span of 3.3 V.
+/// Reading of an open input, and its RMS noise, as fractions of a span of 3.3 V.
 const RESIDUE: f32 = 3e-3 / 3.3;
 const RESIDUE_NOISE: f32 = 1e-3 / 3.3;
 
@@ -82,7 +84,7 @@ pub(super) struct Span {
 #[derive(Clone, Debug)]
 pub(super) struct Faults {
     faults: [Option<SensorFault>; SENSORS],
-    /// What a stuck sensor reads.
+    /// Value that a stuck sensor repeats.
     stuck_at: [Option<f32>; SENSORS],
     noise: Noise,
     /// The sensors have no supply.

@@ -1,9 +1,9 @@
-//! The simulated rig: a plant and its sensors behind the same [`Sensors`] and [`Actuators`] as a real one.
+//! The simulated rig: a plant and its sensors, with the same [`Sensors`] and [`Actuators`] as a real rig.
 //!
-//! The base follows the drive exactly (prescribed motion) or is the table of a [`shaker`] that feels its load
-//! ([`table`]); the [`sensors`] are ideal or have a data sheet; the [`walls`] have force sensors and the friction damper
-//! its stepper and [`spring`] if so configured. The virtual rig runs it in `f64`, the emulated board in `f32`. What moves
-//! on the base is [`damprig_core::integrator`]'s business.
+//! The base either follows the drive exactly (prescribed motion) or is the table of a [`shaker`] that feels its load
+//! ([`table`]). The displacement [`sensors`] are ideal or have a data sheet. If so configured, the [`walls`] have
+//! force sensors and the friction damper has its stepper and [`spring`]. The virtual rig runs the plant in `f64`, the
+//! emulated board in `f32`. [`damprig_core::integrator`] integrates the motion of structure and damper.
 
 pub mod faults;
 mod noise;
@@ -36,43 +36,43 @@ use spring::{SimulatedSpring, SpringPlant};
 use table::Table;
 use walls::{WallSensors, Walls};
 
-/// Impacts of one tick that the force sensors see; a chatter may have more, each weaker than the last.
+/// Impacts of one tick that the force sensors see. A chatter may have more, each weaker than the last.
 const MOST_IMPACTS: usize = 8;
 
 /// What moves the structure's base.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum Base {
-    /// It follows the drive exactly, one tick late, whatever the structure does.
+    /// The base follows the drive exactly, one tick late, whatever force the structure exerts.
     #[default]
     Prescribed,
-    /// A shaker whose table the structure pulls on; the drive is held over each tick.
+    /// A shaker that feels the structure's load. The drive is held over each tick.
     Shaker(Shaker),
 }
 
-/// What a simulated plant is made of.
+/// Configuration of a simulated plant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct PlantConfig {
     /// The mechanical set-up.
     pub set_up: SetUp,
-    /// The structure's starting place x0, from which it is released, m.
+    /// Initial displacement x0 of the structure, from which it is released, m.
     pub structure_start_m: f64,
-    /// The particle's starting place relative to the middle of its cavity, m; |start| ≤ clearance.
+    /// Initial position of the particle relative to the middle of its cavity, m; |start| ≤ clearance.
     pub particle_start_m: f64,
     /// What moves the base.
     pub base: Base,
     /// Both displacement sensors.
     pub sensors: SensorModel,
-    /// What their data sheet admits; none for ideal sensors.
+    /// Imperfections of the displacement sensors; `None` for ideal sensors.
     pub data_sheet: Option<DataSheet>,
-    /// The walls' force sensors; none for walls that nobody listens to.
+    /// Force sensors of the walls; `None` if the walls have none.
     pub walls: Option<WallSensors>,
-    /// What presses the friction damper's block; its force takes the place of the set-up's. None for a constant force.
+    /// Drive and spring of the friction damper, whose force replaces that of the set-up; `None` for a constant force.
     pub spring: Option<SpringPlant>,
 }
 
 impl PlantConfig {
-    /// A set-up with ideal sensors on a base that follows the drive, the particle in the middle of its cavity.
+    /// A set-up with ideal sensors on a base that follows the drive, with the particle in the middle of its cavity.
     #[must_use]
     pub fn ideal(set_up: SetUp) -> Self {
         Self {
@@ -109,7 +109,7 @@ pub struct Plant<S> {
     walls: Option<Walls>,
     spring: Option<SimulatedSpring>,
     faults: Faults,
-    /// N·s per unit of the structure's change of velocity.
+    /// Impulse per unit of the structure's change of velocity, N·s.
     impulse_per_kick: f32,
 }
 
@@ -121,10 +121,10 @@ enum Moving<S> {
 }
 
 impl<S: Scalar> Plant<S> {
-    /// A plant at rest.
+    /// Makes a plant at rest.
     ///
     /// # Errors
-    /// Names a value that is not physical, or too fast for the tick.
+    /// A value is not physical, or its motion is too fast for the tick; the error names it.
     pub fn new(config: &PlantConfig) -> Result<Self, Invalid> {
         config.set_up.validate()?;
         config.sensors.validate()?;
@@ -164,7 +164,7 @@ impl<S: Scalar> Plant<S> {
         Ok(plant)
     }
 
-    /// The friction damper's force becomes what its spring gives.
+    /// Sets the friction damper's force to that of its spring.
     fn press(&mut self) {
         if let Some(spring) = &self.spring {
             self.motion.set_damper_force_n(f64::from(spring.friction_force_n()), &self.config.set_up);
@@ -190,8 +190,8 @@ impl<S: Scalar> Plant<S> {
         }
     }
 
-    /// Puts the motion back to its start; the friction damper's seat stays where it is. `stream` chooses among
-    /// independent noises of the same seed: a point's noise is its own, whatever was measured before it.
+    /// Resets the motion to its start; the friction damper's seat keeps its position. `stream` selects one of several
+    /// independent noises of the same seed, so that a point's noise does not depend on what was measured before it.
     pub fn restart(&mut self, stream: u16) {
         self.motion.reset(&self.config.initial());
         match &mut self.base {
@@ -208,19 +208,19 @@ impl<S: Scalar> Plant<S> {
         self.impacts = 0;
     }
 
-    /// Impacts since the last restart.
+    /// Number of impacts since the last restart.
     #[must_use]
     pub fn impacts(&self) -> u32 {
         self.impacts
     }
 
-    /// The motion itself, for tests and predictions.
+    /// The integrator's state, for tests and predictions.
     #[must_use]
     pub fn motion(&self) -> &Sampled<S> {
         &self.motion
     }
 
-    /// Steps since the last restart in which the shaker's amplifier or stroke was at its limit.
+    /// Number of steps since the last restart in which the shaker's amplifier or stroke was at its limit.
     #[must_use]
     pub fn limited(&self) -> u32 {
         match &self.base {
@@ -229,7 +229,7 @@ impl<S: Scalar> Plant<S> {
         }
     }
 
-    /// One tick: what the actuators ask for in, what the sensors then read out.
+    /// Advances one tick under the actuators' demands and returns what the sensors then read.
     pub fn tick(&mut self, actuators: &Actuators) -> Sensors {
         let (x, z) = self.advance(actuators);
         let mut sensors = Sensors { emergency_stop: self.faults.emergency_stop, ..Sensors::default() };
@@ -279,7 +279,7 @@ impl<S: Scalar> Plant<S> {
         sensors
     }
 
-    /// One tick of motion: x and z at the sub-sample instants, m.
+    /// Advances the motion by one tick; returns x and z at the sub-sample instants, m.
     pub fn advance(&mut self, actuators: &Actuators) -> ([S; SUBSAMPLES], [S; SUBSAMPLES]) {
         let is_driven = actuators.drive_enabled && !self.faults.amplifier_off;
         let drive = if is_driven { actuators.drive_m } else { 0.0 };
@@ -319,7 +319,7 @@ impl<S: Scalar> Plant<S> {
                 z
             }
         };
-        // Rounding of the instants can leave the last sample just past the last flight.
+        // Rounding of the instants can leave the last sample just after the end of the last flight.
         for sample in &mut sampler.x[sampler.taken..] {
             *sample = self.motion.state().x;
         }
@@ -338,7 +338,7 @@ fn displacement<S: Scalar>(segment: &BaseSegment<S>, t: S) -> S {
     segment.0[0] + polynomial::increment(&segment.0, t)
 }
 
-/// Reads x off the flights at the sub-sample instants.
+/// Evaluates x on the flights at the sub-sample instants.
 struct Sampler<S> {
     x: [S; SUBSAMPLES],
     taken: usize,

@@ -1,4 +1,4 @@
-//! White noise with a seed, the same bits everywhere.
+//! Seeded white noise, with the same bits on every platform.
 
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
@@ -9,7 +9,7 @@ use rand_xoshiro::Xoshiro128PlusPlus;
 pub(super) struct Noise(Xoshiro128PlusPlus);
 
 impl Noise {
-    /// Stream `stream` of `seed`: neighbours of either are independent.
+    /// Makes stream `stream` of `seed`. Neighbouring seeds and streams are independent.
     pub(super) fn new(seed: u64, stream: u16) -> Self {
         // The seed is hashed (SplitMix64) on its way into the state.
         Self(Xoshiro128PlusPlus::seed_from_u64(seed.wrapping_add(u64::from(stream) << 48)))
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_noises_have_unit_variance_and_no_mean() {
+    fn both_noises_have_unit_variance_and_zero_mean() {
         let mut noise = Noise::new(7, 0);
         check(|| noise.next());
         let mut pairs = Noise::new(8, 0);

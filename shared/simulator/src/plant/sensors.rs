@@ -1,8 +1,8 @@
 //! Displacement sensors and their converters: from the true motion to the readings.
 //!
-//! [`SensorModel`] is the ideal one: range, resolution and white noise. A [`DataSheet`] adds what a data sheet admits, in
-//! the order in which a signal meets it: linearity error and response lag of the sensor, the anti-alias filter, and a
-//! converter that averages several conversions a sample. Both channels are alike, except that z is converted later.
+//! [`SensorModel`] is an ideal sensor with range, resolution and white noise. A [`DataSheet`] adds imperfections in
+//! the order of the signal path: linearity error and response lag of the sensor, the anti-alias filter, and a
+//! converter that averages several conversions per sample. Both channels are alike, except that z is converted later.
 
 use super::noise::Noise;
 use core::f64::consts::TAU;
@@ -17,18 +17,19 @@ const SAMPLES_PER_S: f64 = TICK_HZ as f64 * SUBSAMPLES as f64;
 /// An ideal displacement sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SensorModel {
-    /// Readings of x and of z stop at ± these, m; greater than 0.
+    /// Range of the readings of x and of z: readings are limited to ± these values, m; greater than 0.
     pub range_m: [f32; 2],
-    /// Readings are multiples of this, m; 0 for none. A [`DataSheet`]'s converter has its own and takes its place.
+    /// Resolution, m: readings are multiples of it; 0 for unlimited resolution. A [`DataSheet`] replaces it by the
+    /// resolution of its converter.
     pub resolution_m: f32,
     /// RMS of the white noise of one 10 kHz sample, m.
     pub noise_rms_m: f32,
-    /// Seed of the noise; every point of an experiment draws its own stream from it.
+    /// Seed of the noise; every point of an experiment uses its own stream of it.
     pub seed: u64,
 }
 
 impl Default for SensorModel {
-    /// The source document's laser: ±80 mm; 10 µm resolution and 5 µm RMS noise are assumed.
+    /// The laser of the source document: ±80 mm. Its resolution (10 µm) and RMS noise (5 µm) are assumed.
     fn default() -> Self {
         Self { range_m: [0.08; 2], resolution_m: 1e-5, noise_rms_m: 5e-6, seed: 1 }
     }
@@ -38,7 +39,7 @@ impl SensorModel {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         let [x_m, z_m] = self.range_m;
         positive("sensors.range_m", f64::from(x_m))?;
@@ -55,7 +56,7 @@ impl SensorModel {
     }
 }
 
-/// What a data sheet admits beyond [`SensorModel`].
+/// Imperfections of a displacement sensor beyond [`SensorModel`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct DataSheet {
     /// Largest deviation from a straight line through the ends of the range, as a fraction of the range (one side); 0
@@ -63,13 +64,13 @@ pub struct DataSheet {
     pub linearity: f32,
     /// Time constant of the sensor's first-order response, s; 0 or greater.
     pub response_s: f32,
-    /// z is converted this much later than x, s; 0 to one 10 kHz sample (the multiplexer's turn).
+    /// Delay of the conversion of z after that of x, s; 0 to one 10 kHz sample (the multiplexer's delay).
     pub skew_s: f32,
-    /// Corner of the first-order filter before the converter, Hz; greater than 0.
+    /// Corner frequency of the first-order anti-alias filter, Hz; greater than 0.
     pub anti_alias_hz: f32,
-    /// Of the converter, over the whole range; 4 to 20.
+    /// Resolution of the converter over the whole range, bits; 4 to 20.
     pub bits: u8,
-    /// Conversions averaged into one sample, evenly spread over it; 1 to 64.
+    /// Number of conversions averaged into one sample, evenly spaced over it; 1 to 64.
     pub oversampling: u8,
 }
 
@@ -85,7 +86,7 @@ impl DataSheet {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         let within = |name, value: f64, low: f64, high: f64, allowed| {
             require((low..=high).contains(&value), name, value, allowed)
@@ -102,9 +103,9 @@ impl DataSheet {
 /// A first-order lag, exact for an input that is linear between its samples.
 #[derive(Clone, Copy, Debug)]
 struct Lag {
-    /// What is left of a difference after one sample.
+    /// Fraction of a difference that is left after one sample.
     decay: f32,
-    /// Time constant over sample interval.
+    /// Time constant divided by the sample interval.
     constant: f32,
     input: f32,
     output: f32,
@@ -125,15 +126,21 @@ impl Lag {
     }
 }
 
-/// One channel: what is between a displacement and its readings.
+/// One channel: converts a displacement to readings.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
+    converter: Converter,
+    imperfect: Option<Imperfect>,
+}
+
+/// The range, resolution and noise of one conversion.
+#[derive(Clone, Debug)]
+struct Converter {
     range: f32,
     resolution: f32,
     per_resolution: f32,
-    /// Of one conversion.
+    /// RMS noise of one conversion.
     noise: f32,
-    imperfect: Option<Imperfect>,
 }
 
 #[derive(Clone, Debug)]
@@ -143,7 +150,8 @@ struct Imperfect {
     per_range: f32,
     response: Lag,
     filter: Lag,
-    /// Place of the first conversion in the sample interval, and from one to the next.
+    /// Time of the first conversion in the sample interval, and time between conversions, as fractions of the
+    /// interval.
     first: f32,
     spacing: f32,
     conversions: u8,
@@ -152,7 +160,7 @@ struct Imperfect {
 }
 
 impl Channel {
-    /// `late`: the converter takes its turn after the other channel's.
+    /// Makes a channel; `late` if it is converted after the other channel.
     pub(super) fn new(model: &SensorModel, sheet: Option<&DataSheet>, late: bool) -> Self {
         let range = model.range_m[usize::from(late)];
         let resolution = match sheet {
@@ -161,44 +169,45 @@ impl Channel {
             None => model.resolution_m,
         };
         let conversions = sheet.map_or(1, |sheet| sheet.oversampling);
-        Self {
+        let converter = Converter {
             range,
             resolution,
             per_resolution: if resolution > 0.0 { 1.0 / resolution } else { 0.0 },
-            // The noise of a sample is that of its mean.
+            // `noise_rms_m` is that of a sample, which is the mean of the conversions.
             noise: model.noise_rms_m * libm::sqrtf(f32::from(conversions)),
-            imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)),
-        }
+        };
+        Self { converter, imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)) }
     }
 
-    /// A resting sensor.
+    /// Resets the channel to a sensor at rest.
     pub(super) fn reset(&mut self) {
         if let Some(imperfect) = &mut self.imperfect {
             imperfect.reset();
         }
     }
 
-    /// The next sample's reading, m.
+    /// Returns the next sample's reading, m.
     pub(super) fn read(&mut self, truth: f32, noise: &mut Noise) -> f32 {
-        let Some(mut imperfect) = self.imperfect.take() else { return self.convert(truth, noise) };
-        imperfect.push(truth, self.range);
+        let Some(imperfect) = &mut self.imperfect else { return self.converter.convert(truth, noise) };
+        imperfect.push(truth, self.converter.range);
         let mut sum = 0.0;
         for n in 0..imperfect.conversions {
-            sum += self.convert(imperfect.at(n), noise);
+            sum += self.converter.convert(imperfect.at(n), noise);
         }
-        let mean = sum / f32::from(imperfect.conversions);
-        self.imperfect = Some(imperfect);
-        mean
+        sum / f32::from(imperfect.conversions)
     }
+}
 
+impl Converter {
+    #[inline]
     fn convert(&self, signal: f32, noise: &mut Noise) -> f32 {
         let mut reading = signal;
         if self.noise > 0.0 {
             reading += self.noise * noise.next();
         }
         if self.per_resolution > 0.0 {
-            // Adding 1.5 · 2²³ leaves no bits for a fraction: what remains is rounded to nearest, without a branch
-            // that noise would make unpredictable.
+            // Adding 1.5 · 2²³ leaves no bits for a fraction, so the sum is rounded to the nearest integer. A branch
+            // on the noise would be unpredictable.
             const NO_FRACTION: f32 = 12_582_912.0;
             reading = (reading * self.per_resolution + NO_FRACTION - NO_FRACTION) * self.resolution;
         }
@@ -216,8 +225,8 @@ impl Imperfect {
             per_range: 1.0 / range,
             response: Lag::new(f64::from(sheet.response_s)),
             filter: Lag::new(1.0 / (TAU * f64::from(sheet.anti_alias_hz))),
-            // The conversions fill the interval before the sample instant. A late channel's last ones come after it, where
-            // the signal is continued in a straight line.
+            // The conversions fill the interval before the sample instant. The last ones of a late channel come after
+            // it; the signal is extrapolated linearly there.
             first: skew as f32 + 1.0 / n,
             spacing: 1.0 / n,
             conversions: sheet.oversampling,
@@ -234,7 +243,7 @@ impl Imperfect {
     }
 
     fn push(&mut self, truth: f32, range: f32) {
-        // Beyond its range a sensor puts out its end value.
+        // A sensor outputs its end value for a displacement beyond its range.
         let seen = Scalar::min(Scalar::max(truth, -range), range);
         let r = seen * self.per_range;
         let bent = seen + self.bend * (r - r * r * r);
@@ -243,7 +252,7 @@ impl Imperfect {
         self.last = filtered;
     }
 
-    /// The signal at conversion `n`.
+    /// The signal at the instant of conversion `n`.
     fn at(&self, n: u8) -> f32 {
         self.before + (self.last - self.before) * (self.first + f32::from(n) * self.spacing)
     }
@@ -257,12 +266,12 @@ mod tests {
         SensorModel { noise_rms_m: 0.0, resolution_m: 0.0, ..SensorModel::default() }
     }
 
-    /// Nothing but what a test is about.
+    /// A data sheet without imperfections, to which each test adds its own.
     fn perfect() -> DataSheet {
         DataSheet { linearity: 0.0, response_s: 0.0, skew_s: 0.0, anti_alias_hz: 1e9, bits: 20, oversampling: 1 }
     }
 
-    /// Amplitude over the input's and phase (rad) of the reading of a sine, by correlation over whole cycles.
+    /// Amplitude ratio and phase (rad) of the reading of a sine, by correlation over whole cycles.
     fn response(sheet: &DataSheet, late: bool, frequency_hz: f64) -> (f64, f64) {
         let mut channel = Channel::new(&quiet(), Some(sheet), late);
         let mut noise = Noise::new(1, 0);
@@ -289,8 +298,8 @@ mod tests {
         }
     }
 
-    /// |1/(1 + jωτ)| and its phase, for sensor and filter. The input is joined by straight lines between 10 kHz
-    /// samples: (2πf/10⁴)²/12 of the amplitude at most, and the converter's 20 bits.
+    /// The expected values are |1/(1 + jωτ)| and its phase, for sensor and filter. Error: linear interpolation
+    /// between 10 kHz samples takes at most (2πf/10⁴)²/12 of the amplitude; the converter has 20 bits.
     #[test]
     fn response_and_filter_are_first_order_lags() {
         let (response_s, corner) = (1e-3, 1600.0);
@@ -311,12 +320,12 @@ mod tests {
     fn a_late_channel_leads_by_its_skew() {
         let sheet = DataSheet { skew_s: 4e-5, ..perfect() };
         let (early, late) = (response(&sheet, false, 100.0).1, response(&sheet, true, 100.0).1);
-        // Continued in a straight line: second order in the angle between two samples, 0.063.
+        // Error of the linear extrapolation: second order in the angle between two samples, 0.063.
         assert!((late - early - TAU * 100.0 * 4e-5).abs() < 0.063f64.powi(2), "{}", late - early);
     }
 
     #[test]
-    fn the_linearity_error_reaches_its_figure_and_no_more() {
+    fn the_largest_linearity_error_is_the_stated_one() {
         let sheet = DataSheet { linearity: 2e-3, ..perfect() };
         let mut worst: f32 = 0.0;
         for n in -1000..=1000i16 {
@@ -328,8 +337,8 @@ mod tests {
         assert!((worst / (2e-3 * 0.08) - 1.0).abs() < 1e-3, "{worst}");
     }
 
-    /// A converter without noise errs by up to half a step; noise of half a step and N conversions a sample spread the
-    /// error, so the mean of many samples resolves far less than a step.
+    /// A converter without noise errs by up to half a step. Noise of half a step and N conversions per sample spread
+    /// the error, so the mean of many samples resolves far less than a step.
     #[test]
     fn oversampling_with_noise_resolves_less_than_a_step_of_the_converter() {
         let step = 0.16 / 4096.0;
@@ -337,19 +346,19 @@ mod tests {
         let mean = |model: &SensorModel, oversampling: u8| {
             let sheet = DataSheet { bits: 12, oversampling, ..perfect() };
             let (mut channel, mut noise) = (Channel::new(model, Some(&sheet), false), Noise::new(3, 0));
-            // The first sample is on the way from rest.
+            // The first sample is still part of the transient from rest.
             channel.read(truth, &mut noise);
             (0..1000).map(|_| f64::from(channel.read(truth, &mut noise))).sum::<f64>() / 1000.0
         };
         let silent = mean(&quiet(), 16);
         assert!((silent / f64::from(step) - 10.0).abs() < 1e-4, "{silent}");
         let noisy = mean(&SensorModel { noise_rms_m: step / 8.0, ..quiet() }, 16);
-        // The noise of a conversion is half a step, that of the mean of 16 000 is 0.004 (three times: 0.013).
+        // The noise of a conversion is half a step, that of the mean of 16 000 is 0.004 steps (three times: 0.013).
         assert!((noisy / f64::from(step) - 10.3).abs() < 0.025, "{noisy}");
     }
 
     #[test]
-    fn readings_stop_at_the_range() {
+    fn readings_are_limited_to_the_range() {
         let mut channel = Channel::new(&SensorModel::default(), Some(&DataSheet::default()), true);
         let mut noise = Noise::new(1, 0);
         let last = (0..1000).map(|_| channel.read(1.0, &mut noise)).last();
@@ -357,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn a_data_sheet_that_cannot_be_is_refused_by_name() {
+    fn an_unphysical_value_of_a_data_sheet_is_rejected_by_name() {
         let name = |sheet: DataSheet| sheet.validate().unwrap_err().parameter;
         assert_eq!(name(DataSheet { bits: 24, ..perfect() }), "sensors.bits");
         assert_eq!(name(DataSheet { skew_s: 1e-3, ..perfect() }), "sensors.skew_s");

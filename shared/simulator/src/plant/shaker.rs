@@ -1,26 +1,26 @@
-//! An electrodynamic shaker that feels its load: what it is made of.
+//! Configuration of an electrodynamic shaker that feels its load.
 //!
 //! ```text
 //! m z″ + c z′ + k z = Bl·i + reaction,   voltage mode: i = (u − Bl z′)/R,   current mode: i is the demand
 //! ```
-//! In voltage mode the back-emf damps the table by (Bl)²/R, so far above its suspension's frequency the shaker is a
-//! source of *velocity* with a finite resistance: a structure at resonance pulls it down. The coil's inductance is left
-//! out: L/R of such coils is of the order of 1 ms, 2 % of phase at 3 Hz. How the table moves is
-//! [`super::table`]'s business.
+//! In voltage mode the back-emf damps the table by (Bl)²/R. Far above its suspension's frequency the shaker is
+//! therefore a source of *velocity* with a finite resistance: a structure at resonance reduces its amplitude. The
+//! coil's inductance is neglected: L/R of such coils is of the order of 1 ms, a phase error of 2 % at 3 Hz.
+//! [`super::table`] computes the table's motion.
 
 use core::f64::consts::TAU;
 use damprig_core::io::{Invalid, not_negative, positive};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// What the amplifier holds to its input.
+/// The quantity that the amplifier controls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Amplifier {
     /// The coil's voltage.
     Voltage {
-        /// R of coil and leads, Ω; greater than 0.
+        /// Resistance R of coil and leads, Ω; greater than 0.
         coil_resistance_ohm: f64,
-        /// The voltage stops at ± this, V; greater than 0.
+        /// Limit of the voltage's magnitude, V; greater than 0.
         limit_v: f64,
     },
     /// The coil's current.
@@ -30,28 +30,28 @@ pub enum Amplifier {
 /// The shaker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Shaker {
-    /// Armature, table and fixture, kg; greater than 0.
+    /// Mass of armature, table and fixture, kg; greater than 0.
     pub moving_mass_kg: f64,
-    /// Of the table's suspension, N/m; 0 or greater.
+    /// Stiffness of the table's suspension, N/m; 0 or greater.
     pub suspension_stiffness_n_per_m: f64,
-    /// Of the table's suspension, without the coil's share, N·s/m; 0 or greater.
+    /// Damping of the table's suspension, without the back-emf, N·s/m; 0 or greater.
     pub suspension_damping_n_s_per_m: f64,
-    /// Bl, N/A (which is V·s/m); greater than 0.
+    /// Force factor Bl, N/A (equal to V·s/m); greater than 0.
     pub force_factor_n_per_a: f64,
     /// The amplifier.
     pub amplifier: Amplifier,
-    /// The coil's current stops at ± this, A, so the force at Bl times this; greater than 0.
+    /// Limit of the magnitude of the coil's current, A; greater than 0. It limits the force to Bl times this value.
     pub current_limit_a: f64,
-    /// The table travels within ± this, m, and stops at either end without bounce; greater than 0.
+    /// The table's travel is limited to ± this, m; it stops at either end without rebound. Greater than 0.
     pub half_stroke_m: f64,
-    /// The drive's gain is set so that the table *without load* moves by the demanded amplitude at this frequency, Hz;
-    /// greater than 0.
+    /// Calibration frequency, Hz; greater than 0. The drive's gain is set so that the table *without load* moves by
+    /// the demanded amplitude at this frequency.
     pub calibrated_at_hz: f64,
 }
 
 impl Default for Shaker {
     /// Assumed values of the size of a long-stroke seismic shaker (135 N, 158 mm peak to peak) with a light slip
-    /// table; the source document does not give its own.
+    /// table; the source document does not describe its shaker.
     fn default() -> Self {
         Self {
             moving_mass_kg: 5.0,
@@ -70,7 +70,7 @@ impl Shaker {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("shaker.moving_mass_kg", self.moving_mass_kg)?;
         not_negative("shaker.suspension_stiffness_n_per_m", self.suspension_stiffness_n_per_m)?;
@@ -85,7 +85,7 @@ impl Shaker {
         positive("shaker.calibrated_at_hz", self.calibrated_at_hz)
     }
 
-    /// (Bl)²/R of the coil in voltage mode, N·s/m; 0 in current mode.
+    /// Back-emf damping (Bl)²/R in voltage mode, N·s/m; 0 in current mode.
     #[must_use]
     pub fn back_emf_damping_n_s_per_m(&self) -> f64 {
         match self.amplifier {
@@ -104,14 +104,14 @@ impl Shaker {
         (self.suspension_stiffness_n_per_m - self.moving_mass_kg * omega * omega, omega * damping)
     }
 
-    /// Force on the blocked table per demanded displacement, N/m: the calibration.
+    /// Calibration: force on the blocked table per demanded displacement, N/m.
     #[must_use]
     pub fn force_per_drive_n_per_m(&self) -> f64 {
         let (re, im) = self.dynamic_stiffness_n_per_m(TAU * self.calibrated_at_hz);
         libm::sqrt(re * re + im * im)
     }
 
-    /// Largest force of the blocked table, N: what the amplifier's voltage or current allows.
+    /// Largest force on the blocked table, N, limited by the amplifier's voltage or current.
     #[must_use]
     pub fn blocked_force_limit_n(&self) -> f64 {
         let by_current = self.force_factor_n_per_a * self.current_limit_a;

@@ -1,40 +1,41 @@
-//! The friction damper's drive, simulated: stepper, screw, spring, force sensor and limit switch, with what can break.
+//! Simulated drive of the friction spring: stepper, screw, spring, force sensor and limit switch, with their
+//! failures.
 
 use super::Noise;
 use damprig_core::io::{Invalid, Motor, SUBSAMPLES, finite, not_negative, positive, require};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// What the drive really is; the controller's constants may differ.
+/// True properties of the drive; the controller's constants may differ.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SpringPlant {
     /// Travel per step, m.
     pub step_m: f32,
-    /// Where the seat stands at power-on, m from the limit switch.
+    /// Position of the seat at power-on, m from the limit switch.
     pub start_m: f32,
-    /// Where the block touches the structure, m from the limit switch.
+    /// Seat position at which the block touches the structure, m from the limit switch.
     pub touch_m: f32,
-    /// k_s, N/m.
+    /// Spring stiffness k_s, N/m.
     pub stiffness_n_per_m: f32,
-    /// μ_e between block and structure.
+    /// Coefficient of friction μ_e between block and structure.
     pub friction_coefficient: f32,
     /// Force reading without contact, N.
     pub offset_n: f32,
-    /// Readings do not go below this, N.
+    /// Lowest reading, N.
     pub lowest_n: f32,
-    /// Readings do not go above this, N.
+    /// Highest reading, N.
     pub highest_n: f32,
     /// RMS of the white noise of one 10 kHz sample, N.
     pub noise_rms_n: f32,
-    /// Force sensor's lag, first order, s; 0 for none.
+    /// Time constant of the force sensor's first-order lag, s; 0 for none.
     pub lag_s: f32,
     /// Seed of the noise.
     pub seed: u64,
 }
 
 impl Default for SpringPlant {
-    /// Assumed: the seat starts somewhere, the spring is a little stiffer than its data sheet says; a sensor of 0 N to 50 N
-    /// over nine tenths of its converter's span.
+    /// Assumed values: the spring is a little stiffer than its data sheet says; the sensor measures 0 N to 50 N over
+    /// nine tenths of its converter's span.
     fn default() -> Self {
         Self {
             step_m: 5e-6,
@@ -56,7 +57,7 @@ impl SpringPlant {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("spring_plant.step_m", f64::from(self.step_m))?;
         positive("spring_plant.stiffness_n_per_m", f64::from(self.stiffness_n_per_m))?;
@@ -71,24 +72,24 @@ impl SpringPlant {
     }
 }
 
-/// What is broken.
+/// Failures of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Breakage {
-    /// The motor makes no step at all.
+    /// The motor makes no steps.
     pub jammed: bool,
-    /// The motor turns the other way.
+    /// The motor turns in the wrong direction.
     pub reversed: bool,
     /// The motor stalls while the spring presses back with more than this, N.
     pub stalls_above_n: Option<f32>,
-    /// Every so-many-th step is lost; 0 for none.
+    /// One step in every so many is lost; 0 for none.
     pub loses_every: u32,
-    /// The limit switch reads this, wherever the seat is.
+    /// The limit switch always reads this value.
     pub switch_stuck: Option<bool>,
     /// There is no structure to touch.
     pub nothing_there: bool,
 }
 
-/// The drive.
+/// The simulated drive.
 #[derive(Clone, Debug)]
 pub struct SimulatedSpring {
     plant: SpringPlant,
@@ -98,12 +99,12 @@ pub struct SimulatedSpring {
     lagged_n: f32,
     energised: bool,
     noise: Noise,
-    /// What is broken at present.
+    /// The present failures.
     pub broken: Breakage,
 }
 
 impl SimulatedSpring {
-    /// At its starting place.
+    /// Makes a drive at its starting position.
     ///
     /// # Errors
     /// Names a value that is not physical.
@@ -120,13 +121,13 @@ impl SimulatedSpring {
         })
     }
 
-    /// True seat position, m from the limit switch.
+    /// True position of the seat, m from the limit switch.
     #[must_use]
     pub fn position_m(&self) -> f32 {
         self.steps as f32 * self.plant.step_m
     }
 
-    /// The spring has become another.
+    /// Changes the stiffness of the spring, N/m.
     pub fn set_stiffness(&mut self, stiffness_n_per_m: f32) {
         self.plant.stiffness_n_per_m = stiffness_n_per_m;
     }
@@ -137,7 +138,7 @@ impl SimulatedSpring {
         (self.plant.lowest_n, self.plant.highest_n)
     }
 
-    /// The motor's driver was switched on in the last tick.
+    /// Whether the motor's driver was switched on in the last tick.
     #[must_use]
     pub fn is_energised(&self) -> bool {
         self.energised
@@ -156,7 +157,8 @@ impl SimulatedSpring {
         self.plant.friction_coefficient * self.normal_force_n()
     }
 
-    /// One tick: makes the steps; returns the block of force readings, N, and whether the limit switch is closed.
+    /// Advances one tick: makes the steps and returns the block of force readings, N, and whether the limit switch is
+    /// closed.
     pub fn tick(&mut self, drive: Motor) -> ([f32; SUBSAMPLES], bool) {
         self.energised = drive.enabled;
         let direction = i32::from(drive.steps.signum()) * if self.broken.reversed { -1 } else { 1 };

@@ -1,22 +1,23 @@
-//! The shaker's table in motion, coupled to the structure on it.
+//! Motion of the shaker's table, coupled to the structure on it.
 //!
 //! # The coupling
-//! Over one step the table's acceleration a is constant, so its place is a parabola. a is the one with which the
+//! Within a step the table's acceleration a is constant, so its displacement is a parabola. a is chosen so that the
 //! table's momentum balance holds over the step:
 //!
 //! ```text
 //! m a h = ∫ (shaker force − c z′ − k z) dt − ΔP,      P = M x′ + m_p y′
 //! ```
-//! The load's reaction enters as the momentum P that structure and particle *gain*, whatever the forces between base and
-//! structure are (spring, dashpot, friction stuck or slipping): the structure's flights know it exactly. So momentum
-//! passes between table and load without loss, and an impact, which does not change P, cannot disturb the balance. P(a)
-//! is continuous and rises with a (from almost not at all to the full mass M + m_p when the friction damper
-//! sticks), so the balance has one solution; a secant iteration on copies of the structure finds it.
+//! The load's reaction enters as the momentum P that structure and particle *gain*. The structure's flights give it
+//! exactly, whatever the forces between base and structure are (spring, dashpot, friction sticking or slipping). So
+//! momentum passes between table and load without loss, and an impact, which does not change P, does not disturb the
+//! balance. P(a) is continuous and rises with a (from almost zero to the full mass M + m_p when the friction damper
+//! sticks), so the balance has one solution. A secant iteration on copies of the structure finds it.
 //!
 //! # The error
-//! Second order in the step. At the default shaker's 3 steps of 1/3 ms a tick the amplitudes of x and z are within
-//! 1e-5 of the closed form at 2 to 3 Hz (`tests/shaker.rs` halves the step and finds a quarter of the error), table
-//! modes up to [`LARGEST_RATE_PER_STEP`] per step within 2·10⁻⁴. The stroke's end is met to one step.
+//! The method is of second order in the step: `tests/integration/shaker.rs` halves the step and finds a quarter of
+//! the error. With the default shaker's 3 steps of 1/3 ms per tick the amplitudes of x and z are within 1e-5 of the
+//! closed form at 2 to 3 Hz. Table modes up to [`LARGEST_RATE_PER_STEP`] per step are accurate to 2·10⁻⁴. The end of
+//! the stroke is resolved to one step.
 
 use super::shaker::Shaker;
 use damprig_core::integrator::base::BaseSegment;
@@ -27,10 +28,10 @@ use damprig_core::io::{Invalid, require};
 use damprig_core::model::SetUp;
 use damprig_core::scalar::Scalar;
 
-/// The largest (fastest rate of the table × step): a parabola's error is (rate × step)²/12.
+/// Largest product of the table's fastest rate and the step: a parabola's error is (rate × step)²/12.
 pub const LARGEST_RATE_PER_STEP: f64 = 0.05;
 
-/// Evaluations of the structure in search of one step's acceleration, at most.
+/// Maximum number of evaluations of the structure in the search for a step's acceleration.
 const MOST_EVALUATIONS: usize = 8;
 
 /// The table: its coefficients per structure mass in [`Units`], and its state.
@@ -44,7 +45,7 @@ pub struct Table<S> {
     voltage_force_limit: S,
     current_force_limit: S,
     half_stroke: S,
-    /// How the structure's momentum follows the table's acceleration while the damper slips.
+    /// Derivative of the structure's momentum gain with respect to the table's acceleration while the damper slips.
     slip_share: S,
     z: S,
     v: S,
@@ -53,10 +54,10 @@ pub struct Table<S> {
 }
 
 impl<S: Scalar> Table<S> {
-    /// How many steps a sample interval must be divided into for this table.
+    /// Number of steps into which a sample interval must be divided for this table.
     ///
     /// # Errors
-    /// More than 200 would be needed.
+    /// More than 200 steps would be needed.
     pub fn steps_per_sample(shaker: &Shaker, sample_s: f64) -> Result<u8, Invalid> {
         let mass = shaker.moving_mass_kg;
         let damping = shaker.suspension_damping_n_s_per_m + shaker.back_emf_damping_n_s_per_m();
@@ -71,7 +72,7 @@ impl<S: Scalar> Table<S> {
         Ok(steps as u8)
     }
 
-    /// A validated shaker's table at rest, under `set_up`, counted in `units`.
+    /// Makes a validated shaker's table at rest, under `set_up`, counted in `units`.
     #[must_use]
     pub fn new(shaker: &Shaker, set_up: &SetUp, units: &Units) -> Self {
         let (mass, h) = (set_up.structure.mass_kg, units.step_s);
@@ -97,7 +98,7 @@ impl<S: Scalar> Table<S> {
         }
     }
 
-    /// Back to rest.
+    /// Resets the table to rest.
     pub fn reset(&mut self) {
         (self.z, self.v, self.a, self.limited) = (S::ZERO, S::ZERO, S::ZERO, 0);
     }
@@ -114,14 +115,14 @@ impl<S: Scalar> Table<S> {
         self.v
     }
 
-    /// Steps in which the amplifier's voltage or current or the stroke was at its limit.
+    /// Number of steps in which the amplifier's voltage or current or the stroke was at its limit.
     #[must_use]
     pub fn limited(&self) -> u32 {
         self.limited
     }
 
-    /// One step under a constant drive (the demanded displacement, in units of length): moves the table and the
-    /// structure on it; returns the table's motion.
+    /// Advances one step under a constant drive (the demanded displacement, in units of length): moves the table and
+    /// the structure on it; returns the table's motion.
     pub fn step(&mut self, motion: &mut Sampled<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
         let demand = self.force_per_drive * drive;
         let blocked = demand.min(self.voltage_force_limit).max(-self.voltage_force_limit);
@@ -182,7 +183,8 @@ impl<S: Scalar> Table<S> {
         (force.abs() > limit).then(|| if force > S::ZERO { limit } else { -limit })
     }
 
-    /// The motion over the step with acceleration `a`, unless the stroke ends in it: then the table comes to rest there.
+    /// The motion over the step with acceleration `a`. If the stroke ends within the step, the table comes to rest
+    /// there.
     fn segment(&self, a: S) -> BaseSegment<S> {
         let half = S::from_f64(0.5) * a;
         let end = self.z + (self.v + half);
@@ -193,7 +195,7 @@ impl<S: Scalar> Table<S> {
         BaseSegment::hermite(self.z, stop, self.v, S::ZERO)
     }
 
-    /// Takes the end of `segment` as the new state; tells whether it is an end of the stroke.
+    /// Takes the end of `segment` as the new state; returns whether the table is at an end of its stroke.
     fn take(&mut self, segment: &BaseSegment<S>, a: S) -> bool {
         let half = S::from_f64(0.5) * a;
         let stopped = (self.z + (self.v + half)).abs() >= self.half_stroke;

@@ -1,6 +1,7 @@
-//! What the wall-force sensors see: a half-sine of stated contact time for every impact, its impulse the impact's.
+//! Simulated wall-force sensors: each impact gives a half-sine pulse of stated contact time with the impulse of the
+//! impact.
 //!
-//! The model's impacts take no time; the pulse begins at the impact. Several may overlap.
+//! The model's impacts are instantaneous; the pulse begins at the impact. Pulses may overlap.
 
 use super::Noise;
 use core::f32::consts::PI;
@@ -12,23 +13,23 @@ use heapless::Deque;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Pulses that may be in progress at once; of a chatter's last bounces the oldest give way.
+/// Maximum number of pulses in progress. In a long chatter the oldest are dropped.
 const MOST_PULSES: usize = 16;
 
-/// The walls' sensors.
+/// The force sensors of the walls.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct WallSensors {
     /// Contact time, s.
     pub contact_s: f32,
-    /// Readings stop at ± this, N.
+    /// Range: readings are limited to ± this, N.
     pub range_n: f32,
     /// Reading without a force, N.
     pub offset_n: f32,
     /// RMS of the white noise of one sample, N.
     pub noise_rms_n: f32,
-    /// What the converter's counts mean.
+    /// Conversion of the converter's counts to force.
     pub scale: ForceScale,
-    /// The converter's highest reading; at most 32767.
+    /// Highest reading of the converter, counts; at most 32767.
     pub highest_counts: u16,
 }
 
@@ -50,7 +51,7 @@ impl WallSensors {
     /// Checks that every value is physical.
     ///
     /// # Errors
-    /// Names the first that is not.
+    /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         positive("walls.contact_s", f64::from(self.contact_s))?;
         positive("walls.range_n", f64::from(self.range_n))?;
@@ -67,12 +68,12 @@ impl WallSensors {
 struct Pulse {
     /// 0 for the wall at −d, 1 for +d.
     wall: usize,
-    /// In ticks from the start of the present tick.
+    /// Start of the pulse, ticks from the start of the present tick.
     start: f32,
     peak_n: f32,
 }
 
-/// Both walls.
+/// The force sensors of both walls.
 #[derive(Clone, Debug)]
 pub struct Walls {
     sensors: WallSensors,
@@ -83,7 +84,7 @@ pub struct Walls {
 }
 
 impl Walls {
-    /// Untouched; `seed` is the noise's.
+    /// Makes sensors without a pulse; `seed` is that of the noise.
     ///
     /// # Errors
     /// Names a value that is not physical.
@@ -93,7 +94,8 @@ impl Walls {
         Ok(Self { sensors: *sensors, contact, pulses: Deque::new(), noise: Noise::new(seed, u16::MAX) })
     }
 
-    /// An impact in the present tick: `at` ticks from its start, on `side` (±1), giving the structure this impulse, N·s.
+    /// Adds the pulse of an impact in the present tick: `at` ticks from its start, on `side` (±1), with this impulse
+    /// on the structure, N·s.
     pub fn hit(&mut self, at: f32, side: i8, impulse_n_s: f32) {
         if self.pulses.is_full() {
             self.pulses.pop_front();
@@ -103,13 +105,13 @@ impl Walls {
         let _ = self.pulses.push_back(Pulse { wall: usize::from(side > 0), start: at, peak_n });
     }
 
-    /// Nothing presses any more, and the noise begins again, of an independent `stream`.
+    /// Removes all pulses and restarts the noise with an independent `stream`.
     pub fn restart(&mut self, seed: u64, stream: u16) {
         self.pulses.clear();
         self.noise = Noise::new(seed, u16::MAX - stream);
     }
 
-    /// The tick's readings in counts, `N` pairs with the wall at −d first; the tick is then over.
+    /// Returns the tick's readings in counts, `N` pairs with the wall at −d first, and ends the tick.
     pub fn read<const N: usize>(&mut self) -> [WallCounts; N] {
         let readings = self.look();
         self.pass();
@@ -120,27 +122,34 @@ impl Walls {
         let sensors = &self.sensors;
         let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
         let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
-        // A cast drops the fraction.
+        // The cast truncates.
         let counts = |force_n: f32| Scalar::min(force_n * per_newton + zero, highest) as u16;
-        core::array::from_fn(|n| {
-            let mut forces = [sensors.offset_n; 2];
-            for pulse in &self.pulses {
+        // Loops rather than closures over arrays: the compiler vectorises them, and this is half of the simulator's time.
+        let mut forces_n = [[sensors.offset_n; 2]; N];
+        for pulse in &self.pulses {
+            for (n, forces) in forces_n.iter_mut().enumerate() {
                 let since = ((n + 1) as f32 / N as f32 - pulse.start) / self.contact;
                 if since > 0.0 && since < 1.0 {
                     forces[pulse.wall] += pulse.peak_n * libm::sinf(PI * since);
                 }
             }
-            if sensors.noise_rms_n > 0.0 {
+        }
+        if sensors.noise_rms_n > 0.0 {
+            for forces in &mut forces_n {
                 let noise = self.noise.next_pair();
                 forces[0] += sensors.noise_rms_n * noise[0];
                 forces[1] += sensors.noise_rms_n * noise[1];
             }
-            let [low, high] = forces.map(|force_n| Scalar::min(Scalar::max(force_n, -range), range));
-            WallCounts::new(counts(low), counts(high))
-        })
+        }
+        let mut readings = [WallCounts::default(); N];
+        for (reading, forces) in readings.iter_mut().zip(&forces_n) {
+            let [low, high] = forces.map(|force_n| counts(Scalar::min(Scalar::max(force_n, -range), range)));
+            *reading = WallCounts::new(low, high);
+        }
+        readings
     }
 
-    /// The tick is over.
+    /// Ends the tick.
     fn pass(&mut self) {
         for pulse in &mut self.pulses {
             pulse.start -= 1.0;

@@ -1,5 +1,5 @@
-//! The closed base-amplitude loop on the shaker that feels its load: the amplitude it keeps, what it overshoots, and what
-//! it says when it cannot.
+//! The closed base-amplitude loop on the shaker that feels its load: accuracy, overshoot, and the reports at its
+//! limits.
 
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
 use damprig_core::control::experiment::Experiment;
@@ -66,7 +66,7 @@ struct Outcome {
 
 fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     let (mut rig, mut plant) = (Rig::new(), Plant::<f64>::new(config).unwrap());
-    // The loop's own limits alone.
+    // Only the loop's own limits act.
     let safety = SafetyConfig {
         limits: Limits { structure_m: 10.0, base_m: 0.078 },
         half_cycles_ahead: 0.0,
@@ -112,7 +112,7 @@ fn run(config: &PlantConfig, plan: &SteppedSine) -> Outcome {
     }
 }
 
-/// What is asked of the loop: every point within 1 % of its target, and never 10 % above it.
+/// Requirement on the loop: every point within 1 % of its target, and never 10 % above it.
 fn assert_kept(name: &str, config: &PlantConfig, plan: &SteppedSine) {
     let outcome = run(config, plan);
     let z = plan.amplitude_m;
@@ -131,7 +131,7 @@ fn assert_kept(name: &str, config: &PlantConfig, plan: &SteppedSine) {
 }
 
 #[test]
-fn the_base_keeps_its_amplitude_from_2_to_3_hz_under_every_damper() {
+fn the_base_keeps_its_amplitude_from_2_to_3_hz_under_every_damper_kind() {
     for (name, set_up, z) in [("bare", bare(), 3e-4), ("SPID", spid(), 1e-3), ("hybrid", hybrid(), 1e-3)] {
         for start in [Start::FromRest { level_m: 5e-4 }, Start::CarryOver] {
             assert_kept(&format!("{name}, {start:?}"), &plant(set_up), &SteppedSine { start, ..plan(z) });
@@ -158,8 +158,8 @@ fn the_gain_means_the_same_at_every_drive_frequency() {
     assert_kept("half to 20 Hz", &plant(spid()), &plan);
 }
 
-/// At constant drive nothing holds the base up: at fn the closed form of the coupled system has 0.155 of the demanded
-/// amplitude, approached as e^(−0.39 t).
+/// Without a loop the structure's load reduces the base amplitude: at fn the closed form of the coupled system has
+/// 0.155 of the demanded amplitude, approached as e^(−0.39 t).
 #[test]
 fn at_constant_drive_the_base_sags_at_resonance() {
     let at_resonance = [2.5].into_iter().collect();
@@ -177,22 +177,22 @@ fn a_drive_at_its_limit_is_reported_and_the_base_stays_below_its_target() {
     let [point] = run(&plant(bare()), &plan).points.try_into().unwrap();
     assert!(point.drive_saturated);
     assert!(point.z_amplitude_m < 0.9 * 3e-4, "{}", point.z_amplitude_m);
-    // A sine clipped all the way to a square has 4/π of its height at the drive frequency.
+    // A sine clipped to a square wave has a fundamental of 4/π of its height.
     assert!((6e-4..6e-4 * 1.274).contains(&point.drive_amplitude_m), "{}", point.drive_amplitude_m);
 }
 
-/// A base that follows the drive whatever happens is a source of displacement: the loop has no business there.
+/// A base that follows the drive exactly is a source of displacement, for which the loop is not designed.
 #[test]
 fn a_loop_that_swings_up_is_stopped() {
     let config = PlantConfig { base: Base::Prescribed, ..plant(bare()) };
     assert_eq!(run(&config, &plan(3e-4)).fault, Some(FaultCause::BaseRunaway));
 }
 
-/// On a current amplifier the table is a mass with hardly any resistance: kept, but with little margin.
+/// On a current amplifier the table is a mass with hardly any damping: the target is kept, but with little margin.
 #[test]
 fn a_current_amplifier_is_kept_at_its_target_but_overshoots() {
     let shaker = Shaker { amplifier: Amplifier::Current, ..Shaker::default() };
-    // The force at resonance, 15 N, is 15 mm of a table that is a mass.
+    // At resonance the force of 15 N corresponds to a drive of 15 mm, because the table is a mass.
     let drive = DriveMode::ClosedLoop(ClosedLoop { drive_limit_m: 0.05, ..ClosedLoop::default() });
     let config = PlantConfig { base: Base::Shaker(shaker), ..plant(bare()) };
     let outcome = run(&config, &SteppedSine { drive, ..plan(3e-4) });
@@ -201,7 +201,7 @@ fn a_current_amplifier_is_kept_at_its_target_but_overshoots() {
     assert!((1.1..1.5).contains(&(outcome.highest_m / 3e-4)), "{}", outcome.highest_m / 3e-4);
 }
 
-/// The drive's largest step from one tick to the next, over one point and its end.
+/// Largest step of the drive from one tick to the next, over one point and its end.
 #[test]
 fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
     let steepest = |ramp_s: f32| {
@@ -213,14 +213,14 @@ fn a_ramp_starts_and_ends_the_drive_without_a_corner() {
         };
         let (mut rig, mut last, mut slope, mut steepest) = (Rig::new(), 0.0f32, 0.0f32, 0.0f32);
         rig.handle(Command::Configure(Experiment::SteppedSine(SteppedSinePlan::new(plan).unwrap()))).unwrap();
-        // A structure that stands still is not to be taken for a broken sensor.
+        // The structure stands still here: do not report a frozen sensor.
         let safety = SafetyConfig { frozen_s: 0.0, host_silent_s: 0.0, ..SafetyConfig::default() };
         rig.handle(Command::SetSettings(Settings { safety, ..Settings::default() })).unwrap();
         rig.handle(Command::Start).unwrap();
         let mut sensors = Sensors::default();
         for _ in 0..20_000 {
             let drive = rig.tick(&sensors, &[]).drive_m;
-            // The structure stands still; the base does what it is told.
+            // The structure stands still; the base follows the drive.
             sensors.readings.z = Reading::still(drive);
             steepest = steepest.max((drive - last - slope).abs());
             (slope, last) = (drive - last, drive);

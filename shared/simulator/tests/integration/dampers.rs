@@ -1,4 +1,4 @@
-//! The dampers through the protocol: the friction damper's spring, impacts, the twin, the interlocks.
+//! The dampers through the protocol: friction spring, impacts, twin and interlocks.
 
 use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Spring, SpringSetUp, SpringStage, Target};
@@ -57,7 +57,7 @@ fn signals(names: &[&str]) -> Request {
 }
 
 #[test]
-fn a_friction_ratio_that_is_asked_for_becomes_the_friction_of_the_structure() {
+fn a_requested_friction_ratio_becomes_the_friction_on_the_structure() {
     let mut host = Host::new(plant(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038))));
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 1.0 })] {
         host.spring(command);
@@ -77,30 +77,31 @@ fn a_friction_ratio_that_is_asked_for_becomes_the_friction_of_the_structure() {
 }
 
 #[test]
-fn impacts_are_told_with_the_impulse_of_their_law_and_counted_per_cycle() {
+fn impacts_are_reported_with_the_impulse_of_the_impact_law_and_counted_per_cycle() {
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
     host.done(at_resonance(60.0, 20.0));
     host.done(signals(&["impacts", "impacts_in_cycle"]));
     host.done(Request::Start);
     host.pass(82_000);
     let [point] = host.points()[..] else { panic!("{:?}", host.events) };
-    assert_eq!(point.impacts_per_cycle, 2.0, "the symmetric orbit");
+    assert_eq!(point.impacts_per_cycle, 2.0, "two impacts per cycle on the symmetric orbit");
     let impacts = host.impacts();
     assert!(impacts.len() > 250 && host.status().events_lost == 0);
-    // Before the drive ended.
+    // Impacts before the end of the drive.
     let steady: Vec<_> = impacts.iter().filter(|record| (70_000..point.end_tick).contains(&record.tick)).collect();
     assert!(steady.len() > 45, "{}", steady.len());
-    assert!(steady.windows(2).all(|pair| pair[0].side == -pair[1].side), "side after side");
+    assert!(steady.windows(2).all(|pair| pair[0].side == -pair[1].side), "the sides alternate");
     let time = |record: &ImpactRecord| f64::from(record.tick) + f64::from(record.centre_ticks);
     let gaps: Vec<f64> = steady.windows(2).map(|pair| time(pair[1]) - time(pair[0])).collect();
-    // Half a period each; 12 bits and noise of 0.2 N on pulses of 50 N and more move a centre by some µs.
+    // Impacts are half a period apart. 12 bits and noise of 0.2 N on pulses of 50 N and more move a centre by some
+    // µs.
     assert!(gaps.iter().all(|gap| (gap - 200.0).abs() < 0.1), "{gaps:?}");
     let row = &host.rows[point.end_tick as usize / 10 - 1];
-    assert_eq!(row[1], 2.0, "the last whole cycle's");
+    assert_eq!(row[1], 2.0, "impacts of the last whole cycle");
 }
 
 #[test]
-fn the_twin_follows_the_rig_and_misses_what_a_dead_force_sensor_does_not_tell() {
+fn the_twin_follows_the_rig_and_raises_its_alarm_when_a_force_sensor_is_dead() {
     let truth = set_up(10.0 * f64::from(Z_M));
     for walls in [Some(WallSensors::default()), None] {
         let hears = walls.is_some();
@@ -154,7 +155,7 @@ fn a_snippet_shows_the_next_impact_and_none_before() {
 }
 
 #[test]
-fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
+fn the_emergency_stop_ends_a_drive_at_once_and_each_refusal_says_how_to_recover() {
     let safety = SafetyConfig { brake_n: 6.0, ..SafetyConfig::default() };
     let mut host = Host::new(plant(set_up(10.0 * f64::from(Z_M))));
     host.done(Request::SetSettings(Settings { safety, ..Settings::default() }));
@@ -168,7 +169,7 @@ fn the_emergency_stop_ends_a_drive_at_once_and_the_way_back_is_told() {
     host.inject(InjectedFault::EmergencyStop { pressed: true });
     host.pass(1_000);
     assert_eq!(host.fault(), Some(FaultCause::EmergencyStop));
-    assert!(host.rows[1..].iter().all(|row| row[0] == 0.0), "no drive from the next row on");
+    assert!(host.rows[1..].iter().all(|row| row[0] == 0.0), "the drive is zero from the next row on");
     assert!(host.rows.last().unwrap()[2] == 0.0, "no brake: {:?}", host.rows.last());
     for (ask, words) in [
         (Request::Start, "clear the fault first"),
@@ -205,7 +206,7 @@ fn a_spring_that_faults_while_driven_ends_the_drive() {
 }
 
 #[test]
-fn what_makes_no_sense_now_says_what_to_do() {
+fn requests_that_are_invalid_in_the_present_state_are_refused_with_what_to_do() {
     let mut host = Host::new(plant(set_up(15e-3)));
     let target = |force_n| Request::Spring(SpringCommand::Set(Target::Force { force_n }));
     for (ask, words) in [

@@ -40,7 +40,7 @@ impl Host {
         self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick, request: ask }));
     }
 
-    /// Runs until the clock stands; every message that came.
+    /// Runs until the clock stops; returns every message sent.
     fn run(&mut self) -> Vec<FromDevice> {
         let mut received = vec![];
         while self.board.run(1000, |bytes| received.extend_from_slice(bytes)) == Progress::Running {}
@@ -71,7 +71,7 @@ fn plant() -> PlantConfig {
     PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)))
 }
 
-/// Telemetry of the motion alone.
+/// Telemetry of the motion signals alone.
 fn motion(every_ticks: u16) -> Request {
     Request::SetTelemetry { every_ticks, signals: Default::default(), impacts: false }
 }
@@ -134,14 +134,14 @@ fn a_second_start_gives_the_same_bytes() {
     for _ in 0..2 {
         assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
         host.bytes.clear();
-        // Event numbers go on counting; everything else starts again.
+        // Event numbers continue; everything else restarts.
         runs.push(
             host.grant(15_000).into_iter().filter(|m| !matches!(m, FromDevice::Event { .. })).collect::<Vec<_>>(),
         );
         assert_eq!(host.ask(Request::Stop), Ok(Reply::Done));
         host.grant(16_000);
     }
-    assert!(runs[0] == runs[1], "the second run differs");
+    assert!(runs[0] == runs[1], "both runs give the same bytes");
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn a_repeated_request_is_answered_again_but_not_carried_out_again() {
     let mut host = ready();
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.grant(100);
-    // Carried out again it would be refused: the rig is running.
+    // If it were carried out again it would be refused, because the rig is running.
     assert_eq!(host.repeat(Request::Start), Ok(Reply::Done));
     assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Running(_), .. })));
 }
@@ -188,18 +188,18 @@ fn a_late_copy_of_an_earlier_request_is_not_carried_out() {
     assert_eq!(host.repeat(Request::Stop), Ok(Reply::Done));
     host.seq = last;
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert!(matches!(status.state, State::Running(_)), "a copy of an old stop has stopped it");
+    assert!(matches!(status.state, State::Running(_)), "a late copy of a stop was carried out");
 }
 
 #[test]
-fn a_new_conversation_may_use_the_numbers_of_the_one_before() {
+fn a_new_session_may_reuse_the_sequence_numbers_of_the_one_before() {
     let mut host = ready();
     host.seq = 0;
     assert!(matches!(host.ask(Request::Identify), Ok(Reply::Identity(_))));
-    // The same number as a request of the conversation before, which set something else.
+    // This sequence number belonged to another request in the session before.
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
-    assert!(matches!(status.state, State::Running(_)), "taken for a repetition");
+    assert!(matches!(status.state, State::Running(_)), "the request was taken for a repetition");
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn a_command_with_a_tick_waits_for_it() {
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.send_for(Some(3000), Request::Stop);
     let messages = host.grant(2999);
-    assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "served too early");
+    assert!(!messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })), "the request was served before its tick");
     let messages = host.grant(6000);
     assert!(messages.iter().any(|m| matches!(m, FromDevice::Reply { .. })));
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
@@ -216,12 +216,12 @@ fn a_command_with_a_tick_waits_for_it() {
 }
 
 #[test]
-fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_is_told() {
+fn a_command_for_the_tick_at_which_credit_ends_is_answered_before_the_clock_message() {
     let mut host = ready();
     assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
     host.send_for(Some(3000), Request::Stop);
     let messages = host.grant(3000);
-    let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("it is said");
+    let place = |wanted: fn(&FromDevice) -> bool| messages.iter().position(wanted).expect("the message is sent");
     let (reply, clock) =
         (place(|m| matches!(m, FromDevice::Reply { .. })), place(|m| matches!(m, FromDevice::Clock { tick: 3000 })));
     assert!(reply < clock);
@@ -255,7 +255,7 @@ fn resonance() -> SteppedSine {
     SteppedSine { amplitude_m: 1.5e-3, frequencies_hz: [2.5].into_iter().collect(), ..experiment() }
 }
 
-/// A plant whose particle hits its walls at resonance, with the walls' sensors.
+/// A plant whose particle hits its walls at resonance, with wall-force sensors.
 fn impacting() -> PlantConfig {
     let mut config = PlantConfig { walls: Some(WallSensors::default()), ..plant() };
     config.set_up.particle = Some(Particle {
@@ -268,7 +268,7 @@ fn impacting() -> PlantConfig {
 }
 
 #[test]
-fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it() {
+fn one_request_is_answered_after_every_tick_whatever_happens_in_the_tick() {
     let mut host = ready();
     for ask in [
         set_plant(impacting()),
@@ -298,7 +298,7 @@ fn every_tick_is_followed_by_the_answer_to_one_request_whatever_happened_in_it()
 }
 
 #[test]
-fn events_are_told_in_the_tick_in_which_they_happen() {
+fn events_are_sent_in_the_tick_in_which_they_occur() {
     let mut host = ready();
     let telemetry = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: true };
     for ask in [set_plant(impacting()), Request::Configure(resonance()), telemetry, Request::Start] {
@@ -322,7 +322,7 @@ fn events_are_told_in_the_tick_in_which_they_happen() {
 }
 
 #[test]
-fn a_start_with_a_tick_begins_a_new_count_that_waits_for_credit() {
+fn a_start_with_a_tick_restarts_the_tick_count_which_then_waits_for_credit() {
     let mut host = ready();
     host.grant(100);
     host.send_for(Some(200), Request::Start);
@@ -362,14 +362,14 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
     let fault = fault.expect("a fault");
     assert_eq!(fault.cause, FaultCause::StructureDisplacement);
     assert!(fault.value >= 3e-3 && fault.value < 3.1e-3, "{fault:?}");
-    // A second later the base stands still.
+    // One second later the base stands still.
     let last = messages.iter().rev().find_map(|m| if let FromDevice::Telemetry(t) = m { Some(t) } else { None });
     let row = last.unwrap().values.chunks(4).next_back().unwrap();
     assert_eq!(row[2], 0.0, "drive");
     assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { state: State::Faulted, .. })));
-    let Err(refused) = host.ask(Request::ClearFault) else { panic!("it still rings") };
+    let Err(refused) = host.ask(Request::ClearFault) else { panic!("the structure still rings") };
     assert!(refused.to_string().contains("wait for rest"), "{refused}");
-    // 3 mm at ζω = 0.06 /s need 18 s to come below 1 mm.
+    // 3 mm decay at ζω = 0.06 /s; 1 mm is reached after 18 s.
     host.grant(30_000);
     let Ok(Reply::Status { status, .. }) = host.ask(Request::Status) else { panic!() };
     assert_eq!((status.safe, status.state), (SafeStage::Safe, State::Faulted));
@@ -378,7 +378,7 @@ fn a_displacement_limit_stops_the_drive_and_stays_latched() {
 }
 
 #[test]
-fn nonsense_is_refused_with_the_parameter_and_what_is_allowed() {
+fn invalid_values_are_refused_with_the_parameter_and_what_is_allowed() {
     let mut host = Host::new();
     assert!(matches!(host.ask(Request::Start), Err(Rejected::WrongState { .. })), "no experiment");
     assert_eq!(host.ask(Request::Configure(experiment())), Ok(Reply::Done));
@@ -432,7 +432,7 @@ fn figures(messages: &[FromDevice]) -> Vec<PointResult> {
 }
 
 #[test]
-fn an_experiment_taken_up_again_measures_what_it_would_have_measured() {
+fn a_resumed_experiment_gives_the_results_of_an_uninterrupted_one() {
     let mut whole = ready();
     assert_eq!(whole.ask(Request::Start), Ok(Reply::Done));
     let whole = figures(&whole.grant(20_000));

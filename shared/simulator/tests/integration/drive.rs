@@ -1,4 +1,4 @@
-//! What the drive cannot deliver, from the request to the refusal, and what the base does with the rest.
+//! Demands beyond the drive's range: refused when configured and when started, clipped and reported in closed loop.
 
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::fault::FaultCause;
@@ -45,7 +45,7 @@ fn closed(drive_limit_m: f32) -> DriveMode {
     DriveMode::ClosedLoop(ClosedLoop { drive_limit_m, wait_s: 0.0, ..ClosedLoop::default() })
 }
 
-/// A second of a versine of this height, m, in counts of 0.2 µm at 500 Hz.
+/// A versine pulse of one second and this height, m, in counts of 0.2 µm at 500 Hz.
 fn pulse(peak_m: f64) -> Vec<u8> {
     let at = |n: u32| 0.5 * peak_m / 2e-7 * (1.0 - (std::f64::consts::TAU * f64::from(n) / 500.0).cos());
     (0..=500).flat_map(|n| (at(n).round() as i16).to_le_bytes()).collect()
@@ -72,7 +72,7 @@ fn upload(host: &mut Host, bytes: &[u8]) {
     host.pass(1_000);
 }
 
-/// 0.2 V to 3.1 V of ±5 mm over 3.3 V.
+/// Limit of the drive as delivered, m: 0.2 V to 3.1 V of ±5 mm over 3.3 V.
 fn as_delivered_m() -> f32 {
     Calibration::default().drive.range().amplitude_m()
 }
@@ -96,13 +96,13 @@ fn an_amplitude_that_the_drive_cannot_deliver_is_refused_when_it_is_configured()
     host.done(Request::Configure(sine(1e-3, closed(as_delivered_m()))));
 }
 
-/// A 10 mm pulse came out as 5 mm on a board, and as 10 mm on a virtual rig.
+/// Regression test: a 10 mm pulse became 5 mm on a board and stayed 10 mm on a virtual rig.
 #[test]
-fn a_record_that_the_drive_cannot_deliver_is_refused_as_soon_as_it_is_there() {
+fn a_record_that_the_drive_cannot_deliver_is_refused_as_soon_as_it_is_uploaded() {
     let (mut host, high, low) = (Host::new(bare()), pulse(6e-3), pulse(4e-3));
     upload(&mut host, &high);
     assert_refused(host.ask(playback(&high)), "record peak (m)", 6e-3);
-    // The other way round.
+    // The opposite order: configure first, then upload.
     upload(&mut host, &low);
     host.done(playback(&high));
     upload(&mut host, &high);
@@ -113,7 +113,7 @@ fn a_record_that_the_drive_cannot_deliver_is_refused_as_soon_as_it_is_there() {
 }
 
 #[test]
-fn the_calibration_says_what_the_drive_delivers_also_after_the_experiment_was_configured() {
+fn a_calibration_set_after_the_experiment_was_configured_limits_its_drive() {
     let mut host = Host::new(bare());
     let strong = Calibration { drive: DriveScale::assumed(0.02), ..Calibration::default() };
     host.done(Request::SetSettings(Settings { calibration: strong, ..Settings::default() }));
@@ -122,7 +122,7 @@ fn the_calibration_says_what_the_drive_delivers_also_after_the_experiment_was_co
     assert_refused(host.ask(Request::Start), "amplitude_m", 0.015);
 }
 
-/// The answer of a board of another precision.
+/// Reply of a virtual rig in this precision.
 fn ask_of<S: PlantScalar>(ask: Request) -> Result<Reply, Rejected> {
     let mut board = SimulatedDevice::<S>::new(DeviceInfo::new("test", "none"));
     let mut out = [0; LONGEST];
@@ -137,15 +137,15 @@ fn ask_of<S: PlantScalar>(ask: Request) -> Result<Reply, Rejected> {
 }
 
 #[test]
-fn the_virtual_rigs_of_both_precisions_refuse_alike() {
+fn virtual_rigs_in_single_and_double_precision_refuse_the_same_drives() {
     let ask = || Request::Configure(sine(5e-3, DriveMode::Constant));
     assert_refused(ask_of::<f64>(ask()), "amplitude_m", 5e-3);
     assert_refused(ask_of::<f32>(ask()), "amplitude_m", 5e-3);
 }
 
 #[test]
-fn a_closed_loop_that_needs_more_than_the_drive_delivers_is_cut_and_told() {
-    // Calibrated at half the frequency, a source of velocity moves half as far.
+fn a_closed_loop_that_needs_more_than_the_drive_delivers_is_clipped_and_reported() {
+    // A source of velocity calibrated at half the frequency moves half as far.
     let mut host = Host::new(on_a_shaker(Shaker { calibrated_at_hz: 1.0, ..Shaker::default() }));
     host.done(Request::Configure(sine(3e-3, closed(as_delivered_m()))));
     host.done(Request::SetTelemetry { every_ticks: 1, signals: [2].into_iter().collect(), impacts: false });
@@ -159,7 +159,7 @@ fn a_closed_loop_that_needs_more_than_the_drive_delivers_is_cut_and_told() {
 
 #[test]
 fn a_base_that_does_not_move_while_it_is_driven_ends_the_drive() {
-    // The amplifier is off.
+    // The amplifier delivers no current.
     let mut host = Host::new(on_a_shaker(Shaker { current_limit_a: 1e-6, ..Shaker::default() }));
     host.done(Request::Configure(sine(1e-3, DriveMode::Constant)));
     host.done(Request::Start);
@@ -169,7 +169,7 @@ fn a_base_that_does_not_move_while_it_is_driven_ends_the_drive() {
 
 #[test]
 fn a_base_that_moves_ten_times_too_far_ends_the_drive() {
-    // Calibrated where the table is a mass.
+    // The calibration frequency is where the table is a mass.
     let mut host = Host::new(on_a_shaker(Shaker { calibrated_at_hz: 40.0, ..Shaker::default() }));
     host.done(Request::Configure(sine(2e-5, DriveMode::Constant)));
     host.done(Request::Start);

@@ -1,4 +1,4 @@
-//! The emergency stop and the brake, from the pressed button to the motor.
+//! The emergency stop and the brake, from the button to the motor.
 
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
@@ -19,7 +19,7 @@ fn host() -> Host {
     Host::new(PlantConfig { spring: Some(SpringPlant::default()), ..PlantConfig::ideal(set_up) })
 }
 
-/// Homed and touched off.
+/// A host whose spring is homed and touched off.
 fn touched_off() -> Host {
     let mut host = host();
     host.spring(SpringCommand::Home);
@@ -29,7 +29,7 @@ fn touched_off() -> Host {
 
 const BRAKE_N: f32 = 6.0;
 
-/// Limits with a brake; the structure may go as far as this, m.
+/// Limits with a brake, and this displacement limit of the structure, m.
 fn with_brake(structure_m: f32) -> Request {
     let limits = Limits { structure_m, ..Limits::default() };
     let restart_m = SafetyConfig::default().restart_m.min(0.5 * structure_m);
@@ -38,13 +38,13 @@ fn with_brake(structure_m: f32) -> Request {
     Request::SetSettings(Settings { safety, ..Settings::default() })
 }
 
-/// Out of reach.
+/// A limit that the structure does not reach.
 const FAR_M: f32 = 0.07;
 
-/// Reached a second after the start of [`sine`].
+/// A limit that the structure reaches one second after the start of [`sine`].
 const NEAR_M: f32 = 5e-3;
 
-/// Reached by the sensor's noise.
+/// A limit that the sensor's noise exceeds.
 const AT_ONCE_M: f32 = 1e-6;
 
 fn sine() -> Request {
@@ -70,10 +70,10 @@ fn press(host: &mut Host, pressed: bool) {
     host.inject(InjectedFault::EmergencyStop { pressed });
 }
 
-/// Presses the stop and checks the motor from the first tick that sees it.
+/// Presses the stop and checks the motor from the first tick that can react.
 fn press_and_expect_no_motion(host: &mut Host, what: &str) {
     press(host, true);
-    // The plant's next sensors tell it.
+    // The next samples of the plant show the pressed button.
     host.pass(1);
     let before = seat_m(host);
     for _ in 0..500 {
@@ -142,7 +142,7 @@ fn the_emergency_stop_does_not_close_the_brake_in_an_experiment() {
     press(&mut host, false);
     let released = seat_m(&mut host);
     host.pass(5_000);
-    assert_eq!(seat_m(&mut host), released, "nothing moves by itself after the release");
+    assert_eq!(seat_m(&mut host), released, "the release moves nothing");
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn the_emergency_stop_ends_a_brake_that_another_fault_has_closed() {
     });
     host.pass(300);
     assert_eq!(host.fault(), Some(FaultCause::StructureDisplacement));
-    assert!(seat_m(&mut host) > before, "the brake is closing");
+    assert!(seat_m(&mut host) > before, "the brake moves before the stop");
     press_and_expect_no_motion(&mut host, "braking");
 }
 
@@ -184,7 +184,7 @@ fn after_an_emergency_stop_the_spring_must_be_homed_before_it_moves() {
     assert_eq!(host.status().spring.stage, SpringStage::Holding);
 }
 
-/// A fault of the rig in the middle of a touch-off: the brake cannot close yet, and must as soon as it can.
+/// A fault of the rig during a touch-off: the brake cannot close yet, and must close as soon as it can.
 #[test]
 fn a_brake_that_cannot_close_at_once_closes_as_soon_as_it_can() {
     let mut host = host();
@@ -194,17 +194,17 @@ fn a_brake_that_cannot_close_at_once_closes_as_soon_as_it_can() {
     host.done(with_brake(AT_ONCE_M));
     host.pass(10);
     assert_eq!(host.fault(), Some(FaultCause::StructureDisplacement));
-    assert_eq!(host.status().spring.stage, SpringStage::TouchingOff, "the touch-off goes on");
+    assert_eq!(host.status().spring.stage, SpringStage::TouchingOff, "the touch-off continues");
     host.pass(20_000);
     let status = host.status();
     assert_eq!(status.brake, Brake::Holds, "{status:?}");
     let force_n = host.board.plant_mut().unwrap().spring_mut().unwrap().normal_force_n();
-    // The dead band, and the average's noise.
+    // Tolerance: the dead band and the noise of the average.
     assert!((force_n - BRAKE_N).abs() < 0.022, "{force_n}");
 }
 
 #[test]
-fn a_brake_that_holds_is_not_let_go_before_the_fault_is_cleared() {
+fn a_brake_that_holds_is_not_released_before_the_fault_is_cleared() {
     let mut host = touched_off();
     host.done(with_brake(NEAR_M));
     host.done(sine());

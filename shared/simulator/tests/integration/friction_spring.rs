@@ -1,4 +1,4 @@
-//! The friction-damper spring's controller against a simulated drive, sound and broken.
+//! The controller of the friction spring with a simulated drive, intact and with failures.
 
 use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{
@@ -13,14 +13,14 @@ struct Bench {
     plant: SimulatedSpring,
     x_peak_m: f32,
     z_m: Option<f32>,
-    /// What the force sensor reads instead of the force, N.
+    /// Value that replaces the reading of the force sensor, N.
     reads_n: Option<f32>,
     force_sensor: Verdict,
-    /// The force sensor is wired the wrong way round.
+    /// The force sensor has the wrong sign.
     reversed: bool,
     events: Vec<SpringEvent>,
     drive: Motor,
-    /// Steps of every tick.
+    /// Steps in each tick.
     log: Vec<i8>,
 }
 
@@ -45,7 +45,7 @@ impl Bench {
         Self::with(&SpringConfig::default(), &SpringPlant::default())
     }
 
-    /// Homed and touched off.
+    /// A bench that is homed and touched off.
     fn ready() -> Self {
         let mut bench = Self::new();
         bench.make_ready();
@@ -68,7 +68,7 @@ impl Bench {
     }
 
     fn tick(&mut self) {
-        // The motor moves after the controller has spoken: the readings are one tick old.
+        // The motor moves after the controller's tick: the readings are one tick old.
         let (block, at_switch) = self.plant.tick(self.drive);
         let read_n = block.iter().sum::<f32>() / SUBSAMPLES as f32;
         let force_n = self.reads_n.unwrap_or(if self.reversed { -read_n } else { read_n });
@@ -101,7 +101,7 @@ impl Bench {
         panic!("{stage:?} not reached: {:?}", self.spring.status());
     }
 
-    /// Waits for this fault and for the motor to come to rest; it then stays so.
+    /// Runs until this fault occurs and the motor stops; checks that it stays stopped.
     fn until_safe(&mut self, cause: SpringFaultCause) {
         self.until(SpringStage::Faulted);
         assert_eq!(self.spring.status().fault.unwrap().cause, FaultCause::Spring(cause));
@@ -119,14 +119,14 @@ fn homing_finds_the_same_edge_from_anywhere() {
         bench.command(SpringCommand::Home);
         bench.until(SpringStage::Homed);
         bench.run(2);
-        // The edge is one step off the switch.
+        // The edge is one step away from the switch.
         let error = bench.plant.position_m() - bench.spring.status().position_m - 5e-6;
         assert!(error.abs() < 1e-8, "from {start_m}: {error}");
         assert_eq!(bench.events, [SpringEvent::Homed]);
     }
 }
 
-/// The truth lies within the stated error as often as it should, whatever dominates: noise or the motor's step.
+/// The error of the zero reading agrees with its stated standard error, whether noise or the motor's step dominates.
 #[test]
 fn touch_off_finds_the_zero_reading_within_its_stated_error() {
     for noise_rms_n in [0.01, 0.2] {
@@ -140,17 +140,19 @@ fn touch_off_finds_the_zero_reading_within_its_stated_error() {
             bench.make_ready();
             let zero = bench.spring.status().zero.unwrap();
             let error = zero.zero_m + 5e-6 - touch_m;
-            // Scatter about the line, and the mean without contact over 1500 samples, which the line does not see.
+            // Scatter about the line, and the error of the mean without contact over 1500 samples, which the line
+            // does not include.
             let bias = noise_rms_n / 1500.0f32.sqrt() / 537.0;
             let error_scale = zero.zero_error_m.hypot(bias);
             squares += error * error;
             stated += error_scale * error_scale;
-            // One step, or what 1000 samples a point leave of the noise over √Σ(F−F̄)² = 1.05 N.
+            // One step, or the noise that is left after 1000 samples per point, over √Σ(F−F̄)² = 1.05 N.
             let slope_error = 5.0 * noise_rms_n / 1000.0f32.sqrt() / 1.05 + 1e-3;
             assert!((zero.stiffness_n_per_m / 537.0 - 1.0).abs() < slope_error, "{zero:?}");
         }
         let ratio = (squares / stated).sqrt();
-        // A χ² of 24 with scatter estimates of six degrees of freedom; positions in f32 and thresholds add to small noise.
+        // A χ² of 24 errors, with scatter estimates of six degrees of freedom; positions in f32 and thresholds add to
+        // small noise.
         assert!(ratio < 1.6, "errors are {ratio} times the stated ones");
         assert!((squares / trials as f32).sqrt() < if noise_rms_n < 0.1 { 3e-6 } else { 5e-5 }, "{squares}");
     }
@@ -168,14 +170,14 @@ fn a_deflection_is_kept_as_a_position() {
 }
 
 #[test]
-fn a_force_is_met_within_the_dead_band_and_then_the_motor_rests() {
+fn a_force_is_reached_within_the_dead_band_and_then_the_motor_rests() {
     let mut bench = Bench::ready();
     for force_n in [2.0, 8.0, 0.5, 0.0, 13.5] {
         bench.set(Target::Force { force_n });
         bench.until(SpringStage::Setting);
         bench.until(SpringStage::Holding);
         let truth = bench.plant.normal_force_n();
-        // The dead band, and the average's noise: 5 × 0.01/√1000.
+        // Tolerance: the dead band and the noise of the average, 5 × 0.01/√1000.
         assert!((truth - force_n).abs() < 0.02 + 0.002, "{force_n}: {truth}");
         bench.run(10_000);
         assert!(bench.log.iter().rev().take(9000).all(|&steps| steps == 0), "hunts at {force_n} N");
@@ -199,7 +201,7 @@ fn a_friction_ratio_holds_while_the_base_amplitude_changes() {
     bench.z_m = None;
     let held = bench.plant.normal_force_n();
     bench.run(4000);
-    assert!(bench.plant.normal_force_n() == held, "without Z the force stays");
+    assert!(bench.plant.normal_force_n() == held, "without a base amplitude the force stays");
     bench.z_m = Some(0.05);
     bench.run(6000);
     let status = bench.spring.status();
@@ -228,9 +230,10 @@ fn rate_and_acceleration_are_never_exceeded() {
     for window in sums.windows(101) {
         fastest = fastest.max((window[100] - window[0]).abs());
     }
-    // 1000 steps/s over 100 ticks, and the one that a window's edge may catch.
+    // 1000 steps/s over 100 ticks, and one step at the edge of a window.
     assert!((99..=101).contains(&fastest), "{fastest}");
-    // Mean rates of neighbouring windows differ by at most a·Δt = 4000/s² × 0.1 s = 40 steps in 0.1 s; edges, 2.
+    // Mean rates of neighbouring windows differ by at most a·Δt = 4000/s² × 0.1 s = 40 steps in 0.1 s, and 2 steps at
+    // the edges.
     for n in 0..sums.len() - 200 {
         let (a, b, c) = (sums[n], sums[n + 100], sums[n + 200]);
         assert!(((c - b) - (b - a)).abs() <= 42, "tick {n}");
@@ -247,7 +250,7 @@ fn no_step_is_made_while_the_structure_moves_too_much() {
     bench.x_peak_m = 2e-3;
     bench.run(300);
     let stopped = bench.plant.position_m();
-    // A vibration is above the limit only part of the time.
+    // A vibration exceeds the limit only part of the time.
     for tick in 0..5000 {
         bench.x_peak_m = if tick % 200 < 20 { 2e-3 } else { 0.2e-3 };
         bench.tick();
@@ -263,7 +266,7 @@ fn no_step_is_made_while_the_structure_moves_too_much() {
 fn the_brake_closes_whatever_the_structure_does() {
     let config = SpringConfig { quiet_m: 1e-3, ..SpringConfig::default() };
     let mut bench = Bench::with(&config, &SpringPlant::default());
-    assert!(!bench.spring.brake(5.0), "no brake without a zero reading");
+    assert!(!bench.spring.brake(5.0), "the brake needs a zero reading");
     bench.make_ready();
     bench.x_peak_m = 0.05;
     assert!(bench.spring.brake(5.0));
@@ -310,7 +313,7 @@ mod faults {
     }
 
     #[test]
-    fn a_sensor_that_gives_no_number_ends_homing() {
+    fn a_nan_reading_ends_homing() {
         homing(|bench| bench.reads_n = Some(f32::NAN), SpringFaultCause::SensorLost);
     }
 
@@ -324,7 +327,7 @@ mod faults {
         bench.until_safe(SpringFaultCause::NoTouch);
         assert!((bench.plant.position_m() - 1e-3).abs() < 1e-5);
         bench.command(SpringCommand::ClearFault);
-        assert_eq!(bench.spring.stage(), SpringStage::Homed, "the position is still good");
+        assert_eq!(bench.spring.stage(), SpringStage::Homed, "the position is still known");
     }
 
     #[test]
@@ -376,7 +379,7 @@ mod faults {
         bench.set(Target::Force { force_n: 5.0 });
         bench.until(SpringStage::Setting);
         bench.until(SpringStage::Holding);
-        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022, "two per cent lost is made good");
+        assert!((bench.plant.normal_force_n() - 5.0).abs() < 0.022, "a loss of 2 % of the steps is corrected");
         bench.plant.broken.loses_every = 4;
         bench.set(Target::Force { force_n: 10.0 });
         bench.until_safe(SpringFaultCause::ForceDoesNotFollow);
@@ -408,16 +411,16 @@ mod faults {
         }
     }
 
-    /// Four ticks at a rail are no fault yet, and nothing is decided by what is read there.
+    /// Four ticks at a rail are not a fault, and their readings are ignored.
     #[test]
-    fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_goes_on() {
+    fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_continues() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
         bench.run(400);
         (bench.reads_n, bench.force_sensor) = (Some(-5.5), Verdict::AtRail);
         let before = bench.plant.position_m();
         bench.run(4);
-        // It brakes: a step that was under way, and 4 ticks at less than a step each.
+        // Braking distance: the step under way, and 4 ticks at less than a step each.
         assert!(bench.plant.position_m() - before < 5.5 * 5e-6);
         assert!(bench.spring.status().fault.is_none());
         (bench.reads_n, bench.force_sensor) = (None, Verdict::Reads);
@@ -427,13 +430,13 @@ mod faults {
 
     #[test]
     fn a_motor_that_runs_the_wrong_way_is_noticed_by_the_rising_force() {
-        // 1 mm from the structure, with a motor wired the other way round.
+        // The seat is 1 mm from the structure, and the motor turns in the wrong direction.
         let mut bench =
             Bench::with(&SpringConfig::default(), &SpringPlant { start_m: 11.3e-3, ..SpringPlant::default() });
         bench.plant.broken.reversed = true;
         bench.command(SpringCommand::Home);
         bench.until_safe(SpringFaultCause::WrongDirection);
-        // The tolerance of 0.5 N, and the sensor's lag of some ticks at 1 N/s.
+        // The tolerance of 0.5 N, and the sensor's lag of a few ticks at 1 N/s.
         assert!(bench.plant.normal_force_n() < 0.52, "{}", bench.plant.normal_force_n());
     }
 
@@ -463,7 +466,7 @@ mod faults {
     }
 
     #[test]
-    fn a_switch_that_closes_where_it_should_not_stops_the_motor() {
+    fn a_switch_that_closes_unexpectedly_stops_the_motor() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
         bench.run(300);
@@ -481,7 +484,7 @@ mod faults {
 }
 
 #[test]
-fn commands_that_make_no_sense_say_the_stage_and_what_to_do() {
+fn invalid_commands_are_refused_with_the_stage_and_what_to_do() {
     let mut bench = Bench::new();
     let force = |force_n| SpringCommand::Set(Target::Force { force_n });
     let advice = |bench: &mut Bench, command| match bench.spring.handle(command) {
@@ -515,7 +518,7 @@ fn commands_that_make_no_sense_say_the_stage_and_what_to_do() {
 }
 
 #[test]
-fn halt_stops_where_it_is_and_keeps_the_zero_reading() {
+fn halt_stops_at_the_present_position_and_keeps_the_zero_reading() {
     let mut bench = Bench::ready();
     bench.set(Target::Force { force_n: 10.0 });
     bench.run(700);

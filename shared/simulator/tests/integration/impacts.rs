@@ -1,4 +1,4 @@
-//! Impact measurement against pulses whose time, impulse and contact are known.
+//! Impact measurement of pulses with known time, impulse and contact time.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
@@ -10,7 +10,7 @@ use damprig_core::model::{Initial, Particle, SetUp, Structure, Wall};
 use damprig_simulator::plant::walls::{WallSensors, Walls};
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Fifteen bits over −16 N to 508 N: steps far below what the tests are about.
+/// Fifteen bits over −16 N to 508 N: the quantisation is far below the tolerances.
 const FINE: ForceScale = ForceScale { newtons_per_count: 0.016, zero_counts: 1000.0 };
 
 const QUIET: WallSensors = WallSensors {
@@ -31,7 +31,8 @@ fn low(force_n: f32) -> WallCounts {
     WallCounts::new(FINE.to_counts(force_n, 0, 0x7fff), 1000)
 }
 
-/// Runs hits (time in ticks, side, impulse) through sensors and meter with N samples a tick; times in ticks from 0.
+/// Passes impacts (time in ticks, side, impulse) through sensors and meter with N samples per tick; returns times in
+/// ticks from 0.
 fn measure<const N: usize>(
     sensors: &WallSensors,
     config: &ImpactConfig,
@@ -53,7 +54,7 @@ fn measure<const N: usize>(
 }
 
 #[test]
-fn time_impulse_and_peak_of_a_pulse_come_back_wherever_it_falls() {
+fn time_impulse_and_peak_of_a_pulse_are_measured_at_any_position_between_samples() {
     check_pulse::<10>(2e-3, 0.1);
     check_pulse::<10>(1e-3, 0.1);
     check_pulse::<50>(1e-3, 0.1);
@@ -64,17 +65,18 @@ fn check_pulse<const N: usize>(contact_s: f32, impulse: f32) {
     let sensors = WallSensors { contact_s, ..QUIET };
     let n = contact_s * 1000.0 * N as f32;
     let peak = FRAC_PI_2 * impulse / contact_s;
-    // The kinks (see the module), and what lies below the threshold beyond the guards: nothing at these peaks.
+    // Error from the kinks (see the module). The part below the threshold and outside the guards is zero at these
+    // peaks.
     let kinks = PI * PI / (12.0 * n * n);
     for phase in 0..40 {
         let at = 20.0 + f64::from(phase) / 40.0;
         let (found, meter) = measure::<N>(&sensors, &ImpactConfig::default(), &[(at, 1, impulse)]);
         let [(time, record)] = found[..] else { panic!("{found:?}") };
         assert!((record.impulse_n_s / impulse - 1.0).abs() < kinks + 1e-4, "{n} samples: {record:?}");
-        // A parabola through a sine at ±π/n: fourth order.
+        // Error of a parabola through a sine at ±π/n: fourth order.
         assert!((record.peak_n / peak - 1.0).abs() < (PI / n).powi(4) / 4.0 + 1e-4, "{n} samples: {record:?}");
         assert!((record.contact_s / contact_s - 1.0).abs() < kinks + (PI / n).powi(4) / 4.0 + 2e-4, "{record:?}");
-        // The kinks move the centre by at most half a contact times their part of the impulse.
+        // The kinks move the centre by at most half a contact time multiplied by their fraction of the impulse.
         let error = time - (at + f64::from(contact_s) * 500.0);
         assert!(error.abs() < f64::from(contact_s * 500.0 * kinks + 2e-5), "{n} samples: {error} ticks");
         assert!(record.side == 1 && !record.clipped && !record.held);
@@ -97,7 +99,8 @@ impl Observer<f64> for Hits {
     }
 }
 
-/// The whole chain: the integrator's impacts as forces, and back. Every impulse is m(1+e)v/(1+β).
+/// The whole chain: the integrator's impacts become forces, and the meter measures their impulses. The law is
+/// m(1+e)v/(1+β).
 #[test]
 fn measured_impulses_are_those_of_the_impact_law() {
     let (mass, ratio, restitution) = (1.6, 0.1, 0.5);
@@ -124,8 +127,8 @@ fn measured_impulses_are_those_of_the_impact_law() {
     assert_eq!(meter.counts().total() as usize, hits.len());
     for (&(at, side, _, approach), (time, record)) in truth.hits.iter().zip(&found) {
         let law = ratio * mass * (1.0 + restitution) * approach / (1.0 + ratio);
-        // Kinks at 20 samples a contact, 0.2 %; noise of 0.2 N over about 30 samples of 0.1 ms; the offset that the noise
-        // itself makes (0.2 N/√20 000) and the feet beyond the guards.
+        // Kinks at 20 samples per contact, 0.2 %; noise of 0.2 N over about 30 samples of 0.1 ms; the offset caused
+        // by the noise (0.2 N/√20 000), and the feet outside the guards.
         let tolerance = 0.0021 * law + 5.0 * 0.2 * 1e-4 * 30.0f64.sqrt() + 1e-4 * law;
         assert!((f64::from(record.impulse_n_s) - law).abs() < tolerance, "{record:?}: law {law}");
         assert_eq!(record.side, side);
@@ -137,7 +140,7 @@ fn measured_impulses_are_those_of_the_impact_law() {
 }
 
 #[test]
-fn ringing_is_one_impact_and_a_second_impact_is_two() {
+fn ringing_counts_as_one_impact_and_a_second_impact_as_another() {
     let ring = |at, part: f32| (at, 1, 0.1 * part);
     let (found, meter) = measure::<50>(
         &WallSensors { contact_s: 0.2e-3, ..QUIET },
@@ -150,7 +153,7 @@ fn ringing_is_one_impact_and_a_second_impact_is_two() {
 }
 
 #[test]
-fn a_clipped_pulse_says_so_and_still_has_its_time() {
+fn a_clipped_pulse_is_marked_and_still_has_its_time() {
     let sensors = WallSensors { range_n: 60.0, ..QUIET };
     let config = ImpactConfig { clip_n: 59.0, ..ImpactConfig::default() };
     let (found, meter) = measure::<10>(&sensors, &config, &[(20.33, -1, 0.1), (80.0, 1, 0.05)]);
@@ -176,7 +179,7 @@ fn noise_alone_makes_no_impact_and_an_offset_is_followed() {
     let sensors = WallSensors { offset_n: 1.5, noise_rms_n: 0.2, ..QUIET };
     let (found, _) = measure::<10>(&sensors, &ImpactConfig::default(), &[(5000.0, 1, 0.02)]);
     assert_eq!(found.len(), 1, "{found:?}");
-    // e^(−5) of the offset is left: 0.01 N, over some 24 samples.
+    // The remaining offset is e^(−5) of the initial one: 0.01 N, over about 24 samples.
     assert!((found[0].1.impulse_n_s - 0.02).abs() < 0.02 * 0.003 + 0.01 * 24e-4 + 5.0 * 0.2e-4 * 5.0, "{found:?}");
 }
 
@@ -213,7 +216,7 @@ fn a_snippet_holds_the_samples_around_the_next_impact() {
         high_side.extend(block.map(|pair| pair.of(1)));
         meter.push(tick, &block, |_| {});
     }
-    // In pieces, the last of them short.
+    // Read in parts, the last one short.
     let mut samples: Vec<u16> = vec![];
     while samples.len() < SNIPPET {
         let mut piece = [0; 100];
@@ -227,7 +230,7 @@ fn a_snippet_holds_the_samples_around_the_next_impact() {
 }
 
 #[test]
-fn wrong_settings_are_named() {
+fn invalid_settings_are_rejected_by_name() {
     let good = ImpactConfig::default();
     for (bad, name) in [
         (ImpactConfig { threshold_n: 0.0, ..good }, "impacts.threshold_n"),

@@ -1,4 +1,4 @@
-//! Whose limits act: the board's, tightened by an experiment while it lasts, and the board's again after it.
+//! Limits in force: the board's, tightened by an experiment while it lasts, and the board's again after it.
 
 use damprig_core::control::fault::{Fault, FaultCause};
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringStage, Target};
@@ -11,7 +11,7 @@ use damprig_core::rig::{Rig, State, Status};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{Board, DeviceInfo, Saving};
 use damprig_device::controller::{BootInfo, Controller};
-use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::queues::{LocalQueues, Waiting};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
@@ -20,7 +20,7 @@ use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::PlantConfig;
 use damprig_simulator::plant::spring::SpringPlant;
 
-/// A simulated board and what it has said of faults.
+/// A simulated board and the faults that it has reported.
 struct Host {
     board: SimulatedDevice<f64>,
     reader: Reader,
@@ -30,7 +30,7 @@ struct Host {
 }
 
 impl Host {
-    /// With the bare structure of the source document, and a spring for its friction damper.
+    /// A board with the bare structure of the source document and a friction spring.
     fn new(settings: Settings) -> Self {
         let mut board = SimulatedDevice::new(DeviceInfo::new("test", "none"));
         board.start_with(&settings, Source::Stored);
@@ -39,7 +39,7 @@ impl Host {
         host
     }
 
-    /// The structure is held at this place.
+    /// Replaces the plant by one whose structure is held at this displacement, m.
     fn mount(&mut self, structure_start_m: f64) {
         let spring = Some(SpringPlant::default());
         let plant = PlantConfig { structure_start_m, spring, ..PlantConfig::ideal(structure()) };
@@ -90,7 +90,7 @@ impl Host {
         status
     }
 
-    /// Ten seconds at resonance: |x| grows to 37 mm.
+    /// Runs ten seconds at resonance: |x| grows to 37 mm.
     fn drive(&mut self, limits: Option<ExperimentLimits>) {
         self.done(Request::Configure(resonance()));
         if let Some(limits) = limits {
@@ -99,7 +99,7 @@ impl Host {
         self.done(Request::Start);
     }
 
-    /// Lets the structure come to rest and clears the fault.
+    /// Waits until the structure is at rest and clears the fault.
     fn clear(&mut self) {
         self.pass(80_000);
         assert_eq!(self.status().safe, SafeStage::Safe);
@@ -126,7 +126,7 @@ fn resonance() -> SteppedSine {
     }
 }
 
-/// A board that judges each limit by itself: nothing is foreseen.
+/// Settings without the predictive check, so that each limit acts by itself.
 fn settings() -> Settings {
     let mut settings = Settings::default();
     settings.safety.half_cycles_ahead = 0.0;
@@ -162,7 +162,7 @@ fn the_boards_limits_are_in_force_again_when_an_experiment_ends_or_is_stopped() 
         }
         host.pass(10_000);
         assert_eq!((host.status().state, &host.faults[..]), (State::Idle, &[][..]));
-        // An idle rig keeps watch too: a structure that is held at 50 mm is within the board's limit.
+        // An idle rig is monitored too: a structure held at 50 mm is within the board's limit.
         host.mount(0.05);
         host.pass(2_000);
         assert_eq!((host.status().state, &host.faults[..]), (State::Idle, &[][..]), "stopped: {stops}");
@@ -170,7 +170,7 @@ fn the_boards_limits_are_in_force_again_when_an_experiment_ends_or_is_stopped() 
 }
 
 #[test]
-fn limits_belong_to_their_experiment_however_often_it_is_started_and_to_no_other() {
+fn limits_apply_to_every_start_of_their_experiment_and_to_no_other_experiment() {
     let mut host = Host::new(settings());
     host.drive(structure_within(0.02));
     for _ in 0..2 {
@@ -199,7 +199,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
             "safety.wall_force_n = 450 would loosen the board's 300",
         ),
         (ExperimentLimits { host_silent_s: Some(0.0), ..none }, "safety.host_silent_s = 0 would loosen the board's 10"),
-        (ExperimentLimits { base_m: Some(-1.0), ..none }, "limits.base_m = -1 is not allowed"),
+        (ExperimentLimits { base_m: Some(-1.0), ..none }, "safety.limits.base_m = -1 is not allowed"),
     ] {
         let refused = host.ask(Request::SetLimits(limits)).unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");
@@ -207,7 +207,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values() {
 }
 
 #[test]
-fn limits_come_after_their_experiment_and_before_its_start() {
+fn limits_are_accepted_only_between_the_configuration_of_an_experiment_and_its_start() {
     let mut host = Host::new(settings());
     let limits = Request::SetLimits(structure_within(0.02).unwrap());
     let refused = host.ask(limits.clone()).unwrap_err().to_string();
@@ -218,7 +218,7 @@ fn limits_come_after_their_experiment_and_before_its_start() {
 }
 
 #[test]
-fn limits_that_have_become_looser_than_the_boards_keep_their_experiment_from_starting() {
+fn limits_that_have_become_looser_than_the_boards_prevent_the_start() {
     let mut host = Host::new(settings());
     host.done(Request::Configure(resonance()));
     host.done(Request::SetLimits(structure_within(0.04).unwrap()));
@@ -231,7 +231,7 @@ fn limits_that_have_become_looser_than_the_boards_keep_their_experiment_from_sta
 }
 
 #[test]
-fn a_limit_too_tight_for_the_sensors_noise_does_not_keep_the_rig_from_being_cleared() {
+fn a_limit_tighter_than_the_sensors_noise_does_not_prevent_clearing_its_fault() {
     let mut host = Host::new(settings());
     host.drive(Some(ExperimentLimits { base_m: Some(1e-6), ..ExperimentLimits::default() }));
     host.pass(1_000);
@@ -243,7 +243,7 @@ fn a_limit_too_tight_for_the_sensors_noise_does_not_keep_the_rig_from_being_clea
 }
 
 #[test]
-fn a_limit_of_the_board_that_latches_its_own_fault_can_be_put_right() {
+fn a_limit_of_the_board_that_trips_at_rest_can_be_corrected() {
     let mut wrong = settings();
     wrong.safety.limits.base_m = 1e-6;
     let mut host = Host::new(wrong);
@@ -265,7 +265,7 @@ fn spring(friction_coefficient: Option<f32>) -> SpringSetUp {
 }
 
 #[test]
-fn a_set_up_describes_its_spring_and_the_boards_limit_on_its_force_stays() {
+fn a_set_up_may_describe_its_spring_but_the_boards_force_limit_stays_in_force() {
     let mut settings = settings();
     (settings.spring.largest_force_n, settings.spring.touch_span_n) = (3.0, 0.5);
     let mut host = Host::new(settings);
@@ -283,7 +283,7 @@ fn a_set_up_describes_its_spring_and_the_boards_limit_on_its_force_stays() {
 }
 
 #[test]
-fn a_spring_stays_where_it_is_when_its_experiment_ends_and_is_unknown_on_another_plant() {
+fn a_spring_keeps_its_position_after_an_experiment_and_must_be_homed_on_another_plant() {
     let mut host = Host::new(settings());
     host.done(Request::SetSpring(spring(None)));
     for command in [SpringCommand::Home, SpringCommand::TouchOff, SpringCommand::Set(Target::Force { force_n: 1.0 })] {
@@ -321,7 +321,7 @@ fn a_set_ups_friction_coefficient_acts_in_its_experiment_and_the_boards_after_it
 }
 
 #[test]
-fn a_board_takes_other_settings_without_losing_its_springs_position_unless_they_are_the_springs() {
+fn new_settings_keep_the_springs_position_unless_they_change_the_spring() {
     let mut host = Host::new(settings());
     host.done(Request::Spring(SpringCommand::Home));
     host.pass(16_000);
@@ -334,7 +334,7 @@ fn a_board_takes_other_settings_without_losing_its_springs_position_unless_they_
     assert_eq!(host.status().spring.stage, SpringStage::Unhomed);
 }
 
-/// A board with a real structure, without flash.
+/// A board with a real structure and no flash.
 struct Real;
 
 impl Board for Real {
@@ -349,42 +349,29 @@ impl Board for Real {
     }
 }
 
-/// A board with a clock of its own, whose sensors see base and structure swing by 2 mm.
+/// A board with its own clock, whose sensors see base and structure vibrate by 2 mm.
 struct RealBoard {
     control: Controller,
-    said: Said,
-}
-
-#[derive(Default)]
-struct Said(Vec<FromDevice>);
-
-impl Outgoing for Said {
-    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
-        self.0.push(message);
-        Ok(1)
-    }
-
-    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
-        Ok(1)
-    }
+    queues: LocalQueues,
 }
 
 impl RealBoard {
     fn done(&mut self, seq: u16, ask: Request) {
         let request = NumberedRequest { seq, at_tick: None, request: ask };
-        self.control.serve(&request, &mut Real, &mut UploadBuffer::new(), &mut self.said);
-        assert_eq!(self.said.0.pop(), Some(FromDevice::Reply { seq, answer: Ok(Reply::Done) }));
+        self.control.serve(&request, &mut Real, &mut UploadBuffer::new(), &mut self.queues);
+        assert_eq!(self.queues.pop_message(), Some(FromDevice::Reply { seq, answer: Ok(Reply::Done) }));
     }
 
-    /// The tick at which the drive ends for want of a message, at most so many after the last one.
+    /// Runs up to `most_ticks` ticks without a message; returns the tick at which the drive ends because the host is
+    /// silent.
     fn ends_silent_drive(&mut self, most_ticks: u32) -> Option<u32> {
         let mut upload = UploadBuffer::new();
         for tick in 0..most_ticks {
             let mut sensors = Sensors::default();
             let swing = Reading::still((2e-3 * (f64::from(tick) * 0.0157).sin()) as f32);
             (sensors.readings.x, sensors.readings.z) = (swing, swing);
-            self.control.tick(&sensors, &mut upload, &mut self.said);
-            for message in self.said.0.drain(..) {
+            self.control.tick(&sensors, &mut upload, &mut self.queues);
+            while let Some(message) = self.queues.pop_message() {
                 if let FromDevice::Event { event: Event::Fault(fault), .. } = message {
                     assert_eq!(fault.cause, FaultCause::HostSilent);
                     return Some(tick);
@@ -396,20 +383,20 @@ impl RealBoard {
 }
 
 #[test]
-fn a_drive_ends_when_its_host_has_been_silent_for_ten_seconds_as_delivered_or_for_less() {
+fn a_drive_ends_after_ten_seconds_of_host_silence_by_default_or_after_a_shorter_limit() {
     for (host_silent_s, expected) in [(None, 10_000), (Some(5.0), 5_000)] {
         let control = Controller::new(DeviceInfo::new("test", "none"), BootInfo::default());
-        let mut board = RealBoard { control, said: Said::default() };
+        let mut board = RealBoard { control, queues: LocalQueues::default() };
         board.done(1, Request::Configure(SteppedSine { settle_s: 60.0, ..resonance() }));
         board.done(2, Request::SetLimits(ExperimentLimits { host_silent_s, ..ExperimentLimits::default() }));
         board.done(3, Request::Start);
-        // The start itself was the last message.
+        // The start request was the last message.
         assert_eq!(board.ends_silent_drive(20_000), Some(expected + 1));
     }
 }
 
 #[test]
-fn the_ticks_that_a_host_has_granted_are_no_silence() {
+fn ticks_granted_by_a_host_do_not_count_as_its_silence() {
     let mut host = Host::new(Settings {
         safety: SafetyConfig { limits: Limits { structure_m: 0.08, base_m: 0.08 }, ..settings().safety },
         ..settings()

@@ -1,4 +1,4 @@
-//! Tests of the simulated rig, and of the control loop around it through the messages that a host sends.
+//! Tests of the simulated rig and of the control loop around it, through the protocol's messages.
 
 mod base_loop;
 mod dampers;

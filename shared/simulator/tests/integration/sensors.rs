@@ -1,4 +1,4 @@
-//! Sensors that fail, from the cable to the fault that names them.
+//! Sensor failures, from the cable to the reported fault.
 
 use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Spring, SpringStage};
@@ -47,7 +47,7 @@ fn breaks(host: &mut Host, sensor: Sensor, fault: Option<SensorFault>) {
     host.inject(InjectedFault::Sensor { sensor, fault });
 }
 
-/// Lets ticks pass one by one until there is a fault; how many it took.
+/// Runs tick by tick until there is a fault; returns the number of ticks.
 fn ticks_to_fault(host: &mut Host, most: u32) -> u32 {
     let found = (1..=most).find(|_| {
         host.pass(1);
@@ -66,7 +66,7 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
             host.pass(3_000);
             assert_eq!(host.fault(), None);
             breaks(&mut host, sensor, Some(fault));
-            // The plant's samples of this tick are the next tick's.
+            // The samples that the plant makes in this tick are read in the next.
             let ticks = ticks_to_fault(&mut host, 10);
             assert_eq!(ticks, 6, "{sensor:?}, {fault:?}");
             assert_eq!(host.fault(), Some(FaultCause::SensorAtRail(sensor)), "{fault:?}");
@@ -77,7 +77,7 @@ fn every_unplugged_sensor_ends_an_experiment_within_five_milliseconds_and_is_nam
 }
 
 #[test]
-fn a_z_sensor_that_is_lost_in_closed_loop_does_not_throw_the_base() {
+fn a_lost_z_sensor_does_not_increase_the_drive_of_the_closed_loop() {
     let mut host = Host::new(PlantConfig { base: Base::Shaker(Shaker::default()), ..plant() });
     let Request::Configure(open) = sine(10.0, 10.0) else { panic!() };
     let drive = DriveMode::ClosedLoop(Default::default());
@@ -118,12 +118,12 @@ fn a_touch_off_with_an_unplugged_force_sensor_stops_at_once() {
         assert!(seat_m(&mut host) <= 1.01e-3, "the block has moved away");
         assert!(!host.board.plant_mut().unwrap().spring_mut().unwrap().is_energised());
         assert_eq!(host.events.iter().filter(|e| matches!(e, Event::Spring(Spring::Fault(_)))).count(), 1);
-        assert!(host.status().fault.is_none(), "an idle rig has nothing to stop");
+        assert!(host.status().fault.is_none(), "an idle rig latches no fault");
     }
 }
 
 #[test]
-fn a_lost_sensor_of_an_idle_rig_shows_in_the_status_and_latches_nothing() {
+fn a_lost_sensor_of_an_idle_rig_shows_in_the_status_and_latches_no_fault() {
     let mut host = Host::new(plant());
     for sensor in Sensor::ALL {
         breaks(&mut host, sensor, Some(SensorFault::Unplugged));
@@ -139,13 +139,13 @@ fn a_lost_sensor_of_an_idle_rig_shows_in_the_status_and_latches_nothing() {
 }
 
 #[test]
-fn clipping_for_less_than_five_milliseconds_is_told_with_the_result() {
+fn clipping_for_less_than_five_milliseconds_is_reported_with_the_result() {
     for sensor in [None, Some(Sensor::SpringForce)] {
         let mut host = Host::new(plant());
         host.done(sine(1.0, 5.0));
         host.done(Request::Start);
         if let Some(sensor) = sensor {
-            // Within ±10.4 N: now and then below −5 N, where the sensor's span ends.
+            // Noise within ±10.4 N: some samples are below −5 N, where the sensor's span ends.
             breaks(&mut host, sensor, Some(SensorFault::Noisy(3.0)));
         }
         host.pass(8_000);
@@ -161,7 +161,7 @@ fn clipping_for_less_than_five_milliseconds_is_told_with_the_result() {
 }
 
 #[test]
-fn a_displacement_sensor_that_sticks_is_named() {
+fn a_stuck_displacement_sensor_is_reported_by_name() {
     for sensor in [Sensor::X, Sensor::Z] {
         let mut host = Host::new(plant());
         host.done(sine(10.0, 10.0));
@@ -173,9 +173,9 @@ fn a_displacement_sensor_that_sticks_is_named() {
     }
 }
 
-/// An amplifier whose zero has gone to 3.5 % of its span: neither a rail nor a zero.
+/// An amplifier whose zero has drifted to 3.5 % of its span: neither a rail nor a valid zero.
 #[test]
-fn a_wall_sensor_whose_zero_wanders_off_is_no_new_zero() {
+fn a_wall_sensor_with_a_drifted_zero_is_reported_as_a_fault() {
     let walls = WallSensors { offset_n: -33.0, ..WallSensors::default() };
     let mut host = Host::new(PlantConfig { walls: Some(walls), ..plant() });
     host.done(sine(10.0, 10.0));
@@ -185,7 +185,7 @@ fn a_wall_sensor_whose_zero_wanders_off_is_no_new_zero() {
 }
 
 #[test]
-fn a_displacement_within_the_span_is_a_displacement_and_no_lost_sensor() {
+fn a_large_displacement_within_the_span_trips_its_limit_and_not_the_sensor_check() {
     let start = PlantConfig { structure_start_m: 0.0785, ..plant() };
     for (config, lost) in [(PlantConfig { structure_start_m: 0.0782, ..start }, false), (start, true)] {
         let mut host = Host::new(config);

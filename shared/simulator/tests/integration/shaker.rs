@@ -1,4 +1,4 @@
-//! The shaker that feels its load against the closed form of the coupled system, its balances and its limits.
+//! The shaker that feels its load: closed form of the coupled system, momentum and energy balances, and limits.
 
 use damprig_core::integrator::sampled::Sampled;
 use damprig_core::integrator::units::Units;
@@ -40,8 +40,8 @@ fn modulus(a: Complex) -> f64 {
     a.0.hypot(a.1)
 }
 
-/// z and x per demanded displacement, steady, for a drive held over each tick: x = T z and
-/// (k − mΩ² + jΩc − MΩ² T) z = force.
+/// Steady z and x per demanded displacement, for a drive held over each tick: x = T z and (k − mΩ² + jΩc − MΩ² T) z =
+/// force.
 fn closed_form(set_up: &SetUp, shaker: &Shaker, frequency_hz: f64) -> (Complex, Complex) {
     let omega = TAU * frequency_hz;
     let s = &set_up.structure;
@@ -50,14 +50,14 @@ fn closed_form(set_up: &SetUp, shaker: &Shaker, frequency_hz: f64) -> (Complex, 
     let table = shaker.dynamic_stiffness_n_per_m(omega);
     let load = s.mass_kg * omega * omega;
     let total = (table.0 - load * transmitted.0, table.1 - load * transmitted.1);
-    // Held over a tick: sin(Ωh/2)/(Ωh/2), half a tick late.
+    // Zero-order hold over a tick: factor sin(Ωh/2)/(Ωh/2), delay of half a tick.
     let half = omega * TICK_S / 2.0;
     let force = shaker.force_per_drive_n_per_m() * half.sin() / half;
     let z = divide((force * half.cos(), -force * half.sin()), total);
     (z, times(transmitted, z))
 }
 
-/// z and x per demanded displacement at the drive frequency, by correlation over 40 cycles after 80 s.
+/// Simulated z and x per demanded displacement at the drive frequency, by correlation over 40 cycles after 80 s.
 fn simulated<S: Scalar>(set_up: &SetUp, shaker: &Shaker, frequency_hz: f64, steps: u8) -> (Complex, Complex) {
     let units = Units::metres(TICK_S / f64::from(steps));
     let mut motion = Sampled::<S>::new(set_up, units, &Initial::default()).unwrap();
@@ -90,7 +90,7 @@ fn error(found: Complex, exact: Complex) -> f64 {
 /// At these frequencies 40 cycles are a whole number of ticks, so the correlation is exact.
 const FREQUENCIES_HZ: [f64; 5] = [2.0, 2.5, 3.125, 4.0, 8.0];
 
-/// The parabola's error at the drive frequency is (Ωh)²/12; what is left of the transient is below 1e-9. `f32` rounds the
+/// The parabola's error at the drive frequency is (Ωh)²/12; the remaining transient is below 1e-9. `f32` rounds the
 /// momentum that passes between structure and table at the size of the structure's velocity, X/Z times the table's.
 #[test]
 fn drive_to_base_and_structure_follow_the_closed_form_of_the_coupled_system() {
@@ -132,7 +132,7 @@ fn halving_the_step_quarters_the_error() {
     }
 }
 
-/// A shaker that neither drives, damps nor holds.
+/// A shaker without drive, damping and suspension.
 fn free_table() -> Shaker {
     Shaker {
         amplifier: Amplifier::Current,
@@ -143,7 +143,7 @@ fn free_table() -> Shaker {
     }
 }
 
-/// The whole momentum over the structure's mass, m/s.
+/// Total momentum over the structure's mass, m/s.
 fn momentum(motion: &Sampled<f64>, table: &Table<f64>, shaker: &Shaker, units: &Units) -> f64 {
     let state = motion.state();
     let particle = motion.coefficients().particle_mass * (state.v + state.slide);
@@ -151,7 +151,7 @@ fn momentum(motion: &Sampled<f64>, table: &Table<f64>, shaker: &Shaker, units: &
 }
 
 #[test]
-fn nothing_outside_means_that_momentum_stays_through_impacts_and_friction() {
+fn momentum_is_conserved_through_impacts_and_friction_without_external_forces() {
     let (set_up, shaker, units) = (hybrid(0.5), free_table(), Units::metres(TICK_S / 3.0));
     let start = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
     let mut motion = Sampled::<f64>::new(&set_up, units, &start).unwrap();
@@ -161,13 +161,13 @@ fn nothing_outside_means_that_momentum_stays_through_impacts_and_friction() {
         table.step(&mut motion, 0.0, &mut ());
         fastest = fastest.max(motion.state().v.abs() * units.velocity_m_per_s());
         let total = momentum(&motion, &table, &shaker, &units);
-        // The iteration stops at 4e-11 of the velocities, 30 000 times.
+        // The iteration stops at 4e-11 of the velocities; there are 30 000 steps.
         assert!(total.abs() < 1e-6 * fastest, "{total} with {fastest}");
     }
     assert!(fastest > 0.3, "nothing moved");
 }
 
-/// Two masses on an undamped spring: the energy is that of the start, to the second order of the step.
+/// Two masses on an undamped spring: the energy keeps its initial value, to second order in the step.
 #[test]
 fn an_undamped_pair_keeps_its_energy() {
     let set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0));
@@ -185,11 +185,12 @@ fn an_undamped_pair_keeps_its_energy() {
         table.step(&mut motion, 0.0, &mut ());
         worst = worst.max((energy(&motion, &table) / start - 1.0).abs());
     }
-    // ωh = 0.006: (ωh)² = 3.6e-5 over 29 cycles, if it grew with every radian, would be 6e-3; it does not grow.
+    // ωh = 0.006: an energy error of (ωh)² = 3.6e-5 that grew with every radian would reach 6e-3 over 29 cycles; it
+    // does not grow.
     assert!(worst < 4e-5, "{worst}");
 }
 
-/// A stuck friction damper makes one body of structure and table.
+/// With a stuck friction damper structure and table move as one body.
 #[test]
 fn a_stuck_damper_moves_structure_and_table_as_one() {
     let (set_up, units) = (SetUp { particle: None, ..hybrid(1e3) }, Units::metres(TICK_S / 3.0));
@@ -211,7 +212,7 @@ fn a_stuck_damper_moves_structure_and_table_as_one() {
 }
 
 #[test]
-fn the_amplifier_and_the_stroke_have_ends_and_the_plant_tells() {
+fn limits_of_the_amplifier_and_the_stroke_act_and_are_counted() {
     let config = |shaker| PlantConfig {
         base: Base::Shaker(shaker),
         sensors: SensorModel { noise_rms_m: 0.0, resolution_m: 0.0, ..SensorModel::default() },
@@ -223,17 +224,17 @@ fn the_amplifier_and_the_stroke_have_ends_and_the_plant_tells() {
         let z = (0..2000).map(|_| plant.tick(&actuators).readings.z.mean_m).collect::<Vec<_>>();
         (z, plant.limited())
     };
-    // A steady 0.1 V·s/m worth of drive stays free of every limit; the amplifier's 20 V are 20/(30 · 2π · 2.5) = 42 mm.
+    // A drive of 1 mm reaches no limit; the amplifier's 20 V correspond to 20/(30 · 2π · 2.5) = 42 mm.
     assert_eq!(push(Shaker::default(), 1e-3).1, 0);
     let (z, limited) = push(Shaker::default(), 0.3);
     assert!(limited > 0);
     assert!(z.iter().all(|&z| z <= 0.079 + 1e-6) && z.last() > Some(&0.0789), "{:?}", z.last());
-    // 20 V give at most 20/30 m/s.
+    // With 20 V the table is limited to 20/30 m/s.
     assert!(z.windows(2).all(|pair| pair[1] - pair[0] < 0.67e-3));
 }
 
 #[test]
-fn a_shaker_that_cannot_be_is_refused_by_name() {
+fn an_unphysical_value_of_a_shaker_is_rejected_by_name() {
     let refused = |shaker: Shaker| {
         let config = PlantConfig { base: Base::Shaker(shaker), ..PlantConfig::ideal(bare()) };
         Plant::<f64>::new(&config).unwrap_err().parameter
@@ -241,6 +242,6 @@ fn a_shaker_that_cannot_be_is_refused_by_name() {
     assert_eq!(refused(Shaker { moving_mass_kg: 0.0, ..Shaker::default() }), "shaker.moving_mass_kg");
     assert_eq!(refused(Shaker { force_factor_n_per_a: f64::NAN, ..Shaker::default() }), "shaker.force_factor_n_per_a");
     assert_eq!(refused(Shaker { half_stroke_m: -1.0, ..Shaker::default() }), "shaker.half_stroke_m");
-    // So light that the back-emf stops it within microseconds.
+    // The table is so light that the back-emf stops it within microseconds.
     assert_eq!(refused(Shaker { moving_mass_kg: 1e-3, ..Shaker::default() }), "shaker.moving_mass_kg");
 }

@@ -1,4 +1,4 @@
-//! A record played on the base and a free vibration, on the rig with its simulated plant.
+//! Playback of a record on the base, and free vibration, on the rig with its simulated plant.
 
 use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
@@ -20,7 +20,7 @@ fn bare() -> SetUp {
     SetUp::bare(Structure::from_modal(1.6, 2.5, ZETA))
 }
 
-/// A rig at work: the events with their ticks, and x, z and drive of every tick.
+/// Record of a run: the events with their ticks, and x, z and drive of every tick.
 #[derive(Default)]
 struct Log {
     events: Vec<(u32, Event)>,
@@ -42,7 +42,7 @@ impl Log {
     }
 }
 
-/// Runs until the rig is idle or faulted and silent; `meddle` sees every tick first.
+/// Runs until the rig is idle, or faulted with a silent drive; `meddle` may change each tick's sensors first.
 fn run(
     config: &PlantConfig,
     experiment: Experiment,
@@ -89,7 +89,7 @@ fn plan(playback: Playback) -> Experiment {
     Experiment::Playback(PlaybackPlan::new(playback).unwrap())
 }
 
-/// A chirp in an envelope: begins and ends gently. Counts of 0.1 µm, 2 mm high.
+/// A chirp with an envelope that rises and falls slowly, 2 mm high, in counts of 0.1 µm.
 fn chirp(rate_hz: f64, duration_s: f64) -> Vec<i16> {
     let count = (rate_hz * duration_s) as u32;
     let at = |n: u32| wanted_chirp(f64::from(n) / rate_hz, duration_s);
@@ -106,12 +106,13 @@ fn wanted_chirp(t: f64, duration_s: f64) -> f64 {
 }
 
 #[test]
-fn the_demand_is_the_record_between_its_samples_and_rests_at_both_ends() {
+fn the_demand_interpolates_the_record_and_is_at_rest_at_both_ends() {
     for rate in [50.0, 128.0, 1000.0] {
         let record = chirp(rate, 8.0);
         let log = undisturbed(&PlantConfig::ideal(bare()), plan(playback(&record, rate as f32)), &record);
         let begins = log.drive_m.iter().position(|d| *d != 0.0).unwrap();
-        // Playing begins two samples before the record; the first samples round to nothing, so the start is sought.
+        // The playback begins two samples before the record. The first samples round to zero, so the test searches
+        // for the start.
         let worst_at = |start: f64| -> f64 {
             let error = |(tick, drive): (usize, &f32)| {
                 (f64::from(*drive) - wanted_chirp(tick as f64 * 1e-3 - start, 8.0)).abs()
@@ -123,11 +124,12 @@ fn the_demand_is_the_record_between_its_samples_and_rests_at_both_ends() {
             .map(|n| quiet_s + f64::from(n) * 1e-3 + 2.0 / rate)
             .min_by(|a, b| worst_at(*a).total_cmp(&worst_at(*b)))
             .unwrap();
-        // The highest frequency is 1 + 2·0.25·8 = 5 Hz: (Ωh)³/50, half a count, and half a tick of 63 mm/s·… the search's grid.
+        // Tolerances: (Ωh)³/50 at the highest frequency of 1 + 2·0.25·8 = 5 Hz, half a count, and half the grid of
+        // the search.
         let step = std::f64::consts::TAU * 5.0 / rate;
         let bound = 2e-3 * step.powi(3) / 50.0 + 0.6e-7 + 2e-3 * std::f64::consts::TAU * 5.0 * 0.05e-3;
         assert!(worst_at(start) < bound, "{rate} Hz: {:.2e} m of {bound:.2e}", worst_at(start));
-        assert!(begins >= 500, "it drove before the structure was at rest");
+        assert!(begins >= 500, "the drive started before the structure was at rest");
         assert_eq!(log.drive_m.last(), Some(&0.0));
         let jump = log.drive_m.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
         assert!(jump < 2.1e-3 * std::f32::consts::TAU * 5.0 * 1e-3, "a step of {jump} m");
@@ -135,7 +137,7 @@ fn the_demand_is_the_record_between_its_samples_and_rests_at_both_ends() {
 }
 
 #[test]
-fn a_record_that_begins_and_ends_anywhere_still_starts_and_ends_at_rest() {
+fn a_record_with_nonzero_ends_still_starts_and_ends_at_rest() {
     let record = [20_000; 400];
     for ramp_s in [0.0, 0.5] {
         let play = Playback { ramp_s, tail_s: 0.2, ..playback(&record, 100.0) };
@@ -143,7 +145,7 @@ fn a_record_that_begins_and_ends_anywhere_still_starts_and_ends_at_rest() {
         let speed = |w: &[f32]| (w[1] - w[0]).abs();
         let (first, last) =
             (log.drive_m.iter().position(|d| *d != 0.0).unwrap(), log.drive_m.iter().rposition(|d| *d != 0.0).unwrap());
-        // From rest: the first change is of second order in the tick.
+        // The start is from rest, so the first change is of second order in the tick.
         let rise_s = if ramp_s > 0.0 { ramp_s } else { 0.01 };
         let most = log.drive_m.windows(2).map(speed).fold(0.0, f32::max);
         assert!(most < 2e-3 * 1.6 / (rise_s * 1e3), "ramp {ramp_s}: {most} m a tick");
@@ -153,12 +155,12 @@ fn a_record_that_begins_and_ends_anywhere_still_starts_and_ends_at_rest() {
 }
 
 #[test]
-fn the_structure_answers_a_record_as_the_integrator_does() {
+fn the_response_to_a_record_agrees_with_the_integrator() {
     let (rate, duration) = (200.0, 8.0);
     let record = chirp(rate, duration);
     let log = undisturbed(&PlantConfig::ideal(bare()), plan(playback(&record, rate as f32)), &record);
     let result = log.result();
-    // The record itself, exactly known, on the same structure, at eight times the tick rate.
+    // Reference: the exact record acting on the same structure, at eight times the tick rate.
     let step_s = 0.125e-3;
     let mut motion = Sampled::<f64>::new(&bare(), Units::metres(step_s), &Initial::default()).unwrap();
     let (mut peak, mut squares, mut relative, mut z_squares) = (0.0f64, 0.0, 0.0, 0.0);
@@ -174,8 +176,9 @@ fn the_structure_answers_a_record_as_the_integrator_does() {
         relative += (x - z(n + 1)) * (x - z(n + 1));
     }
     let rms = |sum: f64| (sum / f64::from(steps)).sqrt();
-    // The measured window begins two samples and two ticks before the record: 12 ticks of 9000 less of the motion at its
-    // end, whose amplitude is near its peak: 12/9000 of the squares at most. The spline's (Ωh)³/50 is below 1e-4.
+    // The measured window begins two samples and two ticks before the record. It lacks 12 ticks of 9000 at the end of
+    // the motion, whose amplitude is near its peak there: at most 12/9000 of the mean square. The spline's error
+    // (Ωh)³/50 is below 1e-4.
     for (name, value, expected) in [
         ("x peak", f64::from(result.x_peak_m), peak),
         ("x", f64::from(result.x_rms_m), rms(squares)),
@@ -185,18 +188,18 @@ fn the_structure_answers_a_record_as_the_integrator_does() {
         assert!((value / expected - 1.0).abs() < 2e-3, "{name}: {value} for {expected}");
     }
     let z_peak = (0..8000).map(|n| wanted_chirp(f64::from(n) * 1e-3, duration).abs()).fold(0.0, f64::max);
-    // Half a step of the sensor.
+    // Half a step of the sensor's resolution.
     assert!((f64::from(result.z_peak_m) - z_peak).abs() < 15e-6, "{} for {z_peak}", result.z_peak_m);
-    // The prescribed base follows 2.45 ticks late and adds nothing; the sensor adds (5 µm of noise and
-    // 10/√12 µm of resolution)/√10 = 1.8 µm.
+    // The prescribed base is 2.45 ticks late and has no error of its own. The sensor contributes √((5 µm)² + (10
+    // µm)²/12)/√10 = 1.8 µm.
     assert!((result.base_delay_s - 2.45e-3).abs() < 0.1e-3, "{}", result.base_delay_s);
     assert!(result.base_error_rms_m < 2.2e-6, "{}", result.base_error_rms_m);
     assert!(!result.drive_saturated);
 }
 
-/// A plateau as high as the drive goes: the cubics between its samples pass it by a sixteenth at either end.
+/// A plateau at the drive's limit: the cubics between its samples overshoot it by a sixteenth at either end.
 #[test]
-fn a_demand_that_leaves_the_drives_range_between_the_samples_is_cut_and_told() {
+fn a_demand_beyond_the_drives_range_between_samples_is_clipped_and_reported() {
     let most_m = DriveScale::default().range().amplitude_m();
     let plateau = |peak_m: f32| [vec![0; 50], vec![(peak_m / 2e-7) as i16; 50], vec![0; 50]].concat();
     for (peak_m, is_cut) in [(most_m, true), (0.9 * most_m, false)] {
@@ -239,12 +242,12 @@ fn an_interlock_ends_a_playback() {
             sensors.readings.z = Reading::still(1e-3);
         }
     });
-    assert_eq!(log.fault(), Some(FaultCause::SensorFrozen(Sensor::Z)), "a base that stands while the demand moves");
+    assert_eq!(log.fault(), Some(FaultCause::SensorFrozen(Sensor::Z)), "the base stands still while the demand moves");
 }
 
 #[test]
-fn a_base_that_is_meant_to_stand_is_no_frozen_sensor() {
-    // Two seconds of nothing within the record, and a plateau, without any noise.
+fn a_constant_demand_does_not_trip_the_frozen_sensor_check() {
+    // A record with two seconds of zeros and a plateau, without noise.
     let mut record = vec![0; 200];
     record.extend([1000, 5000, 9000, 10_000]);
     record.extend([10_000; 300]);
@@ -284,7 +287,8 @@ fn freed(free: FreeVibration) -> Experiment {
 fn a_free_vibration_gives_the_damping_and_the_frequency_of_its_structure() {
     let config = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(bare()) };
     let decay = undisturbed(&config, freed(free()), &[]).result().decay;
-    // The plant is let go for a tick between two settings back: (Ωh)²/6 of x0. A peak is met to (Ωh)²/8 by a tick's mean.
+    // The plant moves freely for a tick between two resets: (Ωh)²/6 of x0. The mean over a tick reduces a peak by
+    // (Ωh)²/8.
     assert!((decay.start_m / 0.035 - 1.0).abs() < 6e-5, "{decay:?}");
     assert_eq!(decay.cycles, 10);
     let decrement = (f64::from(decay.start_m) / f64::from(decay.end_m)).ln() / 10.0;
@@ -296,7 +300,7 @@ fn a_free_vibration_gives_the_damping_and_the_frequency_of_its_structure() {
 }
 
 #[test]
-fn coulomb_friction_takes_four_times_its_share_of_the_amplitude_in_a_cycle() {
+fn coulomb_friction_reduces_the_amplitude_by_4f_over_k_per_cycle() {
     let structure = Structure::from_modal(1.6, 2.5, 0.0);
     let force_n = 0.5;
     let set_up = SetUp { friction_damper: Some(FrictionDamper { force_n }), ..SetUp::bare(structure) };
@@ -308,16 +312,17 @@ fn coulomb_friction_takes_four_times_its_share_of_the_amplitude_in_a_cycle() {
 }
 
 #[test]
-fn a_decay_that_ends_early_tells_the_cycles_that_there_were() {
+fn a_decay_that_ends_early_reports_the_number_of_its_cycles() {
     let set_up = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.2));
     let config = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(set_up) };
     let result = undisturbed(&config, freed(free()), &[]).result();
-    // e^(−2π·0.2/√(1 − 0.04)) = 0.277 a cycle: 0.0059 after four, so three end above a hundredth.
+    // A cycle leaves e^(−2π·0.2/√(1 − 0.04)) = 0.277 of the amplitude: 0.0059 after four cycles, so three end above a
+    // hundredth.
     assert_eq!(result.decay.cycles, 3, "{:?}", result.decay);
     assert!((result.decay.end_m / 0.035 - 0.277f32.powi(3)).abs() < 1e-3);
 }
 
-/// A person's hand on a real structure, which no rig can put back: pulls for 2 s, wavers, holds, lets go after 6 s.
+/// A real structure, pulled by hand, which the rig cannot reset: pulled for 2 s, held unsteadily, released after 6 s.
 fn by_hand(tick: u32, sensors: &mut Sensors, release_tick: u32) {
     let t = f64::from(tick) * 1e-3;
     let held =
@@ -328,10 +333,10 @@ fn by_hand(tick: u32, sensors: &mut Sensors, release_tick: u32) {
 }
 
 #[test]
-fn a_hand_that_pulls_wavers_and_lets_go_is_understood() {
+fn a_release_by_an_unsteady_hand_is_detected() {
     let log = run(&PlantConfig::ideal(bare()), freed(free()), &[], |tick, _, sensors| by_hand(tick, sensors, 6000));
     let result = log.result();
-    // Found when a tenth is gone: acos(0.9)/15.7 = 29 ms later.
+    // The release is detected when the displacement has fallen by a tenth: acos(0.9)/15.7 = 29 ms later.
     assert!((6025..6035).contains(&result.start_tick), "{}", result.start_tick);
     assert!((result.decay.start_m / 0.03 - 1.0).abs() < 2e-3, "{:?}", result.decay);
     let decrement = (result.decay.start_m / result.decay.end_m).ln() / f32::from(result.decay.cycles);
@@ -339,7 +344,7 @@ fn a_hand_that_pulls_wavers_and_lets_go_is_understood() {
 }
 
 #[test]
-fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
+fn a_structure_that_is_not_released_times_out_without_a_drive() {
     for held in [false, true] {
         let log = run(&PlantConfig::ideal(bare()), freed(free()), &[], |_, _, sensors| {
             sensors.readings.x = Reading::still(if held { 0.03 } else { 0.001 });
@@ -360,7 +365,7 @@ fn a_measurement_shorter_than_a_tick_would_never_end_and_is_refused() {
 }
 
 #[test]
-fn a_free_vibration_is_held_measured_and_over() {
+fn a_free_vibration_is_held_released_and_measured() {
     let config = PlantConfig { structure_start_m: 0.035, ..PlantConfig::ideal(bare()) };
     let mut stages = Vec::new();
     let log = run(&config, freed(free()), &[], |_, rig, _| {
@@ -370,7 +375,7 @@ fn a_free_vibration_is_held_measured_and_over() {
             stages.push(stage);
         }
     });
-    assert_eq!(stages, [ExperimentStage::Rest, ExperimentStage::Hold, ExperimentStage::Dwell]);
+    assert_eq!(stages, [ExperimentStage::Hold, ExperimentStage::Dwell]);
     assert!(
         matches!(log.events[..], [(_, Event::Transient(_)), (_, Event::Finished { points: 1, .. })]),
         "{:?}",

@@ -1,4 +1,4 @@
-//! The twin against a rig in `f64` whose sensors it sees: blocks of x and z with noise, and wall forces.
+//! The twin and a rig simulated in `f64`: the twin sees blocks of x and z with noise, and wall forces.
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Contact;
@@ -23,7 +23,7 @@ fn set_up(clearance_m: f64, restitution: f64, zeta: f64) -> SetUp {
     SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(MASS_KG, 2.5, zeta)) }
 }
 
-/// A rig at 10 kHz with its sensors, its meter and its twin.
+/// A rig at 10 kHz with its sensors, its impact meter and its twin.
 struct Bench {
     truth: Sampled<f64>,
     walls: Walls,
@@ -32,7 +32,7 @@ struct Bench {
     sample: u64,
     noise: u64,
     z_m: f64,
-    /// The force sensors are connected.
+    /// Whether the force sensors are connected.
     heard: bool,
 }
 
@@ -62,13 +62,13 @@ impl Bench {
         }
     }
 
-    /// Uniform with 5 µm RMS.
+    /// Uniformly distributed noise with 5 µm RMS.
     fn noise(&mut self) -> f64 {
         self.noise = self.noise.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.noise >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 5e-6 * 12f64.sqrt()
     }
 
-    /// A tick of the rig, its sensors and its twin.
+    /// Advances rig, sensors and twin by one tick.
     fn tick(&mut self) -> TwinSignals {
         let omega = 2.0 * PI * 2.5e-4;
         let (mut x, mut z) = (0.0, 0.0);
@@ -99,20 +99,21 @@ impl Bench {
     }
 }
 
-/// What the residual must be at least: noise of a mean of twenty on x (5/√20 = 1.1 µm), and little more.
+/// The residual has a lower bound: noise of a mean of twenty samples of x (5/√20 = 1.1 µm). It may exceed it
+/// slightly.
 #[test]
-fn a_twin_that_believes_the_truth_follows_it_and_its_impacts() {
+fn a_twin_with_the_true_model_follows_the_motion_and_its_impacts() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
     bench.run(30);
     let before = bench.twin_counts();
     let signals = bench.run(60);
     println!("{signals:?}");
-    // An impulse is measured to a few parts in a thousand, so the next impact is some 0.1 ms off, 4 µm of the structure.
+    // An impulse is measured to a few thousandths, so the next impact is about 0.1 ms off, 4 µm of the structure.
     assert!(signals.residual_rms_m < 8e-6, "{signals:?}");
     assert!(signals.detected - before.1 > 250, "{signals:?}");
     assert_eq!(signals.missing, before.2, "{signals:?}");
-    // One may be between its prediction and the end of its pulse at either end of the count.
+    // At either end of the count an impact may be between its prediction and the end of its pulse.
     assert!((signals.predicted - before.0).abs_diff(signals.detected - before.1) <= 1, "{signals:?}");
     assert!(!signals.alarm);
 }
@@ -124,9 +125,9 @@ impl Bench {
     }
 }
 
-/// The twin starts at rest while the rig is already moving, its particle anywhere.
+/// The twin starts at rest while the rig is already moving, with its particle at any position.
 #[test]
-fn a_twin_that_starts_late_finds_the_rig() {
+fn a_twin_that_starts_late_converges_to_the_rig() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let initial = Initial { x_m: 5e-3, v_m_per_s: 0.1, y_m: -8e-3, u_m_per_s: 0.0 };
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &initial);
@@ -153,7 +154,7 @@ fn a_chaotic_motion_is_followed_too() {
 }
 
 #[test]
-fn a_particle_that_is_gone_raises_the_alarm_within_two_cycles() {
+fn a_missing_particle_raises_the_alarm_within_two_cycles() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
     assert!(!bench.run(30).alarm);
@@ -162,7 +163,7 @@ fn a_particle_that_is_gone_raises_the_alarm_within_two_cycles() {
     bench.truth = Sampled::new(&SetUp { particle: None, ..truth }, Units::metres(1e-4), &stays).unwrap();
     let raised = (1..=2000).find(|_| bench.tick().alarm);
     println!("{raised:?} ms");
-    // Three impacts are 1.5 cycles, 600 ms; then 100 ms of waiting for the last.
+    // Three impacts take 1.5 cycles, 600 ms; the twin waits 100 ms for the last.
     assert!(raised.is_some_and(|ms| ms < 800), "{raised:?}");
 }
 
@@ -174,11 +175,11 @@ fn force_sensors_that_fall_silent_raise_the_alarm() {
     bench.heard = false;
     assert!(bench.run(1).alarm);
     bench.heard = true;
-    assert!(!bench.run(1).alarm, "an impact that comes takes the alarm back");
+    assert!(!bench.run(1).alarm, "a matched impact clears the alarm");
 }
 
 #[test]
-fn a_wrong_belief_shows_in_the_residual() {
+fn a_wrong_model_shows_in_the_residual() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let mut wrong = truth;
     wrong.structure.stiffness_n_per_m *= 1.05;
@@ -189,7 +190,7 @@ fn a_wrong_belief_shows_in_the_residual() {
 }
 
 #[test]
-fn a_sensor_value_that_is_no_number_does_not_stay_in_the_twin() {
+fn a_nan_sensor_value_does_not_stay_in_the_twin() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
     bench.run(5);
@@ -199,8 +200,8 @@ fn a_sensor_value_that_is_no_number_does_not_stay_in_the_twin() {
     assert!(signals.residual_rms_m < 2e-5, "{signals:?}");
 }
 
-/// Under steady acceleration the particle comes to rest at the wall behind it, with more bounces in a tick than the twin
-/// allows.
+/// Under constant acceleration the particle comes to rest at the wall behind it, with more bounces per tick than the
+/// twin allows.
 #[test]
 fn a_chatter_beyond_the_events_of_a_tick_is_cut_short_at_the_wall() {
     let structure = Structure::from_modal(MASS_KG, 15.0, 0.3);
@@ -211,9 +212,9 @@ fn a_chatter_beyond_the_events_of_a_tick_is_cut_short_at_the_wall() {
         let z_m = 2.5 * time_s * time_s;
         last = twin.tick(tick.into(), z_m, z_m);
     }
-    assert!(twin.motion().unresolved() > 0, "the chatter ended by itself");
+    assert!(twin.motion().unresolved() > 0, "the chatter exceeds the events of a tick");
     assert_eq!(twin.motion().mode().map(|mode| mode.contact), Some(Contact::Held(-1)));
     assert_eq!(twin.motion().state().offset, -1e-3);
-    // The structure lags by z″/ω² = 0.6 mm, less what the 1 Hz of the observer takes from it.
+    // The structure lags by z″/ω² = 0.6 mm, less the effect of the observer's 1 Hz.
     assert!((last.x_m - 2.5 * 0.998 * 0.998).abs() < 1e-3, "{last:?}");
 }

@@ -1,4 +1,4 @@
-//! Uploads over the line as a host makes them, and what is played and measured then.
+//! Uploads over the link, as a host makes them, and the experiments that follow.
 
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
@@ -42,7 +42,7 @@ impl Host {
         received.into_iter().filter_map(|byte| self.reader.push(byte)).map(Result::unwrap).collect()
     }
 
-    /// The frame of a request under the present number.
+    /// Encodes a request with the current sequence number.
     fn request(&self, ask: Request) -> Vec<u8> {
         Self::encoded(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: ask }))
     }
@@ -72,7 +72,7 @@ impl Host {
         self.upload(Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) })
     }
 
-    /// Sends what is missing.
+    /// Sends the missing chunks.
     fn complete(&mut self, bytes: &[u8]) -> Progress {
         let mut there = self.begin(bytes).there as usize;
         while there < bytes.len() {
@@ -97,7 +97,11 @@ impl Host {
             _ => None,
         };
         let result = messages.iter().find_map(told).unwrap_or_else(|| panic!("no result in {messages:?}"));
-        assert_eq!(self.ask(Request::Transient), Ok(Reply::Transient(result)), "it is kept for a host that missed it");
+        assert_eq!(
+            self.ask(Request::Transient),
+            Ok(Reply::Transient(result)),
+            "a host that missed the event can ask for the result"
+        );
         assert!(
             messages.iter().any(|m| matches!(m, FromDevice::Event { event: Event::Finished { points: 1, .. }, .. }))
         );
@@ -114,7 +118,7 @@ fn chunk(bytes: &[u8], from: usize) -> Request {
     Request::UploadChunk { offset: from as u32, data }
 }
 
-/// One second of a versine, 2 mm high in counts of 0.1 µm, at 500 Hz.
+/// A versine pulse of one second, 2 mm high in counts of 0.1 µm, at 500 Hz.
 fn pulse() -> Vec<u8> {
     let at = |n: u32| 1e4 * (1.0 - (std::f64::consts::TAU * f64::from(n) / 500.0).cos());
     (0..=500).flat_map(|n| (at(n).round() as i16).to_le_bytes()).collect()
@@ -127,7 +131,7 @@ fn playback(bytes: &[u8]) -> Playback {
         scale_m: 1e-7,
         ramp_s: 0.0,
         tail_s: 2.0,
-        // The plant is put back to its 35 mm: what it does there is of no matter here.
+        // Accept the motion after the plant's reset to 35 mm: this test ignores it.
         rest_level_m: 0.05,
         index: 3,
     }
@@ -141,21 +145,21 @@ fn a_record_is_uploaded_and_played() {
     let result = host.result_of(Request::ConfigurePlayback(playback(&bytes)));
     assert_eq!(result.index, 3);
     assert!((result.z_peak_m - 2e-3).abs() < 1.5e-5, "{result:?}");
-    // Three more intervals than samples, and the tail.
+    // The duration is that of the samples plus three intervals and the tail.
     assert!((result.end_tick - result.start_tick).abs_diff(504 * 2 + 2000) <= 3, "{result:?}");
-    // Still there, for another scale.
+    // The record is still stored and can be played with another scale.
     let half = Playback { scale_m: 0.5e-7, ..playback(&bytes) };
     assert!((host.result_of(Request::ConfigurePlayback(half)).z_peak_m - 1e-3).abs() < 1.5e-5);
 }
 
 #[test]
-fn a_host_that_vanishes_in_mid_upload_finds_what_it_had_sent() {
+fn an_upload_interrupted_by_a_lost_host_continues_in_a_new_session() {
     let (mut host, bytes) = (Host::new(), pulse());
     host.begin(&bytes);
     for from in [0, 128, 256] {
         host.upload(chunk(&bytes, from));
     }
-    // Half a frame, then another conversation.
+    // Send half a frame, then start another session.
     let torn = host.request(chunk(&bytes, 384));
     host.board.receive(&torn[..50]);
     host.board.receive(&[0]);
@@ -167,7 +171,7 @@ fn a_host_that_vanishes_in_mid_upload_finds_what_it_had_sent() {
 }
 
 #[test]
-fn a_damaged_chunk_is_counted_and_never_taken() {
+fn a_damaged_chunk_is_counted_and_never_stored() {
     let (mut host, bytes) = (Host::new(), pulse());
     host.begin(&bytes);
     for bit in [3, 200, 900] {
@@ -183,7 +187,7 @@ fn a_damaged_chunk_is_counted_and_never_taken() {
 }
 
 #[test]
-fn copies_and_wrong_orders_are_told_where_to_go_on() {
+fn chunks_repeated_or_out_of_order_are_answered_with_where_to_continue() {
     let (mut host, bytes) = (Host::new(), pulse());
     host.begin(&bytes);
     assert_eq!(host.upload(chunk(&bytes, 256)).there, 0, "too early");
@@ -195,20 +199,20 @@ fn copies_and_wrong_orders_are_told_where_to_go_on() {
     let (before, other) = (host.request(Request::BeginUpload { bytes: 600, crc32: 1 }), first);
     host.upload(chunk(&bytes, 128));
     assert!(host.answer_to(&other).is_ok(), "a late copy");
-    // The beginning of another upload that was on the way for long: its number was served.
+    // A late request that began another upload; its sequence number has already been served.
     assert!(host.answer_to(&before).is_ok());
     assert_eq!(host.begin(&bytes).there, 256);
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
 }
 
 #[test]
-fn another_upload_takes_the_place_of_one_that_was_begun() {
+fn a_new_upload_replaces_an_unfinished_one() {
     let (mut host, bytes) = (Host::new(), pulse());
     let other: Vec<u8> = bytes.iter().rev().copied().collect();
     host.begin(&bytes);
     host.upload(chunk(&bytes, 0));
     assert_eq!(host.complete(&other).stage, UploadStage::Whole);
-    // What is there is not what this playback names.
+    // The stored record is not the one that this playback names.
     assert_eq!(host.ask(Request::ConfigurePlayback(playback(&bytes))), Ok(Reply::Done));
     assert!(matches!(host.ask(Request::Start), Err(Rejected::NotHere { why }) if why.contains("upload")));
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
@@ -216,7 +220,7 @@ fn another_upload_takes_the_place_of_one_that_was_begun() {
 }
 
 #[test]
-fn a_record_that_is_not_what_its_checksum_says_is_never_played() {
+fn a_record_with_a_wrong_checksum_is_never_played() {
     let (mut host, bytes) = (Host::new(), pulse());
     let mut wrong = bytes.clone();
     wrong[77] ^= 16;
@@ -249,7 +253,7 @@ fn nothing_is_uploaded_while_a_record_is_played() {
 }
 
 #[test]
-fn the_longest_record_is_checked_in_three_seconds_and_a_longer_one_refused_with_the_limit() {
+fn the_longest_record_is_verified_within_three_seconds_and_a_longer_one_is_refused_with_the_limit() {
     let mut host = Host::new();
     let bytes: Vec<u8> = (0..MOST_BYTES).map(|n| (n * 7 + n / 256) as u8).collect();
     assert_eq!(host.complete(&bytes).stage, UploadStage::Whole);
@@ -271,7 +275,7 @@ fn the_longest_record_is_checked_in_three_seconds_and_a_longer_one_refused_with_
 }
 
 #[test]
-fn a_free_vibration_is_released_by_the_simulated_board_and_comes_back_the_same() {
+fn a_free_vibration_on_the_simulated_board_repeats_exactly() {
     let free = FreeVibration { level_m: 0.02, hold_s: 0.5, timeout_s: 60.0, measure_s: 6.0, cycles: 10, index: 0 };
     let mut host = Host::new();
     let first = host.result_of(Request::ConfigureFreeVibration(free));
@@ -280,7 +284,7 @@ fn a_free_vibration_is_released_by_the_simulated_board_and_comes_back_the_same()
 }
 
 #[test]
-fn a_stepped_sine_after_a_playback_is_what_it_was_before_it() {
+fn a_stepped_sine_gives_the_same_result_after_a_playback_as_before() {
     let sine = || SteppedSine {
         start: Start::FromRest { level_m: 0.05 },
         amplitude_m: 1e-4,

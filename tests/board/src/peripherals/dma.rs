@@ -244,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_circular_channel_tells_of_each_half_and_begins_again() {
+    fn a_circular_channel_flags_each_half_and_restarts() {
         let mut dma = Dma::default();
         for (register, value) in [(0x0c, 4), (0x10, 0x5000_0040), (0x14, 0x2000_0100), (0x08, 0x05a7)] {
             dma.write(register, value).unwrap();
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn an_enabled_channel_takes_no_new_configuration() {
+    fn an_enabled_channel_cannot_be_configured() {
         let mut dma = Dma::default();
         dma.write(0x0c, 4).unwrap();
         dma.write(0x08, 0x0581).unwrap();

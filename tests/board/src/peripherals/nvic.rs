@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_higher_priority_interrupts_and_an_equal_one_waits() {
+    fn a_higher_priority_preempts_and_an_equal_one_waits() {
         let mut nvic = nvic();
         nvic.set_line(41, true);
         nvic.set_line(40, true);
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_hold_back_what_is_not_above_them() {
+    fn masks_block_exceptions_of_equal_or_lower_priority() {
         let mut nvic = nvic();
         nvic.set_line(3, true);
         assert_eq!(nvic.to_take(&Masks { primask: true, ..NONE }), None);

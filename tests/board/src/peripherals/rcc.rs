@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pll_makes_170_mhz_of_either_oscillator() {
+    fn the_pll_makes_170_mhz_from_either_oscillator() {
         for (source, m) in [(3, 6), (2, 4)] {
             let mut rcc = Rcc::new(ResetCause::Power);
             let now = at(0, &rcc);
@@ -493,7 +493,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_keeps_the_flags_of_those_before_it_until_they_are_removed() {
+    fn reset_flags_accumulate_until_they_are_cleared() {
         let mut rcc = Rcc::new(ResetCause::Power);
         rcc.system_reset(ResetCause::Watchdog);
         let now = at(0, &rcc);

@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trigger_comes_every_period_from_the_start() {
+    fn triggers_occur_every_period_from_the_start() {
         let mut tim = Tim::new("TIM3", Kind::General, CLOCK);
         tim.write(ARR, 17_000 - 1, us(0)).unwrap();
         tim.write(CR2, 2 << 4, us(0)).unwrap();
@@ -378,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pulse_mode_makes_the_repetitions_and_stops() {
+    fn one_pulse_mode_stops_after_the_repetitions() {
         let mut tim = Tim::new("TIM16", Kind::OneChannel, CLOCK);
         for (offset, value) in [(PSC, 169), (CR1, OPM), (CCMR1, 7 << 4), (CCER, 1), (BDTR, MOE)] {
             tim.write(offset, value, us(0)).unwrap();

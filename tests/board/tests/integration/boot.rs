@@ -13,7 +13,7 @@ fn description(host: &mut Host) -> Description {
 }
 
 #[test]
-fn the_board_says_who_it_is_within_a_tenth_of_a_second_of_power_on() {
+fn the_board_identifies_itself_within_a_tenth_of_a_second_of_power_on() {
     let Some(image) = image() else { return };
     let mut board = board(image);
     let mut host = Host::new(&mut board);
@@ -27,7 +27,7 @@ fn the_board_says_who_it_is_within_a_tenth_of_a_second_of_power_on() {
 }
 
 #[test]
-fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_says_so() {
+fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_reports_it() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config { has_crystal: false, ..Config::new(bare()) }).unwrap();
     let description = description(&mut Host::new(&mut board));
@@ -35,7 +35,7 @@ fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_says_so() {
 }
 
 #[test]
-fn idle_the_relay_stays_open_the_output_at_no_drive_and_the_motor_off() {
+fn an_idle_board_keeps_the_relay_open_the_output_at_zero_drive_and_the_motor_off() {
     let Some(image) = image() else { return };
     let mut board = board(image);
     run(&mut board, Time::from_ms(200));

@@ -135,7 +135,7 @@ fn a_stepped_sine_gives_the_virtual_rigs_amplitudes_within_the_sensors_noise() {
 /// The board converts z after the 16 conversions of x (60 cycles of 42.5 MHz each); the virtual rig converts both at
 /// once.
 #[test]
-fn the_phase_differs_by_the_converters_turn() {
+fn the_phase_differs_by_the_delay_between_the_channels_conversions() {
     let Some(both) = both() else { return };
     let turn_s = 16.0 * 60.0 / 42.5e6;
     let difference = number(&both.board, "phase_rad") - number(&both.virtual_rig, "phase_rad");
@@ -164,22 +164,22 @@ fn drive_and_relay(trace: &[(Time, Output)]) -> Vec<(Time, Output)> {
 }
 
 #[test]
-fn the_relay_closes_on_an_output_that_has_stood_at_no_drive_for_a_tick() {
+fn the_relay_closes_after_the_output_has_been_at_zero_drive_for_a_tick() {
     let Some(both) = both() else { return };
     let changes = drive_and_relay(&both.outcome.trace);
     let closings: Vec<usize> = (0..changes.len()).filter(|&n| changes[n].1 == Output::Relay(true)).collect();
-    assert_eq!(closings.len(), 1, "the campaign drives once");
+    assert_eq!(closings.len(), 1, "the relay closes once");
     for n in closings {
         let ((before, output), (at, _)) = (changes[n - 1], changes[n]);
         assert_eq!(output, Output::Drive(Some(MIDDLE)));
-        assert!(at - before >= Time::from_ms(1), "the output had stood for {} µs", (at - before).us());
+        assert!(at - before >= Time::from_ms(1), "the output had been constant for {} µs", (at - before).us());
         let (after, _) = changes[n + 1];
-        assert!(after - at >= Time::from_us(900), "the output leaves no drive {} µs later", (after - at).us());
+        assert!(after - at >= Time::from_us(900), "the output changes {} µs later", (after - at).us());
     }
 }
 
 #[test]
-fn the_drive_changes_once_a_tick_while_it_swings() {
+fn the_drive_changes_once_per_tick_during_a_sine() {
     let Some(both) = both() else { return };
     let changes = drive_and_relay(&both.outcome.trace);
     let closed = changes.iter().position(|(_, output)| *output == Output::Relay(true)).unwrap();
@@ -193,7 +193,7 @@ fn the_drive_changes_once_a_tick_while_it_swings() {
 }
 
 #[test]
-fn the_emergency_stop_opens_the_relay_before_the_output_returns_to_no_drive() {
+fn the_emergency_stop_opens_the_relay_before_the_output_returns_to_zero_drive() {
     let Some(image) = image() else { return };
     // The switch is pressed two seconds after the relay has closed, while the drive swings.
     let mut pressed = None;

@@ -74,7 +74,7 @@ fn after_fault(mut board: Board, since: Time) -> (Time, Description) {
 }
 
 #[test]
-fn a_control_tick_that_hangs_is_reset_in_55_ms_and_told_as_such_whatever_the_watchdogs_oscillator() {
+fn a_hanging_control_tick_is_reset_within_55_ms_and_reported_over_the_watchdogs_whole_frequency_range() {
     for lsi_hz in LSI_HZ {
         // The stall watch runs every 5 ms: test ten instants between two of its runs.
         for offset_us in (0..5_000).step_by(500) {
@@ -95,7 +95,7 @@ fn a_control_tick_that_hangs_is_reset_in_55_ms_and_told_as_such_whatever_the_wat
 }
 
 #[test]
-fn a_line_that_hangs_is_reset_and_told_as_such() {
+fn a_hanging_serial_line_task_is_reset_and_reported() {
     for lsi_hz in LSI_HZ {
         let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
         let at = board.now();
@@ -119,7 +119,7 @@ fn a_debugger_that_halts_the_core_while_the_rig_drives_opens_the_relay() {
 }
 
 #[test]
-fn a_crystal_that_stops_is_told_and_the_board_goes_on_with_the_internal_oscillator() {
+fn a_stopped_crystal_is_reported_and_the_board_continues_with_the_internal_oscillator() {
     let Some(mut board) = driving(&Config::new(bare())) else { return };
     let at = board.now();
     board.chip_mut().stop_crystal();
@@ -130,7 +130,7 @@ fn a_crystal_that_stops_is_told_and_the_board_goes_on_with_the_internal_oscillat
 }
 
 #[test]
-fn a_damaged_word_of_the_program_is_told_and_one_among_the_settings_changes_nothing() {
+fn a_damaged_program_word_is_reported_and_a_damaged_settings_word_changes_nothing() {
     let Some(mut board) = driving(&Config::new(bare())) else { return };
     board.chip_mut().damage_flash(true);
     pass(&mut board, 200);
@@ -143,7 +143,7 @@ fn a_damaged_word_of_the_program_is_told_and_one_among_the_settings_changes_noth
 }
 
 #[test]
-fn a_supply_that_falls_opens_the_relay_at_2_9_v_and_the_board_waits_until_it_is_back() {
+fn a_falling_supply_opens_the_relay_at_2_9_v_and_the_board_waits_until_it_recovers() {
     let Some(mut board) = driving(&Config::new(bare())) else { return };
     // From 3.3 V to 2.8 V in 50 ms.
     let ramp: Vec<_> = (0..50).map(|ms| 3.3 - 0.01 * f64::from(ms)).collect();
@@ -163,7 +163,7 @@ fn a_supply_that_falls_opens_the_relay_at_2_9_v_and_the_board_waits_until_it_is_
 }
 
 #[test]
-fn the_reset_button_pressed_while_the_rig_drives_opens_the_relay_at_once_and_is_no_crash() {
+fn the_reset_button_pressed_during_a_drive_opens_the_relay_at_once_and_is_not_reported_as_a_crash() {
     let Some(mut board) = driving(&Config::new(bare())) else { return };
     let at = board.now();
     board.reset(ResetCause::Pin);

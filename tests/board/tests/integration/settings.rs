@@ -16,7 +16,7 @@ fn settings(rig: &str, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_saved_setting_is_read_back_after_the_power_was_off() {
+fn a_saved_setting_is_read_back_after_power_off() {
     let Some(first) = image() else { return };
     let board = Served::new(first, Config::new(bare()), |_| {});
     let shown = said(&settings(&board.rig, &["show"]));
@@ -53,7 +53,7 @@ fn read(bank2: &Bank2) -> (f32, Source) {
 
 /// Covers the driver's own sequence of operations, and a damaged word that raises the non-maskable interrupt when read.
 #[test]
-fn a_supply_that_goes_at_any_operation_of_a_saving_leaves_the_old_settings_or_the_new() {
+fn power_loss_at_any_operation_of_a_save_leaves_the_old_settings_or_the_new() {
     let Some((old, _)) = save(&Bank2::default(), 300.0, None) else { return };
     assert_eq!(read(&old), (300.0, Source::Stored));
     let (new, operations) = save(&old, 200.0, None).unwrap();

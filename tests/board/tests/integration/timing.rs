@@ -91,7 +91,7 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
 /// ms. The additional lag is the age of the newest sample at the start of the tick plus the time from there to the
 /// output.
 #[test]
-fn from_the_newest_sample_of_a_tick_to_its_output_pass_at_most_150_us() {
+fn the_delay_from_the_newest_sample_of_a_tick_to_its_output_is_at_most_150_us() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config::new(prescribed())).unwrap();
     let mut host = Host::new(&mut board);
@@ -136,7 +136,7 @@ fn homing(board: &mut Board) -> Time {
 }
 
 #[test]
-fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_its_tick() {
+fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_complete_within_its_tick() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
     let steps_before = board.chip().plant().seat_steps().unwrap();
@@ -158,7 +158,7 @@ fn the_step_output_is_low_until_the_first_step_and_every_pulse_is_whole_and_in_i
             Output::Direction(_) => direction_since = Some(*at),
             Output::Step(true) if *at >= on => {
                 let settled = direction_since.is_none_or(|since| *at - since >= Time::from_us(20));
-                assert!(settled, "a pulse {} s after power-on follows its direction too soon", at.s());
+                assert!(settled, "a pulse {} s after power-on comes too soon after the change of direction", at.s());
             }
             _ => {}
         }

@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn every_wrong_value_is_named() {
+    fn every_invalid_value_is_rejected_by_name() {
         let good = SpringConfig::default();
         for (bad, name) in [
             (SpringConfig { step_m: 0.0, ..good }, "spring.step_m"),

@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_on_a_line_give_it_back() {
+    fn points_on_a_line_are_fitted_exactly() {
         let points = core::array::from_fn(|n| {
             let position = 20e-3 + 1e-4 * n as f32;
             (position, 500.0 * (position - 19.5e-3))

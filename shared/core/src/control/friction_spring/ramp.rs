@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn every_distance_is_met_exactly_without_overshoot() {
+    fn every_distance_is_covered_exactly_without_overshoot() {
         for (rate, acceleration) in [(1000.0, 4000.0), (16_000.0, 1e6), (333.0, 16.0), (777.7, 1e7), (50.0, 123.4)] {
             let limits = RampLimits::new(rate, acceleration);
             for distance in [1, -1, 2, 3, 7, -50, 101, 999, -1000, 5000] {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_turns_up_behind_is_reached_by_braking_and_coming_back() {
+    fn a_target_behind_a_moving_motor_is_reached_by_braking_and_returning() {
         let limits = RampLimits::new(1000.0, 4000.0);
         let mut ramp = Ramp::default();
         (0..600).for_each(|_| _ = ramp.tick(&limits, Some(10_000)));
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn no_target_brakes_within_the_braking_distance() {
+    fn without_a_target_the_motor_stops_within_the_braking_distance() {
         let limits = RampLimits::new(1000.0, 4000.0);
         let mut ramp = Ramp::default();
         (0..600).for_each(|_| _ = ramp.tick(&limits, Some(10_000)));

@@ -26,8 +26,8 @@ impl Limits {
     /// # Errors
     /// Names the first limit that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
-        positive("limits.structure_m", f64::from(self.structure_m))?;
-        positive("limits.base_m", f64::from(self.base_m))
+        positive("safety.limits.structure_m", f64::from(self.structure_m))?;
+        positive("safety.limits.base_m", f64::from(self.base_m))
     }
 }
 
@@ -96,6 +96,11 @@ impl SafetyConfig {
         }
         let (ahead, restart) = (f64::from(self.half_cycles_ahead), f64::from(self.restart_m));
         require(self.half_cycles_ahead <= 20.0, "safety.half_cycles_ahead", ahead, "from 0 to 20")?;
-        require(self.restart_m < self.limits.structure_m, "safety.restart_m", restart, "below limits.structure_m")
+        require(
+            self.restart_m < self.limits.structure_m,
+            "safety.restart_m",
+            restart,
+            "below safety.limits.structure_m",
+        )
     }
 }

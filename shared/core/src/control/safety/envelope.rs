@@ -77,18 +77,19 @@ mod tests {
         let grown = |t: f64| 0.395 * (1.0 - libm::exp(-0.0038 * OMEGA * t)) * libm::sin(OMEGA * t);
         let (_, foreseen) = run(grown, 10_000, 6.0, 0.08);
         let reached = (0..10_000u32).find(|tick| grown(f64::from(*tick) * 1e-3).abs() >= 0.08).unwrap();
-        // Six half-cycles are 1.2 s. The warning comes in what is left of them after the maximum that triggers it.
+        // Six half-cycles are 1.2 s. The warning occurs in the part of them that follows the maximum which triggers
+        // it.
         assert!(foreseen.is_some_and(|tick| reached - tick > 900 && reached - tick < 1500), "{foreseen:?} {reached}");
     }
 
     #[test]
-    fn a_decay_predicts_nothing_above_what_was() {
+    fn a_decay_predicts_no_increase() {
         let (largest, _) = run(|t| 0.05 * libm::exp(-0.2 * t) * libm::cos(OMEGA * t), 10_000, 6.0, 1.0);
         assert!(largest <= 0.05, "{largest}");
     }
 
     #[test]
-    fn noise_at_rest_stays_noise() {
+    fn noise_at_rest_predicts_no_large_amplitude() {
         let (largest, _) = run(|t| 1e-5 * libm::sin(7919.0 * t * t), 20_000, 6.0, 1.0);
         assert!(largest < 1e-4, "{largest}");
     }

@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn five_milliseconds_at_a_rail_are_a_lost_sensor_and_less_are_clipping() {
+    fn a_sensor_at_a_rail_for_five_milliseconds_is_lost_and_for_less_is_clipped() {
         let mut watch = RailWatch::default();
         assert_eq!(ticks(&mut watch, AT_RAIL, 4), Verdict::AtRail);
         assert_eq!(ticks(&mut watch, Rail::Some, 1), Verdict::Reads);

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stated_acts_and_the_rest_stays_the_boards() {
+    fn stated_limits_are_in_force_and_the_others_stay_the_boards() {
         assert_eq!(settings().tightened(&ExperimentLimits::default()), Ok(settings()));
         let limits = ExperimentLimits {
             structure_m: some(0.02),
@@ -168,7 +168,7 @@ mod tests {
     fn a_limit_out_of_range_is_named() {
         let none = ExperimentLimits::default();
         for (limits, parameter) in [
-            (ExperimentLimits { base_m: some(-1.0), ..none }, "limits.base_m"),
+            (ExperimentLimits { base_m: some(-1.0), ..none }, "safety.limits.base_m"),
             (ExperimentLimits { half_cycles_ahead: some(21.0), ..none }, "safety.half_cycles_ahead"),
             // Below the rest level the rig could never start again.
             (ExperimentLimits { structure_m: some(1e-3), ..none }, "safety.restart_m"),

@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_a_defect_at_once() {
+    fn a_nan_sample_is_a_defect_at_once() {
         let mut watch = Watch::default();
         assert_eq!(watch.push(&ending(f32::NAN), 0), Some(Defect::NotANumber));
         assert_eq!(watch.push(&ending(0.1), 0), None);

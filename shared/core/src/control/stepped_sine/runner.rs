@@ -13,9 +13,10 @@ use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A stepped sine in progress. The caller keeps its [`SteppedSinePlan`] and passes the same one to every call.
+/// A stepped sine in progress, with its plan.
 #[derive(Clone, Debug)]
 pub struct SteppedSineRunner {
+    plan: SteppedSinePlan,
     index: usize,
     stage: ExperimentStage,
     rest: RestWait,
@@ -53,6 +54,7 @@ impl SteppedSineRunner {
     #[must_use]
     pub fn new(plan: &SteppedSinePlan, drive: &DriveRange) -> Self {
         let mut runner = Self {
+            plan: plan.clone(),
             index: 0,
             stage: ExperimentStage::Rest,
             rest: RestWait::default(),
@@ -77,7 +79,7 @@ impl SteppedSineRunner {
             impacts_before: 0,
             put_back: None,
         };
-        runner.begin_point(plan);
+        runner.begin_point();
         runner
     }
 
@@ -131,8 +133,8 @@ impl SteppedSineRunner {
     }
 
     /// Index of the point in the whole experiment.
-    fn place(&self, plan: &SteppedSinePlan) -> u16 {
-        plan.sine.first_index.wrapping_add(self.index as u16)
+    fn place(&self) -> u16 {
+        self.plan.sine.first_index.wrapping_add(self.index as u16)
     }
 
     /// Index of the point that begins from rest in this tick. A simulated plant is reset to its start.
@@ -153,31 +155,31 @@ impl SteppedSineRunner {
         self.gain == 0.0 && !self.driving
     }
 
-    fn begin_point(&mut self, plan: &SteppedSinePlan) {
-        match plan.sine.start {
+    fn begin_point(&mut self) {
+        match self.plan.sine.start {
             Start::FromRest { .. } => {
                 self.stage = ExperimentStage::Rest;
-                self.end_driving(plan);
+                self.end_driving();
                 self.rest = RestWait::default();
             }
-            Start::CarryOver => self.begin_settling(plan),
+            Start::CarryOver => self.begin_settling(),
         }
     }
 
-    fn end_driving(&mut self, plan: &SteppedSinePlan) {
+    fn end_driving(&mut self) {
         self.driving = false;
-        self.fall = plan.fall;
+        self.fall = self.plan.fall;
     }
 
-    fn begin_settling(&mut self, plan: &SteppedSinePlan) {
-        let frequency = plan.sine.frequencies_hz.get(self.index).copied().unwrap_or(0.0);
+    fn begin_settling(&mut self) {
+        let frequency = self.plan.sine.frequencies_hz.get(self.index).copied().unwrap_or(0.0);
         self.frequency_hz = frequency;
         self.increment = Phase::increment(frequency, TICK_HZ);
-        self.cycles = (plan.sine.dwell_s * frequency) as u32;
+        self.cycles = (self.plan.sine.dwell_s * frequency) as u32;
         self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
         self.driving = true;
-        if let DriveMode::ClosedLoop(parameters) = &plan.sine.drive {
+        if let DriveMode::ClosedLoop(parameters) = &self.plan.sine.drive {
             if self.gain == 0.0 {
                 self.base = BaseLoop::new(parameters);
             }
@@ -185,20 +187,20 @@ impl SteppedSineRunner {
         }
     }
 
-    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to start the dwell again.
-    fn base_slipped(&self, plan: &SteppedSinePlan) -> bool {
-        match &plan.sine.drive {
+    /// Whether, in a dwell of a closed loop, the base has left its tolerance and there is time to restart the dwell.
+    fn base_slipped(&self) -> bool {
+        match &self.plan.sine.drive {
             DriveMode::Constant => false,
-            DriveMode::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= plan.held_by_ticks,
+            DriveMode::ClosedLoop(_) => !self.base.is_held() && self.driven_ticks <= self.plan.held_by_ticks,
         }
     }
 
     /// The point has settled: the measurement may begin at the next cycle.
-    fn is_settled(&self, plan: &SteppedSinePlan) -> bool {
-        self.driven_ticks > plan.settle_ticks
-            && match &plan.sine.drive {
+    fn is_settled(&self) -> bool {
+        self.driven_ticks > self.plan.settle_ticks
+            && match &self.plan.sine.drive {
                 DriveMode::Constant => true,
-                DriveMode::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > plan.held_by_ticks,
+                DriveMode::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > self.plan.held_by_ticks,
             }
     }
 
@@ -211,36 +213,36 @@ impl SteppedSineRunner {
     }
 
     /// The drive for this tick, m, without measuring. Used for the fade after a stop.
-    pub fn fade(&mut self, plan: &SteppedSinePlan) -> f32 {
-        let drive = self.drive_m(plan, None).0;
+    pub fn fade(&mut self) -> f32 {
+        let drive = self.drive_m(None).0;
         self.cycle_ended = self.phase.advance(self.increment);
         drive
     }
 
     /// The drive at the present phase, m, limited to what can be delivered, and a fault of the base. The drive fades
     /// after its release; then, and without readings of z, the loop is open.
-    fn drive_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>) -> (f32, Option<Fault>) {
-        let step = if self.driving { plan.rise } else { -self.fall };
+    fn drive_m(&mut self, now: Option<&TickInputs>) -> (f32, Option<Fault>) {
+        let step = if self.driving { self.plan.rise } else { -self.fall };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
         let wave = self.phase.sin_cos();
-        let (demand, fault) = self.demand_m(plan, now.filter(|_| self.driving), wave);
+        let (demand, fault) = self.demand_m(now.filter(|_| self.driving), wave);
         let (drive, is_cut) = self.range.limit(demand);
         self.saturated |= is_cut;
         self.was_saturated |= self.saturated;
-        (drive, fault.or_else(|| self.follow(plan, now?, drive, wave)))
+        (drive, fault.or_else(|| self.follow(now?, drive, wave)))
     }
 
     /// The demand, m, and a fault of the closed loop.
-    fn demand_m(&mut self, plan: &SteppedSinePlan, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
+    fn demand_m(&mut self, now: Option<&TickInputs>, wave: (f32, f32)) -> (f32, Option<Fault>) {
         // A smooth ramp: its slope is zero at both ends.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
         let wave_then = self.waves[0];
         self.waves.rotate_left(1);
         self.waves[DELAY_TICKS as usize - 1] = wave;
         self.saturated = false;
-        let amplitude = plan.sine.amplitude_m;
-        let (DriveMode::ClosedLoop(_), Some(now)) = (&plan.sine.drive, now) else {
-            let full = match plan.sine.drive {
+        let amplitude = self.plan.sine.amplitude_m;
+        let (DriveMode::ClosedLoop(_), Some(now)) = (&self.plan.sine.drive, now) else {
+            let full = match self.plan.sine.drive {
                 DriveMode::Constant => amplitude * wave.0,
                 DriveMode::ClosedLoop(_) => self.base.open(wave),
             };
@@ -264,7 +266,7 @@ impl SteppedSineRunner {
     }
 
     /// Checks that the base follows the drive.
-    fn follow(&mut self, plan: &SteppedSinePlan, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
+    fn follow(&mut self, now: &TickInputs, drive: f32, wave: (f32, f32)) -> Option<Fault> {
         let z = &now.readings.z;
         self.follow.push(z.mean_m, drive, wave);
         if !self.driving || self.gain < 1.0 || z.rail != Rail::Clear {
@@ -273,24 +275,24 @@ impl SteppedSineRunner {
         if self.phase.0.checked_add(self.increment).is_some() {
             return None;
         }
-        let (cause, value, limit) = self.follow.end_cycle(plan.sine.amplitude_m)?;
+        let (cause, value, limit) = self.follow.end_cycle(self.plan.sine.amplitude_m)?;
         Some(Fault { cause, tick: now.tick, value, limit })
     }
 
     /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
     /// tick.
-    pub fn tick(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> (f32, Outcome) {
+    pub fn tick(&mut self, now: &TickInputs) -> (f32, Outcome) {
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
-        let unrest = if self.stage == ExperimentStage::Rest { self.rest(plan, now) } else { None };
+        let unrest = if self.stage == ExperimentStage::Rest { self.rest(now) } else { None };
         // A dwell begins at the start of a cycle, and so does a drive from rest.
-        if self.stage == ExperimentStage::Settle && self.phase.0 < self.increment && self.is_settled(plan) {
+        if self.stage == ExperimentStage::Settle && self.phase.0 < self.increment && self.is_settled() {
             self.begin_dwelling(now);
         }
-        let (drive, runaway) = self.drive_m(plan, Some(now));
+        let (drive, runaway) = self.drive_m(Some(now));
         let fault = runaway.or(unrest);
         // After the last point only the fade-out of the drive continues.
-        let measuring = self.stage == ExperimentStage::Dwell && self.index < plan.sine.frequencies_hz.len();
+        let measuring = self.stage == ExperimentStage::Dwell && self.index < self.plan.sine.frequencies_hz.len();
         if measuring {
             self.meter.push(now.readings, drive, self.phase.sin_cos());
             self.clipped.extend(now.clipped);
@@ -298,34 +300,34 @@ impl SteppedSineRunner {
         self.cycle_ended = self.phase.advance(self.increment);
         if self.cycle_ended && measuring {
             self.meter.end_cycle();
-            if self.base_slipped(plan) {
+            if self.base_slipped() {
                 self.stage = ExperimentStage::Settle;
             }
             if self.meter.cycles() == self.cycles && fault.is_none() {
-                return (drive, self.end_point(plan, now));
+                return (drive, self.end_point(now));
             }
         }
         (drive, fault.map_or(Outcome::Running, Outcome::Failed))
     }
 
-    fn rest(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> Option<Fault> {
+    fn rest(&mut self, now: &TickInputs) -> Option<Fault> {
         if self.gain > 0.0 {
             // The drive is still fading out: the rest has not begun.
             return None;
         }
-        let level = match plan.sine.start {
+        let level = match self.plan.sine.start {
             Start::FromRest { level_m } => level_m,
             Start::CarryOver => f32::MAX,
         };
         let value = now.readings.x.peak_m;
         match self.rest.tick(value, level) {
             Waited::NotYet => {}
-            Waited::Begun => self.put_back = Some(self.place(plan)),
+            Waited::Begun => self.put_back = Some(self.place()),
             Waited::Quiet => {
                 self.phase = Phase::default();
                 // As at the start of an experiment: a point from rest does not depend on the point before it.
                 self.waves = [self.phase.sin_cos(); DELAY_TICKS as usize];
-                self.begin_settling(plan);
+                self.begin_settling();
                 self.driven_ticks = 1;
             }
             Waited::TimedOut => {
@@ -335,9 +337,9 @@ impl SteppedSineRunner {
         None
     }
 
-    fn end_point(&mut self, plan: &SteppedSinePlan, now: &TickInputs) -> Outcome {
+    fn end_point(&mut self, now: &TickInputs) -> Outcome {
         let place = Place {
-            index: self.place(plan),
+            index: self.place(),
             frequency_hz: self.frequency_hz,
             start_tick: self.start_tick,
             end_tick: now.tick + 1,
@@ -345,13 +347,13 @@ impl SteppedSineRunner {
             clipped: self.clipped,
             impacts: now.impacts.wrapping_sub(self.impacts_before),
         };
-        let result = self.meter.result(&place, &plan.sine.steady);
+        let result = self.meter.result(&place, &self.plan.sine.steady);
         self.index += 1;
-        if self.index == plan.sine.frequencies_hz.len() {
-            self.end_driving(plan);
+        if self.index == self.plan.sine.frequencies_hz.len() {
+            self.end_driving();
             Outcome::Finished(result)
         } else {
-            self.begin_point(plan);
+            self.begin_point();
             Outcome::Point(result)
         }
     }
@@ -366,7 +368,7 @@ mod tests {
     use crate::measure::point::SteadyLimits;
 
     #[test]
-    fn what_is_kept_of_the_drive_is_its_wave_of_as_many_ticks_ago_as_a_reading_is_late() {
+    fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {
         let plan = SteppedSinePlan::new(SteppedSine {
             start: Start::CarryOver,
             amplitude_m: 1e-3,
@@ -382,7 +384,7 @@ mod tests {
         let (mut runner, readings) =
             (SteppedSineRunner::new(&plan, &DriveScale::default().range()), Readings::default());
         for tick in 0..1000 {
-            runner.tick(&plan, &TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
+            runner.tick(&TickInputs { tick, readings: &readings, impacts: 0, clipped: SensorSet::default() });
             if tick >= DELAY_TICKS {
                 // The phase is already that of the next tick.
                 let then = Phase(runner.phase.0.wrapping_sub(DELAY_TICKS * runner.increment));

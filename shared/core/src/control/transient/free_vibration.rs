@@ -179,9 +179,10 @@ impl Hold {
     }
 }
 
-/// A free vibration in progress. The caller keeps its [`FreeVibrationPlan`] and passes the same one to every call.
+/// A free vibration in progress, with its plan.
 #[derive(Clone, Debug)]
 pub struct FreeVibrationRunner {
+    plan: FreeVibrationPlan,
     stage: ExperimentStage,
     waited_ticks: u32,
     hold: Hold,
@@ -190,9 +191,12 @@ pub struct FreeVibrationRunner {
     measuring: Measuring,
 }
 
-impl Default for FreeVibrationRunner {
-    fn default() -> Self {
+impl FreeVibrationRunner {
+    /// A runner at the beginning of the hold.
+    #[must_use]
+    pub fn new(plan: &FreeVibrationPlan) -> Self {
         Self {
+            plan: *plan,
             stage: ExperimentStage::Hold,
             waited_ticks: 0,
             hold: Hold::default(),
@@ -201,9 +205,7 @@ impl Default for FreeVibrationRunner {
             measuring: Measuring::default(),
         }
     }
-}
 
-impl FreeVibrationRunner {
     /// The present stage.
     #[must_use]
     pub fn stage(&self) -> ExperimentStage {
@@ -217,46 +219,46 @@ impl FreeVibrationRunner {
     }
 
     /// Takes one tick's readings and returns the outcome of the tick. There is no drive.
-    pub fn tick(&mut self, plan: &FreeVibrationPlan, now: &TickInputs) -> Outcome {
+    pub fn tick(&mut self, now: &TickInputs) -> Outcome {
         self.put_back = None;
         let x = now.readings.x.mean_m;
         if self.stage == ExperimentStage::Hold {
             self.waited_ticks += 1;
-            if self.waited_ticks <= plan.put_back_ticks {
-                self.put_back = Some(plan.free.index);
+            if self.waited_ticks <= self.plan.put_back_ticks {
+                self.put_back = Some(self.plan.free.index);
             }
-            if self.is_released(plan, libm::fabsf(x)) {
+            if self.is_released(libm::fabsf(x)) {
                 self.stage = ExperimentStage::Dwell;
                 self.measuring = Measuring::from(now);
                 self.swings = Swings::from(x, self.hold.before_m);
-            } else if self.waited_ticks > plan.timeout_ticks {
-                let (value, limit) = (self.hold.latest_m, plan.free.level_m);
+            } else if self.waited_ticks > self.plan.timeout_ticks {
+                let (value, limit) = (self.hold.latest_m, self.plan.free.level_m);
                 return Outcome::Failed(Fault { cause: FaultCause::ReleaseTimeout, tick: now.tick, value, limit });
             }
-        } else if self.measuring.meter.ticks() < plan.measure_ticks {
+        } else if self.measuring.meter.ticks() < self.plan.measure_ticks {
             self.measuring.push(now, 0.0);
-            self.swings.push(x, self.measuring.meter.ticks(), plan.free.cycles);
-            if self.measuring.meter.ticks() == plan.measure_ticks {
-                return self.measuring.end(now, plan.free.index, false, &self.swings.decay);
+            self.swings.push(x, self.measuring.meter.ticks(), self.plan.free.cycles);
+            if self.measuring.meter.ticks() == self.plan.measure_ticks {
+                return self.measuring.end(now, self.plan.free.index, false, &self.swings.decay);
             }
         }
         Outcome::Running
     }
 
     /// Takes |x| (m) of a tick and returns true if the structure has been released.
-    fn is_released(&mut self, plan: &FreeVibrationPlan, x_m: f32) -> bool {
+    fn is_released(&mut self, x_m: f32) -> bool {
         let hold = &mut self.hold;
-        let is_known = hold.ticks >= plan.hold_ticks;
+        let is_known = hold.ticks >= self.plan.hold_ticks;
         if is_known && x_m < RELEASED * hold.before_m {
             return true;
         }
         let about = if hold.ticks > 0 { hold.latest_m } else { x_m };
-        if x_m >= plan.free.level_m && libm::fabsf(x_m - about) <= STEADY * about {
-            hold.take(x_m, plan.hold_ticks / 2);
+        if x_m >= self.plan.free.level_m && libm::fabsf(x_m - about) <= STEADY * about {
+            hold.take(x_m, self.plan.hold_ticks / 2);
         } else {
             // The structure was moved a little while held. If that is not a release, the hold starts again.
             hold.strayed_ticks += 1;
-            if !is_known || hold.strayed_ticks > plan.hold_ticks {
+            if !is_known || hold.strayed_ticks > self.plan.hold_ticks {
                 *hold = Hold::default();
             }
         }

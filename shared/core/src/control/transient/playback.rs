@@ -142,9 +142,10 @@ const VISIBLE_TICKS: u32 = (0.25 * TICK_HZ) as u32;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
 
-/// A playback in progress. The caller keeps its [`PlaybackPlan`] and its record and passes the same ones to every call.
+/// A playback in progress, with its plan. The caller keeps the record and passes it to every call.
 #[derive(Clone, Debug)]
 pub struct PlaybackRunner {
+    plan: PlaybackPlan,
     drive: DriveRange,
     stage: ExperimentStage,
     rest: RestWait,
@@ -169,8 +170,9 @@ pub struct PlaybackRunner {
 impl PlaybackRunner {
     /// A runner at the beginning of the playback. `drive` is the range that the drive can deliver.
     #[must_use]
-    pub fn new(drive: &DriveRange) -> Self {
+    pub fn new(plan: &PlaybackPlan, drive: &DriveRange) -> Self {
         Self {
+            plan: *plan,
             drive: *drive,
             stage: ExperimentStage::Rest,
             rest: RestWait::default(),
@@ -233,32 +235,32 @@ impl PlaybackRunner {
     }
 
     /// The drive for this tick, m, while it fades out after a stop.
-    pub fn fade(&mut self, plan: &PlaybackPlan, record: &[i16]) -> f32 {
-        self.drive_m(plan, record)
+    pub fn fade(&mut self, record: &[i16]) -> f32 {
+        self.drive_m(record)
     }
 
     /// Runs one tick. Takes this tick's readings; returns the demanded base displacement (m) and the outcome of the
     /// tick.
-    pub fn tick(&mut self, plan: &PlaybackPlan, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
+    pub fn tick(&mut self, record: &[i16], now: &TickInputs) -> (f32, Outcome) {
         let mut outcome = Outcome::Running;
         self.put_back = None;
         if self.stage == ExperimentStage::Rest {
-            let (value, limit) = (now.readings.x.peak_m, plan.playback.rest_level_m);
+            let (value, limit) = (now.readings.x.peak_m, self.plan.playback.rest_level_m);
             match self.rest.tick(value, limit) {
                 Waited::NotYet => {}
-                Waited::Begun => self.put_back = Some(plan.playback.index),
-                Waited::Quiet => self.begin(plan, now),
+                Waited::Begun => self.put_back = Some(self.plan.playback.index),
+                Waited::Quiet => self.begin(now),
                 Waited::TimedOut => {
                     outcome = Outcome::Failed(Fault { cause: FaultCause::RestTimeout, tick: now.tick, value, limit });
                 }
             }
         }
-        let drive = self.drive_m(plan, record);
+        let drive = self.drive_m(record);
         if self.stage == ExperimentStage::Dwell && self.driving {
             self.measuring.push(now, drive);
             if self.is_over(record) {
                 if self.tail_left == 0 {
-                    outcome = self.measuring.end(now, plan.playback.index, self.was_saturated, &Decay::default());
+                    outcome = self.measuring.end(now, self.plan.playback.index, self.was_saturated, &Decay::default());
                     self.driving = false;
                     self.gain = 0.0;
                 } else {
@@ -269,10 +271,10 @@ impl PlaybackRunner {
         (drive, outcome)
     }
 
-    fn begin(&mut self, plan: &PlaybackPlan, now: &TickInputs) {
+    fn begin(&mut self, now: &TickInputs) {
         self.stage = ExperimentStage::Dwell;
         self.driving = true;
-        self.tail_left = plan.tail_ticks;
+        self.tail_left = self.plan.tail_ticks;
         self.measuring = Measuring::from(now);
     }
 
@@ -281,21 +283,21 @@ impl PlaybackRunner {
     }
 
     /// The demand at the present position of the record; advances the position.
-    fn drive_m(&mut self, plan: &PlaybackPlan, record: &[i16]) -> f32 {
+    fn drive_m(&mut self, record: &[i16]) -> f32 {
         self.saturated = false;
         if !self.driving && self.gain == 0.0 {
             return 0.0;
         }
-        let falls = self.played_ticks >= plan.falls_from;
+        let falls = self.played_ticks >= self.plan.falls_from;
         let step = match (self.fading, falls) {
             (true, _) => -FADE_PER_TICK,
-            (false, true) if plan.playback.ramp_s > 0.0 => -plan.ramp,
-            _ => plan.ramp,
+            (false, true) if self.plan.playback.ramp_s > 0.0 => -self.plan.ramp,
+            _ => self.plan.ramp,
         };
         self.gain = (self.gain + step).clamp(0.0, 1.0);
         // A smooth ramp: its slope is zero at both ends.
         let ramp = self.gain * self.gain * (3.0 - 2.0 * self.gain);
-        let wanted = ramp * plan.playback.scale_m * self.counts(record);
+        let wanted = ramp * self.plan.playback.scale_m * self.counts(record);
         let demand;
         (demand, self.saturated) = self.drive.limit(wanted);
         self.was_saturated |= self.saturated;
@@ -307,7 +309,7 @@ impl PlaybackRunner {
         self.last_demand = demand;
         self.played_ticks = self.played_ticks.saturating_add(1);
         if !self.is_over(record) {
-            self.node += u32::from(self.fraction.advance(plan.increment));
+            self.node += u32::from(self.fraction.advance(self.plan.increment));
         }
         demand
     }

@@ -1,7 +1,7 @@
 //! Guards of each mode as power series, and the search for the first one that fails.
 
-use super::driver::{Exact, ROUNDINGS, Touch};
 use super::flow::Span;
+use super::motion::{Exact, ROUNDINGS, Touch};
 use super::series::{Series, TERMS, derivative, first_failure};
 use crate::integrator::modes::{Contact, Grip, Sign, signed};
 use crate::model::Release;

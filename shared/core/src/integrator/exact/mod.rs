@@ -10,7 +10,7 @@
 //! Arcs (τ = 0 … 1) follow each other without gaps. The driver completes an arc only after one of two proofs about its
 //! events.
 //!
-//! **End-point proof** (`quick`), where the structure (with or without a particle held to it) is one oscillator. Let
+//! **End-point proof** (`endpoint_proof`), where the structure (with or without a particle held to it) is one oscillator. Let
 //! `Mₙ ≥ max |x⁽ⁿ⁾|` over the arc: it is the sum of the series' coefficient magnitudes, so it holds for the whole arc.
 //! A function lies within `max |f″|/8` of its chord.
 //! 1. *Moves one way.* If the particle's relative velocity has the same sign at both ends and its magnitude there
@@ -30,7 +30,7 @@
 //!    velocity.
 //!
 //! Newton's method inside a bracket finds the single root of cases 1 and 2. Once within 10⁻³ of an arc of it, five
-//! derivatives give the root to the last bits (`near`).
+//! derivatives give the root to the last bits (`arc_roots`).
 //!
 //! **Walk** ([`series::first_failure`], which contains the proof). It handles every arc that the end-point proof does
 //! not decide.
@@ -49,19 +49,20 @@
 //!
 //! [`observe`] defines the observers of a run; [`response`] computes results from what they receive.
 
+mod arc_roots;
 mod driver;
+mod endpoint_proof;
 mod events;
 pub mod excitation;
 pub mod flow;
 mod guards;
-mod near;
+mod motion;
 pub mod observe;
-mod quick;
 pub mod response;
 pub mod series;
 pub mod time;
 
-pub use driver::{Exact, Touch, Work};
 pub use excitation::Excitation;
 pub use flow::ExactState;
+pub use motion::{Exact, Touch, Work};
 pub use observe::{Accumulation, Arc, ContactEnd, Impact, Observer};

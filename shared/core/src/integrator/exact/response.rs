@@ -1,8 +1,8 @@
 //! Response of a run: extrema, mean square, cycle maxima and contact figures, in constant memory.
 
+use super::arc_roots::{Motion, inverse_cubic};
 use super::excitation::Wave;
 use super::flow::{ExactState, dot};
-use super::near::{Motion, inverse_cubic};
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;

@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ten_million_short_arcs_add_up() {
+    fn ten_million_short_arcs_add_up_without_rounding_error() {
         let mut time = Time::default();
         for _ in 0..10_000_000 {
             time = time.plus(0.1);

@@ -1,30 +1,30 @@
-//! A flash in memory with the controller's pages and words, whose supply goes at a chosen operation.
+//! A flash in memory with the controller's page and word size, whose supply fails at a chosen operation.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
-/// Two pages of the controller's.
+/// Size of a page, bytes, as on the controller.
 pub const PAGE: usize = 2048;
-/// What is programmed at once.
+/// Size of a word, bytes: the unit of programming.
 pub const WORD: usize = 8;
-/// What the settings have.
+/// Size of the settings range, bytes.
 pub const SIZE: usize = 2 * PAGE;
 
-/// What the operation during which the supply goes leaves behind.
+/// Result of the operation during which the supply fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// Nothing of it is done.
+    /// The operation has no effect.
     Before,
-    /// The first half of it is done.
+    /// The first half of the bytes is changed.
     Half,
-    /// Every bit is as it was or as it should become, as a generator has it: cells change one by one.
+    /// Each bit has its old or its new value, chosen by a generator: cells change one by one.
     Mixed(u64),
-    /// The word or page is anything, as the flash's error correction may have it.
+    /// The word or page has arbitrary content, as after an uncorrectable error.
     Anything(u64),
-    /// It is all done, but nobody is told.
+    /// The operation is complete, but reports a failure.
     After,
 }
 
-/// No supply, or a word programmed that was not erased.
+/// The supply is off, or a word was programmed without having been erased.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failed;
 
@@ -38,9 +38,9 @@ impl NorFlashError for Failed {
 #[derive(Clone)]
 pub struct Flash {
     pub bytes: [u8; SIZE],
-    /// Words programmed and pages erased.
+    /// Number of words programmed and pages erased.
     pub operations: usize,
-    /// The operation during which the supply goes, counted on from the present.
+    /// The operation during which the supply fails, counted from the present state.
     pub cut: Option<(usize, Cut)>,
     is_off: bool,
 }
@@ -58,12 +58,12 @@ fn random(state: &mut u64) -> u8 {
 }
 
 impl Flash {
-    /// What is left when the supply comes back; it goes again at `cut`.
+    /// The flash after power has come back; it fails again at `cut`.
     pub fn restarted(&self, cut: Option<(usize, Cut)>) -> Self {
         Self { bytes: self.bytes, operations: 0, cut, is_off: false }
     }
 
-    /// Does one operation on `at` onwards: `done` is what is there after it.
+    /// Performs one operation on the bytes from `at` on; `done` is their content after it.
     fn operate(&mut self, at: usize, done: &[u8]) -> Result<(), Failed> {
         if self.is_off {
             return Err(Failed);
@@ -137,7 +137,7 @@ impl NorFlash for &mut Flash {
         let offset = offset as usize;
         assert!(offset.is_multiple_of(WORD) && bytes.len().is_multiple_of(WORD));
         for (at, word) in (offset..).step_by(WORD).zip(bytes.chunks(WORD)) {
-            // The controller programs an erased word, and any word to zeros.
+            // The controller programs erased words, and overwrites any word with zeros.
             let is_erased = self.bytes[at..at + WORD].iter().all(|byte| *byte == 0xff);
             if !is_erased && word.iter().any(|byte| *byte != 0) {
                 return Err(Failed);

@@ -1,4 +1,4 @@
-//! A host at a simulated board, for tests that go through the protocol.
+//! A host connected to a simulated board, for tests that go through the protocol.
 
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::SpringCommand;
@@ -11,19 +11,19 @@ use damprig_simulator::device::{Progress, SimulatedDevice};
 use damprig_simulator::messages::set_plant;
 use damprig_simulator::plant::{InjectedFault, PlantConfig};
 
-/// A host that talks to a simulated board in bytes.
+/// A host that exchanges bytes with a simulated board.
 pub struct Host {
     pub board: SimulatedDevice<f64>,
     reader: Reader,
     seq: u16,
     until_tick: u32,
     pub events: Vec<Event>,
-    /// Rows of telemetry, by signal in the order of the selection.
+    /// Rows of telemetry; each has its values in the order of the selection.
     pub rows: Vec<Vec<f32>>,
 }
 
 impl Host {
-    /// A board with this plant, its spring as in the source document's rig.
+    /// Connects to a board with this plant and with the spring of the source document's rig.
     pub fn new(config: PlantConfig) -> Self {
         let board = SimulatedDevice::new(DeviceInfo::new("test", "none"));
         let (events, rows) = (vec![], vec![]);
@@ -52,7 +52,7 @@ impl Host {
         messages
     }
 
-    /// Sends a request; its reply.
+    /// Sends a request and returns its reply.
     pub fn ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         self.seq += 1;
         let starts = ask == Request::Start;
@@ -68,7 +68,7 @@ impl Host {
         answer
     }
 
-    /// Sends a request that must be carried out.
+    /// Sends a request and expects it to be carried out.
     pub fn done(&mut self, ask: Request) {
         assert_eq!(self.ask(ask), Ok(Reply::Done));
     }
@@ -78,13 +78,13 @@ impl Host {
         self.board.plant_mut().unwrap().inject(&fault);
     }
 
-    /// Lets ticks pass.
+    /// Runs this number of ticks.
     pub fn pass(&mut self, ticks: u32) {
         self.until_tick += ticks;
         self.send(&ToDevice::Grant { until_tick: self.until_tick });
     }
 
-    /// Asks the spring for something, and gives it the time.
+    /// Sends a command to the spring and runs until it is done.
     pub fn spring(&mut self, command: SpringCommand) {
         self.done(Request::Spring(command));
         self.pass(16_000);
@@ -105,7 +105,7 @@ impl Host {
         self.events.iter().filter_map(point).collect()
     }
 
-    /// Cause of the first fault.
+    /// Returns the cause of the first fault.
     pub fn fault(&self) -> Option<FaultCause> {
         let fault = |event: &Event| if let Event::Fault(fault) = event { Some(fault.cause) } else { None };
         self.events.iter().find_map(fault)

@@ -1,3 +1,3 @@
-//! What the tests share.
+//! Support for the tests.
 
 pub mod host;

@@ -2,10 +2,10 @@
 //!
 //! The documentation of [`super`] contains the proofs. The walk handles the arcs that they do not decide.
 
-use super::driver::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
+use super::arc_roots::{Motion, back_after, inverse_cubic};
 use super::excitation::Wave;
 use super::flow::{ExactState, Oscillator, dot};
-use super::near::{Motion, back_after, inverse_cubic};
+use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, Touch};
 use super::observe::Observer;
 use crate::integrator::modes::{Contact, Grip, Sign, sign, signed};
 

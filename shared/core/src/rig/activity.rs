@@ -1,0 +1,76 @@
+//! Activity of the rig, its main state: idle, running an experiment, or faulted. Each state holds its own data.
+
+use super::State;
+use crate::control::experiment::ExperimentRunner;
+use crate::control::fault::Fault;
+
+/// Activity of the rig.
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
+pub(super) enum Activity {
+    /// No experiment; the drive is off.
+    Idle,
+    /// An experiment; its drive is on or fades out.
+    Experiment { runner: ExperimentRunner, phase: Phase },
+    /// Faulted, with the drive off, until the fault is cleared.
+    Faulted(Fault),
+}
+
+/// Phase of an experiment.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Phase {
+    /// The experiment runs.
+    Running,
+    /// The drive fades out. The experiment is complete, or was stopped before.
+    Stopping { is_complete: bool },
+    /// The drive fades out after a fault.
+    Faulted(Fault),
+}
+
+impl Activity {
+    /// The state that is reported to a host.
+    pub fn state(&self) -> State {
+        match self {
+            Self::Idle => State::Idle,
+            Self::Experiment { runner, phase: Phase::Running } => State::Running(runner.stage()),
+            Self::Experiment { phase: Phase::Stopping { .. }, .. } => State::Stopping,
+            Self::Experiment { phase: Phase::Faulted(_), .. } | Self::Faulted(_) => State::Faulted,
+        }
+    }
+
+    /// The fault that ended the experiment, or that was detected while the rig was idle.
+    pub fn fault(&self) -> Option<Fault> {
+        match self {
+            Self::Faulted(fault) | Self::Experiment { phase: Phase::Faulted(fault), .. } => Some(*fault),
+            _ => None,
+        }
+    }
+
+    /// The experiment in progress.
+    pub fn runner(&self) -> Option<&ExperimentRunner> {
+        if let Self::Experiment { runner, .. } = self { Some(runner) } else { None }
+    }
+
+    /// Lets the drive of a running experiment fade out.
+    pub fn stop(&mut self, is_complete: bool) {
+        if let Self::Experiment { runner, phase } = self {
+            if !is_complete {
+                runner.release_drive();
+            }
+            if let Phase::Running = phase {
+                *phase = Phase::Stopping { is_complete };
+            }
+        }
+    }
+
+    /// Notes a fault and lets the drive fade out.
+    pub fn trip(&mut self, fault: Fault) {
+        match self {
+            Self::Experiment { runner, phase } => {
+                runner.release_drive();
+                *phase = Phase::Faulted(fault);
+            }
+            Self::Idle | Self::Faulted(_) => *self = Self::Faulted(fault),
+        }
+    }
+}
