@@ -7,7 +7,7 @@ fn budget(image: &str, what: &str) -> u64 {
     let path = project().join("firmware/budgets.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let budgets: toml::Table = text.parse().unwrap();
-    let value = budgets[image][what].as_integer().unwrap_or_else(|| panic!("[{image}] {what} is no whole number"));
+    let value = budgets[image][what].as_integer().unwrap_or_else(|| panic!("[{image}] {what} is not a whole number"));
     u64::try_from(value).unwrap()
 }
 

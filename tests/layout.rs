@@ -16,7 +16,7 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig-fuzzing", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig-core"]),
 ];
 
@@ -41,7 +41,8 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 13] = [
+const HOST_LAYERS: [&str; 14] = [
+    "host_time",
     "input",
     "settings",
     "setup",

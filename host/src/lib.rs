@@ -8,6 +8,7 @@ pub mod board;
 pub mod campaign;
 pub mod cli;
 pub mod client;
+pub mod host_time;
 pub mod input;
 pub mod motion_record;
 pub mod prediction;

@@ -28,7 +28,7 @@ impl Emulator {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap_or_else(|error| panic!("cannot start {QEMU}: {error}"));
-        let errors = process.stderr.take().expect("it was asked for");
+        let errors = process.stderr.take().expect("stderr is piped");
         let emulator = Self { process, port };
         let mut lines = BufReader::new(errors);
         let mut said = String::new();
@@ -97,5 +97,5 @@ fn board(machine: &str, image: &Path) -> Command {
 
 fn free_port() -> u16 {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a local port");
-    listener.local_addr().expect("it is bound").port()
+    listener.local_addr().expect("the listener is bound").port()
 }

@@ -3,21 +3,18 @@
 //! To add a subcommand: a file with its clap `Args` and a function that returns [`Outcome`], and a line in both `Command` and
 //! [`main`]. The work itself belongs into the library.
 
-/// Prints a line to standard output; what controls a terminal is spelled out. A closed pipe (`| head`) does not end a run: it
-/// still has to stop the rig.
+/// Prints a line to standard output, as [`output`] says.
 macro_rules! say {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), "{}", $crate::input::shown(&format!($($text)*)));
-    }};
+    ($($text:tt)*) => {
+        $crate::cli::output::print(format_args!("{}\n", format_args!($($text)*)))
+    };
 }
 
-/// Prints a line to standard error, as `say!` does to standard output.
+/// Prints a line to standard error.
 macro_rules! warn {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "{}", $crate::input::shown(&format!($($text)*)));
-    }};
+    ($($text:tt)*) => {
+        $crate::cli::output::print_error(format_args!("{}\n", format_args!($($text)*)))
+    };
 }
 
 mod arguments;
@@ -28,6 +25,7 @@ mod flash;
 #[cfg(feature = "probe")]
 mod log;
 mod outcome;
+mod output;
 mod output_paths;
 mod progress;
 mod run;
@@ -65,9 +63,9 @@ Examples:
 
 Exit codes:
   0    success
-  1    the rig, the link or the disk failed; recorded data are kept
+  1    the rig, the link, the disk or standard output failed; recorded data are kept
   2    the command line or a file is wrong; nothing has moved
-  130  interrupted (Ctrl-C or SIGTERM); the rig was stopped, recorded data are kept";
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, recorded data are kept";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -108,10 +106,6 @@ pub fn main() -> ExitCode {
     // A file beyond `ulimit -f` then fails like a full disk: with a message, and the rig is stopped.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
-    if !matches!(command, Command::Run(_)) {
-        // `damprig runs show … | head` ends silently. A run must not: it has to stop the rig.
-        sigpipe::reset();
-    }
     let outcome = match command {
         Command::Run(args) => run::run(&args),
         Command::Devices(args) => devices::run(&args),
@@ -129,10 +123,11 @@ pub fn main() -> ExitCode {
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
-    outcome.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+    outcome.map_or_else(Failure::report, |()| output::finish())
 }
 
-/// Sets `stop` at the first Ctrl-C or SIGTERM. The second one ends the program at once.
+/// Sets `stop` at the first Ctrl-C, SIGTERM or SIGHUP. A second Ctrl-C or SIGTERM ends the program at once; a terminal that
+/// closes may send SIGHUP several times.
 fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
     #[cfg(unix)]
     watch_other_signals(stop).map_err(|e| Failure::Failed(format!("cannot watch for signals: {e}")))?;
@@ -147,11 +142,23 @@ fn watch_for_ctrl_c(stop: &Arc<AtomicBool>) -> Outcome {
 
 #[cfg(unix)]
 fn watch_other_signals(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    use signal_hook::consts::SIGTERM;
+    use signal_hook::consts::{SIGHUP, SIGTERM};
     use signal_hook::flag::{register, register_conditional_shutdown};
     register_conditional_shutdown(SIGTERM, 130, Arc::clone(stop))?;
     register(SIGTERM, Arc::clone(stop))?;
+    if !is_hangup_ignored() {
+        register(SIGHUP, Arc::clone(stop))?;
+    }
     Ok(())
+}
+
+/// Whether the program was started to outlive its terminal (`nohup`).
+#[cfg(unix)]
+fn is_hangup_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).unwrap_or(0);
+    mask >> (signal_hook::consts::SIGHUP - 1) & 1 == 1
 }
 
 #[cfg(test)]

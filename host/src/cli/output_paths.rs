@@ -1,24 +1,34 @@
-//! Checks that no output file of `damprig simulate` overwrites an input or another output.
+//! Checks that no output file of `damprig simulate` overwrites an input, another output or, without `--force`, any other file.
 //!
 //! Files are compared by their resolved paths: `a/../case.csv` and a link to it are `case.csv`.
 
 use std::path::{Path, PathBuf};
 
 use super::outcome::Failure;
+use crate::report::exports::atomic_file::EXISTS;
 use crate::simulation::Case;
 use crate::simulation::time_history::TablePath;
 
-/// Rejects outputs that are the case, its record, or one another.
+/// Rejects outputs that are the case, its record, or one another; unless `force`, also files that exist.
 ///
 /// # Errors
 /// Names both files and their roles.
-pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Path>) -> Result<(), Failure> {
+pub fn check(
+    path: &Path,
+    case: &Case,
+    out: Option<&TablePath>,
+    plot: Option<&Path>,
+    force: bool,
+) -> Result<(), Failure> {
+    // The tables beside --out are written for a case with walls only.
+    let has_walls = case.set_up.particle.is_some();
     let record = case.record.as_ref().map(|record| ("the record of the case", record.file.clone()));
     let read = [Some(("the case file", path.to_path_buf())), record];
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
-    let impacts = out.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
+    let beside = out.filter(|_| has_walls);
+    let impacts = beside.map(|out| ("the table of impacts of --out", out.impacts().path().to_path_buf()));
     let accumulations =
-        out.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));
+        beside.map(|out| ("the table of accumulations of --out", out.accumulations().path().to_path_buf()));
     let picture = plot.map(|plot| ("--plot", plot.to_path_buf()));
     let mut taken: Vec<(&str, PathBuf)> = read.into_iter().flatten().collect();
     for (role, file) in [history, impacts, accumulations, picture].into_iter().flatten() {
@@ -28,6 +38,10 @@ pub fn check(path: &Path, case: &Case, out: Option<&TablePath>, plot: Option<&Pa
                 "{role} would overwrite {}, which is {other}\n  give another file name; nothing was written",
                 file.display()
             )));
+        }
+        if !force && file.symlink_metadata().is_ok() {
+            let message = format!("{role}: cannot write {}: {EXISTS}\n  nothing was written", file.display());
+            return Err(Failure::Input(message));
         }
         taken.push((role, file));
     }

@@ -14,6 +14,7 @@ use super::run_job::{Job, begin_entry, largest_predicted};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::numbers::duration;
 use crate::report::terminal;
@@ -89,7 +90,7 @@ Exit codes:
   0    every point was measured
   1    the rig, the link or the disk failed; the run is incomplete, --resume continues it
   2    the command line or the campaign is wrong; nothing has moved
-  130  interrupted (Ctrl-C or SIGTERM); the rig was stopped, --resume continues the run";
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
     fn timeout(&self) -> Duration {
@@ -132,7 +133,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let now = jiff::Zoned::now();
+    let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
@@ -140,9 +141,11 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     .map_err(Failure::failed)?;
     let journal = folder.claim().map_err(Failure::failed)?;
-    folder.write_campaign(campaign.source.text()).map_err(Failure::failed)?;
+    // A folder with a campaign can be resumed, so it has the records by then.
     folder.keep_records(&campaign).map_err(Failure::failed)?;
-    let begin = begin_entry(&campaign, &session, &selection, &now);
+    folder.write_campaign(campaign.source.text()).map_err(Failure::failed)?;
+    let records = folder.records().map_err(Failure::failed)?;
+    let begin = begin_entry(&campaign, &session, &selection, records, &now);
     let job = Job {
         given_rig: args.rig.as_ref(),
         timeout: args.timeout(),
@@ -201,7 +204,9 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let begin = begin_entry(campaign, &session, &selection, &jiff::Zoned::now());
+    let folder = OutputFolder::existing(&path);
+    let records = folder.records().map_err(Failure::failed)?;
+    let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
     let different = earlier.differences(&begin);
     if !different.is_empty() {
         let list = different.join("\n  ");
@@ -214,7 +219,6 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     for changed in earlier.changed_limits(&begin) {
         warn!("note: a limit of the board has changed: {changed}");
     }
-    let folder = OutputFolder::existing(&path);
     let journal = held.and_then(|held| held.map_or_else(|| Journal::open(&path), Ok)).map_err(Failure::failed)?;
     let job = Job {
         given_rig: args.rig.as_ref(),

@@ -10,12 +10,13 @@ use super::progress::Progress;
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::host_time;
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
-use crate::run_folder::checksum;
+use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{Begin, Ended, Entry, Journal};
 use crate::run_folder::schema::acting_settings::acting_settings;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -25,8 +26,15 @@ use crate::run_folder::write::{OutputFolder, Recorder};
 use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
 
 /// Journal entry for the start or resumption of a run.
-pub(super) fn begin_entry(campaign: &Campaign, session: &Session, selection: &Selection, now: &jiff::Zoned) -> Begin {
+pub(super) fn begin_entry(
+    campaign: &Campaign,
+    session: &Session,
+    selection: &Selection,
+    records: Vec<FileRecord>,
+    now: &jiff::Zoned,
+) -> Begin {
     Begin {
+        records,
         at: now.to_string(),
         damprig: crate::VERSION_LINE.to_string(),
         device: device_record(session),
@@ -142,7 +150,7 @@ impl Job<'_> {
         let result = result.and_then(|()| Ok(writer.join()?));
         let reason = result.as_ref().err().map(ToString::to_string);
         let ended = Ended {
-            at: jiff::Zoned::now().to_string(),
+            at: host_time::now().to_string(),
             reason: reason.clone(),
             counters: tally.counters,
             controller: tally.controller,

@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use crate::input::near;
-use crate::report::exports::atomic_file::{to_failure, write_new};
+use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
@@ -50,6 +50,9 @@ enum Action {
         /// New file [default: <run>.html in the current folder]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
+        /// Replace an existing file
+        #[arg(long)]
+        force: bool,
     },
     /// Export a run to CSV, MATLAB or UFF/UNV
     #[command(after_help = EXPORT_HELP)]
@@ -117,6 +120,9 @@ struct Export {
     /// New file [default: <run>.<format> in the current folder; <run>-<table>.<format> for a single table]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace an existing file
+    #[arg(long)]
+    force: bool,
     /// Export samples from this time of their experiment, s
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     from_s: f64,
@@ -134,7 +140,7 @@ pub fn run(args: &Args) -> Outcome {
         None => list(&args.dir),
         Some(Action::Show { run }) => show(&open(run)?),
         Some(Action::Verify { run }) => check(run),
-        Some(Action::Report { run, out }) => report(&open(run)?, out.as_deref()),
+        Some(Action::Report { run, out, force }) => report(&open(run)?, out.as_deref(), *force),
         Some(Action::Export(export)) => self::export(export),
     }
 }
@@ -301,20 +307,20 @@ fn check(wanted: &Path) -> Outcome {
     Err(Failure::Failed(format!("{failed} checks of {} failed; nothing was changed", wanted.display())))
 }
 
-/// Rejects a target that exists: another name is a matter of the command line.
-fn refuse_existing(out: &Path) -> Outcome {
-    if out.symlink_metadata().is_ok() {
-        let message = format!("cannot write {}: it exists; move it away or give another name", out.display());
-        return Err(Failure::Input(message));
+/// Rejects a target that exists, unless it is to be replaced: another name is a matter of the command line.
+fn refuse_existing(out: &OutFile) -> Outcome {
+    if !out.force && out.path.symlink_metadata().is_ok() {
+        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", out.path.display())));
     }
     Ok(())
 }
 
-fn report(run: &RunFolder, out: Option<&Path>) -> Outcome {
+fn report(run: &RunFolder, out: Option<&Path>, force: bool) -> Outcome {
     let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
-    refuse_existing(&out)?;
+    let file = OutFile { path: out.clone(), force };
+    refuse_existing(&file)?;
     let page = page(run);
-    write_new(&out, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
+    write_new(&file, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
     say!("Report: {}", out.display());
     if page.unreadable.is_empty() {
@@ -350,10 +356,11 @@ fn export(args: &Export) -> Outcome {
         let name = one.map_or(String::new(), |table| format!("-{}", table.name()));
         PathBuf::from(format!("{}{name}.{}", run.id(), exporter.extension()))
     });
-    refuse_existing(&out)?;
+    let file = OutFile { path: out.clone(), force: args.force };
+    refuse_existing(&file)?;
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let selection = ExportSelection { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
-    let exported = exporter.export(&run, &selection, &out).map_err(Failure::failed)?;
+    let exported = exporter.export(&run, &selection, &file).map_err(Failure::failed)?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {
@@ -363,6 +370,10 @@ fn export(args: &Export) -> Outcome {
         return Ok(());
     }
     let missing = exported.missing.join("\n  not in the file: ");
-    let rest = format!("a part of the run cannot be read; the rest is in {}", out.display());
+    let rest = if run.manifest().is_recording == Some(true) {
+        format!("the run went on while it was exported to {}; export it again, best when it has ended", out.display())
+    } else {
+        format!("a part of the run cannot be read; the rest is in {}", out.display())
+    };
     Err(Failure::Failed(format!("{rest}\n  not in the file: {missing}")))
 }

@@ -12,7 +12,7 @@ use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
 use crate::client::session::Session;
 use crate::input::{Source, near};
-use crate::report::exports::atomic_file::{to_failure, write_new};
+use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::settings::{decimal, entries, from_toml, origin_text, to_toml};
 
 /// Shows, changes, saves and copies the settings of a board: sensor calibration, limits, spring and impact constants.
@@ -62,6 +62,9 @@ enum Action {
         /// File
         #[arg(value_name = "FILE.toml")]
         file: PathBuf,
+        /// Replace an existing file
+        #[arg(long)]
+        force: bool,
     },
     /// Apply the settings of a file; settings that it leaves out stay as they are
     Import {
@@ -93,10 +96,10 @@ pub fn run(args: &Args) -> Outcome {
     let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
-            say!("{}", to_toml(&present, &head(&session, origin)).trim_end());
+            super::output::print(format_args!("{}", to_toml(&present, &head(&session, origin))));
             Ok(())
         }
-        Action::Export { file } => export(file, &to_toml(&present, &head(&session, origin))),
+        Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session, origin))),
         Action::Save => save(&mut session),
         Action::Set { values, save } => {
             let wanted = changed(values, &present)?;
@@ -128,13 +131,14 @@ fn head(session: &Session, origin: Origin) -> String {
     format!("Settings of {board}, firmware {firmware} ({})", origin_text(origin))
 }
 
-fn export(file: &Path, text: &str) -> Outcome {
-    if file.symlink_metadata().is_ok() {
-        let message = format!("cannot write {}: it exists; move it away or give another name", file.display());
+fn export(file: &Path, force: bool, text: &str) -> Outcome {
+    if !force && file.symlink_metadata().is_ok() {
+        let message = format!("cannot write {}: {EXISTS}", file.display());
         return Err(Failure::Input(message));
     }
     // Written atomically: an incomplete file would import without an error.
-    write_new(file, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
+    let out = OutFile { path: file.to_path_buf(), force };
+    write_new(&out, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
     say!("written to {}", file.display());
     Ok(())
 }

@@ -48,6 +48,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
+    /// Replace existing files of --out and --plot
+    #[arg(long)]
+    force: bool,
+
     /// Start of the drawn time [default: 0; a long run also shows its last ten cycles]
     #[arg(long, value_name = "SECONDS", requires = "plot", value_parser = not_negative)]
     plot_from: Option<f64>,
@@ -71,7 +75,7 @@ Exit codes:
   0    success
   1    a file could not be written
   2    the command line or the case is wrong; nothing was written
-  130  interrupted (Ctrl-C); the results so far are kept";
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
 
 /// The result, with the analysis under its own key if requested.
 #[derive(Serialize)]
@@ -106,7 +110,7 @@ fn picture(text: &str) -> Result<PathBuf, String> {
 /// Bad input, an unwritable file, an interrupted run.
 pub fn run(args: &Args) -> Outcome {
     let case = Case::read(&args.case).map_err(Failure::input)?;
-    super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref())?;
+    super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
     let envelopes = envelopes(args, &case)?;
     let cost = cost::estimate(&case).map_err(Failure::input)?;

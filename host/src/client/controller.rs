@@ -56,11 +56,11 @@ impl Controller {
     #[must_use]
     pub fn and(self, more: Self) -> Self {
         Self {
-            overruns: self.overruns + more.overruns,
-            rows_dropped: self.rows_dropped + more.rows_dropped,
-            replies_dropped: self.replies_dropped + more.replies_dropped,
-            requests_dropped: self.requests_dropped + more.requests_dropped,
-            bad_frames: self.bad_frames + more.bad_frames,
+            overruns: self.overruns.saturating_add(more.overruns),
+            rows_dropped: self.rows_dropped.saturating_add(more.rows_dropped),
+            replies_dropped: self.replies_dropped.saturating_add(more.replies_dropped),
+            requests_dropped: self.requests_dropped.saturating_add(more.requests_dropped),
+            bad_frames: self.bad_frames.saturating_add(more.bad_frames),
             longest_tick_us: self.longest_tick_us.max(more.longest_tick_us),
             largest_jitter_us: self.largest_jitter_us.max(more.largest_jitter_us),
             longest_masked_tenths_us: self.longest_masked_tenths_us.max(more.longest_masked_tenths_us),

@@ -25,12 +25,13 @@ impl Session {
     pub fn upload(&mut self, bytes: &[u8], go_on: &mut dyn FnMut() -> bool) -> Result<(), SessionError> {
         let begin = Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) };
         let (mut damaged, mut fruitless, mut looks) = (0, 0, 0);
+        // Most bytes that the device has had.
+        let mut most = 0;
         let mut progress = self.progress(begin.clone())?;
         loop {
             if !go_on() {
                 return Err(SessionError::Interrupted);
             }
-            let before = progress.there;
             progress = match progress.stage {
                 UploadStage::Whole => return Ok(()),
                 UploadStage::Receiving => self.progress(chunk(bytes, progress.there))?,
@@ -42,11 +43,13 @@ impl Session {
                 }
                 UploadStage::Damaged => {
                     damaged += 1;
+                    most = 0;
                     self.progress(begin.clone())?
                 }
             };
             fruitless =
-                if progress.there == before && progress.stage == UploadStage::Receiving { fruitless + 1 } else { 0 };
+                if progress.there <= most && progress.stage == UploadStage::Receiving { fruitless + 1 } else { 0 };
+            most = most.max(progress.there);
             let why = if fruitless >= MOST_FRUITLESS {
                 format!("the device has {} of {} bytes and accepts no more", progress.there, bytes.len())
             } else if looks >= MOST_LOOKS {

@@ -4,7 +4,7 @@
 //! and meaning. [`Section::given`](super::Section::given) reads a quantity; its checks, defaults and messages follow from
 //! the declaration alone.
 
-/// A number's range, within what its [`Unit`] allows.
+/// Range of a number, within the limits of its [`Unit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any sign.
@@ -43,7 +43,7 @@ pub enum Kind {
 pub struct Key {
     /// As files spell it; a number's unit is its end.
     pub name: &'static str,
-    /// The type of its value.
+    /// Type of its value.
     pub kind: Kind,
     /// Its meaning, in one line.
     pub doc: &'static str,
@@ -71,7 +71,7 @@ pub enum Need {
     Default(DefaultValue),
     /// It must be left out.
     Forbidden,
-    /// If the quantity is written under that key, the first; else the second.
+    /// The first need if the quantity is written under that key, otherwise the second.
     If(&'static Quantity, &'static str, &'static Need, &'static Need),
 }
 
@@ -80,7 +80,7 @@ pub enum Need {
 pub struct Quantity {
     /// The keys.
     pub keys: &'static [Key],
-    /// Whether one of them has to be written.
+    /// Whether one of the keys must be written.
     pub need: Need,
 }
 
@@ -103,9 +103,9 @@ impl Quantity {
 pub struct Table {
     /// Its path (`particle.wall`); empty for the top of a set-up or a file.
     pub path: &'static str,
-    /// The word under `kind` with which the table has these keys; none for a table of one kind.
+    /// The word under `kind` that selects this table; `None` for a table with only one kind.
     pub kind: Option<&'static str>,
-    /// What it describes, in one line.
+    /// Meaning of the table, in one line.
     pub doc: &'static str,
     /// Its quantities.
     pub quantities: &'static [Quantity],
@@ -117,7 +117,7 @@ pub struct Table {
 pub struct Unit {
     /// The suffix of its keys.
     pub suffix: &'static str,
-    /// As people write it; empty for a plain number.
+    /// Symbol in messages; empty for a plain number.
     pub symbol: &'static str,
     /// The least magnitude that is not zero.
     pub least: f64,
@@ -129,7 +129,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
     Unit { suffix, symbol, least, most }
 }
 
-/// A suffix that ends with another one comes before it.
+/// A suffix that ends with another suffix comes before it.
 const UNITS: [Unit; 16] = [
     unit("_n_s_per_m", "N·s/m", 0.0, 1e18),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
@@ -216,7 +216,7 @@ pub(crate) const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Ke
     Key { name, kind, doc }
 }
 
-/// Declares tables: a module each, a constant for every quantity, and `TABLES` for all.
+/// Declares tables: a module for each, a constant for every quantity, and `TABLES` for all.
 macro_rules! tables {
     ($all:literal $($doc:literal $module:ident($path:literal $(, $kind:literal)?) {
         $($name:ident: $need:expr, [$($key:expr),+ $(,)?];)*

@@ -8,7 +8,7 @@ use super::units::{STANDARD_GRAVITY, finite};
 /// Header lines that are searched at most.
 const HEADER_LINES: usize = 6;
 
-/// What an AT2 file holds.
+/// Contents of an AT2 file.
 pub(super) struct At2 {
     /// Time step, s.
     pub step_s: f64,

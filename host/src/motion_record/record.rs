@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use damprig_core::integrator::base::BaseSegment;
 
-/// What a record holds.
+/// Quantity of a record's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// z, m.
@@ -81,7 +81,7 @@ pub struct Play<'a> {
     record: &'a Record,
     next: usize,
     z_m: f64,
-    /// Velocity, m a step.
+    /// Velocity, m per interval.
     rise_m: f64,
 }
 

@@ -2,10 +2,10 @@
 
 use super::record::Quantity;
 
-/// Standard gravity by definition, m/s²: what "g" means in a record.
+/// Standard gravity by definition, m/s²: the unit "g" of a record.
 pub(super) const STANDARD_GRAVITY: f64 = 9.806_65;
 
-/// Units: the name, what it is a unit of, and how many SI units it is.
+/// Units: name, quantity, and SI units per unit.
 pub(super) const UNITS: [(&str, Quantity, f64); 7] = [
     ("m/s2", Quantity::Acceleration, 1.0),
     ("g", Quantity::Acceleration, STANDARD_GRAVITY),

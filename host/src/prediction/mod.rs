@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn an_offered_amplitude_has_two_digits_and_is_not_above_what_fits() {
+    fn a_suggested_amplitude_has_two_digits_and_fits() {
         for (value, expected) in [(0.000_712_9, 0.00071), (0.0015, 0.0015), (12.99, 12.0)] {
             assert_eq!(two_digits_down(value), expected);
         }

@@ -1,4 +1,5 @@
-//! What people and other programs get from runs and simulations: figures, the report page, exports and terminal text.
+//! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
+//! text.
 //!
 //! `numbers` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other.

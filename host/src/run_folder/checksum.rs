@@ -8,29 +8,54 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::StorageError;
+use super::file_name::FileName;
 use crate::input::regular;
 
 /// A file as it was when the run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// Path relative to the run folder, with `/`.
-    pub name: String,
+    /// Its name.
+    pub name: FileName,
     /// Size, bytes.
     pub bytes: u64,
     /// SHA-256 in lower-case hexadecimal.
     pub sha256: String,
 }
 
+impl FileRecord {
+    /// Compares the file in `folder` with this record; the difference in words, if there is one.
+    #[must_use]
+    pub fn difference(&self, folder: &Path) -> Option<String> {
+        match of_file(folder, &self.name) {
+            Ok(now) if now == *self => None,
+            Ok(now) if now.bytes != self.bytes => {
+                Some(format!("{}: {} bytes, and {} when it was recorded", self.name, now.bytes, self.bytes))
+            }
+            Ok(_) => Some(format!("{}: changed since it was recorded (SHA-256 differs)", self.name)),
+            Err(error) => Some(format!("{}: cannot read it: {error}", self.name)),
+        }
+    }
+}
+
 /// The file `name` of a run folder, as it is now.
 ///
 /// # Errors
 /// When it cannot be read.
-pub fn of_file(folder: &Path, name: &str) -> io::Result<FileRecord> {
+pub fn of_file(folder: &Path, name: &FileName) -> io::Result<FileRecord> {
     let mut file = regular::open(&folder.join(name))?;
     let mut hash = Sha256::new();
     let bytes = io::copy(&mut file, &mut HashWriter(&mut hash))?;
-    let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
-    Ok(FileRecord { name: name.to_string(), bytes, sha256 })
+    Ok(FileRecord { name: name.clone(), bytes, sha256: hex(hash) })
+}
+
+/// SHA-256 of bytes in lower-case hexadecimal.
+#[must_use]
+pub fn of_bytes(bytes: &[u8]) -> String {
+    hex(Sha256::new_with_prefix(bytes))
+}
+
+fn hex(hash: Sha256) -> String {
+    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
 struct HashWriter<'a>(&'a mut Sha256);
@@ -46,27 +71,28 @@ impl io::Write for HashWriter<'_> {
     }
 }
 
-/// All files of a run folder by name, except the manifest, which holds this list, and files that are being written. Links
-/// to folders, pipes and the like are left out.
+/// All files of a run folder by name, except the manifest, which holds this list, and files that are being written. Links,
+/// pipes and the like are left out, and files whose names a journal cannot hold.
 ///
 /// # Errors
 /// When one cannot be read.
 pub fn of_folder(folder: &Path) -> Result<Vec<FileRecord>, StorageError> {
     let mut names = Vec::new();
     list(folder, "", &mut names).map_err(|e| StorageError::new("list", folder, e))?;
-    names.sort();
-    let one = |name: &String| of_file(folder, name).map_err(|e| StorageError::new("read", &folder.join(name), e));
+    names.sort_by(|a, b| a.as_bytes().cmp(b.as_bytes()));
+    let one = |name: &FileName| of_file(folder, name).map_err(|e| StorageError::new("read", &folder.join(name), e));
     names.iter().map(one).collect()
 }
 
-fn list(folder: &Path, prefix: &str, names: &mut Vec<String>) -> io::Result<()> {
+fn list(folder: &Path, prefix: &str, names: &mut Vec<FileName>) -> io::Result<()> {
     for entry in fs::read_dir(folder.join(prefix))? {
         let entry = entry?;
-        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
-        if entry.file_type()?.is_dir() {
+        let Some(name) = entry.file_name().to_str().map(|name| format!("{prefix}{name}")) else { continue };
+        let kind = entry.file_type()?;
+        if kind.is_dir() {
             list(folder, &format!("{name}/"), names)?;
-        } else if name != "manifest.json" && !name.ends_with(".tmp") && entry.path().is_file() {
-            names.push(name);
+        } else if name != "manifest.json" && !name.ends_with(".tmp") && kind.is_file() {
+            names.extend(FileName::new(&name));
         }
     }
     Ok(())

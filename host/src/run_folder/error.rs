@@ -1,4 +1,4 @@
-//! Errors of a run folder: what cannot be written, and what cannot be read.
+//! Errors when a run folder is written or read.
 
 use std::path::{Path, PathBuf};
 

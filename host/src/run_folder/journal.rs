@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::error::StorageError;
+use super::own_files::refuse_links;
 pub use super::schema::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart};
 use crate::input::regular;
 
@@ -46,6 +47,7 @@ impl Journal {
     /// # Errors
     /// When it cannot be written, or another program is writing it.
     pub fn open(folder: &Path) -> Result<Self, StorageError> {
+        refuse_links(folder)?;
         let path = folder.join(JOURNAL);
         let failed = |e: std::io::Error| StorageError::new("open", &path, e);
         if path.exists() {
@@ -83,6 +85,7 @@ impl Journal {
     /// # Errors
     /// As [`Journal::open`].
     pub fn existing(folder: &Path) -> Result<Option<Self>, StorageError> {
+        refuse_links(folder)?;
         if folder.join(JOURNAL).exists() { Self::open(folder).map(Some) } else { Ok(None) }
     }
 
@@ -182,7 +185,8 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     // the parts that were open.
     let mut cut_short: Option<usize> = None;
     for (n, line) in bytes[..whole].split(|b| *b == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
-        match serde_json::from_slice(line) {
+        match serde_json::from_slice::<Entry>(line) {
+            Ok(entry) if !entry.is_consistent() => lines.damaged.push(n + 1),
             Ok(entry) => {
                 match (&entry, cut_short) {
                     (Entry::Begin(_), Some(torn)) => lines.torn.push(torn),
@@ -258,7 +262,7 @@ mod tests {
         let begin = format!(
             r#"{{"entry":"begin","at":"","damprig":"","device":{device},"signals":[],"every_ticks":1,"campaign":""}}"#
         );
-        let sealed = r#"{"entry":"sealed","part":1,"file":{"name":"","bytes":0,"sha256":""},"rows":1,"lost_rows":0}"#;
+        let sealed = r#"{"entry":"sealed","part":1,"file":{"name":"samples.parts/000001.parquet","bytes":0,"sha256":""},"rows":1,"lost_rows":0}"#;
         let joined = r#"{"entry":"joined","rows":1}"#;
         let of = |lines: &[&str]| {
             std::fs::write(&path, lines.join("\n") + "\n").unwrap();

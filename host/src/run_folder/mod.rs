@@ -5,7 +5,9 @@
 
 pub mod checksum;
 mod error;
+pub mod file_name;
 pub mod journal;
+pub mod own_files;
 pub mod read;
 pub mod schema;
 pub mod write;

@@ -91,9 +91,9 @@ impl Run<'_> {
     /// Stops the drive when the run has failed.
     fn end_drive(&mut self, result: &Result<(), RunError>) {
         match result {
-            Err(RunError::Session(SessionError::Broken { .. } | SessionError::Silent { .. })) => {
-                self.session.stop_without_reply()
-            }
+            Err(RunError::Session(
+                SessionError::Broken { .. } | SessionError::Silent { .. } | SessionError::Flood { .. },
+            )) => self.session.stop_without_reply(),
             _ => {
                 if self.session.stop_drive().is_err() {
                     self.session.stop_without_reply();

@@ -11,6 +11,7 @@ use super::wire_mapping::Selection;
 use crate::campaign::Campaign;
 use crate::client::controller::{Controller, Readings};
 use crate::client::session::{Session, SessionError, hex};
+use crate::host_time;
 use crate::run_folder::journal::{Entry, Losses};
 use crate::run_folder::schema::device::{BoardSettings, Device};
 use crate::run_folder::schema::journal_state::JournalState;
@@ -151,7 +152,7 @@ impl<'a> Run<'a> {
     pub(super) fn interrupted(&mut self, what: &str) {
         self.tally.counters.interruptions += 1;
         self.watcher.link(what);
-        self.note(Entry::Link { what: what.to_string(), at: jiff::Zoned::now().to_string() });
+        self.note(Entry::Link { what: what.to_string(), at: host_time::now().to_string() });
     }
 
     pub(super) fn end_telemetry(&mut self) -> Result<(), SessionError> {

@@ -12,22 +12,22 @@ pub enum RunError {
     /// The campaign needs something that this device lacks; nothing has moved.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The device or the link.
+    /// The session failed: the device or the link.
     #[error(transparent)]
     Session(#[from] SessionError),
-    /// The disk.
+    /// The disk could not be written.
     #[error(transparent)]
     Storage(#[from] StorageError),
-    /// An interlock.
+    /// An interlock ended the drive.
     #[error("set-up {set_up:?}: {} at t = {t_s:.3} s (value {value}, limit {limit}); the drive was stopped", cause.text())]
     Fault {
         /// The set-up.
         set_up: String,
-        /// What happened.
+        /// Cause of the fault.
         cause: damprig_core::control::fault::FaultCause,
-        /// When, since the start of the experiment, s.
+        /// Time since the start of the experiment, s.
         t_s: f64,
-        /// The value that broke the limit.
+        /// The value that violated the limit.
         value: f32,
         /// The limit.
         limit: f32,
@@ -37,9 +37,9 @@ pub enum RunError {
     Spring {
         /// The set-up.
         set_up: String,
-        /// What happened.
+        /// Cause of the fault.
         cause: damprig_core::control::fault::FaultCause,
-        /// The value that broke the limit.
+        /// The value that violated the limit.
         value: f32,
         /// The limit.
         limit: f32,
@@ -49,7 +49,7 @@ pub enum RunError {
     SpringLost {
         /// The set-up.
         set_up: String,
-        /// What the spring is doing.
+        /// Stage of the spring.
         stage: friction_spring::SpringStage,
     },
     /// The same point was started repeatedly and never finished.
@@ -59,17 +59,17 @@ pub enum RunError {
     NoProgress {
         /// The set-up.
         set_up: String,
-        /// How many starts.
+        /// Number of starts.
         tries: u32,
-        /// How the last one ended.
+        /// How the last start ended.
         last: String,
-        /// How many points the experiment lacks.
+        /// Number of points that are missing.
         missing: usize,
     },
-    /// Ctrl-C.
+    /// The run was interrupted by Ctrl-C or a termination signal.
     #[error("interrupted")]
     Interrupted,
-    /// A person has to mount the set-up, and the program is not run by one.
+    /// The mounting of a set-up was not confirmed, or the program runs without a terminal.
     #[error("{0}")]
     NobodyThere(String),
 }

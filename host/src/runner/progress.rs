@@ -27,7 +27,7 @@ const QUIET_TURNS_FOR_LATE: u32 = 3;
 /// the fade of a drive without a ramp.
 const OVERDUE_TICKS: u32 = (5.0 * FADE_S * TICK_HZ) as u32;
 
-/// What has arrived of one segment.
+/// Messages, rows and points that have arrived of one segment.
 #[derive(Clone, Debug)]
 pub(super) struct SegmentProgress {
     every_ticks: u16,
@@ -65,13 +65,13 @@ impl SegmentProgress {
         }
     }
 
-    /// For an experiment whose drive fades out over `ramp_s`.
+    /// Sets the ramp time over which the experiment's drive fades out, s.
     pub(super) fn with_ramp(mut self, ramp_s: f64) -> Self {
         self.overdue_ticks = OVERDUE_TICKS.saturating_add((ramp_s * f64::from(TICK_HZ)) as u32);
         self
     }
 
-    /// Adds a message; gives those of this segment that are next in order.
+    /// Adds a message; returns the messages of this segment that are next in order.
     pub(super) fn arrived(&mut self, message: Telemetry) -> Vec<Telemetry> {
         if !self.fresh {
             // Message numbers and ticks restart with the experiment.
@@ -85,7 +85,7 @@ impl SegmentProgress {
         self.reorder.push(message)
     }
 
-    /// After some quiet turns, the messages held for a missing one.
+    /// Returns the messages held for a missing one, after some quiet turns.
     pub(super) fn held(&mut self) -> Vec<Telemetry> {
         if self.is_quiet() { self.reorder.flush() } else { Vec::new() }
     }
@@ -111,7 +111,7 @@ impl SegmentProgress {
         (self.points.start + over).min(self.points.end - 1)
     }
 
-    /// Notes the last tick of a point; whether it is new.
+    /// Stores the last tick of a point; returns whether the point is new.
     pub(super) fn point_done(&mut self, index: u16, tick: u32) -> bool {
         self.latest_tick = self.latest_tick.max(tick);
         let slot = self.slot(index).and_then(|slot| self.done.get_mut(slot));
@@ -122,7 +122,7 @@ impl SegmentProgress {
         usize::from(index).checked_sub(self.points.start).filter(|slot| *slot < self.done.len())
     }
 
-    /// The device no longer has the result of a point.
+    /// Notes that the device no longer has the result of a point.
     pub(super) fn point_lost(&mut self, index: u16) {
         self.lost.push(index);
     }
@@ -132,7 +132,7 @@ impl SegmentProgress {
         self.end_tick.is_some()
     }
 
-    /// Notes the end; whether it is new.
+    /// Stores the last tick of the segment; returns whether this is new.
     pub(super) fn finished(&mut self, tick: u32) -> bool {
         if self.end_tick.is_some() {
             return false;
@@ -150,7 +150,7 @@ impl SegmentProgress {
         self.end_tick.is_none() && last.is_some_and(|last| self.latest_tick > last.saturating_add(self.overdue_ticks))
     }
 
-    /// Nothing arrived in a receive turn.
+    /// Counts a receive turn in which nothing arrived.
     pub(super) fn quiet(&mut self) {
         self.quiet_turns += 1;
     }
@@ -264,7 +264,7 @@ mod tests {
         let mut progress = SegmentProgress::new(0..1, 10, false);
         assert!(progress.arrived(message(7, 50_000, 2)).is_empty());
         assert_eq!(progress.arrived(message(0, 0, 2)).len(), 1);
-        // Even when the very first message is lost.
+        // The very first message may be lost too.
         let mut progress = SegmentProgress::new(0..1, 10, false);
         assert!(progress.arrived(message(7, 50_000, 2)).is_empty());
         assert!(progress.arrived(message(1, 20, 2)).is_empty());

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use super::context::{Reconnect, Run, device_record};
 use super::error::RunError;
 use crate::client::session::{Session, SessionError};
+use crate::host_time;
 use crate::run_folder::journal::Entry;
 
 /// The first and the longest pause between two tries.
@@ -54,7 +55,7 @@ impl Run<'_> {
                 }
             }
         }
-        let (what, at) = ("the link is back".to_string(), jiff::Zoned::now().to_string());
+        let (what, at) = ("the link is back".to_string(), host_time::now().to_string());
         self.watcher.link(&what);
         self.note(Entry::Link { what, at });
         Ok(())

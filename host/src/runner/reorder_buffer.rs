@@ -1,7 +1,7 @@
 //! Restores the order of telemetry messages by their sequence numbers, and drops copies.
 //!
-//! A serial line keeps the order; a radio network or a relay may not. A late message is waited for until a few later ones
-//! have arrived, then counted as missing.
+//! A serial line keeps the order; a radio network or a relay may not. The buffer waits for a late message until a few
+//! later ones have arrived, then counts it as missing.
 
 use std::collections::BTreeMap;
 
@@ -19,10 +19,10 @@ pub(super) struct ReorderBuffer {
 }
 
 impl ReorderBuffer {
-    /// Adds a message; gives those that are next in order.
+    /// Adds a message; returns the messages that are next in order.
     pub(super) fn push(&mut self, message: Telemetry) -> Vec<Telemetry> {
         if message.seq < self.next_seq {
-            // A copy, or so late that it was counted as missing.
+            // A copy, or a message that has already been counted as missing.
             return Vec::new();
         }
         self.waiting.insert(message.seq, message);
@@ -35,7 +35,7 @@ impl ReorderBuffer {
         out
     }
 
-    /// Gives all held messages; those missing between them are counted.
+    /// Returns all held messages and counts those missing between them.
     pub(super) fn flush(&mut self) -> Vec<Telemetry> {
         let mut out = Vec::new();
         while !self.waiting.is_empty() {

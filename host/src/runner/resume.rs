@@ -6,6 +6,7 @@ use crate::campaign::{Campaign, differences};
 use crate::input::Source;
 use crate::run_folder::checksum;
 use crate::run_folder::journal::{self, Begin, Lines};
+use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::read::folder::manifest_of;
 use crate::run_folder::read::untracked_files::untracked;
 use crate::run_folder::schema::journal_state::JournalState;
@@ -35,6 +36,7 @@ impl EarlierRun {
     pub fn read(folder: &Path) -> Result<Self, CannotResume> {
         let shown = folder.display();
         let has = |name: &str| folder.join(name).exists();
+        refuse_links(folder).map_err(|e| CannotResume(e.to_string()))?;
         let lines = match journal::read(folder) {
             Ok(lines) => lines,
             Err(_) if !has(journal::JOURNAL) && !has("manifest.json") && has("campaign.toml") => Lines::default(),
@@ -65,6 +67,15 @@ impl EarlierRun {
             let message = format!(
                 "{shown}/{}: its first line is damaged, so campaign and device cannot be compared",
                 journal::JOURNAL
+            );
+            return Err(CannotResume(message));
+        }
+        let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
+        let changed: Vec<String> = records.iter().filter_map(|record| record.difference(folder)).collect();
+        if !changed.is_empty() {
+            let message = format!(
+                "{shown}: the motion records are not those that the run was started with:\n  {}\n  put them back, or start a new run with the changed ones; nothing was changed",
+                changed.join("\n  ")
             );
             return Err(CannotResume(message));
         }

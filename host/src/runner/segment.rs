@@ -16,11 +16,13 @@ use damprig_simulator::messages::set_plant;
 
 use super::context::Run;
 use super::error::RunError;
+use super::plan_check::PlanCheck;
 use super::progress::SegmentProgress;
 use super::transients;
 use super::wire_mapping::{self, fault_error};
 use crate::campaign::{CampaignSetUp, Experiment, Kind};
 use crate::client::session::{Report, SessionError};
+use crate::host_time;
 use crate::run_folder::journal::{Entry, Finished, SegmentStart};
 use crate::run_folder::schema::clock_fit::{ClockPairs, Pair};
 use crate::run_folder::schema::impacts::Impacts;
@@ -68,6 +70,7 @@ pub(super) enum End {
 pub(super) struct Segment<'r, 'a, 'c> {
     run: &'r mut Run<'a>,
     task: &'r Task<'c>,
+    check: PlanCheck,
     progress: SegmentProgress,
     label: Arc<PointLabel>,
     clock: ClockPairs,
@@ -99,10 +102,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             places.push(place);
         }
         let frequency_at = places.iter().position(|&place| Some(place) == frequency);
+        let has_impacts = task.set_up.model().particle.is_some();
+        let check = PlanCheck::new(task.experiment, task.points.clone(), places.len(), run.every_ticks, has_impacts);
         let clock = ClockPairs::default();
         let mut segment = Self {
             run,
             task,
+            check,
             progress,
             label,
             clock,
@@ -135,7 +141,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             first_index: task.points.start,
             points: task.points.len(),
             anew: task.anew,
-            at: jiff::Zoned::now().to_string(),
+            at: host_time::now().to_string(),
         }));
         Ok(())
     }
@@ -189,10 +195,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             self.run.recorder.check()?;
             match self.run.session.next_report()? {
                 Some(report) => {
-                    if let Report::Event { .. } = report {
+                    if self.handle(report)? {
                         heard = Instant::now();
                     }
-                    self.handle(report)?;
                 }
                 // Under a granted clock all reports arrive before the message that the credit is used up.
                 None if !self.run.session.has_used_up_credit() => {}
@@ -234,53 +239,68 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(End::Finished)
     }
 
-    fn handle(&mut self, report: Report) -> Result<(), RunError> {
+    /// Handles a report; whether it was a new event.
+    fn handle(&mut self, report: Report) -> Result<bool, RunError> {
+        if !self.check.admits(&report) {
+            return self.count_misfit().map(|()| false);
+        }
         match report {
             Report::Telemetry(message) => {
                 let rows = message.values.len() / usize::from(message.width).max(1);
                 let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
                 self.add_clock_pair(message.first_tick.saturating_add(span));
-                self.progress.arrived(*message).iter().try_for_each(|message| self.record(message))
+                self.progress.arrived(*message).iter().try_for_each(|message| self.record(message))?;
+                Ok(false)
             }
             Report::Event { tick, event: Event::Point(result) } => {
                 self.add_clock_pair(tick);
                 // The device keeps only the last few results, so a lost one is requested at once.
                 self.fetch_missing(result.index)?;
-                if self.progress.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                let is_new = self.progress.point_done(result.index, result.end_tick.saturating_sub(1));
+                if is_new {
                     self.take(&result);
                 }
-                Ok(())
+                Ok(is_new)
             }
             Report::Event { tick, event: Event::Transient(result) } => {
                 self.add_clock_pair(tick);
-                if self.progress.point_done(result.index, result.end_tick.saturating_sub(1)) {
+                let is_new = self.progress.point_done(result.index, result.end_tick.saturating_sub(1));
+                if is_new {
                     self.take_transient(&result);
                 }
-                Ok(())
+                Ok(is_new)
             }
             Report::Event { tick, event: Event::Finished { rows_dropped, .. } } => {
-                if self.progress.finished(tick) {
+                let is_new = self.progress.finished(tick);
+                if is_new {
                     self.run.tally.counters.dropped_records += u64::from(rows_dropped);
                 }
-                Ok(())
+                Ok(is_new)
             }
             Report::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
             Report::Event { event: Event::Impact(impact), .. } => {
                 self.run.watcher.impact(&impact);
                 // A message may arrive twice.
-                if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
+                let is_new = !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact);
+                if is_new {
                     self.impacts.push(impact);
                 }
                 if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
                     self.note_impacts();
                 }
-                Ok(())
+                Ok(is_new)
             }
             Report::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
-                Ok(())
+                Ok(false)
             }
         }
+    }
+
+    /// Counts a message that does not fit the plan.
+    fn count_misfit(&mut self) -> Result<(), RunError> {
+        self.run.tally.counters.misfit_messages += 1;
+        Ok(self.run.session.note_misfit()?)
     }
 
     /// Adds the new impacts to the journal.
@@ -387,15 +407,19 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         for index in self.progress.missing_points(until) {
             let ask = if is_transient { Request::Transient } else { Request::Result { index } };
             match self.run.session.request("repeat a result", ask) {
-                Ok(Reply::Transient(result)) => {
+                Ok(Reply::Transient(result)) if self.check.admits_transient(&result, index) => {
                     self.progress.point_done(index, result.end_tick.saturating_sub(1));
                     self.take_transient(&result);
                 }
-                Ok(Reply::Result(result)) => {
+                Ok(Reply::Result(result)) if self.check.admits_point(&result, index) => {
                     self.progress.point_done(index, result.end_tick.saturating_sub(1));
                     self.take(&result);
                 }
-                Ok(_) | Err(SessionError::Refused { .. }) => self.progress.point_lost(index),
+                Ok(_) => {
+                    self.count_misfit()?;
+                    self.progress.point_lost(index);
+                }
+                Err(SessionError::Refused { .. }) => self.progress.point_lost(index),
                 Err(error) => return Err(error.into()),
             }
         }

@@ -10,10 +10,10 @@ use crate::run_folder::schema::transients::TransientRow;
 
 /// Observes the progress of a run.
 pub trait Watcher {
-    /// Returns when the set-up is mounted on the rig; on a real rig a person mounts it.
+    /// Returns when the set-up is mounted on the rig. On a real rig a person mounts it.
     ///
     /// # Errors
-    /// Nobody can be asked to mount it.
+    /// The mounting was not confirmed, or the program runs without a terminal.
     fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError>;
 
     /// Rig time of the whole run so far, s.

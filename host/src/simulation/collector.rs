@@ -1,4 +1,4 @@
-//! What every simulation run collects, and the loop that runs it in parts so that it can be stopped.
+//! Collects the results of a simulation run, and runs it in parts so that it can be stopped.
 
 use super::Case;
 use super::motion::{AccumulationRecord, ImpactRecord, StateSamples, Viewer};
@@ -24,7 +24,7 @@ pub struct RunOptions<'a> {
 /// Lists impacts and accumulations, up to their limits.
 #[derive(Debug, Default)]
 pub(super) struct EventLog {
-    /// Impacts; none are kept without a list.
+    /// Impacts; `None` if they are not kept.
     pub impacts: Option<Vec<ImpactRecord>>,
     pub accumulations: Vec<AccumulationRecord>,
 }

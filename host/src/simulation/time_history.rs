@@ -1,9 +1,10 @@
 //! Writes the time history of a simulation to a CSV or Parquet file, in chunks while it runs. Memory is constant.
 //!
-//! A file has the ending `.tmp` until it is complete. The file of a run that is stopped is complete up to there. Impacts and
+//! A file gets its name when it is complete; one that cannot be written leaves nothing. The file of a run that is stopped is
+//! complete up to there. Impacts and
 //! accumulations have tables of their own beside it (`motion.csv`, `motion.impacts.csv`, `motion.accumulations.csv`).
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use arrow_array::types::Int32Type;
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
+use tempfile::TempPath;
 
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::run_folder::StorageError;
@@ -87,9 +89,10 @@ impl FromStr for TablePath {
 #[derive(Debug)]
 struct TableFile {
     path: PathBuf,
-    beside: PathBuf,
     schema: SchemaRef,
     writer: FormatWriter,
+    /// Removes the file if it is not completed.
+    beside: TempPath,
 }
 
 #[derive(Debug)]
@@ -100,10 +103,16 @@ enum FormatWriter {
 
 impl TableFile {
     fn create(to: &TablePath, fields: Vec<Field>) -> Result<Self, StorageError> {
-        let beside = PathBuf::from(format!("{}.tmp", to.path.display()));
-        let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
+        let folder = to.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".damprig-").suffix(".tmp");
+        // Temporary files are private by default.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let (file, beside) =
+            builder.tempfile_in(folder).map_err(|e| StorageError::new("create", &to.path, e))?.into_parts();
         let schema = Arc::new(Schema::new(fields));
-        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &beside, e);
+        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &to.path, e);
         let writer = match to.format {
             TableFormat::Parquet => {
                 let properties =
@@ -117,11 +126,11 @@ impl TableFile {
                 FormatWriter::Csv(Box::new(writer))
             }
         };
-        Ok(Self { path: to.path.clone(), beside, schema, writer })
+        Ok(Self { path: to.path.clone(), schema, writer, beside })
     }
 
     fn write(&mut self, columns: Vec<ArrayRef>) -> Result<(), StorageError> {
-        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.beside, e);
+        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.path, e);
         let batch = RecordBatch::try_new(self.schema.clone(), columns).map_err(|e| failed(&e))?;
         match &mut self.writer {
             FormatWriter::Parquet(writer) => writer.write(&batch).map_err(|e| failed(&e)),
@@ -136,12 +145,12 @@ impl TableFile {
     }
 
     fn finish(self) -> Result<(), StorageError> {
-        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.beside, e);
+        let failed = |e: &dyn std::fmt::Display| StorageError::new("write", &self.path, e);
         match self.writer {
             FormatWriter::Parquet(writer) => drop(writer.close().map_err(|e| failed(&e))?),
             FormatWriter::Csv(mut writer) => writer.flush().map_err(|e| failed(&e))?,
         }
-        fs::rename(&self.beside, &self.path).map_err(|e| StorageError::new("name", &self.path, e))
+        self.beside.persist(&self.path).map_err(|e| StorageError::new("name", &self.path, e.error))
     }
 }
 
@@ -286,7 +295,7 @@ impl TimeHistory {
     /// Completes and renames the files.
     ///
     /// # Errors
-    /// When a write has failed since [`TimeHistory::create`]. What was written is in a file ending in `.tmp`.
+    /// When a write has failed since [`TimeHistory::create`]; no file is left.
     pub fn finish(mut self) -> Result<(), StorageError> {
         if let Some(failure) = self.failure {
             return Err(failure);

@@ -36,7 +36,7 @@ fn a_record_has_no_analysis_in_closed_form() {
 #[test]
 fn the_result_has_the_analysis_only_if_requested() {
     let answer = |analyse: bool| -> serde_json::Value {
-        let mut command = Command::cargo_bin("damprig").expect("it is built");
+        let mut command = Command::cargo_bin("damprig").expect("the command has been built");
         command.arg("simulate").arg(case("spid.toml")).arg("--json");
         if analyse {
             command.arg("--analyse");
@@ -168,7 +168,7 @@ fn multipliers_do_not_depend_on_the_distance_between_impact_and_section() {
             let initial = formula.initial();
             let mut motion = Exact::new(&set_up, &sine(turning, formula.drive_phase_rad), &initial).expect("physical");
             motion.run((TAU - formula.drive_phase_rad) / turning, &mut ());
-            let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, motion.state(), 1).expect("it is there");
+            let orbit = PeriodicOrbit::near(&set_up, 1.0, turning, motion.state(), 1).expect("an orbit near the state");
             let found: Vec<_> = orbit.multipliers.iter().map(|m| m.value).collect();
             let error = apart(&found, &closed_form(&formula, e, turning));
             // The error of an eigenvalue is a multiple of the error of the matrix.
@@ -210,11 +210,11 @@ fn a_run_that_starts_on_an_impact_of_its_orbit_repeats_every_period_and_is_stabl
             particle.clearance_m,
         );
         let case = Case::parse(&Source::new("case.toml", text), "case").expect("a case");
-        let driven = Analysis::of(&case).expect("in closed form").driven.expect("it is driven");
+        let driven = Analysis::of(&case).expect("in closed form").driven.expect("a driven motion");
         assert_eq!(driven.repeats_after, Some(1));
         let distance = (driven.section_phase_rad - formula.drive_phase_rad).rem_euclid(PI);
         assert!(distance > 0.1 && distance < PI - 0.1, "the section is {distance} rad from an impact");
-        let orbit = driven.orbit.expect("it is on it");
+        let orbit = driven.orbit.expect("the motion is periodic");
         assert_eq!(
             (orbit.stability, orbit.stable),
             ("stable", true),

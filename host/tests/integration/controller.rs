@@ -57,7 +57,7 @@ fn a_controller_without_counts_gives_no_warning() {
     for count in ["overruns", "rows_dropped", "replies_dropped", "requests_dropped", "bad_frames", "longest_tick_us"] {
         assert_eq!(told[count], 0, "{count}");
     }
-    assert!(told["most_replies_waiting"].as_u64() > Some(0), "it was asked: {told}");
+    assert!(told["most_replies_waiting"].as_u64() > Some(0), "the board's counters were read: {told}");
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
     assert!(page.contains("no tick durations"));
     for alarm in ["came too late:", "damaged when they reached the board", "queue was full"] {
@@ -88,7 +88,7 @@ fn a_resumed_run_adds_up_its_parts_without_counts_between_them() {
     overruns.fetch_add(1000, Ordering::Relaxed);
     damprig(&folder).args(["run", "--resume", "out", "--rig", &rig]).assert().success();
     let told = &manifest(&run)["controller"];
-    assert_eq!(told["overruns"], 6, "three points more: {told}");
+    assert_eq!(told["overruns"], 6, "three more points: {told}");
 }
 
 #[test]

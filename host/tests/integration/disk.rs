@@ -78,7 +78,7 @@ mod linux {
     }
 
     #[test]
-    fn a_limit_on_the_size_of_files_stops_the_rig_as_a_full_disk_does() {
+    fn a_file_size_limit_stops_the_rig_like_a_full_disk() {
         let folder = folder_with(&voluminous());
         let board = Served::start(|_| Fate::Pass);
         let arguments = ["run", "test.toml", "--rig", &board.rig, "--out", "out"];
@@ -112,6 +112,20 @@ mod linux {
         let lines = journal::read(&disk.0).unwrap();
         assert_eq!(lines.entries, [entry(10), entry(20)]);
         assert!(lines.damaged.is_empty() && lines.torn.is_empty());
+    }
+
+    #[test]
+    fn a_simulation_on_a_full_disk_leaves_no_file() {
+        let folder = folder_with(&short());
+        let Some(disk) = Small::mount(&folder.path().join("disk"), "64k") else { return };
+        let case = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/spid.toml");
+        for name in ["disk/motion.csv", "disk/motion.parquet"] {
+            let arguments = ["simulate", case.to_str().unwrap(), "--out", name, "--rate", "5000"];
+            let answer = damprig(&folder).args(arguments).assert().code(1);
+            answer.stderr(contains("No space left on device").and(contains(name)));
+            let left: Vec<_> = std::fs::read_dir(&disk.0).unwrap().map(|e| e.unwrap().file_name()).collect();
+            assert!(left.is_empty(), "{left:?}");
+        }
     }
 
     #[test]
@@ -160,6 +174,6 @@ mod linux {
         let answer = damprig(&folder).args(arguments).assert().code(1);
         answer.stderr(contains("cannot").and(contains("out")).and(contains("No such file or directory")));
         assert!(board.was_left_standing(), "the rig was left driving");
-        assert!(!run.join("results.parquet").exists(), "a removed folder is not made again");
+        assert!(!run.join("results.parquet").exists(), "a removed folder is not created again");
     }
 }

@@ -163,6 +163,34 @@ fn an_export_of_a_damaged_run_names_the_missing_parts() {
 }
 
 #[test]
+fn a_run_that_is_still_recording_is_exported_as_far_as_it_is() {
+    let many = "frequencies_hz = { from_hz = 2.0, to_hz = 3.0, step_hz = 0.01 }";
+    let folder = folder_with(&short().replace("frequencies_hz = [2.4, 2.5, 2.6]", many));
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("damprig"));
+    let run = command.args(["run", "test.toml", "--out", "out"]).current_dir(folder.path());
+    let mut run = run.stdout(std::process::Stdio::null()).spawn().unwrap();
+    let mut live = 0;
+    let has_samples = || folder.path().join("out/samples.parts/000001.parquet").exists();
+    while run.try_wait().unwrap().is_none() {
+        if !has_samples() {
+            std::thread::yield_now();
+            continue;
+        }
+        for format in ["csv", "mat", "uff"] {
+            let arguments = ["runs", "export", "out", "--format", format, "--out", "live", "--force"];
+            let output = damprig(&folder).args(arguments).output().unwrap();
+            let said = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
+            let is_told =
+                said.contains("export it again") || said.contains("cannot be read") || said.contains("still running");
+            assert!(output.status.success() || is_told, "{said}");
+            live += usize::from(output.status.success() && said.contains("still running"));
+        }
+    }
+    assert!(live > 0, "no export met the run while it was recording");
+    assert!(run.wait().unwrap().success());
+}
+
+#[test]
 fn only_the_chosen_rows_are_exported() {
     let (folder, run) = with_run();
     let is_bare = |batch: &RecordBatch| {

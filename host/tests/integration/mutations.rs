@@ -103,13 +103,13 @@ const TEXTS: [&str; 12] = [
     "ζ",
 ];
 
-/// One to three changes to the parsed file; now and then to its bytes instead.
+/// One or two changes to the parsed file; now and then to its bytes instead.
 fn mutate(text: &str, rng: &mut Rng) -> String {
     if rng.u8(..10) == 0 {
         return mutate_bytes(text, rng);
     }
     let mut table: Value = Value::Table(text.parse::<Table>().expect("a seed is TOML"));
-    for _ in 0..rng.usize(1..4) {
+    for _ in 0..rng.usize(1..3) {
         let leaves = places(&table).len();
         let place = places(&table).swap_remove(rng.usize(..leaves));
         change(&mut table, &place, rng);

@@ -78,7 +78,7 @@ fn a_step_in_the_wrong_direction_is_refused_with_the_right_one() {
 }
 
 #[test]
-fn a_frequency_above_what_the_tick_carries_is_refused() {
+fn a_frequency_too_high_for_the_tick_rate_is_refused() {
     let words = ["`experiment[1].frequencies_hz` = 51 is not allowed", "at most 50 Hz", "tick of 1000 Hz"];
     refused("[2.4, 2.5, 2.6]", "[2.4, 2.5, 51]", &words);
 }

@@ -152,11 +152,30 @@ fn a_resumed_run_measures_the_missing_points_and_reports_them() {
     answer.stdout(contains("3 of 6 points are kept as they are").and(contains(words)).and(contains("6 of 6 points")));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
     assert_eq!(measured(&run), measured(&folder.path().join("whole")));
-    assert!(sample_rows(&run) > begun, "what was begun of the interrupted point is kept too");
+    assert!(sample_rows(&run) > begun, "samples of the interrupted point are kept too");
     let manifest = manifest(&run);
     assert_eq!((manifest["resumed"].as_u64(), manifest["status"].as_str()), (Some(1), Some("complete")));
     damprig(&folder).args(["runs", "verify", "out"]).assert().success();
     damprig(&folder).args(["runs", "show", "out"]).assert().success().stdout(contains("Resumed 1 times"));
+}
+
+/// The short campaign on a shaker that feels its load, with the base amplitude in closed loop and noisy sensors.
+fn closed_loop() -> String {
+    const SHAKER: &str = "[rig.shaker]\nmoving_mass_kg = 5.0\nsuspension_stiffness_n_per_m = 200\nsuspension_damping_n_s_per_m = 5\nforce_factor_n_per_a = 30\namplifier = \"voltage\"\ncoil_resistance_ohm = 1.5\nlimit_v = 20\ncurrent_limit_a = 4.5\nhalf_stroke_m = 0.079\ncalibrated_at_hz = 2.5\n\n[[set_up]]";
+    short()
+        .replacen("[[set_up]]", SHAKER, 1)
+        .replace("base_amplitude_m = 0.0004", "base_amplitude_m = 0.0003")
+        .replace("start = \"from_rest\"", "start = \"from_rest\"\ndrive = \"closed_loop\"\nramp_s = 0.5")
+}
+
+#[test]
+fn a_point_in_closed_loop_does_not_depend_on_the_points_before_it() {
+    for campaign in [closed_loop(), closed_loop().replace("ramp_s = 0.5", "ramp_s = 0.0")] {
+        let (folder, _) = cut_off(&campaign);
+        damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+        damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "whole"]).assert().success();
+        assert_eq!(measured(&folder.path().join("out")), measured(&folder.path().join("whole")));
+    }
 }
 
 #[test]

@@ -220,7 +220,7 @@ fn signalled(signal: &'static str) -> (tempfile::TempDir, std::process::Output, 
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_and_a_request_to_terminate_stop_the_rig_and_keep_what_was_taken() {
+fn ctrl_c_and_sigterm_stop_the_rig_and_keep_the_measured_points() {
     for signal in ["-INT", "-TERM"] {
         let (folder, output, board) = signalled(signal);
         let words = String::from_utf8_lossy(&output.stderr);

@@ -128,7 +128,7 @@ fn a_run_killed_between_joining_and_its_journal_line_keeps_a_file_of_another_run
     // The parts have fewer rows than the existing file, so it is of another run.
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(1);
     answer.stderr(contains("differs from the joined samples.parts"));
-    assert_eq!(sample_rows(&run), rows, "it was written over");
+    assert_eq!(sample_rows(&run), rows, "the file was overwritten");
     // Without that file the parts are joined; after a second kill at the same place the file is the run's own.
     std::fs::remove_file(run.join("samples.parquet")).unwrap();
     damprig(&folder).args(["run", "--resume", "out"]).assert().success();

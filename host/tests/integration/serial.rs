@@ -31,7 +31,7 @@ mod unix {
     /// `relapses`, it falls silent once more at its next reply to a status request.
     fn at_a_serial_line(silent_from_point: usize, relapses: bool) -> String {
         let (mut line, other) = TTYPort::pair().expect("a pseudo-terminal");
-        let name = other.name().expect("it has a name");
+        let name = other.name().expect("a pseudo-terminal has a name");
         std::thread::spawn(move || {
             // Kept open: a pseudo-terminal without another end is broken.
             let _other = other;

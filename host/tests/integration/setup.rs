@@ -296,10 +296,10 @@ fn a_case_may_give_clearance_and_friction_relative_to_its_base_amplitude() {
     assert_eq!(found.friction_damper.unwrap().force_n, 0.4 * found.structure.stiffness_n_per_m * 0.003);
     let pulse = "base = { kind = \"versine\", amplitude_m = -0.01, duration_s = 0.2 }\n";
     let found = case(&format!("{STRUCTURE}{pulse}{RUN}{RATIOS}")).unwrap().set_up;
-    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.01, "of a pulse downwards too");
+    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.01, "a downward pulse");
     let stated = "base_amplitude_m = 0.002\ninitial = { x_m = 0.035 }\n";
     let found = case(&format!("{STRUCTURE}{stated}{RUN}{RATIOS}")).unwrap().set_up;
-    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.002, "of a release, where the case says what Z is");
+    assert_eq!(found.particle.unwrap().clearance_m, 5.0 * 0.002, "free vibration with a stated Z");
 }
 
 #[test]

@@ -7,6 +7,8 @@ use std::process::{Command as Process, Stdio};
 use crate::common::{damprig, read_parquet};
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
+use predicates::prelude::*;
+use predicates::str::contains;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -211,6 +213,27 @@ fn interrupted(folder: &TempDir, out: &str) -> Value {
     while told.read_line(&mut rest).unwrap() > 0 {}
     assert!(rest.contains("interrupted at"), "{rest}");
     serde_json::from_slice(&output.stdout).expect("the answer up to the interruption")
+}
+
+#[test]
+fn existing_files_are_replaced_only_by_force() {
+    let folder = folder(&spid("{ duration_s = 1.2 }"));
+    let at = |name: &str| folder.path().join(name);
+    let outputs = ["motion.csv", "motion.impacts.csv", "motion.accumulations.csv", "motion.svg"];
+    let arguments = ["simulate", "case.toml", "--out", "motion.csv", "--plot", "motion.svg"];
+    for name in outputs {
+        std::fs::write(at(name), "mine").unwrap();
+        let answer = damprig(&folder).args(arguments).assert().code(2);
+        answer.stderr(contains(format!("cannot write {name}: it exists")).and(contains("--force")));
+        let others = outputs.iter().filter(|other| **other != name && at(other).exists());
+        assert_eq!((std::fs::read(at(name)).unwrap(), others.count()), (b"mine".to_vec(), 0), "{name}");
+        std::fs::remove_file(at(name)).unwrap();
+    }
+    outputs.iter().for_each(|name| std::fs::write(at(name), "mine").unwrap());
+    damprig(&folder).args(arguments).arg("--force").assert().success();
+    assert!(outputs.iter().all(|name| std::fs::read(at(name)).unwrap() != b"mine"));
+    let names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(names.len(), outputs.len() + 1, "{names:?}");
 }
 
 #[test]

@@ -130,7 +130,7 @@ fn a_tuned_mass_may_be_given_by_its_rule_its_ratios_or_its_spring() {
 }
 
 #[test]
-fn a_force_moves_an_undamped_structure_as_a_base_of_the_same_spring_force_does() {
+fn a_force_moves_an_undamped_structure_like_a_base_with_the_same_spring_force() {
     let bench = Bench::new();
     let stiffness = 1.6 * (TAU * 2.5).powi(2);
     for (force, base) in [
@@ -171,7 +171,7 @@ fn sampled_sine(step_s: f64) -> String {
 }
 
 #[test]
-fn a_sampled_sine_moves_every_set_up_as_the_sine_does() {
+fn a_sampled_sine_moves_every_set_up_like_the_sine() {
     let bench = Bench::new().with("sine.csv", &sampled_sine(1e-3));
     let record = "base = { kind = \"record\", file = \"sine.csv\", quantity = \"displacement\", unit = \"mm\" }\n";
     let walls = |wall: &str| format!("particle = {{ mass_ratio = 0.1, clearance_m = 0.02, wall = {{ {wall} }} }}\n");

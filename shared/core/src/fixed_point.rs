@@ -25,10 +25,10 @@
 //!   of y − x are those of −x, bit for bit.
 //!
 //! The total is 2·10⁻⁹ for the structure and, with a margin of a third for steps that contain events, 6·10⁻⁹ and
-//! 8·10⁻¹⁰ for the particle. Impacts amplify such an error as they do any small change of the state. `tests/scalars.rs`
-//! adds these errors to a motion in `f64`, once per second, and requires the fixed-point error to stay within the sum
-//! of their effects. Results over 10 s of the [reference runs](mod@reference), displacements and velocities over ω, in
-//! units of length (the starting amplitude):
+//! 8·10⁻¹⁰ for the particle. Impacts amplify such an error as they do any small change of the state.
+//! `tests/integration/scalars.rs` adds these errors to a motion in `f64`, once per second, and requires the
+//! fixed-point error to stay within the sum of their effects. Results over 10 s of the [reference
+//! runs](mod@reference), displacements and velocities over ω, in units of length (the starting amplitude):
 //!
 //! | run | impacts | estimate | error |
 //! |---|---|---|---|

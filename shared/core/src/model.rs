@@ -31,7 +31,8 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// From the results of a free-vibration test: undamped natural frequency in Hz and damping ratio ζ = c/(2√(kM)).
+    /// Makes a structure from the results of a free-vibration test: mass in kg, undamped natural frequency in Hz, damping
+    /// ratio ζ = c/(2√(kM)).
     #[must_use]
     pub fn from_modal(mass_kg: f64, natural_frequency_hz: f64, damping_ratio: f64) -> Self {
         let omega = 2.0 * PI * natural_frequency_hz;

@@ -70,12 +70,12 @@ impl Settings {
 /// Origin of the settings in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
-    /// As delivered: no settings of this layout are stored.
+    /// The defaults: no settings of this layout are stored.
     #[default]
     Default,
     /// The settings that were saved last.
     Stored,
-    /// As delivered: the stored settings are damaged.
+    /// The defaults: the stored settings are damaged.
     Damaged,
     /// Set by a host and not saved.
     Host,

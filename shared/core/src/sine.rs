@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_ends_exactly_as_often_as_the_frequency_says() {
+    fn the_number_of_cycles_follows_exactly_from_the_frequency() {
         let increment = Phase::increment(2.45, 1000.0);
         let mut phase = Phase::default();
         let cycles = (0..1_000_000).filter(|_| phase.advance(increment)).count();

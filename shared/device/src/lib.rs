@@ -1,5 +1,4 @@
-//! The device side of the link, around the core's `Rig`: control loop, controller, queues, uploads, settings and
-//! crash record.
+//! The device side of the link, around the core's `Rig`: control loop, controller, queues, uploads, settings, crash record.
 //!
 //! * [`board`] has the trait that every board implements,
 //! * [`control_loop`] is the loop's body: one tick, then one request,

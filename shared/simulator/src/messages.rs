@@ -11,7 +11,7 @@ use crate::plant::{InjectedFault, PlantConfig};
 
 /// A message to the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not available.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum ToSimulator {
     /// Replace the plant. The friction spring's drive must be homed again.
     SetPlant(PlantConfig),

@@ -242,12 +242,12 @@ impl Machine {
             machine.deadline = Time(0);
         }
         if let Some((address, bytes)) = machine.chip.source_wanted() {
-            let bytes = uc.mem_read_as_vec(address.into(), bytes as usize).expect("DMA reads memory that is there");
+            let bytes = uc.mem_read_as_vec(address.into(), bytes as usize).expect("DMA reads mapped memory");
             uc.get_data_mut().chip.give_source(bytes);
         }
         let machine = uc.get_data_mut();
         for (address, bytes) in std::mem::take(&mut machine.chip.memory) {
-            uc.mem_write(address.into(), &bytes).expect("DMA writes to memory that is there");
+            uc.mem_write(address.into(), &bytes).expect("DMA writes to mapped memory");
         }
     }
 }
@@ -456,7 +456,7 @@ impl Board {
     fn hang(&mut self) {
         let code = &self.machine().code;
         let place = code.chunks_exact(2).position(|halfword| halfword == [0xfe, 0xe7]);
-        let place = place.expect("every image has an endless loop for exceptions that nobody handles");
+        let place = place.expect("every image has an endless loop for unhandled exceptions");
         self.set_register(RegisterARM::PC, (FLASH_BASE + 2 * place as u32) | 1);
         self.hangs_in = None;
     }

@@ -1,9 +1,11 @@
-//! Fuzz targets of both sides of the link: arbitrary bytes into a board ([`device`]) and into a host ([`host`]).
+//! Fuzz targets of both sides of the link: arbitrary bytes into a board ([`device`]) and into a host ([`host`]), and whole runs
+//! over a link that changes messages ([`crafted_run`]).
 //!
 //! The fuzzer runs them (`fuzz/`). `tests/run` replays them without a fuzzer, on the seeds in `fuzz/seeds` and on
 //! mutations of them. [`seeds`] generates seeds.
 #![forbid(unsafe_code)]
 
+pub mod crafted_run;
 pub mod messages;
 pub mod mutation;
 pub mod seeds;

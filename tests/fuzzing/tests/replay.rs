@@ -1,5 +1,6 @@
 //! Replays the fuzz targets without a fuzzer: every seed, and a fixed set of mutations.
 
+use damprig_fuzzing::crafted_run::crafted_run;
 use damprig_fuzzing::mutation::mutate;
 use damprig_fuzzing::seeds::{self, Seed};
 use rand::rngs::StdRng;
@@ -34,6 +35,26 @@ fn replay(target: &str, made: Vec<Seed>, mutations: usize, body: fn(&[u8])) {
 #[test]
 fn a_board_neither_panics_nor_stops_answering() {
     replay("device", seeds::device(), 4_000, damprig_fuzzing::device);
+}
+
+/// Number of whole runs: 60, or 2 000 in the full tests.
+fn runs() -> u64 {
+    if std::env::var_os("DAMPRIG_FULL").is_some() { 2_000 } else { 60 }
+}
+
+#[test]
+fn a_run_over_a_link_that_changes_messages_ends_in_an_orderly_way() {
+    let (mut opened, mut points, mut misfits, mut complete) = (0, 0, 0, 0);
+    for seed in 0..runs() {
+        let outcome = std::panic::catch_unwind(|| crafted_run(seed));
+        let Ok(outcome) = outcome else { panic!("crafted run {seed}") };
+        opened += u64::from(outcome.opened);
+        points += outcome.points;
+        misfits += outcome.misfits;
+        complete += u64::from(outcome.opened && outcome.error.is_none());
+    }
+    println!("{} runs: {opened} opened, {complete} complete, {points} points, {misfits} misfits", runs());
+    assert!(opened > runs() / 3 && points > 0 && misfits > 0 && complete > 0);
 }
 
 #[test]

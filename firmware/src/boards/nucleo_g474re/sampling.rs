@@ -266,7 +266,7 @@ impl Sampling {
         Sensors { readings, walls: self.wall_block, at_limit: false, emergency_stop: false }
     }
 
-    /// Number of lost blocks.
+    /// Blocks lost so far.
     pub fn overruns(&self) -> u32 {
         self.overruns
     }

@@ -11,19 +11,19 @@ pub enum SessionError {
     /// The link broke.
     #[error("the link to {link} broke: {error}")]
     Broken {
-        /// Which.
+        /// Name of the link.
         link: String,
-        /// What the system says.
+        /// The system's error.
         error: std::io::Error,
     },
     /// Nothing arrived within the timeout.
     #[error("the device at {link} stopped answering: nothing for {seconds} s{hint}")]
     Silent {
-        /// Which.
+        /// Name of the link.
         link: String,
         /// The timeout.
         seconds: f64,
-        /// What to check.
+        /// What to check, in words.
         hint: String,
     },
     /// The device has another protocol version or schema.
@@ -31,31 +31,31 @@ pub enum SessionError {
         "the device at {link} has another protocol: device version {device_version} (schema {device_schema}, firmware {firmware} on {board}), this program version {version} (schema {schema}, damprig {program}); flash the firmware of this program's version, or use the program of the firmware's version"
     )]
     Version {
-        /// Which.
+        /// Name of the link.
         link: String,
-        /// The device's.
+        /// Protocol version of the device.
         device_version: u16,
-        /// The device's.
+        /// Schema hash of the device.
         device_schema: String,
-        /// The device's.
+        /// Firmware version of the device.
         firmware: String,
-        /// The device's.
+        /// Board of the device.
         board: String,
-        /// Ours.
+        /// Protocol version of this program.
         version: u16,
-        /// Ours.
+        /// Schema hash of this program.
         schema: String,
-        /// Ours.
+        /// Version of this program.
         program: &'static str,
     },
     /// A different device answers.
     #[error("a different device answers at {link}: it was {board}, it is {what}; the run was stopped")]
     Another {
-        /// Which link.
+        /// Name of the link.
         link: String,
-        /// The board before.
+        /// The board on which the run was started.
         board: String,
-        /// The device now.
+        /// Description of the device that answers now.
         what: String,
     },
     /// The board's settings have changed since the run was started.
@@ -64,7 +64,7 @@ pub enum SessionError {
         differences.join("\n  ")
     )]
     Settings {
-        /// One difference a line.
+        /// The differences, one per line.
         differences: Vec<String>,
     },
     /// The device rejected a request.
@@ -78,13 +78,33 @@ pub enum SessionError {
     /// An upload failed.
     #[error("the record could not be uploaded: {why}")]
     Upload {
-        /// Why.
+        /// The reason.
         why: String,
+    },
+    /// The device sends what nobody asked for, without end.
+    #[error(
+        "the device at {link} sends more than it was asked for: {what}; it was disconnected. Is it the right device, and is its firmware intact?"
+    )]
+    Flood {
+        /// Which.
+        link: String,
+        /// What it sent.
+        what: String,
+    },
+    /// What the device says about itself cannot be used.
+    #[error(
+        "the device at {link} reports {what}: it cannot be used like this; flash its firmware again, or update this program"
+    )]
+    Unusable {
+        /// Which.
+        link: String,
+        /// What it reported.
+        what: String,
     },
     /// Ctrl-C.
     #[error("interrupted")]
     Interrupted,
-    /// The reply is not one to the request.
+    /// The reply does not match the request.
     #[error("the device sent an unexpected reply when asked to {what}")]
     UnexpectedReply {
         /// The request, in words.

@@ -3,6 +3,7 @@
 //! A request is repeated when its reply is late (the device executes a repeated sequence number once). Under a granted
 //! clock the session grants the ticks. A device that sends nothing within the timeout is an error.
 
+mod checks;
 mod error;
 mod idle;
 mod status;
@@ -56,12 +57,14 @@ pub struct Session {
     reader: Reader,
     bytes: Vec<u8>,
     reports: VecDeque<Report>,
-    replies: VecDeque<(u16, Result<Reply, damprig_protocol::Rejected>)>,
+    /// The answer to the latest request.
+    reply: Option<Result<Reply, damprig_protocol::Rejected>>,
     seq: u16,
     /// The board's latest counters, and the sequence number of their request.
     counters: Option<(u16, Counters)>,
     bad_frames: u64,
     stale_messages: u64,
+    unasked: u32,
     granted_until: Option<u32>,
     clock_tick: u32,
     heard: Instant,
@@ -116,11 +119,12 @@ impl Session {
             reader: Reader::default(),
             bytes: Vec::new(),
             reports: VecDeque::new(),
-            replies: VecDeque::new(),
+            reply: None,
             seq: 0,
             counters: None,
             bad_frames: 0,
             stale_messages: 0,
+            unasked: 0,
             granted_until: None,
             clock_tick: 0,
             heard: now,
@@ -158,6 +162,7 @@ impl Session {
                 _ => return Err(SessionError::UnexpectedReply { what: WHAT }),
             }
         }
+        self.check_signals(&table)?;
         Ok(table)
     }
 
@@ -196,6 +201,13 @@ impl Session {
         self.description.clock == Clock::Granted
     }
 
+    /// The number of a new request; earlier answers are dropped.
+    fn next_seq(&mut self) -> u16 {
+        self.seq = self.seq.wrapping_add(1);
+        self.reply = None;
+        self.seq
+    }
+
     fn repeat_after(&self) -> Duration {
         REPEAT_AFTER.min(self.timeout / 3)
     }
@@ -221,26 +233,41 @@ impl Session {
             match self.reader.push::<FromDevice>(byte) {
                 None => {}
                 Some(Err(_)) => self.bad_frames += 1,
-                Some(Ok(message)) => {
-                    self.heard = Instant::now();
-                    if self.is_stale(&message) {
-                        self.stale_messages += 1;
-                        continue;
-                    }
-                    match message {
-                        FromDevice::Reply { seq, answer } => {
-                            self.take_counters(seq, &answer);
-                            self.replies.push_back((seq, answer));
-                        }
-                        FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
-                        FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
-                        FromDevice::Clock { tick } => self.clock_tick = self.clock_tick.max(tick),
-                    }
-                }
+                Some(Ok(message)) => self.take(message),
             }
         }
         self.bytes = bytes;
-        received.map_err(|error| SessionError::Broken { link: self.name.clone(), error })
+        received.map_err(|error| SessionError::Broken { link: self.name.clone(), error })?;
+        self.check_flood()
+    }
+
+    /// Takes a message. A reply to no request and a clock that stands still are no sign of a device that works.
+    fn take(&mut self, message: FromDevice) {
+        let is_news = match &message {
+            message if self.is_stale(message) => {
+                self.stale_messages += 1;
+                return self.note_unasked();
+            }
+            FromDevice::Reply { seq, .. } => *seq == self.seq,
+            FromDevice::Clock { tick } => *tick > self.clock_tick,
+            FromDevice::Event { .. } | FromDevice::Telemetry(_) => true,
+        };
+        if is_news {
+            self.heard = Instant::now();
+        } else {
+            self.note_unasked();
+        }
+        match message {
+            FromDevice::Reply { seq, answer } => {
+                self.take_counters(seq, &answer);
+                if seq == self.seq {
+                    self.reply = Some(answer);
+                }
+            }
+            FromDevice::Event { tick, event, .. } => self.reports.push_back(Report::Event { tick, event }),
+            FromDevice::Telemetry(rows) => self.reports.push_back(Report::Telemetry(Box::new(rows))),
+            FromDevice::Clock { tick } => self.clock_tick = self.clock_tick.max(tick),
+        }
     }
 
     /// Whether a message has a tick that a granted clock has not reached: then it is a late one of the experiment before. (A
@@ -269,8 +296,7 @@ impl Session {
     /// The device rejects the request or is silent, or the link breaks.
     pub fn request(&mut self, what: &'static str, ask: Request) -> Result<Reply, SessionError> {
         self.use_up_credit()?;
-        self.seq = self.seq.wrapping_add(1);
-        let seq = self.seq;
+        let seq = self.next_seq();
         let message = ToDevice::Request(NumberedRequest { seq, at_tick: None, request: ask });
         let silent_at = Instant::now() + self.timeout;
         while Instant::now() < silent_at {
@@ -278,10 +304,9 @@ impl Session {
             let deadline = Instant::now() + self.repeat_after();
             loop {
                 self.listen(TURN)?;
-                while let Some((number, answer)) = self.replies.pop_front() {
-                    if number == seq {
-                        return answer.map_err(|no| SessionError::Refused { what, why: no.to_string() });
-                    }
+                if let Some(answer) = self.reply.take() {
+                    self.unasked = 0;
+                    return answer.map_err(|no| SessionError::Refused { what, why: no.to_string() });
                 }
                 if Instant::now() >= deadline {
                     break;
@@ -384,15 +409,14 @@ impl Session {
 
     /// Sends a status request without waiting for the reply.
     fn keep_alive(&mut self) -> Result<(), SessionError> {
-        self.replies.clear();
-        self.seq = self.seq.wrapping_add(1);
-        self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Status }))
+        let seq = self.next_seq();
+        self.send(&ToDevice::Request(NumberedRequest { seq, at_tick: None, request: Request::Status }))
     }
 
     /// Sends a stop request without waiting for the reply: for a link that has failed.
     pub fn stop_without_reply(&mut self) {
-        self.seq = self.seq.wrapping_add(1);
-        let _ = self.send(&ToDevice::Request(NumberedRequest { seq: self.seq, at_tick: None, request: Request::Stop }));
+        let seq = self.next_seq();
+        let _ = self.send(&ToDevice::Request(NumberedRequest { seq, at_tick: None, request: Request::Stop }));
     }
 
     /// Closes the link, so that it can be opened again: a serial port has one user at a time.

@@ -30,7 +30,10 @@ impl Session {
     pub fn read_settings(&mut self) -> Result<(Settings, Source), SessionError> {
         const WHAT: &str = "report its settings";
         match self.request(WHAT, Request::Settings)? {
-            Reply::Settings { settings, source } => Ok((settings, source)),
+            Reply::Settings { settings, source } => {
+                self.check_settings(&settings)?;
+                Ok((settings, source))
+            }
             _ => Err(SessionError::UnexpectedReply { what: WHAT }),
         }
     }

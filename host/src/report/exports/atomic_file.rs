@@ -1,5 +1,5 @@
-//! Writes a new file atomically: it gets its name only when complete, and never replaces an existing file. A full disk or a
-//! kill leaves no partial file under the name.
+//! Writes a file atomically: it gets its name only when complete, and replaces an existing file only if that is asked for. A
+//! full disk or a kill leaves no partial file under the name.
 
 use std::path::{Path, PathBuf};
 
@@ -7,6 +7,18 @@ use tempfile::{Builder, NamedTempFile};
 
 use super::ExportSummary;
 use crate::run_folder::ReadError;
+
+/// A file to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutFile {
+    /// Its path.
+    pub path: PathBuf,
+    /// An existing file is replaced (`--force`).
+    pub force: bool,
+}
+
+/// What to do about a file that exists.
+pub const EXISTS: &str = "it exists; move it away, give another name, or replace it with --force";
 
 fn failed(out: &Path, why: &dyn std::fmt::Display) -> ReadError {
     ReadError(format!("cannot write {}: {why}", out.display()))
@@ -17,7 +29,7 @@ fn failed(out: &Path, why: &dyn std::fmt::Display) -> ReadError {
 /// # Errors
 /// As [`write_new`], and when nothing could be read.
 pub(super) fn write_export(
-    out: &Path,
+    out: &OutFile,
     write: impl FnOnce(&mut NamedTempFile) -> Result<ExportSummary, ReadError>,
 ) -> Result<ExportSummary, ReadError> {
     write_new(out, |file| {
@@ -33,12 +45,13 @@ pub(super) fn write_export(
 ///
 /// # Errors
 /// When `out` exists or its folder cannot be written; the error of `write`.
-pub(crate) fn write_new<T>(
-    out: &Path,
+pub fn write_new<T>(
+    out: &OutFile,
     write: impl FnOnce(&mut NamedTempFile) -> Result<T, ReadError>,
 ) -> Result<T, ReadError> {
-    if out.symlink_metadata().is_ok() {
-        return Err(failed(out, &"it exists; move it away or give another name"));
+    let OutFile { path: out, force } = out;
+    if !force && out.symlink_metadata().is_ok() {
+        return Err(failed(out, &EXISTS));
     }
     let folder = match out.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
@@ -55,11 +68,12 @@ pub(crate) fn write_new<T>(
     let mut beside = builder.tempfile_in(&folder).map_err(|e| failed(out, &e))?;
     let written = write(&mut beside)?;
     beside.as_file().sync_data().map_err(|e| failed(out, &e))?;
-    beside.persist_noclobber(out).map_err(|e| failed(out, &e.error))?;
+    let named = if *force { beside.persist(out) } else { beside.persist_noclobber(out) };
+    named.map_err(|e| failed(out, &e.error))?;
     Ok(written)
 }
 
 /// Makes errors that name `out` instead of the temporary file.
-pub(crate) fn to_failure(out: &Path) -> impl Fn(&dyn std::fmt::Display) -> ReadError {
+pub fn to_failure(out: &Path) -> impl Fn(&dyn std::fmt::Display) -> ReadError {
     move |why| failed(out, why)
 }

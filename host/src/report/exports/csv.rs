@@ -1,9 +1,7 @@
 //! Exports to CSV (RFC 4180): a header of `name [unit]`, then one row per line. Numbers have the fewest digits that read back
 //! to the same value.
 
-use std::path::Path;
-
-use super::atomic_file::{to_failure, write_export};
+use super::atomic_file::{OutFile, to_failure, write_export};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{unit, values};
 use crate::run_folder::{ReadError, RunFolder};
@@ -25,8 +23,8 @@ impl Exporter for Csv {
         "csv"
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
-        let failed = to_failure(out);
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+        let failed = to_failure(&out.path);
         let table = part.tables.first().copied().unwrap_or(RunTable::Samples);
         write_export(out, |file| {
             let mut writer =

@@ -12,19 +12,23 @@ use std::collections::hash_map::DefaultHasher;
 use std::fs::File;
 use std::hash::{Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom};
-use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use arrow_array::RecordBatch;
+use arrow_schema::DataType;
 use indexmap::IndexMap;
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
-use super::atomic_file::{to_failure, write_export};
+use super::atomic_file::{OutFile, to_failure, write_export};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{Value, unit, values};
 use crate::run_folder::{ReadError, RunFolder};
 
 /// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
 pub const MAX_NUMBERS: usize = 40_000_000;
+
+/// Beginning of the year 10000, s since 1970.
+const YEAR_10000_S: u64 = 253_402_300_800;
 
 /// Longest field name in MATLAB.
 const LONGEST_NAME: usize = 63;
@@ -53,10 +57,18 @@ impl Exporter for Mat {
         "mat"
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
-        let failed = to_failure(out);
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+        let failed = to_failure(&out.path);
         write_export(out, |file| {
             let path = file.path().to_str().ok_or_else(|| failed(&"the name is not UTF-8; give another with --out"))?;
+            // The library writes the date into the file, and panics without one.
+            let is_dated =
+                SystemTime::now().duration_since(UNIX_EPOCH).is_ok_and(|since| since.as_secs() < YEAR_10000_S);
+            if !is_dated {
+                return Err(failed(
+                    &"a .mat file states its date, and the clock of this machine is not set; set it, or use --format csv",
+                ));
+            }
             let mut exported = ExportSummary::default();
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
@@ -113,8 +125,7 @@ fn gather(columns: &mut MatColumns, batch: &RecordBatch, table: RunTable) -> Res
         let read = values(array.as_ref())
             .ok_or_else(|| ReadError(format!("column `{}` has the unknown type {kind}", field.name())))?;
         if is_first {
-            let is_text = matches!(read.first(), Some(Value::Text(_)))
-                || ["set_up", "experiment"].contains(&field.name().as_str());
+            let is_text = matches!(kind, DataType::Utf8 | DataType::Dictionary(..));
             let column = match (is_text, table) {
                 (false, _) => MatColumn::Numbers(Vec::new()),
                 (true, RunTable::Results | RunTable::Transients) => MatColumn::Texts(Vec::new()),
@@ -277,10 +288,11 @@ fn compare(path: &str, expected: &Sums) -> Result<(), String> {
         for (name, expected) in columns {
             let read = fields.take(name);
             let is_same = match (read, expected) {
+                // An empty array has no values to compare.
+                (Some(_), None | Some((0, _))) => true,
                 (Some(MatVariable::NumericArray(array)), Some(expected)) => {
                     array.real_to_vec::<f64>().is_some_and(|numbers| sum(&numbers) == *expected)
                 }
-                (Some(_), None) => true,
                 _ => false,
             };
             if !is_same {

@@ -4,16 +4,16 @@
 //! complete (`atomic_file.rs`). Unreadable parts of a damaged run are listed in [`ExportSummary::missing`]; the rest is
 //! exported.
 
-pub(crate) mod atomic_file;
+pub mod atomic_file;
 pub mod csv;
 pub mod mat;
 pub mod uff;
 mod uff_dataset;
 
-use std::path::Path;
-
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
+
+use atomic_file::OutFile;
 
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
@@ -153,5 +153,5 @@ pub trait Exporter {
     ///
     /// # Errors
     /// Nothing selected can be read, the data exceed the format's limit, or the file cannot be written. No file is left then.
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError>;
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError>;
 }

@@ -12,11 +12,10 @@
 //!   has only six digits for the abscissa). The z axis has the drive frequency, Hz.
 
 use std::io::{BufWriter, Write};
-use std::path::Path;
 
 use arrow_array::RecordBatch;
 
-use super::atomic_file::{to_failure, write_export};
+use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{numbers, texts};
@@ -41,8 +40,8 @@ impl Exporter for Uff {
         (table == RunTable::Transients).then_some(why)
     }
 
-    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &Path) -> Result<ExportSummary, ReadError> {
-        let failed = to_failure(out);
+    fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {
+        let failed = to_failure(&out.path);
         write_export(out, |file| {
             let mut exported = ExportSummary::default();
             let mut file = BufWriter::new(file.as_file_mut());
@@ -361,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_is_split_where_it_turns_and_every_branch_rises() {
+    fn a_sweep_is_split_at_its_reversals_into_rising_branches() {
         assert_eq!(sweep(&[1.0, 2.0, 3.0]), [(vec![1.0, 2.0, 3.0], false)]);
         assert_eq!(sweep(&[1.0, 2.0, 1.5, 1.0]), [(vec![1.0, 2.0], false), (vec![1.0, 1.5], true)]);
         assert_eq!(sweep(&[2.0, 2.0]), [(vec![2.0], false), (vec![2.0], false)]);

@@ -20,6 +20,7 @@ use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, Tex
 use resvg::{tiny_skia, usvg};
 
 use crate::input::shown;
+use crate::run_folder::own_files;
 
 /// A drawing surface, in points of the SVG.
 pub type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -185,10 +186,6 @@ impl Picture {
     pub fn save(&self, path: &Path) -> Result<(), FigureError> {
         let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
         let bytes = if png { &self.png()? } else { self.svg.as_bytes() };
-        std::fs::write(path, bytes).map_err(|e| {
-            // Leave no incomplete file.
-            let _ = std::fs::remove_file(path);
-            FigureError(format!("{}: {e}", path.display()))
-        })
+        own_files::replace(path, bytes).map_err(FigureError::of)
     }
 }

@@ -140,6 +140,9 @@ pub(super) fn link(data: &PageData) -> Markup {
             dt { "Rows lost" }
             dd { (c.lost_rows) ": " (c.dropped_records) " dropped by the device, " (c.dropped_rows_host)
                 " by the host; " (c.missing_records) " messages lost on the link" }
+            @if c.misfit_messages > 0 {
+                dt { "Misfits" } dd { (c.misfit_messages) " messages of the board did not fit the campaign and were dropped" }
+            }
             dt { "Bad frames" } dd { (c.bad_frames_host) " by the host, " (c.bad_frames_device) " by the device" }
             dt { "Interruptions" }
             dd { (c.interruptions) " of the link or the device; resumed " (m.resumed) " times" }

@@ -65,11 +65,17 @@ pub fn summary(manifest: &Manifest) -> String {
     let counters = manifest.counters;
     let late = manifest.controller.map_or(0, |c| c.overruns);
     let late = if late > 0 { format!("; {late} ticks of the board were late") } else { String::new() };
+    let misfits = counters.misfit_messages;
+    let misfits = if misfits > 0 {
+        format!("; {misfits} messages of the board did not fit the campaign and were dropped")
+    } else {
+        String::new()
+    };
     let speed = clock.rig_s / clock.wall_s;
     // Not finite for a run whose end was not recorded.
     let speed = if speed.is_finite() { format!(" ({speed:.0} times real time)") } else { String::new() };
     format!(
-        "{} of {} points; {:.0} s of rig time in {:.2} s{speed}, tick {tick_hz} Hz; {} sample rows, {} lost ({} dropped); {} bad frames{late}",
+        "{} of {} points; {:.0} s of rig time in {:.2} s{speed}, tick {tick_hz} Hz; {} sample rows, {} lost ({} dropped); {} bad frames{misfits}{late}",
         manifest.points_taken,
         manifest.points_planned,
         clock.rig_s,

@@ -18,12 +18,12 @@ pub enum Value {
     F32(f32),
     /// A count.
     U64(u64),
-    /// Yes or no.
+    /// A flag.
     Bool(bool),
 }
 
 impl Value {
-    /// As a number: a flag is 0 or 1; none of a name.
+    /// The value as a number: a flag is 0 or 1; `None` for a name.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -49,7 +49,7 @@ impl std::fmt::Display for Value {
     }
 }
 
-/// All values of a column; none when a run folder has no columns of its type.
+/// All values of a column; `None` for a type that run folders do not use.
 #[must_use]
 pub fn values(array: &dyn Array) -> Option<Vec<Value>> {
     if let Some(a) = array.as_string_opt::<i32>() {

@@ -17,6 +17,7 @@ use super::sample_files::{open_parts, read_samples, sample_files};
 use crate::input::{near, regular};
 use crate::run_folder::ReadError;
 use crate::run_folder::journal::{self, JOURNAL};
+use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, FORMAT, MANIFEST, Manifest};
 use crate::run_folder::schema::results::{self, RESULTS};
@@ -99,6 +100,7 @@ impl RunFolder {
         if !is_run(path) {
             return Err(no_run(path));
         }
+        refuse_links(path).map_err(|e| ReadError(e.to_string()))?;
         let mut manifest = manifest_of(path)?;
         if manifest.is_running()
             && let Ok(lines) = journal::read(path)
@@ -206,7 +208,7 @@ impl RunFolder {
 pub fn readable_rows(folder: &Path, journal: &JournalState) -> u64 {
     let open = open_parts(folder).into_iter().filter(|(number, _)| !journal.is_sealed(*number));
     let open_rows = open.filter_map(|(_, file)| salvage(&file).ok()).map(|s| s.rows);
-    journal.sealed.iter().map(|s| s.rows).chain(open_rows).sum()
+    open_rows.fold(journal.sealed_rows(), u64::saturating_add)
 }
 
 /// The manifest of a run folder as it was last written.

@@ -12,12 +12,12 @@ use crate::input::regular;
 use crate::run_folder::StorageError;
 use crate::run_folder::schema::samples::{self, PointLabel, read_stream_schema};
 
-/// What can be read of a part that was open when the program ended.
+/// The readable contents of a part that was open when the program ended.
 #[derive(Clone, Debug, Default)]
 pub struct Salvaged {
     /// Its rows with all columns.
     pub batches: Vec<RecordBatch>,
-    /// How many.
+    /// Number of rows.
     pub rows: u64,
     /// Ticks missing before or between them.
     pub gap_ticks: u64,
@@ -43,10 +43,10 @@ pub fn salvage(path: &Path) -> Result<Salvaged, StorageError> {
     Ok(salvaged)
 }
 
-/// The head of an open part.
+/// Head of an open part: its schema, which states the point of its rows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StreamHead {
-    /// The point whose rows it holds.
+    /// The point to which the rows belong.
     Of(PointLabel),
     /// The file is empty: the program ended before it wrote anything.
     Empty,

@@ -17,8 +17,12 @@ pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, Read
     let failed = |message: String| ReadError(format!("{shown}: {message}"));
     let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
     let bytes = file.metadata().map_or(0, |m| m.len());
-    let reader = ParquetRecordBatchReaderBuilder::try_new(file)
-        .and_then(ParquetRecordBatchReaderBuilder::build)
-        .map_err(|e| failed(format!("not a whole Parquet file ({bytes} bytes; cut off or damaged): {e}")))?;
-    Ok(reader.map(move |batch| batch.map_err(|e| ReadError(format!("{shown}: a damaged part: {e}")))))
+    let damaged = |e| failed(format!("not a whole Parquet file ({bytes} bytes; cut off or damaged): {e}"));
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(damaged)?;
+    // A table without rows has its columns all the same.
+    let is_empty = builder.metadata().file_metadata().num_rows() == 0;
+    let columns = is_empty.then(|| Ok(RecordBatch::new_empty(builder.schema().clone())));
+    let batches = builder.build().map_err(damaged)?;
+    let batches = batches.map(move |batch| batch.map_err(|e| ReadError(format!("{shown}: a damaged part: {e}"))));
+    Ok(columns.into_iter().chain(batches))
 }

@@ -8,14 +8,12 @@ use arrow_array::RecordBatch;
 use super::open_part::salvage;
 use super::parquet_file::read;
 use crate::run_folder::ReadError;
-use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number};
+use crate::run_folder::schema::samples::{JOINED, PARTS, open_part_number, part_name, part_number};
 
 /// Numbers and files of the closed parts, in order.
 #[must_use]
 pub fn closed_parts(folder: &Path) -> Vec<(u32, PathBuf)> {
-    numbered(&folder.join(PARTS), |path| {
-        path.file_stem().filter(|_| path.extension().is_some_and(|e| e == "parquet"))?.to_str()?.parse().ok()
-    })
+    numbered(&folder.join(PARTS), |path| part_number(path.file_name()?.to_str()?))
 }
 
 /// Numbers and files of the parts that are open, or were when the program was killed.
@@ -53,6 +51,11 @@ pub fn is_open_part(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "arrows")
 }
 
+/// The closed part that an open part becomes.
+fn closed_of(open: &Path) -> Option<PathBuf> {
+    Some(open.parent()?.join(part_name(open_part_number(open.file_name()?.to_str()?)?)))
+}
+
 type Batches = Box<dyn Iterator<Item = Result<RecordBatch, ReadError>>>;
 
 /// Batches of one of [`sample_files`]; of an open part, up to the last whole one.
@@ -61,7 +64,16 @@ type Batches = Box<dyn Iterator<Item = Result<RecordBatch, ReadError>>>;
 /// As [`read`].
 pub fn read_samples(path: &Path) -> Result<Batches, ReadError> {
     if is_open_part(path) {
-        let salvaged = salvage(path).map_err(|e| ReadError(e.to_string()))?;
+        let salvaged = match salvage(path) {
+            Ok(salvaged) => salvaged,
+            // A program that is recording has closed it since it was listed.
+            Err(error) => {
+                return match closed_of(path).filter(|closed| !path.exists() && closed.exists()) {
+                    Some(closed) => Ok(Box::new(read(&closed)?)),
+                    None => Err(ReadError(error.to_string())),
+                };
+            }
+        };
         return Ok(Box::new(salvaged.batches.into_iter().map(Ok)));
     }
     Ok(Box::new(read(path)?))

@@ -1,9 +1,9 @@
 //! Finds files of a run folder that the journal does not list.
 //!
-//! A journal that was emptied, cut or replaced lists less than the folder holds; resuming from it would measure again what
-//! is there and overwrite it. So only what the journal lists is joined, rewritten or removed. An open part beside its
-//! closed one is the mark of a kill before the closed one was in the journal: both belong to the run if the closed part
-//! has the rows of the open one.
+//! A journal that was emptied, cut or replaced lists fewer files than the folder has. Resuming from it would repeat
+//! measurements and overwrite their files. Therefore only files that the journal lists are joined, rewritten or
+//! removed. An open part beside the closed part of its number shows that the program was killed before the journal
+//! had the closed one. Both belong to the run if the closed part has the rows of the open one.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -23,9 +23,9 @@ use crate::run_folder::schema::transients::TRANSIENTS;
 /// Files that a journal does not list.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Untracked {
-    /// Data of a run, as `file: what it is`.
+    /// Data of a run, as `file: description`.
     pub data: Vec<String>,
-    /// Open parts of which nothing can be read; they are left as they are.
+    /// Open parts in which nothing can be read; they are left unchanged.
     pub unreadable: Vec<String>,
 }
 
@@ -71,8 +71,8 @@ pub fn untracked(folder: &Path, journal: &JournalState, is_complete: bool) -> Un
     found
 }
 
-/// Whether a closed part may have been made of a stream: their rows are equal as far as both of them go. Further rows of
-/// one were lost to the other when the machine stopped.
+/// Whether a closed part may have been made from a stream: the rows that both have are equal. Either may have more
+/// rows, if the other lost some when the machine stopped.
 fn is_made_of(part: &Path, stream: &Path) -> bool {
     let Ok(salvaged) = salvage(stream) else { return true };
     // A part that cannot be read is written again from the stream.

@@ -9,8 +9,10 @@ use super::parquet_file::read;
 use super::sample_files::{is_open_part, read_samples, sample_files};
 use super::untracked_files::untracked;
 use crate::campaign::{Campaign, differences};
-use crate::input::Source;
+use crate::input::{Source, regular};
+use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::manifest::MANIFEST;
 use crate::run_folder::schema::results::RESULTS;
 use crate::run_folder::schema::samples::JOINED;
 use crate::run_folder::schema::transients::TRANSIENTS;
@@ -32,6 +34,10 @@ pub enum Finding {
 pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
     let path = &find(path)?;
     let mut found = Vec::new();
+    if let Err(error) = refuse_links(path) {
+        // Nothing is read through a link.
+        return Ok(vec![Finding::Wrong(error.to_string())]);
+    }
     let run = match RunFolder::open(path) {
         Ok(run) => Some(run),
         Err(error) => {
@@ -61,7 +67,14 @@ fn ending(run: &RunFolder, found: &mut Vec<Finding>) {
     );
     found.push(if manifest.is_complete() { Finding::Good(text) } else { Finding::Wrong(text) });
     let lost = manifest.counters;
-    if lost.dropped_records + lost.missing_records + lost.dropped_rows_host + lost.lost_rows > 0 {
+    if lost.misfit_messages > 0 {
+        let text = format!(
+            "telemetry: {} messages of the board did not fit the campaign and were dropped",
+            lost.misfit_messages
+        );
+        found.push(Finding::Wrong(text));
+    }
+    if [lost.dropped_records, lost.missing_records, lost.dropped_rows_host, lost.lost_rows].iter().any(|n| *n > 0) {
         let text = format!(
             "telemetry: {} rows dropped by the device, {} messages missing on the way, {} rows dropped by the host; {} rows missing in all",
             lost.dropped_records, lost.missing_records, lost.dropped_rows_host, lost.lost_rows
@@ -71,6 +84,14 @@ fn ending(run: &RunFolder, found: &mut Vec<Finding>) {
 }
 
 fn checksums(run: &RunFolder, found: &mut Vec<Finding>) {
+    let text = regular::read(&run.path().join(MANIFEST)).unwrap_or_default();
+    match run.manifest().is_intact(&String::from_utf8_lossy(&text)) {
+        Some(true) => found.push(Finding::Good(format!("{MANIFEST}: as damprig wrote it"))),
+        Some(false) => {
+            found.push(Finding::Wrong(format!("{MANIFEST}: changed since damprig wrote it (SHA-256 differs)")))
+        }
+        None => {}
+    }
     let files = &run.manifest().files;
     if files.is_empty() {
         found.push(Finding::Good("checksums: the manifest has none (a run that was killed, or an old one)".into()));
@@ -120,6 +141,8 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
             found.push(Finding::Wrong(text));
         }
     }
+    let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
+    found.extend(records.iter().filter_map(|record| record.difference(path)).map(Finding::Wrong));
     for part in taken.left_parts() {
         found.push(Finding::Wrong(format!(
             "{}: was damaged when the samples were joined; its {} rows are missing from {}, the file was left in place",
@@ -290,7 +313,7 @@ mod tests {
     use super::gaps;
 
     #[test]
-    fn a_gap_is_told_with_its_place_and_its_length_in_rows() {
+    fn a_gap_is_reported_with_its_place_and_its_length_in_rows() {
         assert_eq!(gaps(&[0.0, 10.0, 20.0], 10.0), None);
         assert_eq!(gaps(&[0.0, 10.0, 50.0], 10.0).unwrap(), "1 gaps, 3 rows lost, the first after tick 10");
         assert!(gaps(&[0.0, 10.0, 10.0], 10.0).unwrap().ends_with("1 times the tick does not rise"));

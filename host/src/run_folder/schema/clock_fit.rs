@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::json_float;
+
 /// Host time over which the arrival with the least delay is kept, s.
 const BIN_S: f64 = 1.0;
 
@@ -12,10 +14,13 @@ const BIN_S: f64 = 1.0;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClockFit {
     /// Host time of tick 0, s since the program began.
+    #[serde(with = "json_float")]
     pub tick_zero_host_s: f64,
     /// Rate of the device's clock over the host's, less one, in parts per million. 0 with fewer than three pairs.
+    #[serde(with = "json_float")]
     pub drift_ppm: f64,
     /// RMS of the pairs about the line, s.
+    #[serde(with = "json_float")]
     pub scatter_s: f64,
     /// Pairs that the line is fitted to.
     pub pairs: usize,
@@ -25,8 +30,10 @@ pub struct ClockFit {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// The device's time, s since its start.
+    #[serde(with = "json_float")]
     pub device_s: f64,
     /// The host's, s since the program began.
+    #[serde(with = "json_float")]
     pub host_s: f64,
 }
 

@@ -7,10 +7,12 @@ use serde::{Deserialize, Serialize};
 use super::clock_fit::{ClockFit, Pair};
 use super::device::Device;
 use super::impacts::Impacts;
+use super::json_float;
 use super::results::ResultRow;
-use super::samples::SampleColumn;
+use super::samples::{LAST_PART, SampleColumn, part_name};
 use super::segment_id::SegmentId;
 use super::transients::TransientRow;
+use crate::campaign::transient::RECORDS;
 use crate::client::controller::Controller;
 use crate::run_folder::checksum::FileRecord;
 
@@ -47,6 +49,19 @@ pub enum Entry {
     Ended(Ended),
 }
 
+impl Entry {
+    /// Whether its parts fit together. What a journal states as a part of the samples is removed once the parts are joined, so
+    /// it must have a part's name.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        match self {
+            Self::Sealed(sealed) => sealed.part <= LAST_PART && *sealed.file.name == part_name(sealed.part),
+            Self::Begin(begin) => begin.records.iter().all(|record| record.name.starts_with(RECORDS)),
+            _ => true,
+        }
+    }
+}
+
 /// The program begins. Everything here but `at` and `damprig` must be the same when the run is resumed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Begin {
@@ -62,6 +77,9 @@ pub struct Begin {
     pub every_ticks: u16,
     /// The campaign's text.
     pub campaign: String,
+    /// The motion records that it plays, as copied into the run folder; absent in older runs.
+    #[serde(default)]
+    pub records: Vec<FileRecord>,
 }
 
 /// A segment has started.
@@ -133,6 +151,7 @@ pub struct Ended {
     #[serde(default)]
     pub controller: Option<Controller>,
     /// Wall time since the program began, s.
+    #[serde(with = "json_float")]
     pub wall_s: f64,
 }
 
@@ -152,18 +171,26 @@ pub struct Losses {
     pub bad_frames_host: u64,
     /// Frames that the device rejected.
     pub bad_frames_device: u64,
+    /// Messages of the device that did not fit what it was asked to do; they were dropped.
+    pub misfit_messages: u64,
     /// Times that the link was lost or the device was reset during the run.
     pub interruptions: u64,
 }
 
 impl AddAssign for Losses {
+    /// A damaged journal may state any number, so the sums stop at the largest.
     fn add_assign(&mut self, more: Self) {
-        self.dropped_records += more.dropped_records;
-        self.missing_records += more.missing_records;
-        self.dropped_rows_host += more.dropped_rows_host;
-        self.lost_rows += more.lost_rows;
-        self.bad_frames_host += more.bad_frames_host;
-        self.bad_frames_device += more.bad_frames_device;
-        self.interruptions += more.interruptions;
+        for (sum, more) in [
+            (&mut self.dropped_records, more.dropped_records),
+            (&mut self.missing_records, more.missing_records),
+            (&mut self.dropped_rows_host, more.dropped_rows_host),
+            (&mut self.lost_rows, more.lost_rows),
+            (&mut self.bad_frames_host, more.bad_frames_host),
+            (&mut self.bad_frames_device, more.bad_frames_device),
+            (&mut self.misfit_messages, more.misfit_messages),
+            (&mut self.interruptions, more.interruptions),
+        ] {
+            *sum = sum.saturating_add(more);
+        }
     }
 }

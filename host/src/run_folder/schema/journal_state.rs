@@ -161,7 +161,7 @@ impl JournalState {
         let mut sum = Losses::default();
         self.ended.iter().for_each(|e| sum += e.counters);
         let missing = self.sealed.iter().map(|s| s.lost_rows).chain(self.finished.iter().map(|f| f.lost_rows));
-        sum.lost_rows += missing.chain(self.left_parts().map(|s| s.rows)).sum::<u64>();
+        missing.chain(self.left_parts().map(|s| s.rows)).for_each(|n| sum.lost_rows = sum.lost_rows.saturating_add(n));
         sum
     }
 
@@ -183,6 +183,12 @@ impl JournalState {
     pub fn left_parts(&self) -> impl Iterator<Item = &Sealed> {
         let left = self.joined.as_ref().map_or(&[][..], |joined| &joined.left);
         self.sealed.iter().filter(move |s| left.contains(&s.part))
+    }
+
+    /// Rows of the closed parts.
+    #[must_use]
+    pub fn sealed_rows(&self) -> u64 {
+        self.sealed.iter().map(|s| s.rows).fold(0, u64::saturating_add)
     }
 
     /// Whether a part of this number is closed.
@@ -217,7 +223,7 @@ impl JournalState {
             let finished = self.end_of(id).map(|f| u64::from(f.end_tick));
             results.chain(transients.map(|r| r.end_tick)).chain(finished).max().unwrap_or(0)
         };
-        self.segments.iter().map(end).sum()
+        self.segments.iter().map(end).fold(0, u64::saturating_add)
     }
 }
 
@@ -237,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_points_come_in_ranges_of_neighbours() {
+    fn missing_points_are_listed_as_ranges() {
         let taken = JournalState::of(&[start(0, false), result(0, 0), result(3, 0)]);
         assert_eq!(taken.missing("a", "e", 6), [1..3, 4..6]);
         assert_eq!(taken.missing("b", "e", 2).first(), Some(&(0..2)));

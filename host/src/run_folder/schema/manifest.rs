@@ -15,7 +15,7 @@ use super::samples::SampleColumn;
 use super::segment_id::SegmentId;
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::client::controller::Controller;
-use crate::run_folder::checksum::FileRecord;
+use crate::run_folder::checksum::{self, FileRecord};
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -181,7 +181,13 @@ pub struct Manifest {
     pub files: Vec<FileRecord>,
     #[serde(default, deserialize_with = "or_default")]
     results_columns: Vec<ColumnRecord>,
+    /// SHA-256 of this file with 64 zeros in this place; empty in older runs.
+    #[serde(default)]
+    manifest_sha256: String,
 }
+
+/// In place of the manifest's own SHA-256 while that is computed.
+const NO_SUM: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 impl Manifest {
     /// At the start of a run.
@@ -210,7 +216,29 @@ impl Manifest {
             set_ups,
             files: Vec::new(),
             results_columns: results_columns(),
+            manifest_sha256: String::new(),
         }
+    }
+
+    /// The text of the file, with its own checksum.
+    ///
+    /// # Errors
+    /// When it cannot be written as JSON: a defect of this function.
+    pub fn to_text(&self) -> Result<String, serde_json::Error> {
+        let unsigned = Self { manifest_sha256: NO_SUM.into(), ..self.clone() };
+        let text = serde_json::to_string_pretty(&unsigned)? + "\n";
+        let sum = checksum::of_bytes(text.as_bytes());
+        Ok(text.replace(&own_sum(NO_SUM), &own_sum(&sum)))
+    }
+
+    /// Whether `text`, from which this manifest was read, is as it was written; none without a checksum (an older run).
+    #[must_use]
+    pub fn is_intact(&self, text: &str) -> Option<bool> {
+        if self.manifest_sha256.is_empty() {
+            return None;
+        }
+        let unsigned = text.replace(&own_sum(&self.manifest_sha256), &own_sum(NO_SUM));
+        Some(checksum::of_bytes(unsigned.as_bytes()) == self.manifest_sha256)
     }
 
     /// Takes over the totals of the journal.
@@ -281,6 +309,11 @@ impl Manifest {
         let zoned = self.started.parse::<jiff::Zoned>().map(|time| time.timestamp());
         zoned.ok().or_else(|| self.started.split('[').next()?.parse().ok())
     }
+}
+
+/// The line of the manifest's own checksum. It cannot occur within a text of the manifest, where quotes are escaped.
+fn own_sum(sum: &str) -> String {
+    format!("\"manifest_sha256\": \"{sum}\"")
 }
 
 /// The columns of the results, by the table itself.

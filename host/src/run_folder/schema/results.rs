@@ -11,7 +11,7 @@ use super::table::TableBuilder;
 /// The file's name in a run folder.
 pub const RESULTS: &str = "results.parquet";
 
-/// What the rig measured at one point.
+/// Results of one measured point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ResultRow {
     /// Name of the set-up.

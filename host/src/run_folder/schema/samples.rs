@@ -22,6 +22,9 @@ pub const JOINED: &str = "samples.parquet";
 /// Folder of the closed parts of a run that is not complete. Parquet readers take it as one data set.
 pub const PARTS: &str = "samples.parts";
 
+/// Largest number of a part.
+pub const LAST_PART: u32 = 999_999_999;
+
 /// The file of a closed part, relative to the run folder.
 #[must_use]
 pub fn part_name(part: u32) -> String {
@@ -39,7 +42,15 @@ pub fn open_part_name(part: u32) -> String {
 /// The number of the open part of this file name.
 #[must_use]
 pub fn open_part_number(name: &str) -> Option<u32> {
-    name.strip_prefix(OPEN.0)?.strip_suffix(OPEN.1)?.parse().ok()
+    let number = name.strip_prefix(OPEN.0)?.strip_suffix(OPEN.1)?.parse().ok()?;
+    (number <= LAST_PART && open_part_name(number) == name).then_some(number)
+}
+
+/// The number of the closed part of this file name in [`PARTS`].
+#[must_use]
+pub fn part_number(name: &str) -> Option<u32> {
+    let number = name.strip_suffix(".parquet")?.parse().ok()?;
+    (number <= LAST_PART && part_name(number) == format!("{PARTS}/{name}")).then_some(number)
 }
 
 /// A recorded signal.

@@ -9,8 +9,8 @@ use super::table::TableBuilder;
 /// The file's name in a run folder.
 pub const TRANSIENTS: &str = "transients.parquet";
 
-/// What was measured of one record, pulse or free vibration. Quantities that an experiment does not have (a decay of a
-/// record, a demand of a free vibration) are NaN.
+/// Results of one record, pulse or free vibration. Quantities that an experiment does not have (a decay of a record,
+/// a demand of a free vibration) are NaN.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TransientRow {
     /// Name of the set-up.
@@ -64,25 +64,25 @@ pub struct TransientRow {
     /// ln(start/end)/cycles.
     #[serde(with = "json_float")]
     pub log_decrement: f64,
-    /// δ/√(4π² + δ²) of that decrement: the damping ratio of the linear structure that would decay so.
+    /// δ/√(4π² + δ²) of that decrement: the damping ratio of a linear structure with the same decay.
     #[serde(with = "json_float")]
     pub damping_ratio: f64,
     /// Frequency over these cycles, Hz.
     #[serde(with = "json_float")]
     pub frequency_hz: f64,
-    /// max |x| of the simulation of the same, m.
+    /// Predicted max |x|, from the simulation of the same experiment, m.
     #[serde(with = "json_float")]
     pub predicted_x_peak_m: f64,
-    /// RMS of x of the simulation, m.
+    /// Predicted RMS of x, m.
     #[serde(with = "json_float")]
     pub predicted_x_rms_m: f64,
     /// First tick measured.
     pub start_tick: u64,
-    /// First tick after.
+    /// First tick after the measurement.
     pub end_tick: u64,
     /// Always 0: such an experiment has one point.
     pub point_index: u32,
-    /// How many times the experiment had been started on this set-up before.
+    /// Number of earlier starts of the experiment on this set-up.
     pub segment: u32,
 }
 

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use crate::campaign::Campaign;
 use crate::campaign::transient::{RECORDS, kept_record};
-use crate::run_folder::StorageError;
+use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{JOURNAL, Journal};
 use crate::run_folder::schema::manifest::{MANIFEST, Manifest};
+use crate::run_folder::{StorageError, own_files};
 
 /// The report page of a run folder.
 pub const PAGE: &str = "report.html";
@@ -101,14 +102,23 @@ impl OutputFolder {
         Ok(())
     }
 
+    /// The kept motion records as they are now.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn records(&self) -> Result<Vec<FileRecord>, StorageError> {
+        let mut all = checksum::of_folder(&self.path)?;
+        all.retain(|file| file.name.starts_with(&format!("{RECORDS}/")));
+        Ok(all)
+    }
+
     /// Writes the manifest whole, in place of an earlier one.
     ///
     /// # Errors
     /// When it cannot be written; an earlier one stays.
     pub fn write_manifest(&self, manifest: &Manifest) -> Result<(), StorageError> {
-        let text = serde_json::to_string_pretty(manifest)
-            .map_err(|e| StorageError::new("write", &self.path.join(MANIFEST), e))?;
-        self.write(MANIFEST, &(text + "\n"))
+        let text = manifest.to_text().map_err(|e| StorageError::new("write", &self.path.join(MANIFEST), e))?;
+        self.write(MANIFEST, &text)
     }
 
     /// Writes the report page whole, in place of an earlier one.
@@ -119,14 +129,7 @@ impl OutputFolder {
         self.write(PAGE, page)
     }
 
-    /// Writes a text beside its file and renames it: the file is there whole or not at all.
     fn write(&self, name: &str, text: &str) -> Result<(), StorageError> {
-        let path = self.path.join(name);
-        let beside = self.path.join(format!("{name}.tmp"));
-        let written = fs::write(&beside, text).and_then(|()| fs::rename(&beside, &path));
-        written.map_err(|e| {
-            let _ = fs::remove_file(&beside);
-            StorageError::new("write", &path, e)
-        })
+        own_files::replace(&self.path.join(name), text.as_bytes())
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! A file is written beside its final name and renamed, so it appears under its name only when it is whole.
 
-use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::Path;
 
 use arrow_array::RecordBatch;
 use arrow_schema::{DataType, Schema, SchemaRef};
@@ -12,7 +12,7 @@ use parquet::basic::{Compression, Encoding};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 
-use crate::run_folder::StorageError;
+use crate::run_folder::{StorageError, own_files};
 
 /// What a written file survives when the call returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,9 +64,9 @@ pub(super) fn write_whole(
     batches: impl Iterator<Item = Result<RecordBatch, String>>,
     durability: Durability,
 ) -> Result<(), StorageError> {
-    let beside = PathBuf::from(format!("{}.tmp", path.display()));
+    let beside = own_files::beside(path);
     let written = (|| {
-        let file = File::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
+        let file = own_files::create(&beside).map_err(|e| StorageError::new("create", &beside, e))?;
         let mut writer =
             ArrowWriter::try_new(file, schema.clone(), Some(properties(schema))).map_err(|e| failure(path, e))?;
         for batch in batches {
@@ -81,7 +81,7 @@ pub(super) fn write_whole(
     })();
     if written.is_err() {
         // The data that it was made from are kept elsewhere.
-        let _ = fs::remove_file(&beside);
+        own_files::remove_left(&beside);
     }
     written
 }

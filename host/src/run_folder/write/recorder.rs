@@ -5,6 +5,8 @@
 //! ticks. Results and other journal lines are few and are never dropped. A disk failure is returned by the next
 //! [`Recording::check`].
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -13,11 +15,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::run_folder::StorageError;
-use crate::run_folder::journal::Entry;
+use crate::run_folder::journal::{Entry, JOURNAL};
 use crate::run_folder::schema::samples::PointLabel;
 
 /// Capacity of the queue in values (rows × signals): nine minutes of 8 signals at 1 kHz, 8 s of 50 at 10 kHz; 16 MiB.
 const MOST_WAITING: usize = 4 << 20;
+
+/// Most lines of the journal that wait: more than a disk that writes at all leaves behind.
+const MOST_ENTRIES: usize = 1 << 16;
 
 /// Longest time for which samples are held in memory before they are synced.
 const SYNC_EVERY: Duration = Duration::from_millis(250);
@@ -82,6 +87,8 @@ pub trait Recording {
 #[derive(Debug, Default)]
 struct Shared {
     waiting: Mutex<usize>,
+    /// Lines of the journal that wait.
+    entries: Mutex<usize>,
     room: Condvar,
     failed: Mutex<Option<StorageError>>,
 }
@@ -140,7 +147,7 @@ impl<S: Sink> Recorder<S> {
     }
 
     /// Waits until everything is written; gives the sink back, and the failure if there was one. `None` when the thread
-    /// has died.
+    /// could not even give the sink back.
     pub fn finish(mut self) -> (Option<S>, Result<(), StorageError>) {
         self.queue = None;
         let sink = self.thread.take().and_then(|thread| thread.join().ok());
@@ -155,16 +162,21 @@ impl<S: Sink> Recording for Recorder<S> {
             return Err(error);
         }
         match &self.thread {
-            // It ends by itself only when it has failed; a panic leaves no error.
-            Some(thread) if thread.is_finished() => {
-                let message = "the recorder's thread has died: this is a defect of the program";
-                lock(&self.shared.failed).clone().map_or(Err(StorageError::new("record", Path::new(""), message)), Err)
-            }
+            // It ends by itself only when it has failed.
+            Some(thread) if thread.is_finished() => lock(&self.shared.failed).clone().map_or(Err(defect(None)), Err),
             _ => Ok(()),
         }
     }
 
     fn note(&self, entry: Entry) {
+        let mut entries = lock(&self.shared.entries);
+        if *entries >= MOST_ENTRIES {
+            let message = format!("{MOST_ENTRIES} lines of the journal are waiting: the disk is too slow");
+            lock(&self.shared.failed).get_or_insert(StorageError::new("record", Path::new(JOURNAL), message));
+            return;
+        }
+        *entries += 1;
+        drop(entries);
         self.send(Message::Entry(Box::new(entry)));
     }
 
@@ -190,15 +202,31 @@ impl<S: Sink> Recording for Recorder<S> {
     }
 }
 
+/// The error of a thread that has panicked, with the panic's message.
+fn defect(panic: Option<&(dyn Any + Send)>) -> StorageError {
+    let said = panic.and_then(|p| p.downcast_ref::<String>().map(String::as_str).or(p.downcast_ref::<&str>().copied()));
+    let said = said.map_or(String::new(), |said| format!(" ({said})"));
+    StorageError::new(
+        "record",
+        Path::new("the run"),
+        format!("the recorder has failed: this is a defect of damprig{said}"),
+    )
+}
+
 fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> S {
-    let outcome = (|| {
+    // A panic must not lose the sink: what it has written is closed, and the run gets its manifest and report.
+    let outcome = catch_unwind(AssertUnwindSafe(|| {
         let mut synced = Instant::now();
         loop {
             match messages.recv_timeout(SYNC_EVERY.saturating_sub(synced.elapsed())) {
                 Ok(message) => {
-                    let size = if let Message::Rows(rows) = &message { rows.values.len() } else { 0 };
+                    let (size, entries) = match &message {
+                        Message::Rows(rows) => (rows.values.len(), 0),
+                        Message::Entry(_) => (0, 1),
+                    };
                     let taken = sink.take(message);
                     *lock(&shared.waiting) -= size;
+                    *lock(&shared.entries) -= entries;
                     shared.room.notify_all();
                     taken?;
                 }
@@ -210,7 +238,8 @@ fn work<S: Sink>(mut sink: S, messages: &Receiver<Message>, shared: &Shared) -> 
                 synced = Instant::now();
             }
         }
-    })();
+    }))
+    .unwrap_or_else(|panic| Err(defect(Some(&*panic))));
     if let Err(error) = outcome {
         *lock(&shared.failed) = Some(error);
         shared.room.notify_all();
@@ -258,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stalled_disk_blocks_nobody_and_dropped_rows_are_counted() {
+    fn a_stalled_disk_does_not_block_the_link_and_dropped_rows_are_counted() {
         let (mut recorder, held, give) = stalled(false);
         let stop = AtomicBool::new(false);
         recorder.rows(rows(0), &stop);
@@ -315,12 +344,28 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_thread_is_reported_and_ends_every_wait() {
+    fn a_panic_is_reported_ends_every_wait_and_gives_the_sink_back() {
         let mut recorder = Recorder::with_room(Defective, true, 10);
         let stop = AtomicBool::new(false);
         (0..100).for_each(|tick| recorder.rows(rows(tick), &stop));
-        assert!(recorder.check().unwrap_err().to_string().contains("the recorder's thread has died"));
-        assert!(recorder.finish().0.is_none());
+        let (sink, outcome) = recorder.finish();
+        let error = outcome.unwrap_err().to_string();
+        assert!(error.contains("this is a defect of damprig (a defect, on purpose)"), "{error}");
+        assert!(sink.is_some(), "it closes what it has written");
+    }
+
+    #[test]
+    fn lines_beyond_what_a_working_disk_leaves_behind_end_the_run() {
+        let (recorder, held, give) = stalled(false);
+        let line = || Entry::Joined(Joined::default());
+        recorder.note(line());
+        held.recv().unwrap();
+        (0..MOST_ENTRIES - 1).for_each(|_| recorder.note(line()));
+        assert!(recorder.check().is_ok());
+        recorder.note(line());
+        assert!(recorder.check().unwrap_err().to_string().contains("the disk is too slow"));
+        drop(give);
+        assert_eq!(recorder.finish().0.unwrap().entries, MOST_ENTRIES as u64, "those that were taken are written");
     }
 
     #[test]

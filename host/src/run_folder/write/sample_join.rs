@@ -5,6 +5,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use super::parquet_file::{Durability, write_whole};
+use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Joined, Sealed};
 use crate::run_folder::read::parquet_file::read;
 use crate::run_folder::schema::samples::{JOINED, PARTS, SampleColumn, schema};
@@ -43,8 +44,9 @@ pub fn join(folder: &Path, signals: &[SampleColumn], sealed: &[Sealed]) -> Resul
     // The program was killed between writing this file and its line in the journal, or the file is not of this run.
     let again = folder.join(AGAIN);
     write_whole(&again, &schema(signals), counted, Durability::Program)?;
-    let sum = |name: &str| checksum::of_file(folder, name).map(|f| f.sha256);
-    let is_own = matches!((sum(JOINED), sum(AGAIN)), (Ok(there), Ok(own)) if there == own);
+    let sum =
+        |name: &str| FileName::new(name).ok().and_then(|name| checksum::of_file(folder, &name).ok()).map(|f| f.sha256);
+    let is_own = matches!((sum(JOINED), sum(AGAIN)), (Some(there), Some(own)) if there == own);
     fs::remove_file(&again).map_err(|e| StorageError::new("remove", &again, e))?;
     if is_own {
         return Ok(joined);

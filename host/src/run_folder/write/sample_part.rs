@@ -13,9 +13,9 @@ use arrow_ipc::writer::StreamWriter;
 use arrow_schema::SchemaRef;
 
 use super::parquet_file::{Durability, write_whole};
-use crate::run_folder::StorageError;
 use crate::run_folder::read::open_part::Salvaged;
 use crate::run_folder::schema::samples::{self, PointLabel, SampleColumn, open_part_name, part_name, stream_schema};
+use crate::run_folder::{StorageError, own_files};
 
 /// A part is closed at this many rows, if its point has not ended before.
 pub(super) const MOST_ROWS: u64 = 100_000;
@@ -49,7 +49,7 @@ impl OpenPart {
     ) -> Result<Self, StorageError> {
         let path = folder.join(open_part_name(number));
         let schema = stream_schema(&label, signals, tick_hz);
-        let file = File::create(&path).map_err(|e| StorageError::new("create", &path, e))?;
+        let file = own_files::create(&path).map_err(|e| StorageError::new("create", &path, e))?;
         let mut writer = StreamWriter::try_new(BufWriter::new(file), &schema).map_err(|e| failed(&path, &e))?;
         writer.flush().map_err(|e| failed(&path, &e))?;
         let signals = vec![Vec::new(); signals.len()];
@@ -113,10 +113,10 @@ fn failed(path: &Path, error: &dyn std::fmt::Display) -> StorageError {
 fn create_folder_of_parts(folder: &Path) -> Result<(), StorageError> {
     let parts = folder.join(samples::PARTS);
     match fs::create_dir(&parts) {
-        Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
-            Err(StorageError::new("create", &parts, error))
-        }
-        _ => Ok(()),
+        Ok(()) => Ok(()),
+        // Not through a link: it would lead out of the folder.
+        Err(_) if fs::symlink_metadata(&parts).is_ok_and(|there| there.is_dir()) => Ok(()),
+        Err(error) => Err(StorageError::new("create", &parts, error)),
     }
 }
 

@@ -11,6 +11,7 @@ use super::parquet_file::write_table;
 use super::recorder::{Message, Rows, Sink};
 use super::sample_join::{join, remove_parts};
 use super::sample_part::{MOST_ROWS, OpenPart, seal_salvaged};
+use crate::run_folder::file_name::FileName;
 use crate::run_folder::journal::{Entry, Journal, Sealed};
 use crate::run_folder::read::folder::readable_rows;
 use crate::run_folder::read::open_part::{StreamHead, read_head, salvage};
@@ -87,7 +88,7 @@ impl Writer {
             has_new_results: false,
         };
         writer.close_left_open()?;
-        writer.rows = writer.state.sealed.iter().map(|s| s.rows).sum();
+        writer.rows = writer.state.sealed_rows();
         writer.earlier_rows = writer.rows;
         Ok(writer)
     }
@@ -162,6 +163,10 @@ impl Writer {
     fn push(&mut self, rows: &Rows) -> Result<(), StorageError> {
         let every = u64::from(self.layout.every_ticks).max(1);
         let width = self.layout.signals.len();
+        if rows.values.len() != rows.ticks.len() * width {
+            let message = format!("{} values are not {} rows of {width} signals", rows.values.len(), rows.ticks.len());
+            return Err(StorageError::new("record", &self.folder, message));
+        }
         for (n, tick) in rows.ticks.iter().enumerate() {
             let tick = u64::from(*tick);
             let expected = self.last_tick.map_or(0, |last| last + every);
@@ -204,10 +209,10 @@ impl Writer {
             if p.rows == 0 || self.state.is_sealed(p.part) {
                 continue;
             }
-            let name = part_name(p.part);
-            let path = self.folder.join(&name);
+            let path = self.folder.join(part_name(p.part));
             File::open(&path).and_then(|f| f.sync_data()).map_err(|e| StorageError::new("write", &path, e))?;
-            let file = checksum::of_file(&self.folder, &name).map_err(|e| StorageError::new("read", &path, e))?;
+            let file = FileName::new(&part_name(p.part)).map_err(|e| StorageError::new("read", &path, e))?;
+            let file = checksum::of_file(&self.folder, &file).map_err(|e| StorageError::new("read", &path, e))?;
             self.note(&Entry::Sealed(Sealed { part: p.part, file, rows: p.rows, lost_rows: p.lost_rows }))?;
         }
         if !self.is_synced {
@@ -238,7 +243,8 @@ impl Writer {
     /// [`Writer::rows`] is the rows that can be read.
     pub fn unwritten_rows(&mut self, accepted: u64) -> u64 {
         self.rows = readable_rows(&self.folder, &self.state);
-        (self.earlier_rows + accepted).saturating_sub(self.repeated_rows + self.rows)
+        let written = self.repeated_rows.saturating_add(self.rows);
+        self.earlier_rows.saturating_add(accepted).saturating_sub(written)
     }
 
     /// Joins the parts of a complete run and removes them. Does nothing when that has been done before.

@@ -485,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn the_product_of_the_multipliers_is_what_damping_and_impacts_leave() {
+    fn the_product_of_the_multipliers_follows_from_damping_and_impacts() {
         // Phase volume: e^{−2ζωT} by the dashpot, e² by each of the two impacts (Liouville).
         let set_up = damper(10.0, 0.5);
         let mut motion = Exact::new(

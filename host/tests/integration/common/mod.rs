@@ -75,6 +75,10 @@ pub enum Fate {
     Corrupt,
     /// Send this message instead.
     Replace(Box<FromDevice>),
+    /// Send it, and these after it.
+    Also(Vec<FromDevice>),
+    /// Send this instead, again and again, until the host disconnects.
+    Flood(Box<FromDevice>),
     /// Close the connection instead.
     Close,
     /// Send nothing from now on, but stay connected.
@@ -166,12 +170,19 @@ fn serve(
         for &byte in &said {
             let Some(Ok(message)) = from_board.push::<FromDevice>(byte) else { continue };
             let mut frame = [0; frame::LONGEST];
+            let mut more = Vec::new();
             let mut length = frame::encode(&message, &mut frame).expect("it came as a frame");
             heard.finished += usize::from(matches!(message, FromDevice::Event { event: Event::Finished { .. }, .. }));
             match fate(&message) {
                 Fate::Pass => {}
                 Fate::Corrupt => frame[length / 2] ^= 0x10,
                 Fate::Replace(other) => length = frame::encode(&*other, &mut frame).expect("it fits"),
+                Fate::Also(others) => more = others.iter().flat_map(encoded).collect(),
+                Fate::Flood(other) => {
+                    let many = encoded(&other).repeat(1000);
+                    while stream.write_all(&many).is_ok() {}
+                    return heard;
+                }
                 Fate::Close => {
                     let _ = stream.write_all(&out);
                     return heard;
@@ -184,12 +195,19 @@ fn serve(
             }
             if !muted {
                 out.extend_from_slice(&frame[..length]);
+                out.extend(more);
             }
         }
         if stream.write_all(&out).is_err() {
             return heard;
         }
     }
+}
+
+fn encoded(message: &FromDevice) -> Vec<u8> {
+    let mut frame = [0; frame::LONGEST];
+    let length = frame::encode(message, &mut frame).expect("it fits");
+    frame[..length].to_vec()
 }
 
 /// Whether a message is the result of a point.

@@ -14,7 +14,7 @@ pub struct LockIn {
 }
 
 impl LockIn {
-    /// At `angular_frequency_rad_per_s`, more than 0.
+    /// Makes a lock-in at this angular frequency, rad/s; greater than 0.
     #[must_use]
     pub fn new(angular_frequency_rad_per_s: f64) -> Self {
         Self { angular_frequency_rad_per_s, sine: 0.0, cosine: 0.0, length_s: 0.0 }

@@ -140,7 +140,7 @@ pub struct BaseLoop {
     travel: Option<(f32, f32)>,
     half_travel: f32,
     held: u32,
-    /// In the last tick.
+    /// Whether the drive was at its limit in the last tick.
     saturated: bool,
 }
 

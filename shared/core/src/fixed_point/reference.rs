@@ -1,8 +1,7 @@
 //! Reference runs of the sampled driver, identical for every scalar and machine.
 //!
-//! They serve two comparisons: the bits of a controller without floating point, and the error of its numbers against
-//! `f64`. The comparisons are made elsewhere: `tests/scalars.rs` of this crate (the error), the whole-system tests (the
-//! bits).
+//! They serve two comparisons. `tests/integration/scalars.rs` of this crate compares the numbers with `f64`. The
+//! whole-system tests compare the bits of a controller without floating point.
 
 use crate::integrator::base::{BaseSegment, BaseTrack};
 use crate::integrator::modes::Contact;

@@ -68,7 +68,7 @@ pub struct Coefficients<S> {
 }
 
 impl<S: Scalar> Coefficients<S> {
-    /// From a validated set-up. These equations do not include a soft wall or a tuned mass.
+    /// Computes the coefficients of a validated set-up. These equations do not include a soft wall or a tuned mass.
     #[must_use]
     pub fn new(set_up: &SetUp) -> Self {
         let particle = set_up.particle;

@@ -217,13 +217,13 @@ mod tests {
             for n in 1..COEFFICIENTS {
                 p[n] -= rising[n - 1] / 0.7;
             }
-            let found = first_failure(&p, 1.0).expect("it comes back");
+            let found = first_failure(&p, 1.0).expect("the quantity returns to zero");
             assert!((found - 0.7).abs() < 1e-14, "{since}: {found}");
         }
     }
 
     #[test]
-    fn leaving_a_limit_is_no_failure_but_coming_back_is() {
+    fn leaving_a_limit_is_not_an_event_but_returning_to_it_is() {
         // t (0.3 − t): starts at the limit, leaves it and returns at 0.3.
         let p = [0.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert!((first_failure(&p, 1.0).unwrap() - 0.3).abs() < 1e-15);
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_is_being_broken_fails_at_once() {
+    fn a_limit_that_is_being_violated_fails_at_once() {
         assert_eq!(first_failure(&[0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
         assert_eq!(first_failure(&[-1e-9, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0), Some(0.0));
     }

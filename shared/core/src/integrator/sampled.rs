@@ -12,8 +12,9 @@
 //! same bits on every machine.
 //!
 //! # Accuracy of the small scalars
-//! Errors against `f64` in free vibration from x0 = 35 mm at 1 kHz (`tests/scalars.rs` prints them): the largest error
-//! of x over 10 s in parts of x0, the error of the first ten impact times, and the error of the RMS over 30 cycles.
+//! Errors against `f64` in free vibration from x0 = 35 mm at 1 kHz (`tests/integration/scalars.rs` prints them): the
+//! largest error of x over 10 s in parts of x0, the error of the first ten impact times, and the error of the RMS
+//! over 30 cycles.
 //!
 //! | d/x0, e, μi | `f32`: x | impacts, s | RMS | fixed point: x | impacts, s | RMS |
 //! |---|---|---|---|---|---|---|

@@ -22,7 +22,7 @@ pub struct DriveRange {
 pub struct AboveLimit {
     /// The parameter's name, with its unit.
     pub parameter: &'static str,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f32,
     /// The limit, in the same unit.
     pub limit: f32,

@@ -45,7 +45,7 @@ pub struct TransientResult {
     pub wanted_rms_m: f32,
     /// RMS of z minus the demand, at the delay that makes it smallest, m.
     pub base_error_rms_m: f32,
-    /// That delay, from the demand to the reading, s; 0 without a demand.
+    /// Delay from the demand to the reading at which that error is smallest, s; 0 without a demand.
     pub base_delay_s: f32,
     /// The demand was cut at its limit.
     pub drive_saturated: bool,

@@ -1,18 +1,18 @@
-//! What the rig does: nothing, an experiment, or nothing after a fault. Each state holds the data that belongs to it.
+//! Activity of the rig, its main state: idle, running an experiment, or faulted. Each state holds its own data.
 
 use super::State;
 use crate::control::experiment::ExperimentRunner;
 use crate::control::fault::Fault;
 
-/// What the rig does.
+/// Activity of the rig.
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not available.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub(super) enum Activity {
-    /// Nothing. The drive is off.
+    /// No experiment; the drive is off.
     Idle,
-    /// An experiment: its drive is on or fades out.
+    /// An experiment; its drive is on or fades out.
     Experiment { runner: ExperimentRunner, phase: Phase },
-    /// Nothing, until the fault is cleared. The drive is off.
+    /// Faulted, with the drive off, until the fault is cleared.
     Faulted(Fault),
 }
 
@@ -28,7 +28,7 @@ pub(super) enum Phase {
 }
 
 impl Activity {
-    /// The state as a host sees it.
+    /// The state that is reported to a host.
     pub fn state(&self) -> State {
         match self {
             Self::Idle => State::Idle,

@@ -46,7 +46,7 @@ impl State {
 
 /// A command to the rig.
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant)] // No allocator: a box is not to be had.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 pub enum Command {
     /// Tighten limits for the configured experiment, from its start until the rig is idle again. Idle only.
     SetLimits(ExperimentLimits),

@@ -34,7 +34,7 @@ impl Dampers {
         self.meter.counts().total()
     }
 
-    /// Starts the tick count anew: counts at zero, the twin at rest. The spring keeps its position.
+    /// Restarts the tick count: counts at zero, the twin at rest. The spring keeps its position.
     pub fn restart(&mut self) {
         self.meter.reset();
         if let Some(twin) = &mut self.twin {

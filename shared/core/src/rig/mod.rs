@@ -1,10 +1,11 @@
 //! The rig's state machine: takes samples and commands, returns actuator values, replies and events.
 //!
 //! All functions are synchronous; time is the tick. On the board a high-priority task calls [`Rig::tick`] at
-//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. In a tick the interlocks follow the measurement
-//! of impacts and base; the spring and the drive come after them and obey them in the same tick. [`crate::io`] has the input and output types, [`command`] the
-//! commands, `handle` carries them out; `activity` has the states, [`signals`] the telemetry, [`damper`] the dampers'
-//! part of a tick. `damprig-protocol` carries commands and results to and from a host.
+//! [`crate::io::TICK_HZ`]; the virtual rig calls it as fast as it can. In a tick the interlocks follow the
+//! measurement of impacts and base; the spring and the drive come after them and obey them in the same tick.
+//! [`crate::io`] has the input and output types, [`command`] the commands, `handle` carries them out; `activity` has
+//! the states, [`signals`] the telemetry, [`damper`] the dampers' part of a tick. `damprig-protocol` carries commands
+//! and results to and from a host.
 
 mod activity;
 pub mod command;

@@ -15,7 +15,7 @@ pub enum Rejected {
     Invalid {
         /// The parameter's name with its unit.
         parameter: String<40>,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
         /// What is allowed.
         allowed: String<96>,
@@ -52,7 +52,7 @@ pub enum Rejected {
     AboveLimit {
         /// The parameter's name with its unit.
         parameter: String<40>,
-        /// Its value.
+        /// Value of the parameter.
         value: f32,
         /// The limit.
         limit: f32,

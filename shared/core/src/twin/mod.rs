@@ -203,7 +203,7 @@ pub struct Twin {
     base_m: f32,
     /// The means of x and z in the tick before, m.
     before: (f32, f32),
-    /// There was a tick before.
+    /// Whether there was a tick before.
     has_begun: bool,
     detections: Deque<ImpactRecord, DETECTIONS_WAITING>,
     matcher: Matcher,
@@ -275,7 +275,7 @@ impl Twin {
     }
 
     /// Runs one tick with its means of x and z, m. A mean that is not finite is replaced by that of the tick before,
-    /// because it would stay in the state for ever.
+    /// because it would stay in the state forever.
     pub fn tick(&mut self, tick: u32, x_m: f32, z_m: f32) -> TwinSignals {
         let (x_m, z_m) = if x_m.is_finite() && z_m.is_finite() { (x_m, z_m) } else { self.before };
         self.learn_from_impacts(tick);

@@ -79,7 +79,7 @@ impl Bench {
         assert_eq!(self.safety.stage(), SafeStage::Ringing, "less than half a second of rest is not enough");
         self.run(20);
         assert_eq!(self.safety.stage(), SafeStage::Safe);
-        assert_eq!(self.safety.fault().unwrap().cause, cause, "readable until it is cleared");
+        assert_eq!(self.safety.fault().unwrap().cause, cause, "the fault can be read until it is cleared");
         self.safety.clear().unwrap();
         let (allowed, _) = self.tick();
         assert_eq!(allowed, Allowed { drive: 1.0, relay: true, brake_n: None });

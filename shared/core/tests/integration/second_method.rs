@@ -64,7 +64,7 @@ impl ODE<f64, Phase> for Equations {
 fn integrate(equations: &Equations, from: f64, to: f64, start: Phase) -> Phase {
     let method = ExplicitRungeKutta::dop853().rtol(TOLERANCE).atol(TOLERANCE_M);
     let solution = IVP::ode(equations, from, to, start).method(method).solve().expect("the method reaches the end");
-    *solution.last().expect("it has an end").1
+    *solution.last().expect("the solution has a last point").1
 }
 
 /// The state at `end_s`. For hard walls the instant of impact is found by bisection, and the law of impact is

@@ -14,10 +14,10 @@
 //! sticks), so the balance has one solution. A secant iteration on copies of the structure finds it.
 //!
 //! # The error
-//! The method is of second order in the step. With the default shaker's 3 steps of 1/3 ms per tick the amplitudes of
-//! x and z are within 1e-5 of the closed form at 2 to 3 Hz (`tests/shaker.rs` halves the step and finds a quarter of
-//! the error). Table modes up to [`LARGEST_RATE_PER_STEP`] per step are accurate to 2·10⁻⁴. The end of the stroke is
-//! resolved to one step.
+//! The method is of second order in the step: `tests/integration/shaker.rs` halves the step and finds a quarter of
+//! the error. With the default shaker's 3 steps of 1/3 ms per tick the amplitudes of x and z are within 1e-5 of the
+//! closed form at 2 to 3 Hz. Table modes up to [`LARGEST_RATE_PER_STEP`] per step are accurate to 2·10⁻⁴. The end of
+//! the stroke is resolved to one step.
 
 use super::shaker::Shaker;
 use damprig_core::integrator::base::BaseSegment;

@@ -313,7 +313,7 @@ mod faults {
     }
 
     #[test]
-    fn a_sensor_that_gives_no_number_ends_homing() {
+    fn a_nan_reading_ends_homing() {
         homing(|bench| bench.reads_n = Some(f32::NAN), SpringFaultCause::SensorLost);
     }
 
@@ -413,7 +413,7 @@ mod faults {
 
     /// Four ticks at a rail are not a fault, and their readings are ignored.
     #[test]
-    fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_goes_on() {
+    fn while_the_sensor_is_at_a_rail_the_motor_stops_and_then_continues() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
         bench.run(400);
@@ -466,7 +466,7 @@ mod faults {
     }
 
     #[test]
-    fn a_switch_that_closes_where_it_should_not_stops_the_motor() {
+    fn a_switch_that_closes_unexpectedly_stops_the_motor() {
         let mut bench = Bench::ready();
         bench.set(Target::Force { force_n: 5.0 });
         bench.run(300);
@@ -518,7 +518,7 @@ fn invalid_commands_are_refused_with_the_stage_and_what_to_do() {
 }
 
 #[test]
-fn halt_stops_where_it_is_and_keeps_the_zero_reading() {
+fn halt_stops_at_the_present_position_and_keeps_the_zero_reading() {
     let mut bench = Bench::ready();
     bench.set(Target::Force { force_n: 10.0 });
     bench.run(700);

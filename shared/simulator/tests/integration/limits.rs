@@ -170,7 +170,7 @@ fn the_boards_limits_are_in_force_again_when_an_experiment_ends_or_is_stopped() 
 }
 
 #[test]
-fn limits_belong_to_their_experiment_however_often_it_is_started_and_to_no_other() {
+fn limits_apply_to_every_start_of_their_experiment_and_to_no_other_experiment() {
     let mut host = Host::new(settings());
     host.drive(structure_within(0.02));
     for _ in 0..2 {

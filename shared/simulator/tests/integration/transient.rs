@@ -344,7 +344,7 @@ fn a_release_by_an_unsteady_hand_is_detected() {
 }
 
 #[test]
-fn a_structure_that_nobody_releases_times_out_and_drives_nothing() {
+fn a_structure_that_is_not_released_times_out_without_a_drive() {
     for held in [false, true] {
         let log = run(&PlantConfig::ideal(bare()), freed(free()), &[], |_, _, sensors| {
             sensors.readings.x = Reading::still(if held { 0.03 } else { 0.001 });

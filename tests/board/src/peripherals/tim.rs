@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trigger_comes_every_period_from_the_start() {
+    fn triggers_occur_every_period_from_the_start() {
         let mut tim = Tim::new("TIM3", Kind::General, CLOCK);
         tim.write(ARR, 17_000 - 1, us(0)).unwrap();
         tim.write(CR2, 2 << 4, us(0)).unwrap();

@@ -11,8 +11,8 @@
 //! While the force sensor is at a rail, its force is ignored and the motor brakes to a standstill. The emergency stop
 //! switches the motor off in its tick. The position is then unknown, so the spring must be homed again.
 //!
-//! [`config`] holds the constants, [`ramp`] the motor's motion, `press` the approach to a target and its holding. Pulses and pins are in the board's code. Backlash is
-//! not modelled: the spring keeps the nut on one flank.
+//! [`config`] holds the constants, [`ramp`] the motor's motion, `press` the approach to a target and its holding.
+//! Pulses and pins are in the board's code. Backlash is not modelled: the spring keeps the nut on one flank.
 
 pub mod config;
 mod homing;

@@ -187,7 +187,7 @@ impl SteppedSineRunner {
         }
     }
 
-    /// In a dwell of a closed loop: the base has left its tolerance, and there is time to start the dwell again.
+    /// Whether, in a dwell of a closed loop, the base has left its tolerance and there is time to restart the dwell.
     fn base_slipped(&self) -> bool {
         match &self.plan.sine.drive {
             DriveMode::Constant => false,
@@ -325,6 +325,8 @@ impl SteppedSineRunner {
             Waited::Begun => self.put_back = Some(self.place()),
             Waited::Quiet => {
                 self.phase = Phase::default();
+                // As at the start of an experiment: a point from rest does not depend on the point before it.
+                self.waves = [self.phase.sin_cos(); DELAY_TICKS as usize];
                 self.begin_settling();
                 self.driven_ticks = 1;
             }

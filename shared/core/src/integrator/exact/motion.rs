@@ -1,4 +1,4 @@
-//! A set-up in motion: the state of a run, its present mode, and what follows from them.
+//! Motion of a set-up in the exact driver: state, present mode, and the quantities derived from them.
 //!
 //! The main loop is in [`super::driver`]; it uses the guards, the end-point proofs and the event handling, which all
 //! work on this state.

@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_graze_that_stays_positive_is_no_failure() {
+    fn a_graze_that_stays_positive_is_not_a_failure() {
         for lift in [1e-3, 1e-9, 1e-13] {
             let mut p = from_roots(&[0.5, 0.5]);
             p[0] += lift;
@@ -315,13 +315,13 @@ mod tests {
             for n in 1..TERMS {
                 p[n] -= rising[n - 1] / 0.7;
             }
-            let found = first_failure(&p, 1.0).expect("it comes back");
+            let found = first_failure(&p, 1.0).expect("the quantity returns to zero");
             assert!((found - 0.7).abs() < 1e-14, "{since}: {found}");
         }
     }
 
     #[test]
-    fn leaving_a_limit_is_no_failure_but_coming_back_is() {
+    fn leaving_a_limit_is_not_a_failure_but_returning_to_it_is() {
         let mut p = [0.0; TERMS];
         p[1] = 0.3;
         p[2] = -1.0;

@@ -1,0 +1,46 @@
+//! Standard output and standard error of the command.
+//!
+//! Output never decides whether work is done: a closed or full standard output is kept in mind until the work is over, and
+//! then gives the exit code. `damprig … | head` saves, stops the rig and completes its files like any other call.
+
+use std::fmt::Arguments;
+use std::io::{Error, ErrorKind, Write, stderr, stdout};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+
+use super::outcome::Failure;
+use crate::input::shown;
+
+/// The first error of standard output.
+static FAILED: OnceLock<Error> = OnceLock::new();
+
+/// Prints a text to standard output; nothing more after an error. What would control a terminal is spelled out.
+pub(super) fn print(text: Arguments) {
+    if FAILED.get().is_none()
+        && let Err(error) = stdout().write_all(shown(&text.to_string()).as_bytes())
+    {
+        let _ = FAILED.set(error);
+    }
+}
+
+/// Prints a text to standard error. Nobody can be told when that fails.
+pub(super) fn print_error(text: Arguments) {
+    let _ = stderr().write_all(shown(&text.to_string()).as_bytes());
+}
+
+/// The exit code of a command whose work has succeeded: that of a failure when its output is incomplete.
+pub(super) fn finish() -> ExitCode {
+    if FAILED.get().is_none()
+        && let Err(error) = stdout().flush()
+    {
+        let _ = FAILED.set(error);
+    }
+    match FAILED.get() {
+        None => ExitCode::SUCCESS,
+        // The reader wanted no more.
+        Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::FAILURE,
+        Some(error) => {
+            Failure::Failed(format!("the work is done, but standard output could not be written: {error}")).report()
+        }
+    }
+}
