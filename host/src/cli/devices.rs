@@ -28,10 +28,10 @@ pub struct Args {
 pub fn run(args: &Args) -> Outcome {
     let found = query(ports().map_err(Failure::Failed)?, args.all, Duration::from_secs_f64(args.timeout));
     if found.is_empty() {
-        println!("No serial ports found. To run without a board, use --rig virtual");
+        say!("No serial ports found. To run without a board, use --rig virtual");
         return Ok(());
     }
-    println!("{}", table(&found));
+    say!("{}", table(&found));
     Ok(())
 }
 

@@ -87,12 +87,12 @@ pub fn run(args: &Args) -> Outcome {
     let image = args.target.image()?;
     let (probe, mut attached) = args.target.attach()?;
     let kilobytes = image.length() as f64 / 1e3;
-    eprintln!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
+    warn!("{}: {kilobytes:.1} KB through {} {}", image.path.display(), probe.name, probe.selector);
     let bars = RefCell::new(Bars::default());
     attached.write(&image, |event| bars.borrow_mut().show(event)).map_err(Failure::Failed)?;
     attached.reset().map_err(Failure::Failed)?;
     drop(attached);
-    eprintln!("written and verified; the board restarts");
+    warn!("written and verified; the board restarts");
     let mut session = connect(args, &probe)?;
     describe(&image, &mut session)
 }
@@ -180,14 +180,14 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
     let session = &*session;
     let (it, about) = (&session.identity, &session.description);
     let revision = if about.revision.is_empty() { "revision unknown" } else { about.revision.as_str() };
-    println!("{} at {}", it.board, session.name());
-    println!("  firmware  {} ({revision}, {} build)", it.firmware, about.profile);
-    println!("  protocol  {} (schema {})", it.protocol, hex(&it.schema));
-    println!("  clock     {}", clock(about.clock_source));
-    println!("  reset by  {}", reset(about.reset));
-    println!("  settings  {}", origin_text(about.settings));
-    println!("  health    {health}");
-    println!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
+    say!("{} at {}", it.board, session.name());
+    say!("  firmware  {} ({revision}, {} build)", it.firmware, about.profile);
+    say!("  protocol  {} (schema {})", it.protocol, hex(&it.schema));
+    say!("  clock     {}", clock(about.clock_source));
+    say!("  reset by  {}", reset(about.reset));
+    say!("  settings  {}", origin_text(about.settings));
+    say!("  health    {health}");
+    say!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
     if (&it.board, &it.firmware) == (&image.identity.board, &image.identity.firmware) {
         return Ok(());
     }

@@ -3,11 +3,12 @@
 //! To add a subcommand: a file with its clap `Args` and a function that returns [`Outcome`], and a line in both `Command` and
 //! [`main`]. The work itself belongs into the library.
 
-/// Prints a line to standard output. A closed pipe (`| head`) does not end a run: it still has to stop the rig.
+/// Prints a line to standard output; what controls a terminal is spelled out. A closed pipe (`| head`) does not end a run: it
+/// still has to stop the rig.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
+        let _ = writeln!(std::io::stdout(), "{}", $crate::input::shown(&format!($($text)*)));
     }};
 }
 
@@ -15,12 +16,13 @@ macro_rules! say {
 macro_rules! warn {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($text)*);
+        let _ = writeln!(std::io::stderr(), "{}", $crate::input::shown(&format!($($text)*)));
     }};
 }
 
 mod arguments;
 mod devices;
+mod documents;
 #[cfg(feature = "probe")]
 mod flash;
 #[cfg(feature = "probe")]
@@ -41,7 +43,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use outcome::{Failure, Outcome};
 
@@ -79,6 +81,10 @@ enum Command {
     Settings(settings::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
+    /// Print the completions of a shell
+    Completions(documents::Completions),
+    /// Print the manual page of damprig or of one of its commands
+    Man(documents::ManualPage),
     /// Flash the firmware of the controller board
     #[cfg(feature = "probe")]
     Flash(flash::Args),
@@ -120,6 +126,8 @@ pub fn main() -> ExitCode {
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Completions(args) => documents::completions(&args, Cli::command()),
+        Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
     outcome.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }

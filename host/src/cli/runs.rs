@@ -185,35 +185,48 @@ fn list(dir: &Path) -> Outcome {
             }
         }
     }
-    println!("{table}\n{} runs in {}", runs.len(), dir.display());
+    say!("{table}\n{} runs in {}", runs.len(), dir.display());
     Ok(())
 }
 
 fn show(run: &RunFolder) -> Outcome {
     let m = run.manifest();
-    println!("Run {} (campaign {}), started {}", run.id(), m.campaign, m.started);
-    println!("State: {}; {} of {} points; {}", m.ending_text(), m.points_taken, m.points_planned, m.damprig);
+    say!("Run {} (campaign {}), started {}", run.id(), m.campaign, m.started);
+    say!("State: {}; {} of {} points; {}", m.ending_text(), m.points_taken, m.points_planned, m.damprig);
     if let Some(d) = &m.device {
-        println!(
+        say!(
             "Rig {}: {} (firmware {}), tick {} Hz, schema {}",
-            d.link, d.board, d.firmware, d.tick_hz, d.protocol_schema
+            d.link,
+            d.board,
+            d.firmware,
+            d.tick_hz,
+            d.protocol_schema
         );
     }
-    println!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
+    if m.is_running() {
+        say!("{:.1} s of rig time up to the last point", m.clock.rig_s);
+    } else {
+        say!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
+    }
     let c = m.counters;
-    println!(
+    say!(
         "Lost: {} rows of samples ({} dropped by the device, {} by the host, {} messages lost on the link); bad frames: host {}, device {}",
-        c.lost_rows, c.dropped_records, c.dropped_rows_host, c.missing_records, c.bad_frames_host, c.bad_frames_device
+        c.lost_rows,
+        c.dropped_records,
+        c.dropped_rows_host,
+        c.missing_records,
+        c.bad_frames_host,
+        c.bad_frames_device
     );
     if m.resumed > 0 || c.interruptions > 0 {
-        println!("Resumed {} times; the link or the device was lost {} times", m.resumed, c.interruptions);
+        say!("Resumed {} times; the link or the device was lost {} times", m.resumed, c.interruptions);
     }
     if let Some(controller) = &m.controller {
-        println!("Controller: {}", controller.line());
-        controller.complaints().iter().for_each(|what| println!("Controller: {what}"));
+        say!("Controller: {}", controller.line());
+        controller.complaints().iter().for_each(|what| say!("Controller: {what}"));
     }
     let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
-    println!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
+    say!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
     let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);
     for batch in run.results().map_err(Failure::failed)? {
         let names =
@@ -236,7 +249,7 @@ fn show(run: &RunFolder) -> Outcome {
         }
     }
     if table.row_count() > 0 {
-        println!("{table}");
+        say!("{table}");
     }
     show_transients(run)
 }
@@ -265,20 +278,20 @@ fn show_transients(run: &RunFolder) -> Outcome {
         }
     }
     if table.row_count() > 0 {
-        println!("{table}");
+        say!("{table}");
     }
     Ok(())
 }
 
 fn check(wanted: &Path) -> Outcome {
-    let found = verify(wanted).map_err(Failure::failed)?;
+    let found = verify(&find(wanted).map_err(Failure::input)?).map_err(Failure::failed)?;
     let mut failed = 0;
     for finding in &found {
         match finding {
-            Finding::Good(text) => println!("ok      {text}"),
+            Finding::Good(text) => say!("ok      {text}"),
             Finding::Wrong(text) => {
                 failed += 1;
-                println!("FAILED  {text}");
+                say!("FAILED  {text}");
             }
         }
     }
@@ -288,12 +301,22 @@ fn check(wanted: &Path) -> Outcome {
     Err(Failure::Failed(format!("{failed} checks of {} failed; nothing was changed", wanted.display())))
 }
 
+/// Rejects a target that exists: another name is a matter of the command line.
+fn refuse_existing(out: &Path) -> Outcome {
+    if out.symlink_metadata().is_ok() {
+        let message = format!("cannot write {}: it exists; move it away or give another name", out.display());
+        return Err(Failure::Input(message));
+    }
+    Ok(())
+}
+
 fn report(run: &RunFolder, out: Option<&Path>) -> Outcome {
     let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
+    refuse_existing(&out)?;
     let page = page(run);
     write_new(&out, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
-    println!("Report: {}", out.display());
+    say!("Report: {}", out.display());
     if page.unreadable.is_empty() {
         return Ok(());
     }
@@ -327,13 +350,14 @@ fn export(args: &Export) -> Outcome {
         let name = one.map_or(String::new(), |table| format!("-{}", table.name()));
         PathBuf::from(format!("{}{name}.{}", run.id(), exporter.extension()))
     });
+    refuse_existing(&out)?;
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let selection = ExportSelection { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
     let exported = exporter.export(&run, &selection, &out).map_err(Failure::failed)?;
-    println!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
-    exported.notes.iter().for_each(|note| println!("{note}"));
+    say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
+    exported.notes.iter().for_each(|note| say!("{note}"));
     if !run.manifest().is_complete() {
-        println!("the run is not complete ({}); the export has what was recorded", run.manifest().ending_text());
+        say!("the run is not complete ({}); the export has what was recorded", run.manifest().ending_text());
     }
     if exported.missing.is_empty() {
         return Ok(());

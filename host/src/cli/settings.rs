@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> Outcome {
     let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
-            print!("{}", to_toml(&present, &head(&session, origin)));
+            say!("{}", to_toml(&present, &head(&session, origin)).trim_end());
             Ok(())
         }
         Action::Export { file } => export(file, &to_toml(&present, &head(&session, origin))),
@@ -108,7 +108,7 @@ pub fn run(args: &Args) -> Outcome {
             let wanted = from_toml(&source, &present).map_err(Failure::input)?;
             let own = &session.identity.board;
             if let Some(other) = board_of(source.text()).filter(|other| *other != own.as_str()) {
-                eprintln!(
+                warn!(
                     "note: {} is from the board {other}, this is {own}: the sensor calibration is imported too",
                     source.name()
                 );
@@ -135,7 +135,7 @@ fn export(file: &Path, text: &str) -> Outcome {
     }
     // Written atomically: an incomplete file would import without an error.
     write_new(file, |f| f.write_all(text.as_bytes()).map_err(|e| to_failure(file)(&e))).map_err(Failure::failed)?;
-    println!("written to {}", file.display());
+    say!("written to {}", file.display());
     Ok(())
 }
 
@@ -145,24 +145,24 @@ fn send(session: &mut Session, present: &Settings, wanted: &Settings, and_save: 
     for ((place, before), (_, after)) in entries(present).iter().zip(entries(wanted)) {
         if *before != after {
             differences += 1;
-            println!("{}: {} -> {}", place.join("."), decimal(*before), decimal(after));
+            say!("{}: {} -> {}", place.join("."), decimal(*before), decimal(after));
         }
     }
     if differences == 0 {
-        println!("no setting differs from those in use");
+        say!("no setting differs from those in use");
     }
     if and_save {
         return save(session);
     }
-    println!("in use; lost at power-off unless they are saved (`damprig settings save`)");
+    say!("in use; lost at power-off unless they are saved (`damprig settings save`)");
     Ok(())
 }
 
 fn save(session: &mut Session) -> Outcome {
     session.execute("save its settings", Request::SaveSettings).map_err(Failure::failed)?;
-    println!("saved");
+    say!("saved");
     if session.name().starts_with("virtual") {
-        println!("note: the virtual rig ends with this command; use a file with --rig virtual:BOARD.toml");
+        say!("note: the virtual rig ends with this command; use a file with --rig virtual:BOARD.toml");
     }
     Ok(())
 }
@@ -198,11 +198,11 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
             };
             return Err(Failure::Input(format!("there is no setting `{key}`: {help}")));
         }
-        if !number.parse::<f32>().is_ok_and(f32::is_finite) {
+        let Some(value) = number.parse::<f64>().ok().filter(|value| value.is_finite()) else {
             return Err(Failure::Input(format!("`{key}` = {number} is not allowed: must be a finite number")));
-        }
+        };
         // TOML wants digits on both sides of the point.
-        let number = number.parse::<f32>().map_or_else(|_| number.to_string(), decimal);
+        let number = if number.parse::<toml::Value>().is_ok() { number.to_string() } else { format!("{value:?}") };
         text.push_str(&format!("{key} = {number}\n"));
     }
     from_toml(&Source::new("command line", text), present).map_err(Failure::input)

@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     for warning in terminal::simulation::warnings(&case, &cost, args.out.as_ref().zip(rate_hz)) {
-        eprintln!("warning: {warning}");
+        warn!("warning: {warning}");
     }
     let mut history = match (&args.out, rate_hz) {
         (Some(path), Some(rate_hz)) => {
@@ -141,29 +141,29 @@ pub fn run(args: &Args) -> Outcome {
         .map_or(Ok(()), |path| simulated_motion::of_case(&case, whole.as_ref(), last.as_ref())?.save(path));
     let analysis = if args.analyse && result.stopped_at_s.is_none() { Analysis::of(&case) } else { None };
     if args.analyse && case.record.is_some() {
-        eprintln!("warning: --analyse does not support recorded base motions");
+        warn!("warning: --analyse does not support recorded base motions");
     }
     if args.json {
         if result.summary.impact_count > result.impacts.len() as u64 {
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
-            eprintln!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
+            warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
         let both = WithAnalysis { result: &result, analysis };
-        println!("{}", serde_json::to_string(&both).map_err(Failure::failed)?);
+        say!("{}", serde_json::to_string(&both).map_err(Failure::failed)?);
     } else {
-        println!("{}", terminal::simulation::summary(&case, &result));
+        say!("{}", terminal::simulation::summary(&case, &result));
         if let Some(analysis) = &analysis {
-            println!("\n{}", terminal::analysis::text(analysis));
+            say!("\n{}", terminal::analysis::text(analysis));
         }
     }
     written.map_err(Failure::failed)?;
     drawn.map_err(Failure::failed)?;
     if !args.json {
         if let (Some(path), Some(rows), Some(rate_hz)) = (&args.out, rows, rate_hz) {
-            println!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
+            say!("Time history: {} ({rows} rows at {} Hz)", path.path().display(), significant(rate_hz, 6));
         }
         if let Some(path) = &args.plot {
-            println!("Figure: {}", path.display());
+            say!("Figure: {}", path.display());
         }
     }
     match result.stopped_at_s {

@@ -10,6 +10,7 @@ mod context;
 mod error;
 mod progress;
 mod reconnect;
+pub mod rehearsal;
 mod reorder_buffer;
 pub mod resume;
 mod segment;
