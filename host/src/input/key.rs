@@ -141,7 +141,7 @@ const UNITS: [Unit; 16] = [
     unit("_kg", "kg", 1e-12, 1e12),
     unit("_hz", "Hz", 1e-9, 1e9),
     unit("_m", "m", 1e-18, 1e6),
-    unit("_n", "N", 1e-18, 1e12),
+    unit("_n", "N", 0.0, 1e12),
     unit("_s", "s", 1e-12, 1e12),
     unit("coefficient", "", 1e-18, 100.0),
     unit("loss_factor", "", 0.0, 1e6),

@@ -159,11 +159,21 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
 pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refusal> {
     let limit = campaign.rig.structure_limit_m();
     let [range_m, _] = campaign.rig.sensor_range_m();
+    let base_m = USABLE * campaign.rig.base_limit_m();
     for prediction in predictions {
+        let set_up = &campaign.set_ups[prediction.set_up];
+        if set_up.base_amplitude_m > base_m {
+            campaign.source.report(Problem {
+                title: format!("set-up {:?} would leave the displacement limit of the base", set_up.name),
+                span: set_up.base_amplitude_span.clone(),
+                allowed: format!("at most {base_m} m may be used"),
+                help: Some(format!("write base_amplitude_m = {}", two_digits_down(base_m))),
+            });
+            continue;
+        }
         if prediction.swing.max_x_m <= USABLE * limit {
             continue;
         }
-        let set_up = &campaign.set_ups[prediction.set_up];
         let fix = largest_fitting(campaign, prediction, limit);
         campaign.source.report(Problem {
             title: format!(

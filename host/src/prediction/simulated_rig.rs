@@ -7,8 +7,8 @@ use damprig_core::control::stepped_sine::DriveMode;
 use damprig_simulator::plant::Shaker;
 
 use super::{USABLE, trim};
-use crate::campaign::{Campaign, CampaignSetUp, Kind, SteppedSine};
-use crate::input::locate::Step::Key;
+use crate::campaign::{Campaign, CampaignSetUp, Kind, RigSettings, Start, SteppedSine};
+use crate::input::locate::Step::{Item, Key};
 use crate::input::{Problem, Refusal, Span};
 
 /// A start may move the table this much further than the steady motion.
@@ -26,7 +26,7 @@ const LEAST_M: f64 = 1e-9;
 /// A shaker that would move the base beyond its limits, or a motion that the sensors do not resolve.
 pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
     let mut warnings = Vec::new();
-    for experiment in &campaign.experiments {
+    for (place, experiment) in campaign.experiments.iter().enumerate() {
         for set_up in experiment.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index)) {
             let (key, moved_m, span) = match &experiment.kind {
                 Kind::SteppedSine(sine) => {
@@ -39,6 +39,12 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
                 Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
             };
             resolved(campaign, key, moved_m, span);
+            let level_m = match &experiment.kind {
+                Kind::SteppedSine(sine) if sine.start == Start::FromRest => Some(sine.rest_level_m),
+                Kind::Playback(playback) => Some(playback.rest_level_m),
+                _ => None,
+            };
+            level_m.into_iter().for_each(|level_m| comes_to_rest(campaign, place, level_m));
         }
     }
     campaign.source.verdict()?;
@@ -86,14 +92,40 @@ fn unloaded(campaign: &Campaign, shaker: &Shaker, set_up: &CampaignSetUp, sine: 
     None
 }
 
-/// Reports a motion that reads as zero.
-fn resolved(campaign: &Campaign, key: &str, moved_m: f64, span: &Span) {
-    let rig = &campaign.rig;
+/// Smallest displacement that the simulated sensors tell apart, m.
+fn resolution_m(rig: &RigSettings) -> f64 {
     let [_, range_m] = rig.sensor_range_m();
-    let resolution_m = match &rig.data_sheet {
+    match &rig.data_sheet {
         Some(sheet) => 2.0 * f64::from(range_m) / f64::from(1_u32 << sheet.bits.min(31)),
         None => rig.sensor_resolution_m,
-    };
+    }
+}
+
+/// Reports a rest level that the noise of a structure at rest exceeds all the time. A rest takes 5000 samples: some are always
+/// beyond three standard deviations.
+fn comes_to_rest(campaign: &Campaign, experiment: usize, level_m: f64) {
+    let half_step_m = 0.5 * resolution_m(&campaign.rig);
+    let noise_m = 3.0 * campaign.rig.sensor_noise_rms_m;
+    let reading_m = if noise_m < half_step_m { 0.0 } else { noise_m + half_step_m };
+    if level_m > reading_m {
+        return;
+    }
+    let table = [Key("experiment"), Item(experiment), Key("rest_level_m")];
+    let span = campaign.source.locate(&table).or_else(|| campaign.source.locate(&table[..2])).unwrap_or_default();
+    campaign.source.report(Problem {
+        title: format!(
+            "`experiment[{}].rest_level_m` = {level_m:e} is too small: the structure never comes to rest",
+            experiment + 1
+        ),
+        span,
+        allowed: format!("must be above {reading_m:.1e} m, which the sensors' noise and resolution reach"),
+        help: None,
+    });
+}
+
+/// Reports a motion that reads as zero.
+fn resolved(campaign: &Campaign, key: &str, moved_m: f64, span: &Span) {
+    let resolution_m = resolution_m(&campaign.rig);
     let least_m = LEAST_M.max(0.5 * resolution_m);
     if moved_m >= least_m {
         return;

@@ -83,6 +83,22 @@ fn an_amplitude_that_no_sensor_sees_is_refused() {
 }
 
 #[test]
+fn a_base_limit_below_the_amplitude_and_a_rest_level_below_the_noise_are_refused() {
+    let limited = edited(SINE, "base_limit_m = 0.07", "base_limit_m = 0.001");
+    refused(
+        &limited,
+        "0.0015",
+        &["set-up \"hybrid\" would leave the displacement limit of the base", "write base_amplitude_m"],
+    );
+    let level = "rest_level_m = 1e-5";
+    refused(
+        &edited(SINE, "rest_level_m = 1e-4", level),
+        "1e-5\nsteady",
+        &["never comes to rest", "must be above 2.0e-5 m"],
+    );
+}
+
+#[test]
 fn a_shaker_calibrated_far_from_the_drive_is_refused_and_a_little_off_is_a_warning() {
     let far = "calibrated_at_hz = 20";
     let words = ["moves 11 times as far as demanded at 2.4 Hz", "the rig stops when the base moves 10 times"];
