@@ -1,7 +1,8 @@
 //! Standard output and standard error of the command.
 //!
-//! Output never decides whether work is done: a closed or full standard output is kept in mind until the work is over, and
-//! then gives the exit code. `damprig … | head` saves, stops the rig and completes its files like any other call.
+//! Output never decides whether work is done: an error of standard output is kept in mind until the work is over. A full one
+//! then gives the exit code; a reader that wanted no more is no failure. `damprig … | head` saves, stops the rig and completes
+//! its files like any other call.
 
 use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
@@ -27,7 +28,7 @@ pub(super) fn print_error(text: Arguments) {
     let _ = stderr().write_fmt(text);
 }
 
-/// The exit code of a command whose work has succeeded: that of a failure when its output is incomplete.
+/// The exit code of a command whose work has succeeded: that of a failure when its output could not be written.
 pub(super) fn finish() -> ExitCode {
     if FAILED.get().is_none()
         && let Err(error) = stdout().flush()
@@ -36,8 +37,8 @@ pub(super) fn finish() -> ExitCode {
     }
     match FAILED.get() {
         None => ExitCode::SUCCESS,
-        // The reader wanted no more.
-        Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::FAILURE,
+        // The reader wanted no more, as `head` does.
+        Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Some(error) => {
             Failure::Failed(format!("the work is done, but standard output could not be written: {error}")).report()
         }
