@@ -37,8 +37,8 @@ fn folder() -> TempDir {
     for run in ["done", "damaged"] {
         damprig(&folder).args(["run", "good.toml", "--out", run]).assert().success();
     }
-    for table in ["damaged/results.parquet", "damaged/samples.parquet"] {
-        write(table, "not Parquet");
+    for file in ["damaged/results.parquet", "damaged/campaign.toml"] {
+        write(file, "not what was recorded");
     }
     folder
 }
