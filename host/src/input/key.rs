@@ -130,7 +130,7 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 16] = [
+const UNITS: [Unit; 17] = [
     unit("_n_s_per_m", "N·s/m", 0.0, 1e18),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
     unit("_rad_per_s", "rad/s", 1e-9, 1e9),
@@ -141,6 +141,7 @@ const UNITS: [Unit; 16] = [
     unit("_kg", "kg", 1e-12, 1e12),
     unit("_hz", "Hz", 1e-9, 1e9),
     unit("_m", "m", 1e-18, 1e6),
+    unit("amplitude_n", "N", 1e-18, 1e12),
     unit("_n", "N", 0.0, 1e12),
     unit("_s", "s", 1e-12, 1e12),
     unit("coefficient", "", 1e-18, 100.0),
