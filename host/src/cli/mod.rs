@@ -3,17 +3,17 @@
 //! To add a subcommand: a file with its clap `Args` and a function that returns [`Outcome`], and a line in both `Command` and
 //! [`main`]. The work itself belongs into the library.
 
-/// Prints a line to standard output, as [`output`] says.
+/// Prints a line to standard output, as [`output`] says; what controls a terminal is spelled out.
 macro_rules! say {
     ($($text:tt)*) => {
-        $crate::cli::output::print(format_args!("{}\n", format_args!($($text)*)))
+        $crate::cli::output::print(&format!($($text)*))
     };
 }
 
 /// Prints a line to standard error.
 macro_rules! warn {
     ($($text:tt)*) => {
-        $crate::cli::output::print_error(format_args!("{}\n", format_args!($($text)*)))
+        $crate::cli::output::print_error(&format!($($text)*))
     };
 }
 

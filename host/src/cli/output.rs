@@ -1,9 +1,9 @@
 //! Standard output and standard error of the command.
 //!
-//! Output never decides whether work is done: a closed or full standard output is kept in mind until the work is over, and
-//! then gives the exit code. `damprig … | head` saves, stops the rig and completes its files like any other call.
+//! Output never decides whether work is done: an error of standard output is kept in mind until the work is over. A full one
+//! then gives the exit code; a reader that wanted no more is no failure. `damprig … | head` saves, stops the rig and completes
+//! its files like any other call.
 
-use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -14,21 +14,21 @@ use crate::input::shown;
 /// The first error of standard output.
 static FAILED: OnceLock<Error> = OnceLock::new();
 
-/// Prints a text to standard output; nothing more after an error. What would control a terminal is spelled out.
-pub(super) fn print(text: Arguments) {
+/// Prints a line to standard output, what controls a terminal spelled out; nothing more after an error.
+pub(super) fn print(line: &str) {
     if FAILED.get().is_none()
-        && let Err(error) = stdout().write_all(shown(&text.to_string()).as_bytes())
+        && let Err(error) = writeln!(stdout(), "{}", shown(line))
     {
         let _ = FAILED.set(error);
     }
 }
 
-/// Prints a text to standard error. Nobody can be told when that fails.
-pub(super) fn print_error(text: Arguments) {
-    let _ = stderr().write_all(shown(&text.to_string()).as_bytes());
+/// Prints a line to standard error, as [`print`] does. Nobody can be told when that fails.
+pub(super) fn print_error(line: &str) {
+    let _ = writeln!(stderr(), "{}", shown(line));
 }
 
-/// The exit code of a command whose work has succeeded: that of a failure when its output is incomplete.
+/// The exit code of a command whose work has succeeded: that of a failure when its output could not be written.
 pub(super) fn finish() -> ExitCode {
     if FAILED.get().is_none()
         && let Err(error) = stdout().flush()
@@ -37,8 +37,8 @@ pub(super) fn finish() -> ExitCode {
     }
     match FAILED.get() {
         None => ExitCode::SUCCESS,
-        // The reader wanted no more.
-        Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::FAILURE,
+        // The reader wanted no more, as `head` does.
+        Some(error) if error.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Some(error) => {
             Failure::Failed(format!("the work is done, but standard output could not be written: {error}")).report()
         }

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Outcome {
     let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
-            super::output::print(format_args!("{}", to_toml(&present, &head(&session, origin))));
+            say!("{}", to_toml(&present, &head(&session, origin)).trim_end());
             Ok(())
         }
         Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session, origin))),

@@ -19,7 +19,7 @@ use crate::client::session::Report;
 /// Longest wait for rest before a point, s, with some room; the device ends a longer one itself.
 const LONGEST_REST_S: f64 = 660.0;
 
-/// Most impacts in a tick: a wall is hit at most once in each of its samples' blocks.
+/// Most impacts in a tick: more than a particle can make in a millisecond.
 const MOST_IMPACTS_PER_TICK: u64 = 8;
 
 /// What may arrive in a segment.
@@ -67,6 +67,11 @@ impl PlanCheck {
             Report::Event { event: Event::Transient(result), .. } => self.admits_transient(result, result.index),
             Report::Event { tick, event: Event::Impact(impact) } => self.admits_impact(*tick, impact),
         }
+    }
+
+    /// The last tick that the segment can have.
+    pub(super) fn last_tick(&self) -> u32 {
+        self.last_tick
     }
 
     fn admits_rows(&self, message: &Telemetry) -> bool {

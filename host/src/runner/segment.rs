@@ -333,6 +333,11 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         if let Some(fault) = status.fault {
             return Err(fault_error(self.task.set_up, fault));
         }
+        if status.state != State::Idle && status.tick > self.check.last_tick() {
+            let last = self.check.last_tick();
+            let what = format!("tick {} of an experiment that ends by tick {last}", status.tick);
+            return Err(self.run.session.unusable(what).into());
+        }
         if status.state != State::Idle || self.progress.has_finished() {
             return Ok(None);
         }

@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::common::{Fate, Served, damprig, folder_with, is_point, short};
+use crate::common::{Fate, PATIENCE, Served, damprig, folder_with, is_point, short};
 use damprig::report::exports::atomic_file::OutFile;
 use damprig::report::exports::csv::Csv;
 use damprig::report::exports::mat::Mat;
@@ -244,9 +244,21 @@ fn resume(run: &Path) {
     }
 }
 
-/// Number of changed folders: 200, or 20 000 in the full tests.
+/// The commands that read a folder end with a message.
+fn commands_survive(folder: &TempDir, run: &Path, what: &str) {
+    let (run, base) = (run.to_str().unwrap(), run.parent().unwrap().to_str().unwrap());
+    let resume = ["run", "--resume", run, "--timeout", "2", "--reconnect-s", "0"];
+    for arguments in [&["runs", base][..], &["runs", "show", run], &resume] {
+        let output = damprig(folder).args(arguments).timeout(PATIENCE).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        let code = output.status.code();
+        assert!(matches!(code, Some(0..=2)) && !said.contains("panicked"), "{arguments:?}: {code:?}, {said}\n{what}");
+    }
+}
+
+/// Number of changed folders: 120, or 20 000 in the full tests.
 fn changes() -> u64 {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 200 }
+    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 120 }
 }
 
 #[test]
@@ -276,13 +288,16 @@ fn no_change_of_a_run_folder_makes_a_reader_panic_hang_or_leave_it() {
         let read = catch_unwind(AssertUnwindSafe(|| read_all(&run, &out)));
         assert!(read.is_ok(), "change {n} made a reader panic: {what}");
         assert!(files(&run) == changed, "change {n}: a reader changed the folder: {what}");
+        if n % 20 == 0 {
+            commands_survive(&folder, &run, &format!("change {n}: {what}"));
+        }
         let resumed = catch_unwind(AssertUnwindSafe(|| resume(&run)));
         assert!(resumed.is_ok(), "change {n} made the resumption panic: {what}");
         assert!(begun.elapsed() < Duration::from_secs(10), "change {n} took {:?}: {what}", begun.elapsed());
         assert_eq!(std::fs::read_to_string(&canary).unwrap(), "mine", "change {n}: {what}");
         let kept = ["campaign.toml", "journal.jsonl"];
-        let is_kept = |name: &&str| changed.get(Path::new(name)).is_none() || run.join(name).exists();
-        assert!(kept.iter().all(|name| is_kept(&name)), "change {n} removed a file: {what}");
+        let is_kept = |name: &&str| !changed.contains_key(Path::new(name)) || run.join(name).exists();
+        assert!(kept.iter().all(is_kept), "change {n} removed a file: {what}");
         assert_eq!(std::fs::read_dir(&runs).unwrap().count(), 1, "change {n}: {what}");
         std::fs::remove_dir_all(&runs).unwrap();
         std::fs::remove_dir_all(&out).unwrap();

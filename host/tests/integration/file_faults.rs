@@ -120,7 +120,7 @@ fn each_file_operation_of_a_run_may_fail_once() {
     let folder = folder_with(&two_points());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let whole = measured(&folder.path().join("out"));
-    let step = if std::env::var_os("DAMPRIG_FULL").is_some() { 1 } else { 3 };
+    let step = if std::env::var_os("DAMPRIG_FULL").is_some() { 1 } else { 6 };
     for (operation, errno, stays) in [
         ("open", READ_ONLY, false),
         ("open", NO_ENTRY, true),
@@ -137,7 +137,7 @@ fn each_file_operation_of_a_run_may_fail_once() {
         let mut at = 1;
         while survives(&library, &whole, &Fault { operation, errno, at, stays }) {
             // The first operations are each a different file; later ones repeat.
-            at += if at < 12 { 1 } else { step };
+            at += if at < 9 { 1 } else { step };
             assert!(at < 500, "{operation}: no end");
         }
         assert!(at > 1, "no {operation} was met");

@@ -178,7 +178,8 @@ fn flooded(flood: FromDevice, is_start: fn(&FromDevice) -> bool) -> (String, f64
 fn a_flood_of_valid_frames_is_ended_and_fills_no_memory() {
     let rows = Telemetry { seq: 0, first_tick: 0, every_ticks: 10, width: 3, values: [0.0; 63].into_iter().collect() };
     let answers = |message: &FromDevice| matches!(message, FromDevice::Reply { answer: Ok(Reply::Description(_)), .. });
-    let floods: [(FromDevice, fn(&FromDevice) -> bool); 4] = [
+    type Start = fn(&FromDevice) -> bool;
+    let floods: [(FromDevice, Start); 4] = [
         (FromDevice::Telemetry(rows.clone()), is_point),
         (FromDevice::Telemetry(rows), answers),
         (FromDevice::Reply { seq: 60_000, answer: Ok(Reply::Done) }, is_point),

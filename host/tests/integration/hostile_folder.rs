@@ -1,6 +1,7 @@
 //! A run folder that someone else has prepared: names that lead out of it, links, changed records.
 #![cfg(unix)]
 
+use std::f64::consts::TAU;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
@@ -145,7 +146,7 @@ fn playback() -> (tempfile::TempDir, PathBuf) {
     let telemetry = text.find("[telemetry]").unwrap();
     let plays = "[[experiment]]\nname = \"quake\"\nkind = \"playback\"\nfile = \"quake.csv\"\nquantity = \"displacement\"\nunit = \"m\"\ntime_step_s = 0.02\n\n";
     let folder = folder_with(&format!("{}{plays}{}", &text[..experiment], &text[telemetry..]));
-    let samples: String = (0..200).map(|n| format!("{:.6}\n", 1e-3 * (f64::from(n) * 0.2).sin())).collect();
+    let samples: String = (0..=200).map(|n| format!("{:.6}\n", 1e-3 * (f64::from(n) * TAU / 50.0).sin())).collect();
     std::fs::write(folder.path().join("quake.csv"), samples).unwrap();
     let run = folder.path().join("out");
     (folder, run)
@@ -165,7 +166,7 @@ fn a_record_that_was_changed_after_a_kill_is_not_played() {
     }
     let record = run.join("records/1-quake.csv");
     let own = std::fs::read_to_string(&record).unwrap();
-    std::fs::write(&record, own.replace("0.000199", "0.000198")).unwrap();
+    std::fs::write(&record, own.replace("0.000125", "0.000126")).unwrap();
     let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
     answer.stderr(contains("records/1-quake.csv: changed since it was recorded (SHA-256 differs)"));
     let verify = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);

@@ -26,7 +26,7 @@ fn without_output(folder: &TempDir, arguments: &[&str]) -> [Output; 2] {
 }
 
 #[test]
-fn no_command_panics_without_its_output_and_the_exit_code_says_so() {
+fn no_command_panics_without_its_output_and_the_exit_code_tells_a_full_one() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let case = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/spid.toml");
@@ -49,7 +49,7 @@ fn no_command_panics_without_its_output_and_the_exit_code_says_so() {
             "{arguments:?}: {said}"
         );
         let said = String::from_utf8_lossy(&closed.stderr);
-        assert_eq!((closed.status.code(), said.contains("error")), (Some(1), false), "{arguments:?}: {said}");
+        assert_eq!((closed.status.code(), said.contains("error")), (Some(0), false), "{arguments:?}: {said}");
     }
     assert!(folder.path().join("out.html").exists() && folder.path().join("out-samples.csv").exists());
 }

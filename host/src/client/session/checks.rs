@@ -42,7 +42,9 @@ impl Session {
         self.check_flood()
     }
 
-    fn unusable(&self, what: String) -> SessionError {
+    /// The error of a device that reports what cannot be.
+    #[must_use]
+    pub fn unusable(&self, what: String) -> SessionError {
         SessionError::Unusable { link: self.name.clone(), what }
     }
 
