@@ -37,7 +37,9 @@ fn folder() -> TempDir {
     for run in ["done", "damaged"] {
         damprig(&folder).args(["run", "good.toml", "--out", run]).assert().success();
     }
-    write("damaged/results.parquet", "not Parquet");
+    for table in ["damaged/results.parquet", "damaged/samples.parquet"] {
+        write(table, "not Parquet");
+    }
     folder
 }
 
