@@ -136,8 +136,10 @@ pub fn from_toml(source: &Source, present: &Settings) -> Result<Settings, Refusa
     let settings: Settings = template.try_into().unwrap_or(*present);
     if let Err(invalid) = check(&settings) {
         let span = spans.iter().find(|(place, _)| is_named(place, &invalid)).map(|(_, span)| span.clone());
+        let written = span.clone().and_then(|span| source.text().get(span));
+        let value = written.map_or_else(|| decimal(invalid.value as f32), str::to_string);
         source.report(Problem {
-            title: format!("`{}` = {} is not allowed", invalid.parameter, decimal(invalid.value as f32)),
+            title: format!("`{}` = {value} is not allowed", invalid.parameter),
             span: span.unwrap_or_default(),
             allowed: format!("must be {}", invalid.allowed),
             help: None,
@@ -188,7 +190,7 @@ fn fill(source: &Source, path: &str, template: &mut Table, found: &DeTable<'_>, 
                 None => source.report(Problem {
                     title: format!("`{full}` is not allowed"),
                     span: value.span(),
-                    allowed: "must be a finite number".into(),
+                    allowed: NUMBER.into(),
                     help: None,
                 }),
             },
@@ -196,14 +198,18 @@ fn fill(source: &Source, path: &str, template: &mut Table, found: &DeTable<'_>, 
     }
 }
 
-/// The finite number that a board's `f32` can hold.
+/// What a setting may be.
+const NUMBER: &str =
+    "must be a finite number that the board's single precision holds: 0, or 1.2e-38 to 3.4e38 in magnitude";
+
+/// The finite number that a board's `f32` can hold. A number that it would make 0 or a subnormal one is none.
 fn number(value: &Spanned<DeValue<'_>>) -> Option<f64> {
     let number: f64 = match value.get_ref() {
         DeValue::Integer(i) if i.radix() == 10 => i.as_str().parse().ok()?,
         DeValue::Float(f) => f.as_str().parse().ok()?,
         _ => return None,
     };
-    (number as f32).is_finite().then_some(number)
+    (number == 0.0 || (number as f32).is_normal()).then_some(number)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use damprig_simulator::plant::Shaker;
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
 use super::{CampaignSetUp, RigSettings};
-use crate::input::{Problem, Section, Text, near};
+use crate::input::{Problem, Section, Text, listed, near};
 
 /// An experiment on some of the set-ups.
 #[derive(Clone, Debug, PartialEq)]
@@ -171,7 +171,7 @@ fn choose(section: &Section, wanted: Option<&[Text]>, set_ups: &[CampaignSetUp])
                 section.source().report(Problem {
                     title: format!("`{}` names an unknown set-up {:?}", section.full("set_ups"), text.value),
                     span: text.span.clone(),
-                    allowed: format!("the set-ups are {}", names.join(", ")),
+                    allowed: format!("the set-ups are {}", listed(names.iter().copied())),
                     help,
                 });
                 return None;

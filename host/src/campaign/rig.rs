@@ -1,9 +1,12 @@
 //! `[rig]` and `[telemetry]`: simulated sensors and shaker, the campaign's limits, recorded signals and their rate.
 
+use std::collections::HashSet;
+
 use damprig_core::control::safety::SafetyConfig;
 use damprig_core::io::{DisplacementScale, TICK_HZ};
 use damprig_core::rig::MOTION_SIGNALS;
 use damprig_core::settings::Settings;
+use damprig_protocol::MOST_SIGNALS;
 use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
@@ -211,8 +214,25 @@ pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
     let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
     let rate = rate.filter(|rate| is_carried(&table, rate));
     let signals = table.texts("signals").unwrap_or_default();
+    check_signals(&table, &signals);
     table.finish();
     Some(Telemetry { rate_hz: rate?.value, signals })
+}
+
+/// Reports a signal that is named twice, which no table can hold, and more signals than a message has room for. A campaign
+/// in a run folder may be older than this rule.
+fn check_signals(table: &Section, signals: &[Text]) {
+    if table.source().is_recorded() {
+        return;
+    }
+    let mut seen = HashSet::new();
+    if let Some(again) = signals.iter().find(|signal| !seen.insert(signal.value.as_str())) {
+        table.refuse("signals", &again.span, "is named twice", Some("leave one of them out".into()));
+    } else if let Some(first) = signals.get(MOST_SIGNALS) {
+        let allowed =
+            format!("is signal {} of {}; a device sends at most {MOST_SIGNALS}", MOST_SIGNALS + 1, signals.len());
+        table.refuse("signals", &first.span, allowed, None);
+    }
 }
 
 /// Whether the rate is a whole fraction of the tick rate.

@@ -6,7 +6,7 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::measure::point::SteadyLimits;
 use damprig_simulator::plant::Shaker;
 
-use crate::input::{Number, Section};
+use crate::input::{Number, Problem, Section};
 
 /// How a point starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,16 +88,17 @@ fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
     if !section.is_table(key) {
         let list = section.numbers(key)?;
         if list.is_empty() {
-            section.refuse(key, &section.span(), "must hold at least one frequency", None);
+            section.reject(key, "must hold at least one frequency", Some("write frequencies_hz = [2.5]".into()));
             return None;
         }
         if list.len() > MOST_POINTS {
-            section.refuse(
-                key,
-                &section.span(),
-                format!("holds {} points; the controller holds {MOST_POINTS}", list.len()),
-                None,
-            );
+            // The value itself would fill pages.
+            section.source().report(Problem {
+                title: format!("`{}` holds {} frequencies", section.full(key), list.len()),
+                span: section.span_of(key),
+                allowed: format!("the controller holds at most {MOST_POINTS}"),
+                help: Some("divide them among several experiments".into()),
+            });
             return None;
         }
         let refused = list.iter().filter(|n| !sound(section, key, n)).count();

@@ -184,7 +184,8 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
         }
         return None;
     }
-    let (mut samples_m, mut about) = displacements(&record, rate_hz, is_linear);
+    let (mut samples_m, mut about, before_m) = displacements(&record, rate_hz, is_linear);
+    refuse_noise(section, &file, &samples_m, before_m)?;
     if let Some(target) = &target {
         let peak = samples_m.iter().fold(0.0f64, |most, z| most.max(z.abs()));
         let factor = target.value / peak;
@@ -236,8 +237,34 @@ fn sample_rate(section: &Section) -> Option<Number> {
     section.number_if("sample_rate_hz", |v| (LEAST_RATE_HZ..=most).contains(&v), &allowed)
 }
 
-/// A record as displacements at the playback rate, and how it was processed, in words.
-fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, String) {
+/// Peak below which a record is no motion, m: a thousandth of what a displacement sensor resolves, and of a light wave.
+const LEAST_PEAK_M: f64 = 1e-9;
+
+/// Share of the displacement before the baseline was removed below which only the rounding of its numbers is left.
+const ROUNDING: f64 = 1e-9;
+
+/// Refuses a record that is nothing but rounding: scaling would make a motion of it. `before_m` is the largest |z| before
+/// the baseline was removed.
+fn refuse_noise(section: &Section, file: &Span, samples_m: &[f64], before_m: f64) -> Option<()> {
+    let peak_m = samples_m.iter().fold(0.0f64, |most, z| most.max(z.abs()));
+    let allowed = if peak_m > 0.0 && peak_m < ROUNDING * before_m {
+        format!("less its baseline, {peak_m:.1e} m of {before_m:.1e} m are left: rounding, not a motion")
+    } else if peak_m > 0.0 && peak_m < LEAST_PEAK_M {
+        format!("its largest displacement is {peak_m:.1e} m: rounding, not a motion; at least {LEAST_PEAK_M:e} m")
+    } else {
+        return Some(());
+    };
+    if section.source().is_recorded() {
+        // The campaign in a run folder may be older than this rule.
+        return Some(());
+    }
+    section.refuse("file", file, allowed, Some("check `unit`, `scale` and the column".into()));
+    None
+}
+
+/// A record as displacements at the playback rate, how it was processed, in words, and its largest |z| before the baseline
+/// was removed.
+fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, String, f64) {
     let count = (record.duration_s() * rate_hz * (1.0 + 1e-9)).floor() as usize + 1;
     let mut play = record.play();
     let (mut segment, mut interval) = (play.next_segment().0, 0_usize);
@@ -252,6 +279,7 @@ fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, S
         segment[0] + t * (segment[1] + t * (segment[2] + t * segment[3]))
     };
     let mut samples: Vec<f64> = (0..count).map(|n| at(n as f64 / rate_hz)).collect();
+    let before_m = samples.iter().fold(0.0f64, |most, z| most.max(z.abs()));
     let seconds = record.duration_s();
     let (quantity, line) = match record.quantity {
         Quantity::Acceleration => {
@@ -267,7 +295,7 @@ fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, S
     };
     let words = format!("{quantity} of {} samples in {seconds:.4} s", record.samples.len());
     if !is_linear {
-        return (samples, format!("{words}, baseline as recorded"));
+        return (samples, format!("{words}, baseline as recorded"), before_m);
     }
     for (n, z) in samples.iter_mut().enumerate() {
         let t = n as f64 / rate_hz;
@@ -277,7 +305,7 @@ fn displacements(record: &Record, rate_hz: f64, is_linear: bool) -> (Vec<f64>, S
         };
     }
     let unit = if quantity == "acceleration" { "m/s²" } else { "m" };
-    (samples, format!("{words}, less the line {:.3e} {unit} {:+.3e} {unit}/s·t", line[0], line[1]))
+    (samples, format!("{words}, less the line {:.3e} {unit} {:+.3e} {unit}/s·t", line[0], line[1]), before_m)
 }
 
 /// Velocity (m/s) and displacement (m) at the end of an acceleration.

@@ -4,7 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use super::outcome::Failure;
-use crate::client::devices::{only, ports, query};
+use crate::client::devices::{Answer, only, ports, query};
 use crate::client::link::Address;
 use crate::settings::read_board;
 
@@ -42,7 +42,10 @@ impl Rig {
                 Ok(address.clone())
             }
             Self::Auto => {
-                only(&query(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1))).map_err(Failure::Input)
+                let found = query(ports().map_err(Failure::Failed)?, false, Duration::from_secs(1));
+                let boards = found.iter().filter(|f| matches!(f.answer, Answer::Device { .. })).count();
+                // Several boards are a question of the command line; without one there is no rig to reach.
+                only(&found).map_err(if boards > 1 { Failure::Input } else { Failure::Failed })
             }
         }
     }

@@ -3,22 +3,23 @@
 //! To add a subcommand: a file with its clap `Args` and a function that returns [`Outcome`], and a line in both `Command` and
 //! [`main`]. The work itself belongs into the library.
 
-/// Prints a line to standard output, as [`output`] says.
+/// Prints a line to standard output, as [`output`] says; what controls a terminal is spelled out.
 macro_rules! say {
     ($($text:tt)*) => {
-        $crate::cli::output::print(format_args!("{}\n", format_args!($($text)*)))
+        $crate::cli::output::print(&format!($($text)*))
     };
 }
 
 /// Prints a line to standard error.
 macro_rules! warn {
     ($($text:tt)*) => {
-        $crate::cli::output::print_error(format_args!("{}\n", format_args!($($text)*)))
+        $crate::cli::output::print_error(&format!($($text)*))
     };
 }
 
 mod arguments;
 mod devices;
+mod documents;
 #[cfg(feature = "probe")]
 mod flash;
 #[cfg(feature = "probe")]
@@ -40,7 +41,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use outcome::{Failure, Outcome};
 
@@ -78,6 +79,10 @@ enum Command {
     Settings(settings::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
+    /// Print the completions of a shell
+    Completions(documents::Completions),
+    /// Print the manual page of damprig or of one of its commands
+    Man(documents::ManualPage),
     /// Flash the firmware of the controller board
     #[cfg(feature = "probe")]
     Flash(flash::Args),
@@ -115,6 +120,8 @@ pub fn main() -> ExitCode {
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Completions(args) => documents::completions(&args, Cli::command()),
+        Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
     outcome.map_or_else(Failure::report, |()| output::finish())
 }

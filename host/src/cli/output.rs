@@ -4,28 +4,28 @@
 //! then gives the exit code; a reader that wanted no more is no failure. `damprig … | head` saves, stops the rig and completes
 //! its files like any other call.
 
-use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use super::outcome::Failure;
+use crate::input::shown;
 
 /// The first error of standard output.
 static FAILED: OnceLock<Error> = OnceLock::new();
 
-/// Prints a text to standard output; nothing more after an error.
-pub(super) fn print(text: Arguments) {
+/// Prints a line to standard output, what controls a terminal spelled out; nothing more after an error.
+pub(super) fn print(line: &str) {
     if FAILED.get().is_none()
-        && let Err(error) = stdout().write_fmt(text)
+        && let Err(error) = writeln!(stdout(), "{}", shown(line))
     {
         let _ = FAILED.set(error);
     }
 }
 
-/// Prints a text to standard error. Nobody can be told when that fails.
-pub(super) fn print_error(text: Arguments) {
-    let _ = stderr().write_fmt(text);
+/// Prints a line to standard error, as [`print`] does. Nobody can be told when that fails.
+pub(super) fn print_error(line: &str) {
+    let _ = writeln!(stderr(), "{}", shown(line));
 }
 
 /// The exit code of a command whose work has succeeded: that of a failure when its output could not be written.

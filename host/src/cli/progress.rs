@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::campaign::{Campaign, CampaignSetUp};
+use crate::input::shown_in_line;
 use crate::report::describe;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::transients::TransientRow;
@@ -56,7 +57,7 @@ impl SimulationBar {
     /// For a simulation of `duration_s`.
     #[must_use]
     pub fn new(name: &str, duration_s: f64) -> Self {
-        Self { name: name.into(), duration_s, start: Instant::now(), bar: None }
+        Self { name: shown_in_line(name).into_owned(), duration_s, start: Instant::now(), bar: None }
     }
 
     /// Shows the simulated time `t_s`.
@@ -109,8 +110,9 @@ impl Watcher for Progress {
     fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
         self.print_line();
         self.mounted = self.set_ups.iter().position(|name| *name == set_up.name).map_or(0, |n| n + 1);
-        self.bar.set_message(set_up.name.clone());
-        self.line = Some(Line { label: set_up.name.clone(), points: 0, peak: None });
+        let label = shown_in_line(&set_up.name).into_owned();
+        self.bar.set_message(label.clone());
+        self.line = Some(Line { label, points: 0, peak: None });
         if simulated || self.mount_without_asking {
             return Ok(());
         }

@@ -6,26 +6,26 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
-use damprig_core::settings::Settings;
-use damprig_protocol::{ClockSource, PlantKind};
+use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, seconds, seconds_or_zero};
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, begin_entry, failure, largest_predicted};
+use super::run_job::{Job, begin_entry, largest_predicted};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
-use crate::prediction::transient::Expected;
-use crate::prediction::{self, Prediction};
+use crate::prediction::Predicted;
+use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
 use crate::run_folder::journal::{self, Journal};
 use crate::run_folder::read::folder::find;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::write::OutputFolder;
-use crate::runner::Selection;
+use crate::runner::rehearsal::accept;
 use crate::runner::resume::EarlierRun;
+use crate::settings::origin_text;
 
 /// Runs the experiments of a campaign on all its set-ups and records them in a run folder.
 ///
@@ -53,8 +53,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
-    /// Check the campaign and predict the displacements without running it. Does not connect to a board: limits and drive
-    /// are compared with those of the virtual board or, for another rig, with the defaults
+    /// Check the campaign and predict the displacements without running it. With --rig the settings of that rig are read
+    /// and nothing is changed on it; without, the settings are those of a board as delivered
     #[arg(long)]
     dry_run: bool,
 
@@ -113,42 +113,28 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(Failure::input)?;
     campaign.check_simulable().map_err(Failure::input)?;
-    let virtual_rig = Rig::At(Address::VIRTUAL);
-    let rig = args.rig.as_ref().unwrap_or(&virtual_rig);
-    // A dry run connects to the virtual rig only, which is in this process.
-    let is_compared = !args.dry_run || matches!(rig, Rig::At(Address::Virtual { .. }));
-    let connected = if is_compared {
-        let address = rig.find()?;
-        let session = open(&address, args)?;
-        apply_board_settings(&mut campaign, &session)?;
-        Some((address, session))
-    } else {
-        campaign.on_board(&Settings::default(), false).map_err(Failure::input)?;
-        None
-    };
-    let predictions = prediction::predict(&campaign).map_err(Failure::input)?;
-    let expected = prediction::transient::predict(&campaign).map_err(Failure::input)?;
-    say!("Campaign {} ({})", campaign.name, file.display());
-    if !predictions.is_empty() {
-        say!("{}", terminal::campaign::plan(&campaign, &predictions));
+    let rig = args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?;
+    let mut session = open(&rig, args)?;
+    let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
+    let (points, time) = (campaign.points(), duration(campaign.expected_s()));
+    let plural = if points == 1 { "" } else { "s" };
+    say!("Campaign {} ({}): {points} point{plural}, about {time} of rig time", campaign.name, file.display());
+    warnings.iter().for_each(|warning| warn!("warning: {warning}"));
+    let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
+    if !predicted.swings.is_empty() {
+        say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
     }
-    terminal::transients::plan(&campaign, &expected).iter().for_each(|plan| say!("{plan}"));
-    check(&campaign, &predictions, &expected)?;
-    let settings = connected.as_ref().map_or(Settings::default(), |(_, session)| session.settings);
-    check_drive(&campaign, &expected, &settings)?;
-    let Some((rig, mut session)) = connected.filter(|_| !args.dry_run) else {
+    terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
+    check(&campaign, &predicted, &session)?;
+    if args.dry_run {
         say!("All set-ups stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);
-        if !is_compared {
-            say!(
-                "Limits were compared with the default settings of a board; a run compares them with the settings of its own board."
-            );
-        }
+        say!("{}", settings_line(args, &session));
         return Ok(());
-    };
+    }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let selection = Selection::of(&campaign, &session).map_err(|e| failure(&e, ""))?;
     let now = host_time::now();
+    refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
         Some(path) => OutputFolder::create_at(path),
         None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
@@ -167,11 +153,22 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         mount_without_asking: args.yes,
         rig,
         campaign: &campaign,
-        largest_predicted_m: largest_predicted(&predictions, &expected),
+        largest_predicted_m: largest_predicted(&predicted),
         folder,
         taken: JournalState::default(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
+}
+
+/// Rejects a target that is a file or a folder with something in it.
+fn refuse_taken(out: Option<&Path>) -> Outcome {
+    let Some(out) = out.filter(|out| out.symlink_metadata().is_ok()) else { return Ok(()) };
+    let why = match out.read_dir().map(|mut entries| entries.next().is_some()) {
+        Ok(false) => return Ok(()),
+        Ok(true) => "it is not empty; give --out a new folder, or continue the run in it with --resume",
+        Err(_) => "it is no folder that can be read; give --out a new folder",
+    };
+    Err(Failure::Input(format!("cannot use the folder {}: {why}", out.display())))
 }
 
 fn resume(args: &Args, wanted: &Path) -> Outcome {
@@ -200,15 +197,13 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         (None, None) => Address::VIRTUAL,
     };
     let mut session = open(&rig, args)?;
-    apply_board_settings(&mut earlier.campaign, &session)?;
+    let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
+    warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     let campaign = &earlier.campaign;
-    let predictions = prediction::predict(campaign).map_err(Failure::input)?;
-    let expected = prediction::transient::predict(campaign).map_err(Failure::input)?;
-    check(campaign, &predictions, &expected)?;
+    let predicted = Predicted::of(campaign).map_err(Failure::input)?;
+    check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    check_drive(campaign, &expected, &session.settings)?;
-    let selection = Selection::of(campaign, &session).map_err(|e| failure(&e, ""))?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -232,29 +227,30 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         mount_without_asking: args.yes,
         rig,
         campaign,
-        largest_predicted_m: largest_predicted(&predictions, &expected),
+        largest_predicted_m: largest_predicted(&predicted),
         folder,
         taken: earlier.journal.clone(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
 }
 
-/// Compares the campaign's limits with those of the board, and completes it by the board's settings.
-fn apply_board_settings(campaign: &mut Campaign, session: &Session) -> Result<(), Failure> {
-    let is_simulated = session.description.plant != PlantKind::Real;
-    campaign.on_board(&session.settings, is_simulated).map_err(Failure::input)
+/// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.
+fn check(campaign: &Campaign, predicted: &Predicted, session: &Session) -> Outcome {
+    let drive_m = f64::from(session.settings.calibration.drive.range().amplitude_m());
+    let warnings = predicted.check(campaign, drive_m).map_err(Failure::input)?;
+    warnings.iter().for_each(|warning| warn!("warning: {warning}"));
+    Ok(())
 }
 
-/// Rejects predicted displacements beyond limits or stroke.
-fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<(), Failure> {
-    prediction::check(campaign, predictions).map_err(Failure::input)?;
-    prediction::transient::check(campaign, expected).map_err(Failure::input)
-}
-
-/// Rejects a drive beyond the range of the rig's output.
-fn check_drive(campaign: &Campaign, expected: &[Expected], settings: &Settings) -> Result<(), Failure> {
-    let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
-    prediction::drive::check(campaign, expected, drive_m).map_err(Failure::input)
+/// Says with whose settings a campaign was checked.
+fn settings_line(args: &Args, session: &Session) -> String {
+    if args.rig.is_none() {
+        return "Checked with the settings of a board as delivered. `--rig RIG` checks with those of a rig, \
+                `--rig virtual:BOARD.toml` with exported ones."
+            .into();
+    }
+    let (board, link) = (&session.identity.board, session.name());
+    format!("Checked with the settings of {board} at {link} ({}).", origin_text(session.description.settings))
 }
 
 fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {

@@ -11,8 +11,7 @@ use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
-use crate::prediction::Prediction;
-use crate::prediction::transient::Expected;
+use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
 use crate::report::terminal;
@@ -46,10 +45,10 @@ pub(super) fn begin_entry(
 }
 
 /// Largest predicted |x| of each set-up in use, m.
-pub(super) fn largest_predicted(predictions: &[Prediction], expected: &[Expected]) -> BTreeMap<usize, f64> {
-    let swings = predictions.iter().map(|p| (p.set_up, p.swing.max_x_m));
+pub(super) fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
+    let swings = predicted.swings.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
-    for (set_up, x_m) in swings.chain(expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
+    for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
         let most: &mut f64 = all.entry(set_up).or_default();
         *most = most.max(x_m);
     }
@@ -205,7 +204,7 @@ impl Job<'_> {
 }
 
 /// The failure of a run, with a note on the recorded data.
-pub(super) fn failure(error: &RunError, kept: &str) -> Failure {
+fn failure(error: &RunError, kept: &str) -> Failure {
     let message = format!("{error}{kept}");
     match error {
         RunError::Refused(_) => Failure::Input(message),

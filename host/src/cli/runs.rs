@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use crate::input::near;
-use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
+use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
@@ -209,7 +209,11 @@ fn show(run: &RunFolder) -> Outcome {
             d.protocol_schema
         );
     }
-    say!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
+    if m.is_running() {
+        say!("{:.1} s of rig time up to the last point", m.clock.rig_s);
+    } else {
+        say!("{:.1} s of rig time in {:.2} s", m.clock.rig_s, m.clock.wall_s);
+    }
     let c = m.counters;
     say!(
         "Lost: {} rows of samples ({} dropped by the device, {} by the host, {} messages lost on the link); bad frames: host {}, device {}",
@@ -286,7 +290,7 @@ fn show_transients(run: &RunFolder) -> Outcome {
 }
 
 fn check(wanted: &Path) -> Outcome {
-    let found = verify(wanted).map_err(Failure::failed)?;
+    let found = verify(&find(wanted).map_err(Failure::input)?).map_err(Failure::failed)?;
     let mut failed = 0;
     for finding in &found {
         match finding {
@@ -303,9 +307,18 @@ fn check(wanted: &Path) -> Outcome {
     Err(Failure::Failed(format!("{failed} checks of {} failed; nothing was changed", wanted.display())))
 }
 
+/// Rejects a target that exists, unless it is to be replaced: another name is a matter of the command line.
+fn refuse_existing(out: &OutFile) -> Outcome {
+    if !out.force && out.path.symlink_metadata().is_ok() {
+        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", out.path.display())));
+    }
+    Ok(())
+}
+
 fn report(run: &RunFolder, out: Option<&Path>, force: bool) -> Outcome {
     let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
     let file = OutFile { path: out.clone(), force };
+    refuse_existing(&file)?;
     let page = page(run);
     write_new(&file, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
@@ -343,9 +356,10 @@ fn export(args: &Export) -> Outcome {
         let name = one.map_or(String::new(), |table| format!("-{}", table.name()));
         PathBuf::from(format!("{}{name}.{}", run.id(), exporter.extension()))
     });
+    let file = OutFile { path: out.clone(), force: args.force };
+    refuse_existing(&file)?;
     let names: Vec<&str> = tables.iter().map(|t| t.name()).collect();
     let selection = ExportSelection { tables, set_up: args.set_up.clone(), from_s: args.from_s, to_s: args.to_s };
-    let file = OutFile { path: out.clone(), force: args.force };
     let exported = exporter.export(&run, &selection, &file).map_err(Failure::failed)?;
     say!("{} rows of {} in {}", exported.rows, names.join(" and "), out.display());
     exported.notes.iter().for_each(|note| say!("{note}"));

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Outcome {
     let (present, origin) = session.read_settings().map_err(Failure::failed)?;
     match &args.action {
         Action::Show => {
-            super::output::print(format_args!("{}", to_toml(&present, &head(&session, origin))));
+            say!("{}", to_toml(&present, &head(&session, origin)).trim_end());
             Ok(())
         }
         Action::Export { file, force } => export(file, *force, &to_toml(&present, &head(&session, origin))),
@@ -202,11 +202,11 @@ fn changed(values: &[String], present: &Settings) -> Result<Settings, Failure> {
             };
             return Err(Failure::Input(format!("there is no setting `{key}`: {help}")));
         }
-        if !number.parse::<f32>().is_ok_and(f32::is_finite) {
+        let Some(value) = number.parse::<f64>().ok().filter(|value| value.is_finite()) else {
             return Err(Failure::Input(format!("`{key}` = {number} is not allowed: must be a finite number")));
-        }
+        };
         // TOML wants digits on both sides of the point.
-        let number = number.parse::<f32>().map_or_else(|_| number.to_string(), decimal);
+        let number = if number.parse::<toml::Value>().is_ok() { number.to_string() } else { format!("{value:?}") };
         text.push_str(&format!("{key} = {number}\n"));
     }
     from_toml(&Source::new("command line", text), present).map_err(Failure::input)

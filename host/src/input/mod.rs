@@ -4,8 +4,10 @@
 //! The keys themselves are declared by the parsers of set-ups, campaigns and cases.
 
 pub mod key;
+pub mod locate;
 pub mod regular;
 pub mod section;
+mod shown;
 mod suggest;
 
 use std::io::{Error, ErrorKind};
@@ -17,10 +19,14 @@ use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use toml::de::DeTable;
 
 pub use section::{Number, Section, Text};
-pub use suggest::{near, replacement};
+pub use shown::{shown, shown_in_line};
+pub use suggest::{listed, near, replacement};
 
 /// Name of the campaign in a run folder, as a hint when a folder is given.
 const CAMPAIGN: &str = "campaign.toml";
+
+/// Problems of a file in one message; a file that is no campaign at all may have thousands.
+const MOST_SHOWN: usize = 20;
 
 /// Place of a value in its file, in bytes.
 pub type Span = Range<usize>;
@@ -139,7 +145,7 @@ impl Source {
         self.problems().is_empty()
     }
 
-    /// All problems so far as one message, in the order of the file.
+    /// The problems so far as one message, in the order of the file: the first [`MOST_SHOWN`], and how many there are.
     ///
     /// # Errors
     /// When there are any.
@@ -151,7 +157,10 @@ impl Source {
         problems.sort_by_key(|p| p.span.start);
         problems.dedup();
         let renderer = Renderer::plain();
-        let answers: Vec<String> = problems.iter().map(|p| self.render(&renderer, p)).collect();
+        let mut answers: Vec<String> = problems.iter().take(MOST_SHOWN).map(|p| self.render(&renderer, p)).collect();
+        if problems.len() > MOST_SHOWN {
+            answers.push(format!("{} has {} problems; these are the first {MOST_SHOWN}", self.name, problems.len()));
+        }
         // The command prints "error: " before the first.
         Err(Refusal(answers.join("\n\nerror: ")))
     }

@@ -126,11 +126,20 @@ fn rows(text: &str) -> Result<Rows, String> {
             rows.push((line, fields));
         }
     }
-    // NaN is refused as a value, it is not a column name.
-    let is_name = |field: &String| field.parse::<f64>().is_err();
-    let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(is_name));
+    let has_header = rows.first().is_some_and(|(_, fields)| fields.iter().all(|field| is_name(field)));
     let header = if has_header { Some(rows.remove(0).1) } else { None };
     Ok(Rows { header, rows })
+}
+
+/// Whether the first row's field looks like a column's name: it does not begin like a number and is not a mistyped one, as
+/// `O.25` or `x0.25`. NaN is refused as a value, it is no name.
+fn is_name(field: &str) -> bool {
+    let begins_as_number = field.starts_with(|c: char| c.is_ascii_digit() || "+-−.,".contains(c));
+    let as_digits = field.replace(['O', 'o'], "0").replace(['l', 'I'], "1");
+    let without_letters = field.trim_matches(char::is_alphabetic);
+    let is_stray = field.len() - without_letters.len() <= 2 && finite(without_letters).is_some();
+    let is_mistyped = field.contains('.') && (finite(&as_digits).is_some() || is_stray);
+    !begins_as_number && !is_mistyped && field.parse::<f64>().is_err()
 }
 
 impl Rows {
@@ -182,6 +191,7 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
             only
         }
     };
+    let first_line = rows.rows[0].0;
     let (mut times, mut values) = (Vec::new(), Vec::new());
     for (line, fields) in &rows.rows {
         let number = |column: usize| {
@@ -194,6 +204,11 @@ fn table(text: &str, spec: &Spec) -> Result<(f64, Vec<f64>), String> {
                     format!("; write the decimals after a point: {with_point}")
                 } else {
                     String::new()
+                };
+                let fix = if fix.is_empty() && *line == first_line && rows.header.is_none() {
+                    "; a header has a name in every column"
+                } else {
+                    &fix
                 };
                 format!("line {line}, column {}: {text:?} is not allowed: must be a finite number{fix}", column + 1)
             })

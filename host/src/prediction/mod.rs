@@ -1,19 +1,24 @@
 //! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
-//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`].
+//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], forces on the walls in [`wall_force`],
+//! the simulated shaker and sensors in [`simulated_rig`].
 //!
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
 //! cubics that match the sine's displacement and velocity at the ends of every step. The error of a cubic over a step h for
 //! a sine of angular frequency Ω is at most (Ωh)⁴/384 of its amplitude: 2.5·10⁻⁷ with at least 64 steps a period. The
 //! largest |x| is taken at the steps: the error of a sine's peak is at most 1 − cos(π/64) = 0.12 %, within the 2 % margin
 //! ([`USABLE`]).
+//!
+//! The work is bounded: a point that lasts very long is predicted up to [`Swing::predicted_s`].
 
 pub mod drive;
+pub mod simulated_rig;
 pub mod transient;
+pub mod wall_force;
 
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
+use damprig_core::integrator::sampled::{Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
 use damprig_core::model::Initial;
@@ -22,6 +27,7 @@ use rayon::prelude::*;
 use crate::campaign::transient::two_digits_down;
 use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
+use transient::Expected;
 
 /// The largest displacement of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +36,41 @@ pub struct Swing {
     pub max_x_m: f64,
     /// Drive frequency at which it occurs, Hz.
     pub frequency_hz: f64,
+    /// Largest impulse of an impact on a wall, N·s; 0 without one.
+    pub impulse_n_s: f64,
+    /// Time of each point that was simulated, s, if that is less than the point takes.
+    pub predicted_s: Option<f64>,
+}
+
+impl Swing {
+    const NOTHING: Self = Self { max_x_m: 0.0, frequency_hz: 0.0, impulse_n_s: 0.0, predicted_s: None };
+
+    /// The larger of both, in each respect.
+    fn or(self, other: Self) -> Self {
+        let larger = if other.max_x_m > self.max_x_m { other } else { self };
+        Self {
+            impulse_n_s: self.impulse_n_s.max(other.impulse_n_s),
+            predicted_s: [self.predicted_s, other.predicted_s].into_iter().flatten().reduce(f64::min),
+            ..larger
+        }
+    }
+}
+
+/// The largest impulse of impacts, as a change of the structure's velocity in lengths per step.
+#[derive(Default)]
+struct LargestKick(f64);
+
+impl Observer<f64> for LargestKick {
+    fn impact(&mut self, impact: &Impact<f64>) {
+        self.0 = self.0.max(impact.kick.abs());
+    }
+}
+
+impl LargestKick {
+    /// The impulse on a structure of this mass, N·s.
+    fn impulse_n_s(&self, mass_kg: f64, step_s: f64) -> f64 {
+        self.0 * mass_kg / step_s
+    }
 }
 
 /// The prediction for one set-up.
@@ -44,8 +85,54 @@ pub struct Prediction {
 /// Steps in a period of the drive, at least.
 const STEPS_PER_PERIOD: f64 = 64.0;
 
+/// Steps for all points of a campaign together: about half a second of computing.
+const MOST_STEPS: u64 = 1_200_000;
+
+/// Steps that every point may have, however many there are: 40 s at 2.5 Hz.
+const STEPS_PER_POINT: u64 = 6_400;
+
+/// Simulations of a set-up in search of an amplitude that fits.
+const MOST_TRIES: u64 = 30;
+
 /// Share of the displacement limit that a prediction may reach; the rest is for noise, resolution and model error.
 pub const USABLE: f64 = 0.98;
+
+/// The predictions for all experiments of a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predicted {
+    /// Of the set-ups in stepped sines.
+    pub swings: Vec<Prediction>,
+    /// Of records, pulses and free vibrations.
+    pub expected: Vec<Expected>,
+}
+
+impl Predicted {
+    /// Predicts all experiments of a campaign.
+    ///
+    /// # Errors
+    /// As [`predict`] and [`transient::predict`].
+    pub fn of(campaign: &Campaign) -> Result<Self, Refusal> {
+        Ok(Self { swings: predict(campaign)?, expected: transient::predict(campaign)? })
+    }
+
+    /// Refuses what would leave a limit, for a drive of ± `drive_m`; returns warnings.
+    ///
+    /// # Errors
+    /// As [`check`], [`transient::check`], [`drive::check`] and [`wall_force::check`].
+    pub fn check(&self, campaign: &Campaign, drive_m: f64) -> Result<Vec<String>, Refusal> {
+        check(campaign, &self.swings)?;
+        transient::check(campaign, &self.expected)?;
+        drive::check(campaign, &self.expected, drive_m)?;
+        let mut warnings = wall_force::check(campaign, &self.swings, &self.expected)?;
+        let times = self.swings.iter().map(|p| p.swing.predicted_s);
+        let times = times.chain(self.expected.iter().map(|e| e.outlook.predicted_s)).flatten();
+        if let Some(least_s) = times.reduce(f64::min) {
+            let text = "long experiments are predicted in part only: the shortest part is the first";
+            warnings.push(format!("{text} {} s", trim(least_s)));
+        }
+        Ok(warnings)
+    }
+}
 
 /// Predicts every set-up that a stepped sine uses, in the order of the campaign.
 ///
@@ -109,7 +196,7 @@ fn trim(value: f64) -> String {
 fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> Option<(f64, Swing)> {
     let z = campaign.set_ups[prediction.set_up].base_amplitude_m;
     let mut candidate = two_digits_down(z * USABLE * limit / prediction.swing.max_x_m);
-    for _ in 0..30 {
+    for _ in 0..tries(steps_of(campaign, prediction.set_up)) {
         let swing = swing(campaign, prediction.set_up, candidate).ok()?;
         if swing.max_x_m <= USABLE * limit {
             return Some((candidate, swing));
@@ -119,31 +206,65 @@ fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> 
     None
 }
 
-fn swing(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<Swing, Invalid> {
-    let mut largest = Swing { max_x_m: 0.0, frequency_hz: 0.0 };
-    for experiment in campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up)) {
-        let Some(sine) = experiment.stepped_sine() else { continue };
-        let swing = simulate(&campaign.set_ups[set_up], sine, base_amplitude_m)?;
-        if swing.max_x_m > largest.max_x_m {
-            largest = swing;
-        }
-    }
-    Ok(largest)
+/// Tries that the bound on the work allows, when each takes this many steps.
+fn tries(steps: u64) -> u64 {
+    (2 * MOST_STEPS / steps.max(1)).clamp(1, MOST_TRIES)
 }
 
-/// One experiment on one set-up with base amplitude Z.
-fn simulate(set_up: &CampaignSetUp, experiment: &SteppedSine, base_amplitude_m: f64) -> Result<Swing, Invalid> {
+/// Steps in a period of the drive.
+fn steps_per_period(set_up: &CampaignSetUp, frequency_hz: f64) -> f64 {
+    let structure = set_up.model().structure;
+    let rate = structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
+    STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil())
+}
+
+/// Steps that each point of the campaign may have.
+fn allowance(campaign: &Campaign) -> u64 {
+    let points: usize = campaign.experiments.iter().map(|e| e.frequencies_hz().len() * e.set_ups.len()).sum();
+    STEPS_PER_POINT.max(MOST_STEPS / points.max(1) as u64)
+}
+
+/// Steps of all points of a set-up, at most.
+fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
+    let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
+    let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
+        let steps = move |f: &f64| (sine.settle_s + sine.dwell_s) * f * steps_per_period(&campaign.set_ups[set_up], *f);
+        sine.frequencies_hz.iter().map(steps)
+    });
+    let most = allowance(campaign);
+    wanted.map(|steps| (steps as u64).min(most)).sum()
+}
+
+fn swing(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<Swing, Invalid> {
+    let most_steps = allowance(campaign);
+    let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
+    own.filter_map(|e| e.stepped_sine()).try_fold(Swing::NOTHING, |largest, sine| {
+        Ok(largest.or(simulate(&campaign.set_ups[set_up], sine, base_amplitude_m, most_steps)?))
+    })
+}
+
+/// One experiment on one set-up with base amplitude Z, at most `most_steps` steps of each point.
+fn simulate(
+    set_up: &CampaignSetUp,
+    experiment: &SteppedSine,
+    base_amplitude_m: f64,
+    most_steps: u64,
+) -> Result<Swing, Invalid> {
     let model = set_up.spec.at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
-    let rate =
-        model.structure.angular_frequency_rad_per_s().max(model.structure.damping_n_s_per_m / model.structure.mass_kg);
-    let mut largest = Swing { max_x_m: 0.0, frequency_hz: 0.0 };
+    let mut largest = Swing::NOTHING;
     let mut carried: Option<Initial> = None;
     for &frequency_hz in &experiment.frequencies_hz {
-        let steps = STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil());
+        let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
         let mut motion = Sampled::<f64>::new(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
-        let count = ((experiment.settle_s + experiment.dwell_s) / step_s).ceil() as u64;
+        let wanted = ((experiment.settle_s + experiment.dwell_s) / step_s).ceil() as u64;
+        let count = wanted.min(most_steps);
+        if count < wanted {
+            let predicted_s = count as f64 * step_s;
+            largest.predicted_s = Some(largest.predicted_s.map_or(predicted_s, |least| least.min(predicted_s)));
+        }
+        let mut kick = LargestKick::default();
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;
             (base_amplitude_m * angle.sin(), base_amplitude_m * angle.cos() * TAU / steps)
@@ -151,13 +272,14 @@ fn simulate(set_up: &CampaignSetUp, experiment: &SteppedSine, base_amplitude_m: 
         let mut start = at(0);
         for step in 0..count {
             let end = at(step + 1);
-            motion.step(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut ());
+            motion.step_observed(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut kick);
             start = end;
             let x = motion.state().x.abs();
             if x > largest.max_x_m {
-                largest = Swing { max_x_m: x, frequency_hz };
+                (largest.max_x_m, largest.frequency_hz) = (x, frequency_hz);
             }
         }
+        largest.impulse_n_s = largest.impulse_n_s.max(kick.impulse_n_s(model.structure.mass_kg, step_s));
         if experiment.start == Start::CarryOver {
             let state = motion.state();
             let (v, slide) = (state.v / step_s, state.slide / step_s);

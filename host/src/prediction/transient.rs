@@ -5,12 +5,12 @@
 //! at 2.5 Hz the error of a peak is (Ωh)²/8 = 3·10⁻⁵.
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::Sampled;
+use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::model::Initial;
 
-use super::USABLE;
+use super::{LargestKick, USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
 use crate::input::{Problem, Refusal};
 
@@ -29,6 +29,10 @@ pub struct Outlook {
     pub relative_rms_m: f64,
     /// Impacts.
     pub impacts: u32,
+    /// Largest impulse of an impact, N·s; 0 without one.
+    pub impulse_n_s: f64,
+    /// Time that was simulated, s, if that is less than the experiment takes.
+    pub predicted_s: Option<f64>,
 }
 
 /// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine.
@@ -45,6 +49,9 @@ pub fn outlook(set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Option
 
 /// The longest step, s.
 const STEP_S: f64 = 1.0 / TICK_HZ as f64;
+
+/// Steps of an experiment on a set-up: about a tenth of a second of computing, 400 s of rig time.
+const MOST_STEPS: u64 = 400_000;
 
 /// Sums over the steps of a motion.
 #[derive(Default)]
@@ -66,19 +73,37 @@ impl Watched {
         self.steps += 1;
     }
 
-    fn over(self, impacts: u32) -> Outlook {
+    /// Whether the bound on the work is reached.
+    fn is_full(&self) -> bool {
+        self.steps >= MOST_STEPS
+    }
+
+    /// The sums over a motion of `wanted_s` on a structure of this mass, in steps of `step_s`.
+    fn over(self, impacts: &Impacts, mass_kg: f64, step_s: f64, wanted_s: f64) -> Outlook {
         let rms = |sum: f64| (sum / self.steps.max(1) as f64).sqrt();
-        Outlook { x_rms_m: rms(self.squares), relative_rms_m: rms(self.relative), impacts, ..self.outlook }
+        let predicted_s = self.steps as f64 * step_s;
+        Outlook {
+            x_rms_m: rms(self.squares),
+            relative_rms_m: rms(self.relative),
+            impacts: impacts.count,
+            impulse_n_s: impacts.largest.impulse_n_s(mass_kg, step_s),
+            predicted_s: (self.is_full() && predicted_s < wanted_s).then_some(predicted_s),
+            ..self.outlook
+        }
     }
 }
 
-/// Counts impacts.
+/// Counts impacts and keeps the largest impulse.
 #[derive(Default)]
-struct Count(u32);
+struct Impacts {
+    count: u32,
+    largest: LargestKick,
+}
 
-impl damprig_core::integrator::sampled::Observer<f64> for Count {
-    fn impact(&mut self, _: &damprig_core::integrator::sampled::Impact<f64>) {
-        self.0 += 1;
+impl Observer<f64> for Impacts {
+    fn impact(&mut self, impact: &Impact<f64>) {
+        self.count = self.count.saturating_add(1);
+        self.largest.impact(impact);
     }
 }
 
@@ -110,13 +135,16 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
         gain * gain * (3.0 - 2.0 * gain)
     };
     let at = |n: i64| usize::try_from(n).ok().and_then(|n| counts.get(n)).copied().unwrap_or(0.0);
-    let (mut watched, mut impacts) = (Watched::default(), Count::default());
+    let (mut watched, mut impacts) = (Watched::default(), Impacts::default());
     for node in -2..=count {
         let rate = |n: i64| 0.5 * (at(n + 1) - at(n - 1));
         let whole = BaseSegment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
         let value = |t: f64| whole[0] + t * (whole[1] + t * (whole[2] + t * whole[3]));
         let slope = |t: f64| share * (whole[1] + t * (2.0 * whole[2] + t * 3.0 * whole[3]));
         for part in 0..parts {
+            if watched.is_full() {
+                break;
+            }
             let (from, to) = (f64::from(part) * share, f64::from(part + 1) * share);
             let (t0, t1) =
                 ((node + 2) as f64 * interval_s + from * interval_s, (node + 2) as f64 * interval_s + to * interval_s);
@@ -130,27 +158,32 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
             } else {
                 BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
-            motion.step(&segment, &mut impacts);
+            motion.step_observed(&segment, &mut impacts);
             watched.see(motion.state().x, z1);
         }
     }
-    for _ in 0..(playback.tail_s / step_s).round() as u64 {
-        motion.step(&BaseSegment::at_rest(0.0), &mut impacts);
+    rest(&mut motion, playback.tail_s / step_s, &mut watched, &mut impacts);
+    Ok(watched.over(&impacts, set_up.model().structure.mass_kg, step_s, length_s + playback.tail_s))
+}
+
+/// The motion over a base at rest.
+fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, impacts: &mut Impacts) {
+    for _ in 0..steps.round() as u64 {
+        if watched.is_full() {
+            break;
+        }
+        motion.step_observed(&BaseSegment::at_rest(0.0), impacts);
         watched.see(motion.state().x, 0.0);
     }
-    Ok(watched.over(impacts.0))
 }
 
 fn released(set_up: &CampaignSetUp, free: &FreeVibration) -> Result<Outlook, Invalid> {
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
     let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
-    let (mut watched, mut impacts) = (Watched::default(), Count::default());
-    for _ in 0..(free.measure_s / step_s).round() as u64 {
-        motion.step(&BaseSegment::at_rest(0.0), &mut impacts);
-        watched.see(motion.state().x, 0.0);
-    }
-    let mut outlook = watched.over(impacts.0);
+    let (mut watched, mut impacts) = (Watched::default(), Impacts::default());
+    rest(&mut motion, free.measure_s / step_s, &mut watched, &mut impacts);
+    let mut outlook = watched.over(&impacts, set_up.model().structure.mass_kg, step_s, free.measure_s);
     outlook.x_peak_m = outlook.x_peak_m.max(free.start_m.abs());
     Ok(outlook)
 }
@@ -231,7 +264,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
 fn fitting(set_up: &CampaignSetUp, playback: &Playback, most_z_m: f64, limit_m: f64) -> Option<f64> {
     let (before, most) = (playback.peak_m(), USABLE * limit_m);
     let mut candidate = before.min(most_z_m);
-    for _ in 0..30 {
+    for _ in 0..tries(MOST_STEPS) {
         candidate = crate::campaign::transient::two_digits_down(candidate);
         let factor = candidate / before;
         let samples_m = playback.samples_m.iter().map(|z| z * factor).collect();

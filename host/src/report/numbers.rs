@@ -21,6 +21,18 @@ pub fn significant(value: f64, digits: usize) -> String {
     trimmed(value, usize::try_from(digits as i32 - 1 - magnitude).unwrap_or(0))
 }
 
+/// A duration in a suitable unit.
+#[must_use]
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 120.0 => format!("{} s", significant(s, 2)),
+        s if s < 7_200.0 => format!("{} min", significant(s / 60.0, 2)),
+        s if s < 172_800.0 => format!("{} h", significant(s / 3_600.0, 2)),
+        s if s < 6.3e7 => format!("{} days", significant(s / 86_400.0, 2)),
+        s => format!("{} years", significant(s / 3.15e7, 2)),
+    }
+}
+
 /// A length in millimetres with six significant digits.
 #[must_use]
 pub fn millimetres(metres: f64) -> String {

@@ -11,6 +11,7 @@ mod error;
 mod plan_check;
 mod progress;
 mod reconnect;
+pub mod rehearsal;
 mod reorder_buffer;
 pub mod resume;
 mod segment;

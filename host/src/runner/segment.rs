@@ -158,22 +158,16 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             "take the twin's set-up",
             Request::SetTwin(wire_mapping::twin(&self.run.selection, set_up, experiment)),
         )?;
-        let ask = match &experiment.kind {
-            Kind::SteppedSine(sine) => {
-                let drive_m = session.settings.calibration.drive.range().amplitude_m();
-                Request::Configure(wire_mapping::plan(set_up, sine, self.task.points.clone(), drive_m))
+        if let Kind::Playback(playback) = &experiment.kind {
+            let stop = self.run.stop;
+            let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
+            if let Err(SessionError::Interrupted) = uploaded {
+                return Err(RunError::Interrupted);
             }
-            Kind::Playback(playback) => {
-                let stop = self.run.stop;
-                let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
-                if let Err(SessionError::Interrupted) = uploaded {
-                    return Err(RunError::Interrupted);
-                }
-                uploaded?;
-                Request::ConfigurePlayback(playback.order())
-            }
-            Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
-        };
+            uploaded?;
+        }
+        let drive_m = session.settings.calibration.drive.range().amplitude_m();
+        let ask = wire_mapping::experiment(set_up, experiment, self.task.points.clone(), drive_m);
         session.execute("take the experiment", ask)?;
         session.execute("take the campaign's limits", Request::SetLimits(rig.limits.of_experiment()))?;
         let keeps_ratio = experiment.stepped_sine().is_some();

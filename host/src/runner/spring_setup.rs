@@ -32,23 +32,12 @@ impl Run<'_> {
         self.step(set_up, SpringCommand::Home, |happening| matches!(happening, SpringEvent::Homed))?;
         self.step(set_up, SpringCommand::TouchOff, |happening| matches!(happening, SpringEvent::OnTarget { .. }))?;
         let on_target = |happening: &SpringEvent| matches!(happening, SpringEvent::OnTarget { .. });
-        let stiffness = set_up.model().structure.stiffness_n_per_m;
-        let force_n = spring.normal_force_n(stiffness, set_up.base_amplitude_m) as f32;
-        match spring.target {
-            SpringTarget::Deflection(deflection) => {
-                let target = Target::Deflection { deflection_m: deflection as f32 };
-                self.step(set_up, SpringCommand::Set(target), on_target)
-            }
-            SpringTarget::NormalForce(_) => self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target),
-            SpringTarget::FrictionRatio(ratio) => {
-                self.step(set_up, SpringCommand::Set(Target::Force { force_n }), on_target)?;
-                if !keeps_ratio {
-                    return Ok(());
-                }
-                let target = Target::FrictionRatio { ratio: ratio as f32 };
-                Ok(self.session.execute("keep a friction ratio", Request::Spring(SpringCommand::Set(target)))?)
-            }
+        self.step(set_up, SpringCommand::Set(first_target(set_up, spring)), on_target)?;
+        if let (SpringTarget::FrictionRatio(ratio), true) = (spring.target, keeps_ratio) {
+            let target = Target::FrictionRatio { ratio: ratio as f32 };
+            self.session.execute("keep a friction ratio", Request::Spring(SpringCommand::Set(target)))?;
         }
+        Ok(())
     }
 
     /// Releases the spring for a set-up whose friction, if any, does not come from it.
@@ -125,6 +114,16 @@ impl Run<'_> {
             Report::Event { event: Event::Fault(fault), .. } => Err(wire_mapping::fault_error(set_up, fault)),
             _ => Ok(None),
         }
+    }
+}
+
+/// The target that the spring is set to at rest. A friction ratio means a normal force at the demanded base amplitude.
+pub(super) fn first_target(set_up: &CampaignSetUp, spring: &SpringSpec) -> Target {
+    let stiffness = set_up.model().structure.stiffness_n_per_m;
+    let force_n = spring.normal_force_n(stiffness, set_up.base_amplitude_m) as f32;
+    match spring.target {
+        SpringTarget::Deflection(deflection) => Target::Deflection { deflection_m: deflection as f32 },
+        SpringTarget::NormalForce(_) | SpringTarget::FrictionRatio(_) => Target::Force { force_n },
     }
 }
 

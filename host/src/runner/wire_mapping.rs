@@ -10,12 +10,13 @@ use damprig_core::control::stepped_sine::DriveMode;
 use damprig_core::io::{SensorSet, TICK_HZ};
 use damprig_core::measure::point::PointResult;
 use damprig_core::twin::TwinConfig;
+use damprig_protocol::Request;
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, SensorModel};
 
 use super::error::RunError;
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, RigSettings, SpringSpec, Start, SteppedSine};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, RigSettings, SpringSpec, Start, SteppedSine};
 use crate::client::session::Session;
 use crate::input::{Problem, Refusal};
 use crate::run_folder::ResultRow;
@@ -123,8 +124,22 @@ pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &E
     is_wanted.then(|| TwinConfig::new(set_up.model()))
 }
 
+/// The request that configures these points of an experiment on a rig whose drive delivers ± `drive_m`.
+pub(super) fn experiment(
+    set_up: &CampaignSetUp,
+    experiment: &Experiment,
+    points: Range<usize>,
+    drive_m: f32,
+) -> Request {
+    match &experiment.kind {
+        Kind::SteppedSine(sine) => Request::Configure(plan(set_up, sine, points, drive_m)),
+        Kind::Playback(playback) => Request::ConfigurePlayback(playback.order()),
+        Kind::FreeVibration(free) => Request::ConfigureFreeVibration(free.order()),
+    }
+}
+
 /// The request for these points of an experiment on a rig whose drive delivers ± `drive_m`.
-pub(super) fn plan(
+fn plan(
     set_up: &CampaignSetUp,
     experiment: &SteppedSine,
     points: Range<usize>,

@@ -101,6 +101,7 @@ fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {
     let damping = s.one_of(&structure::DAMPING);
     s.finish();
     let (mass_kg, (spelling, stiffness), damping) = (mass?, stiffness?, damping?);
+    let damping_key = structure::DAMPING.keys[damping.0].name;
     let stiffness_n_per_m = match spelling {
         0 => Structure::from_modal(mass_kg, stiffness, 0.0).stiffness_n_per_m,
         _ => stiffness,
@@ -109,7 +110,9 @@ fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {
     let read = Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m };
     let fits = sample_s.map_or(Ok(0), |sample_s| Sampled::<f64>::steps_per_sample(&SetUp::bare(read), sample_s));
     if let Err(invalid) = fits {
-        s.reject(structure::STIFFNESS.keys[spelling].name, format!("must be {}", invalid.allowed), None);
+        let is_stiffness = invalid.parameter == "structure.stiffness_n_per_m";
+        let key = if is_stiffness { structure::STIFFNESS.keys[spelling].name } else { damping_key };
+        s.reject(key, format!("must be {}", invalid.allowed), None);
         return None;
     }
     Some(read)

@@ -13,6 +13,12 @@ use super::simulate::simulate;
 /// Longest duration of the trial.
 const TRIAL: Duration = Duration::from_millis(30);
 
+/// Longest duration of the trial of a run that seems long: a flood of impacts at the start may end soon.
+const LONG_TRIAL: Duration = Duration::from_millis(300);
+
+/// Computing time above which a run seems long, s.
+const LONG_S: f64 = 10.0;
+
 /// Arcs or record steps between two readings of the clock.
 const STEPS_PER_CLOCK: f64 = 1_000.0;
 
@@ -31,6 +37,8 @@ pub struct Cost {
     pub seconds: f64,
     /// Longest arc in contact with a stiff soft wall, s.
     pub stiff_arc_s: Option<f64>,
+    /// Simulated time of the trial from which arcs and seconds are extrapolated, s.
+    pub trial_s: f64,
 }
 
 /// Counts arcs.
@@ -61,12 +69,23 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     let (start, mut count) = (Instant::now(), ArcCounter::default());
     let mut trial = case.clone();
     trial.run.sample_times_s.clear();
-    let options =
-        RunOptions { keep: false, longest_part_s: STEPS_PER_CLOCK * least_s, go_on: &mut |_| start.elapsed() < TRIAL };
-    let reached_s = simulate(&trial, &mut count, options)?.summary.simulated_s;
-    // Very many impacts at the start may leave the reached time at 0.
-    let whole = duration_s / reached_s.max(duration_s * 1e-30);
-    Ok(Cost { arcs: count.0 as f64 * whole, seconds: start.elapsed().as_secs_f64() * whole, stiff_arc_s })
+    let mut marks: Vec<(f64, f64)> = vec![(0.0, 0.0)];
+    let mut go_on = |t_s: f64| {
+        let elapsed = start.elapsed();
+        let seconds = elapsed.as_secs_f64();
+        marks.push((seconds, t_s));
+        let seems_long = seconds * duration_s > LONG_S * t_s;
+        elapsed < TRIAL || (seems_long && elapsed < LONG_TRIAL)
+    };
+    let options = RunOptions { keep: false, longest_part_s: STEPS_PER_CLOCK * least_s, go_on: &mut go_on };
+    let trial_s = simulate(&trial, &mut count, options)?.summary.simulated_s;
+    let spent_s = start.elapsed().as_secs_f64();
+    // The second half of the trial is nearer to the rest of the run than the first.
+    let (from_s, from_t_s) = marks.iter().rev().find(|(s, _)| *s <= 0.5 * spent_s).copied().unwrap_or_default();
+    // Very many impacts may leave the reached time where it was.
+    let reached_s = (trial_s - from_t_s).max(duration_s * 1e-30);
+    let seconds = spent_s + (duration_s - trial_s).max(0.0) * (spent_s - from_s) / reached_s;
+    Ok(Cost { arcs: count.0 as f64 * seconds / spent_s, seconds, stiff_arc_s, trial_s })
 }
 
 /// Simulated time between two progress checks, s: a two-thousandth of the run, but at least 10 000 and at most 300 000

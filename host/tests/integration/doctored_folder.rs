@@ -297,7 +297,7 @@ fn no_change_of_a_run_folder_makes_a_reader_panic_hang_or_leave_it() {
         assert_eq!(std::fs::read_to_string(&canary).unwrap(), "mine", "change {n}: {what}");
         let kept = ["campaign.toml", "journal.jsonl"];
         let is_kept = |name: &&str| !changed.contains_key(Path::new(name)) || run.join(name).exists();
-        assert!(kept.iter().all(|name| is_kept(name)), "change {n} removed a file: {what}");
+        assert!(kept.iter().all(is_kept), "change {n} removed a file: {what}");
         assert_eq!(std::fs::read_dir(&runs).unwrap().count(), 1, "change {n}: {what}");
         std::fs::remove_dir_all(&runs).unwrap();
         std::fs::remove_dir_all(&out).unwrap();

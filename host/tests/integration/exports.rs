@@ -120,7 +120,7 @@ fn an_unwritable_path_is_named_and_no_file_is_left() {
     let before = std::fs::read_dir(folder.path()).unwrap().count();
     for format in ["csv", "mat", "uff"] {
         export(&folder, &[format, "--out", "nowhere/run.x"]).code(1).stderr(contains("there is no folder nowhere"));
-        export(&folder, &[format, "--out", "test.toml"]).code(1).stderr(contains("cannot write test.toml: it exists"));
+        export(&folder, &[format, "--out", "test.toml"]).code(2).stderr(contains("cannot write test.toml: it exists"));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before);
     assert_eq!(std::fs::read_to_string(folder.path().join("test.toml")).unwrap(), short());

@@ -192,7 +192,7 @@ fn a_limit_that_would_loosen_the_boards_is_refused_with_both_values_before_anyth
     let equal = "wall_force_limit_n = 300\nhost_silent_s = 10\nhalf_cycles_ahead = 6\nstructure_limit_m = 0.078";
     std::fs::write(lab.folder.path().join("test.toml"), campaign(equal, SOFT)).unwrap();
     let dry = damprig(&lab.folder).args(["run", "test.toml", "--dry-run", "--rig", &lab.rig]).assert().success();
-    dry.stdout(contains("compared with the default settings of a board"));
+    dry.stdout(contains(format!("Checked with the settings of test at {} (stored).", lab.rig)));
 }
 
 #[test]
@@ -325,7 +325,8 @@ fn a_campaign_leaves_the_boards_limit_on_the_springs_force_in_force() {
     lab.settings(&["set", "spring.largest_force_n=3", "spring.touch_span_n=0.5", "--save"]);
     let damper = "base_amplitude_m = 0.0015\nfriction_damper = { spring = { normal_force_n = 2.9 } }";
     let (code, words) = lab.run(&campaign("", damper), "out");
-    assert!(code == 1 && words.contains("small enough for 0.9 of spring.largest_force_n"), "{code} {words}");
+    assert!(code == 2 && words.contains("small enough for 0.9 of spring.largest_force_n"), "{code} {words}");
+    assert!(words.contains("write normal_force_n = 2.6") && !lab.folder.path().join("out").exists(), "{words}");
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn a_folder_in_use_is_refused_before_anything_moves() {
     let folder = folder_with(&short());
     std::fs::create_dir(folder.path().join("out")).unwrap();
     std::fs::write(folder.path().join("out/earlier.txt"), "data").unwrap();
-    let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(1);
+    let answer = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().code(2);
     answer.stderr(contains("cannot use the folder out: it is not empty; give --out a new folder"));
     let file = damprig(&folder).args(["run", "test.toml", "--out", "test.toml/run"]).assert().code(1);
     file.stderr(contains("test.toml/run").and(contains("Not a directory")));

@@ -61,7 +61,7 @@ fn a_single_flipped_bit_is_detected() {
 fn a_folder_that_is_not_a_run_is_refused() {
     let folder = folder_with(&short());
     std::fs::create_dir(folder.path().join("empty")).unwrap();
-    damprig(&folder).args(["runs", "verify", "empty"]).assert().code(1).stderr(contains("this folder is no run"));
+    damprig(&folder).args(["runs", "verify", "empty"]).assert().code(2).stderr(contains("this folder is no run"));
     damprig(&folder).args(["runs", "show", "nowhere"]).assert().code(2).stderr(contains("there is no run"));
 }
 
@@ -73,7 +73,7 @@ fn csv_has_every_selected_row_with_units_and_never_overwrites() {
     let text = std::fs::read_to_string(folder.path().join("all.csv")).unwrap();
     assert!(text.lines().next().unwrap().contains("x_m [m]"));
     assert_eq!(text.lines().count() - 1, rows(run.join("samples.parquet")));
-    damprig(&folder).args(export).assert().code(1).stderr(contains("cannot write all.csv"));
+    damprig(&folder).args(export).assert().code(2).stderr(contains("cannot write all.csv"));
     let one = ["--set-up", "bare", "--from-s", "1", "--to-s", "2", "--out", "one.csv"];
     damprig(&folder).args(["runs", "export", "out", "--format", "csv"]).args(one).assert().success();
     let text = std::fs::read_to_string(folder.path().join("one.csv")).unwrap();

@@ -7,8 +7,6 @@ use std::time::Duration;
 use serialport::{ClearBuffer, SerialPort};
 
 use super::{Link, is_quiet};
-use crate::input::near;
-
 pub(super) struct Serial(Box<dyn SerialPort>);
 
 impl Serial {
@@ -31,10 +29,10 @@ fn candidates(wanted: &str) -> String {
     if ports.is_empty() {
         return "; this machine shows no serial port: is the board plugged in?".into();
     }
-    match near(wanted, ports.iter().map(String::as_str)).first() {
-        Some(port) if *port == wanted => "; is it in use, and may you open it (group dialout)?".into(),
-        _ => format!("; the ports here are {}", ports.join(", ")),
+    if ports.iter().any(|port| port == wanted) {
+        return "; is it in use, and may you open it (group dialout)?".into();
     }
+    format!("; the ports here are {}", ports.join(", "))
 }
 
 impl Link for Serial {

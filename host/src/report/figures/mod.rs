@@ -19,6 +19,7 @@ use plotters::prelude::{DrawingArea, IntoDrawingArea};
 use plotters::style::{Color, FontFamily, FontStyle, IntoTextStyle, RGBColor, TextStyle, WHITE};
 use resvg::{tiny_skia, usvg};
 
+use crate::input::shown;
 use crate::run_folder::own_files;
 
 /// A drawing surface, in points of the SVG.
@@ -119,7 +120,8 @@ impl Picture {
             draw(&canvas)?;
             canvas.present().map_err(FigureError::of)?;
         }
-        Ok(Self { svg })
+        // XML forbids most control characters, and labels may have any.
+        Ok(Self { svg: shown(&svg).into_owned() })
     }
 
     /// Draws an overlay in tenths of a point, because curves need finer steps than whole points.
@@ -139,7 +141,8 @@ impl Picture {
         let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
             return Err(FigureError("the overlay is not SVG".into()));
         };
-        let layer = format!("<g transform=\"scale({})\">{}</g>\n", 1.0 / f64::from(FINE), &svg[from..to]);
+        let layer = shown(&svg[from..to]);
+        let layer = format!("<g transform=\"scale({})\">{layer}</g>\n", 1.0 / f64::from(FINE));
         self.svg.insert_str(end, &layer);
         Ok(self)
     }

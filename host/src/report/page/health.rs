@@ -7,6 +7,7 @@ use maud::{Markup, html};
 use super::data::PageData;
 use super::tables::{moment, number, short};
 use crate::client::controller::Controller;
+use crate::run_folder::schema::manifest::Manifest;
 
 /// Relative error of the base amplitude above which a warning is given.
 const NOTABLE_BASE_ERROR: f64 = 0.05;
@@ -22,12 +23,21 @@ pub(super) fn state(data: &PageData) -> Markup {
         p {
             @if is_complete { span.state.good { "complete" } } @else { span.state.bad { (m.status()) } }
             " " (m.points_taken) " of " (m.points_planned) " points; "
-            (number(m.clock.rig_s, 1)) " s of rig time in " (number(m.clock.wall_s, 1)) " s"
+            (rig_time(m))
         }
         @if !is_complete {
             p.note.bad { (m.ending_text()) }
         }
     }
+}
+
+/// Rig time of a run and the time that it took; of a run that has not ended, the rig time up to its last point.
+fn rig_time(m: &Manifest) -> String {
+    let rig_s = number(m.clock.rig_s, 1);
+    if m.is_running() {
+        return format!("{rig_s} s of rig time up to the last point");
+    }
+    format!("{rig_s} s of rig time in {} s", number(m.clock.wall_s, 1))
 }
 
 /// Warnings about the data.

@@ -12,6 +12,7 @@ mod tables;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::campaign::Campaign;
+use crate::input::shown;
 use crate::report::figures::campaign::{PlottedPoint, phase, response};
 use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
@@ -69,7 +70,8 @@ pub fn page(run: &RunFolder) -> Page {
             }
         }
     };
-    Page { html: markup.into_string(), unreadable: data.all_unreadable() }
+    // The template escapes what HTML reserves; control characters and direction marks are spelled out here.
+    Page { html: shown(&markup.into_string()).into_owned(), unreadable: data.all_unreadable() }
 }
 
 type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;

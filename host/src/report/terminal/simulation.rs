@@ -7,7 +7,7 @@ use damprig_core::model::Wall;
 
 use crate::motion_record::Quantity;
 use crate::report::describe;
-use crate::report::numbers::{millimetres, significant};
+use crate::report::numbers::{duration, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::Cost;
 use crate::simulation::time_history::TablePath;
@@ -22,17 +22,6 @@ const MANY_ROWS: f64 = 2e7;
 /// Largest relative deviation of the last cycles of a steady motion from their mean.
 const STEADY: f64 = 1e-3;
 
-/// A duration in a suitable unit.
-fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 120.0 => format!("{} s", significant(s, 2)),
-        s if s < 7_200.0 => format!("{} min", significant(s / 60.0, 2)),
-        s if s < 172_800.0 => format!("{} h", significant(s / 3_600.0, 2)),
-        s if s < 6.3e7 => format!("{} days", significant(s / 86_400.0, 2)),
-        s => format!("{} years", significant(s / 3.15e7, 2)),
-    }
-}
-
 /// Warnings before the run: stiff walls, long computing time, large files.
 pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -45,10 +34,11 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
     }
     if cost.seconds > LONG_S {
         warnings.push(format!(
-            "simulating {} s will take about {} ({} arcs); Ctrl-C stops the run and keeps the results so far",
+            "simulating {} s may take about {} ({} arcs), judging by the first {} s; Ctrl-C stops the run and keeps the results so far",
             significant(case.run.duration_s, 6),
             duration(cost.seconds),
-            significant(cost.arcs, 2)
+            significant(cost.arcs, 2),
+            significant(cost.trial_s, 2)
         ));
     }
     if let Some((path, rate_hz)) = history {

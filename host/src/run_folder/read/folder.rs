@@ -9,6 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use arrow_array::RecordBatch;
+use damprig_core::io::TICK_HZ;
 
 use super::open_part::salvage;
 use super::parquet_file::read;
@@ -18,7 +19,7 @@ use crate::run_folder::ReadError;
 use crate::run_folder::journal::{self, JOURNAL};
 use crate::run_folder::own_files::refuse_links;
 use crate::run_folder::schema::journal_state::JournalState;
-use crate::run_folder::schema::manifest::{FORMAT, MANIFEST, Manifest};
+use crate::run_folder::schema::manifest::{Durations, FORMAT, MANIFEST, Manifest};
 use crate::run_folder::schema::results::{self, RESULTS};
 use crate::run_folder::schema::samples::{JOINED, PARTS};
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
@@ -108,6 +109,7 @@ impl RunFolder {
             manifest.is_recording = journal::is_being_written(path);
             let state = JournalState::of(&lines.entries);
             manifest.points_taken = state.points();
+            manifest.clock = Durations { rig_s: state.ticks() as f64 / f64::from(TICK_HZ), wall_s: state.wall_s() };
             manifest.controller = state.controller();
             manifest.sample_rows = readable_rows(path, &state);
         }

@@ -25,7 +25,7 @@ use crate::integrator::sampled::{Impact, Observer, Sampled};
 use crate::integrator::units::Units;
 use crate::io::{Invalid, SUBSAMPLES, TICK_HZ, positive, require};
 use crate::measure::impacts::ImpactRecord;
-use crate::model::{Initial, SetUp, Wall};
+use crate::model::{Initial, SetUp, Structure, Wall};
 use crate::scalar::Scalar;
 use heapless::{Deque, Vec};
 use matching::{Matcher, MatcherConfig};
@@ -152,11 +152,19 @@ impl TwinPlan {
         let tick_s = 1.0 / f64::from(TICK_HZ);
         let set_up = &config.set_up;
         let steps = Sampled::<f32>::steps_per_sample(set_up, tick_s)?;
+        let structure = &set_up.structure;
+        let undamped = Structure { damping_n_s_per_m: 0.0, ..*structure };
+        require(
+            Sampled::<f32>::steps_per_sample(&SetUp::bare(undamped), tick_s)? <= MOST_STEPS,
+            "structure.stiffness_n_per_m",
+            structure.stiffness_n_per_m,
+            "low enough for a twin (natural frequency at most 31 Hz)",
+        )?;
         require(
             steps <= MOST_STEPS,
-            "structure.stiffness_n_per_m",
-            set_up.structure.stiffness_n_per_m,
-            "low enough for a twin (natural frequency at most 31 Hz)",
+            "structure.damping_n_s_per_m",
+            structure.damping_n_s_per_m,
+            "low enough for a twin (damping over mass at most 200 /s)",
         )?;
         let step_s = tick_s / f64::from(steps);
         let motion = Sampled::new(set_up, Units::metres(step_s), &Initial::default())?;

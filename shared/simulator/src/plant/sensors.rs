@@ -46,6 +46,9 @@ impl SensorModel {
         positive("sensors.range_m", f64::from(z_m))?;
         not_negative("sensors.resolution_m", f64::from(self.resolution_m))?;
         not_negative("sensors.noise_rms_m", f64::from(self.noise_rms_m))?;
+        let coarsest = Scalar::min(x_m, z_m);
+        let allowed = "at most a tenth of sensors.range_m";
+        require(self.resolution_m <= 0.1 * coarsest, "sensors.resolution_m", f64::from(self.resolution_m), allowed)?;
         let counts = if self.resolution_m > 0.0 { Scalar::max(x_m, z_m) / self.resolution_m } else { 0.0 };
         require(
             counts < 4e6,

@@ -177,6 +177,14 @@ impl SpringConfig {
             self.touch_span_n,
             "small enough for a touch at spring.search_rate_hz to stay below spring.largest_force_n",
         )?;
+        // From the touch to the last reading the seat compresses the spring, which may be half as stiff.
+        let climb_m = 2.0 * (self.touch_force_n + self.touch_span_n) / self.stiffness_n_per_m;
+        ask(
+            climb_m < self.travel_m - self.back_off_m,
+            "spring.stiffness_n_per_m",
+            self.stiffness_n_per_m,
+            "high enough for a touch-off within spring.travel_m (spring.touch_force_n and spring.touch_span_n)",
+        )?;
         for (name, value) in [("spring.settle_s", self.settle_s), ("spring.average_s", self.average_s)] {
             ask((1.0 / TICK_HZ..=10.0).contains(&value), name, value, "from one tick to 10 s")?;
         }
@@ -238,6 +246,7 @@ mod tests {
             (SpringConfig { dead_band_n: 1e-3, ..good }, "spring.dead_band_n"),
             (SpringConfig { follow_tolerance_n: 0.01, ..good }, "spring.follow_tolerance_n"),
             (SpringConfig { touch_span_n: 8.0, ..good }, "spring.touch_span_n"),
+            (SpringConfig { stiffness_n_per_m: 50.0, ..good }, "spring.stiffness_n_per_m"),
             (SpringConfig { average_s: 11.0, ..good }, "spring.average_s"),
             (SpringConfig { quiet_m: -1.0, ..good }, "spring.quiet_m"),
         ] {

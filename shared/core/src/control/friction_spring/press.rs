@@ -32,6 +32,14 @@ pub(super) enum PressPhase {
 }
 
 impl FrictionSpring {
+    /// Whether the controller would press with this target after a touch-off with this result.
+    ///
+    /// # Errors
+    /// The target is out of range.
+    pub fn allows(&self, zero: &ZeroReading, target: Target) -> Result<(), Invalid> {
+        self.check(zero, target).map(|_| ())
+    }
+
     /// Rejects a target out of range. Returns the position to start from, steps.
     pub(super) fn check(&self, zero: &ZeroReading, target: Target) -> Result<i32, Invalid> {
         let (name, value, deflection_m) = match target {

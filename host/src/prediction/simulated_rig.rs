@@ -1,0 +1,107 @@
+//! Checks what only a simulated rig states: how far its shaker moves for the demanded amplitude, and what its sensors resolve.
+
+use std::f64::consts::TAU;
+
+use damprig_core::control::base_follow;
+use damprig_core::control::stepped_sine::DriveMode;
+use damprig_simulator::plant::Shaker;
+
+use super::{USABLE, trim};
+use crate::campaign::{Campaign, CampaignSetUp, Kind, SteppedSine};
+use crate::input::locate::Step::Key;
+use crate::input::{Problem, Refusal, Span};
+
+/// A start may move the table this much further than the steady motion.
+const OVERSHOOT: f64 = 1.5;
+
+/// The table moves more, or less, than this share of the demand: worth a warning.
+const NOTABLE: f64 = 1.5;
+
+/// Displacements below this are lost in single precision, m.
+const LEAST_M: f64 = 1e-9;
+
+/// Checks a campaign on a simulated rig; returns warnings.
+///
+/// # Errors
+/// A shaker that would move the base beyond its limits, or a motion that the sensors do not resolve.
+pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
+    let mut warnings = Vec::new();
+    for experiment in &campaign.experiments {
+        for set_up in experiment.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index)) {
+            let (key, moved_m, span) = match &experiment.kind {
+                Kind::SteppedSine(sine) => {
+                    if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
+                        warnings.extend(unloaded(campaign, shaker, set_up, sine));
+                    }
+                    ("base_amplitude_m", set_up.base_amplitude_m, &set_up.base_amplitude_span)
+                }
+                Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
+                Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
+            };
+            resolved(campaign, key, moved_m, span);
+        }
+    }
+    campaign.source.verdict()?;
+    warnings.dedup();
+    Ok(warnings)
+}
+
+/// Reports a table without load that would leave its limits; a warning if it moves by another amplitude than demanded.
+fn unloaded(campaign: &Campaign, shaker: &Shaker, set_up: &CampaignSetUp, sine: &SteppedSine) -> Option<String> {
+    let gain = |f: f64| {
+        let (re, im) = shaker.dynamic_stiffness_n_per_m(TAU * f);
+        shaker.force_per_drive_n_per_m() / re.hypot(im)
+    };
+    let gains = sine.frequencies_hz.iter().map(|f| (gain(*f), *f));
+    let (largest, at_hz) = gains.clone().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (least, low_hz) = gains.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let z_m = set_up.base_amplitude_m;
+    let most_m = shaker.half_stroke_m.min(USABLE * campaign.rig.base_limit_m());
+    let calibrated = shaker.calibrated_at_hz;
+    let moves = |gain: f64, at_hz: f64| {
+        format!(
+            "set-up {:?}: calibrated at {} Hz, the shaker's table without load moves {} times as far as demanded at {} Hz",
+            set_up.name,
+            trim(calibrated),
+            crate::campaign::transient::two_digits_down(gain),
+            trim(at_hz)
+        )
+    };
+    let key = [Key("rig"), Key("shaker"), Key("calibrated_at_hz")];
+    let span = || campaign.source.locate(&key).or_else(|| campaign.source.locate(&key[..2])).unwrap_or_default();
+    let help = Some(format!("write calibrated_at_hz = {}, or drive = \"closed_loop\"", trim(at_hz)));
+    let (much, little) = (f64::from(base_follow::MOST), f64::from(base_follow::LEAST));
+    let allowed = if OVERSHOOT * largest > much {
+        format!("the rig stops when the base moves {much} times as far as demanded")
+    } else if largest * z_m > most_m {
+        format!("by {} mm, where at most {} mm may be used", trim(largest * z_m * 1e3), trim(most_m * 1e3))
+    } else if least < 2.0 * little {
+        format!("the rig stops when the base moves less than {little} of the demand")
+    } else {
+        let notable = if largest > NOTABLE { (largest, at_hz) } else { (least, low_hz) };
+        return (notable.0 > NOTABLE || notable.0 < 1.0 / NOTABLE).then(|| moves(notable.0, notable.1));
+    };
+    let (gain, at_hz) = if least < 2.0 * little { (least, low_hz) } else { (largest, at_hz) };
+    campaign.source.report(Problem { title: moves(gain, at_hz), span: span(), allowed, help });
+    None
+}
+
+/// Reports a motion that reads as zero.
+fn resolved(campaign: &Campaign, key: &str, moved_m: f64, span: &Span) {
+    let rig = &campaign.rig;
+    let [_, range_m] = rig.sensor_range_m();
+    let resolution_m = match &rig.data_sheet {
+        Some(sheet) => 2.0 * f64::from(range_m) / f64::from(1_u32 << sheet.bits.min(31)),
+        None => rig.sensor_resolution_m,
+    };
+    let least_m = LEAST_M.max(0.5 * resolution_m);
+    if moved_m >= least_m {
+        return;
+    }
+    campaign.source.report(Problem {
+        title: format!("`{key}` is too small: a motion of {moved_m:e} m cannot be measured"),
+        span: span.clone(),
+        allowed: format!("must be {least_m:.1e} m or more: the sensors resolve {resolution_m:.1e} m"),
+        help: None,
+    });
+}

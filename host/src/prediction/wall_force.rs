@@ -1,0 +1,59 @@
+//! Compares the predicted forces on the particle's walls with the limit in force.
+//!
+//! The model's impacts take no time; the force follows from the impulse J and the contact time τ of a half-sine pulse,
+//! F = πJ/(2τ). The simulated rig's contacts last [`WallSensors::contact_s`]. Those of a real wall may be several times longer,
+//! so only a force far beyond the limit is refused; above the limit there is a warning.
+
+use std::f64::consts::PI;
+
+use damprig_simulator::plant::walls::WallSensors;
+
+use super::Prediction;
+use super::transient::Expected;
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::input::{Problem, Refusal};
+use crate::settings::number_of;
+
+/// A contact this many times longer than the simulated rig's still exceeds the limit.
+const FAR_BEYOND: f64 = 4.0;
+
+/// Warnings on forces above the limit.
+///
+/// # Errors
+/// Forces more than [`FAR_BEYOND`] times the limit: one message for all, each with the line of the set-up's base amplitude.
+pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Refusal> {
+    let impulses = predictions.iter().map(|p| (p.set_up, p.swing.impulse_n_s));
+    let impulses: Vec<(usize, f64)> =
+        impulses.chain(expected.iter().map(|e| (e.set_up, e.outlook.impulse_n_s))).collect();
+    let limit_n = number_of(campaign.rig.acting.wall_force_n);
+    let contact_s = number_of(WallSensors::default().contact_s);
+    let mut warnings = Vec::new();
+    for (index, set_up) in campaign.set_ups.iter().enumerate() {
+        let largest = impulses.iter().filter(|(of, _)| *of == index).map(|(_, impulse)| *impulse).fold(0.0, f64::max);
+        let force_n = 0.5 * PI * largest / contact_s;
+        if force_n <= limit_n {
+            continue;
+        }
+        let what = format!(
+            "set-up {:?} would reach the limit of the force on a wall: predicted {force_n:.0} N in a contact of {} ms, limit {limit_n} N",
+            set_up.name,
+            contact_s * 1e3
+        );
+        if force_n > FAR_BEYOND * limit_n {
+            campaign.source.report(problem(set_up, what));
+        } else {
+            warnings.push(format!("{what}; the rig stops there"));
+        }
+    }
+    campaign.source.verdict().map(|()| warnings)
+}
+
+fn problem(set_up: &CampaignSetUp, title: String) -> Problem {
+    let mass = set_up.model().particle.map_or(0.0, |particle| particle.mass_kg);
+    Problem {
+        title,
+        span: set_up.base_amplitude_span.clone(),
+        allowed: format!("with this base amplitude and a particle of {} kg", super::trim(mass)),
+        help: Some("write a smaller base amplitude, a lighter particle or a smaller coefficient of restitution".into()),
+    }
+}

@@ -1,0 +1,196 @@
+//! Asks the controller's own code, before a run, whether it accepts every request that the run would send.
+//!
+//! A controller in this process has the settings of the rig. For each experiment on each of its set-ups it gets the requests of
+//! a run, from the set-up to the start, without a tick between them. What it rejects is reported with its place in the
+//! campaign. A spring is not homed here: its target is checked for the zero reading that the rig is expected to find.
+
+mod place;
+
+use damprig_core::control::friction_spring::{FrictionSpring, SpringConfig, Target, ZeroReading};
+use damprig_core::io::Invalid;
+use damprig_core::rig::Rejected;
+use damprig_core::settings::{Settings, Source as Origin};
+use damprig_device::board::DeviceInfo;
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::queues::{Outgoing, StreamItem};
+use damprig_device::upload_buffer::UploadBuffer;
+use damprig_protocol::upload::{CHUNK_BYTES, UploadStage, checksum};
+use damprig_protocol::{FromDevice, NumberedRequest, PlantKind, Request};
+use damprig_simulator::board::{PlantScalar, SimulatedBoard};
+use damprig_simulator::messages::set_plant;
+use damprig_simulator::plant::PlantConfig;
+use damprig_simulator::plant::spring::SpringPlant;
+
+use super::spring_setup::first_target;
+use super::wire_mapping::{self, Selection};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
+use crate::client::session::Session;
+use crate::input::Refusal;
+use crate::prediction;
+
+/// The prediction refuses a record beyond the drive's range, with the peak that fits.
+const RECORD_PEAK: &str = "record peak (m)";
+
+/// Campaigns with more problems than this are not asked about further.
+const MOST_PROBLEMS: usize = 20;
+
+/// Completes a campaign by the settings of the session's rig and checks all that can be checked without a prediction: limits,
+/// signals, drive, the simulated rig's parts, and that the controller accepts every request. Sends nothing to the rig.
+/// Returns the selected signals, and warnings.
+///
+/// # Errors
+/// Every problem, with file, line and key.
+pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, Vec<String>), Refusal> {
+    let (settings, plant) = (&session.settings, session.description.plant);
+    let is_simulated = plant != PlantKind::Real;
+    campaign.on_board(settings, is_simulated)?;
+    let selection = Selection::of(campaign, session).map_err(|error| Refusal(error.to_string()))?;
+    let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
+    prediction::drive::check(campaign, &[], drive_m)?;
+    let warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
+    rehearse(campaign, &selection, settings, plant)?;
+    Ok((selection, warnings))
+}
+
+/// Checks that a controller with these settings accepts the whole campaign. `plant` is the kind of its plant: a simulated one is
+/// configured with the campaign's.
+///
+/// # Errors
+/// Everything that the controller rejects, with file, line and key.
+fn rehearse(campaign: &Campaign, selection: &Selection, settings: &Settings, plant: PlantKind) -> Result<(), Refusal> {
+    match plant {
+        PlantKind::SimulatedF32 => rehearse_in::<f32>(campaign, selection, settings, true),
+        PlantKind::SimulatedF64 => rehearse_in::<f64>(campaign, selection, settings, true),
+        PlantKind::Real => rehearse_in::<f64>(campaign, selection, settings, false),
+    }
+}
+
+fn rehearse_in<S: PlantScalar>(
+    campaign: &Campaign,
+    selection: &Selection,
+    settings: &Settings,
+    is_simulated: bool,
+) -> Result<(), Refusal> {
+    let mut upload = Box::new(UploadBuffer::new());
+    let mut problems = 0;
+    for (index, set_up) in campaign.set_ups.iter().enumerate() {
+        for (place, experiment) in campaign.experiments.iter().enumerate() {
+            if !experiment.set_ups.contains(&index) || problems >= MOST_PROBLEMS {
+                continue;
+            }
+            let mut device = Device::<S>::new(settings, &mut upload);
+            if let Err(refused) = device.configure(campaign, selection, set_up, experiment, is_simulated) {
+                if matches!(&refused.why, Rejected::AboveLimit { parameter, .. } if parameter == RECORD_PEAK) {
+                    continue;
+                }
+                problems += 1;
+                campaign.source.report(place::problem(campaign, index, place, &refused));
+            }
+        }
+    }
+    campaign.source.verdict()
+}
+
+/// A rejected request.
+struct Refused {
+    /// The request, in words.
+    what: &'static str,
+    why: Rejected,
+}
+
+/// Keeps the last reply.
+#[derive(Default)]
+struct LastReply(Option<Result<(), Rejected>>);
+
+impl Outgoing for LastReply {
+    fn message(&mut self, message: FromDevice) -> Result<usize, ()> {
+        if let FromDevice::Reply { answer, .. } = message {
+            self.0 = Some(answer.map(|_| ()));
+        }
+        Ok(0)
+    }
+
+    fn stream(&mut self, _: StreamItem) -> Result<usize, ()> {
+        Ok(0)
+    }
+}
+
+/// A controller in this process; no tick passes on it.
+struct Device<'a, S> {
+    controller: Controller,
+    board: SimulatedBoard<S>,
+    upload: &'a mut UploadBuffer,
+    replies: LastReply,
+    seq: u16,
+}
+
+impl<'a, S: PlantScalar> Device<'a, S> {
+    fn new(settings: &Settings, upload: &'a mut UploadBuffer) -> Self {
+        let mut controller = Controller::new(DeviceInfo::new("", ""), BootInfo::default());
+        controller.start_with(settings, Origin::Stored);
+        Self { controller, board: SimulatedBoard::default(), upload, replies: LastReply::default(), seq: 0 }
+    }
+
+    fn ask(&mut self, what: &'static str, request: Request) -> Result<(), Refused> {
+        self.seq = self.seq.wrapping_add(1);
+        let request = NumberedRequest { seq: self.seq, at_tick: None, request };
+        self.controller.serve(&request, &mut self.board, self.upload, &mut self.replies);
+        // Every request is answered at once.
+        self.replies.0.take().unwrap_or(Ok(())).map_err(|why| Refused { what, why })
+    }
+
+    /// The requests of a run, in its order.
+    fn configure(
+        &mut self,
+        campaign: &Campaign,
+        selection: &Selection,
+        set_up: &CampaignSetUp,
+        experiment: &Experiment,
+        is_simulated: bool,
+    ) -> Result<(), Refused> {
+        // Without a plant a simulated board does not start.
+        let mut plant = PlantConfig::ideal(set_up.model());
+        if is_simulated {
+            plant = wire_mapping::plant(&campaign.rig, set_up, experiment);
+        }
+        self.ask("take the simulated set-up", set_plant(plant))?;
+        let twin = wire_mapping::twin(selection, set_up, experiment);
+        self.ask("take the twin's set-up", Request::SetTwin(twin))?;
+        if let Kind::Playback(playback) = &experiment.kind {
+            self.upload(&playback.bytes())?;
+        }
+        let drive_m = self.controller.settings().calibration.drive.range().amplitude_m();
+        let request = wire_mapping::experiment(set_up, experiment, 0..experiment.points(), drive_m);
+        self.ask("take the experiment", request)?;
+        self.ask("take the campaign's limits", Request::SetLimits(campaign.rig.limits.of_experiment()))?;
+        if let Some(spring) = set_up.spring() {
+            let properties = wire_mapping::spring(set_up, &spring);
+            self.ask("take the set-up's spring", Request::SetSpring(properties))?;
+            let config = self.controller.settings().spring.for_set_up(&properties);
+            check_target(&config, first_target(set_up, &spring), plant.spring.as_ref())
+                .map_err(|invalid| Refused { what: "move the friction damper's spring", why: invalid.into() })?;
+        }
+        self.ask("start", Request::Start)
+    }
+
+    fn upload(&mut self, bytes: &[u8]) -> Result<(), Refused> {
+        const WHAT: &str = "take a record";
+        self.ask(WHAT, Request::BeginUpload { bytes: bytes.len() as u32, crc32: checksum(0, bytes) })?;
+        for (n, chunk) in bytes.chunks(CHUNK_BYTES).enumerate() {
+            let offset = (n * CHUNK_BYTES) as u32;
+            self.ask(WHAT, Request::UploadChunk { offset, data: chunk.iter().copied().collect() })?;
+        }
+        while self.upload.progress().stage == UploadStage::Checking {
+            self.upload.check();
+        }
+        Ok(())
+    }
+}
+
+/// Checks a target as the controller does after its touch-off: against the simulated spring, or on a real rig against the
+/// stated stiffness with the zero reading as near as it can be.
+fn check_target(config: &SpringConfig, target: Target, plant: Option<&SpringPlant>) -> Result<(), Invalid> {
+    let (zero_m, stiffness_n_per_m) =
+        plant.map_or((config.back_off_m, config.stiffness_n_per_m), |plant| (plant.touch_m, plant.stiffness_n_per_m));
+    FrictionSpring::new(config)?.allows(&ZeroReading { zero_m, zero_error_m: 0.0, stiffness_n_per_m }, target)
+}

@@ -1,0 +1,346 @@
+//! Mutated campaigns and cases, in this process: no panic, no hang, and what the dry run accepts the controller accepts.
+//!
+//! 2 000 files, or 20 000 with DAMPRIG_FULL. Seeds are fixed, so a failure repeats; its message has the whole file.
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::client::link::Address;
+use damprig::client::session::{Session, SessionError};
+use damprig::input::Source;
+use damprig::prediction::Predicted;
+use damprig::run_folder::journal::Entry;
+use damprig::run_folder::schema::journal_state::JournalState;
+use damprig::run_folder::schema::transients::TransientRow;
+use damprig::run_folder::write::recorder::{Recording, Rows};
+use damprig::run_folder::{ResultRow, StorageError};
+use damprig::runner::rehearsal::accept;
+use damprig::runner::{Run, RunError, Selection, Watcher};
+use damprig::simulation::{Case, RunOptions, cost, simulate};
+use fastrand::Rng;
+use tempfile::TempDir;
+use toml::{Table, Value};
+
+/// Longest time for one file.
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// Rig time for which an accepted campaign runs, s.
+const RUN_S: f64 = 20.0;
+
+/// Time after which a simulation is told to stop.
+const SIMULATED: Duration = Duration::from_millis(200);
+
+const SINE: &str = include_str!("mutations/sine.toml");
+const SPRING: &str = include_str!("mutations/spring.toml");
+const SHAKER: &str = include_str!("mutations/shaker.toml");
+const TRANSIENTS: &str = include_str!("mutations/transients.toml");
+const RECORD: &str = "t,z_mm\n0,0\n0.01,0.4\n0.02,1.0\n0.03,-0.8\n0.04,0.3\n0.05,0\n";
+
+const CASES: [&str; 6] = [
+    include_str!("../../cases/friction-damper.toml"),
+    include_str!("../../cases/hybrid.toml"),
+    include_str!("../../cases/record.toml"),
+    include_str!("../../cases/soft-wall.toml"),
+    include_str!("../../cases/spid.toml"),
+    include_str!("../../cases/tmd.toml"),
+];
+
+fn count() -> usize {
+    if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 2_000 }
+}
+
+/// A folder with the records that the files name.
+fn folder() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("record.csv"), RECORD).unwrap();
+    let shake = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/shake.csv");
+    std::fs::copy(shake, folder.path().join("shake.csv")).unwrap();
+    folder
+}
+
+/// Values that have been wrong before, or are at an end of a range.
+const NUMBERS: [f64; 22] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    20.0,
+    50.0,
+    1000.0,
+    1e-3,
+    1e-9,
+    1e-12,
+    1e-46,
+    1e-300,
+    1e6,
+    1e9,
+    1e12,
+    1e18,
+    1e39,
+    1e300,
+    -1e300,
+    f64::INFINITY,
+    f64::NAN,
+    0.47,
+];
+
+const TEXTS: [&str; 12] = [
+    "",
+    "x",
+    "z",
+    "hybrid",
+    "bare",
+    "stepped_sine",
+    "constant",
+    "voigt",
+    "record.csv",
+    "no.csv",
+    "a\u{1b}[2J\u{202e}b\n",
+    "ζ",
+];
+
+/// One to three changes to the parsed file; now and then to its bytes instead.
+fn mutate(text: &str, rng: &mut Rng) -> String {
+    if rng.u8(..10) == 0 {
+        return mutate_bytes(text, rng);
+    }
+    let mut table: Value = Value::Table(text.parse::<Table>().expect("a seed is TOML"));
+    for _ in 0..rng.usize(1..4) {
+        let leaves = places(&table).len();
+        let place = places(&table).swap_remove(rng.usize(..leaves));
+        change(&mut table, &place, rng);
+    }
+    // A case may be JSON.
+    let written = if rng.u8(..8) == 0 { serde_json::to_string(&table).ok() } else { toml::to_string(&table).ok() };
+    written.unwrap_or_else(|| text.to_string())
+}
+
+fn mutate_bytes(text: &str, rng: &mut Rng) -> String {
+    let mut bytes = text.as_bytes().to_vec();
+    for _ in 0..rng.usize(1..6) {
+        let at = rng.usize(..bytes.len());
+        match rng.u8(..4) {
+            0 => bytes[at] = b"=[]{}\"'#.,-+eE0189\n\t\x00\x7f"[rng.usize(..22)],
+            1 => drop(bytes.remove(at)),
+            2 => bytes.insert(at, b"=[]{}\"\n9"[rng.usize(..8)]),
+            _ => bytes.truncate(at.max(1)),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Key(String),
+    Item(usize),
+}
+
+/// The paths of all values below `value`.
+fn places(value: &Value) -> Vec<Vec<Step>> {
+    let mut all = Vec::new();
+    let inner: Vec<(Step, &Value)> = match value {
+        Value::Table(table) => table.iter().map(|(key, value)| (Step::Key(key.clone()), value)).collect(),
+        Value::Array(list) => list.iter().enumerate().map(|(n, value)| (Step::Item(n), value)).collect(),
+        _ => Vec::new(),
+    };
+    for (step, value) in inner {
+        all.push(vec![step.clone()]);
+        all.extend(places(value).into_iter().map(|rest| [vec![step.clone()], rest].concat()));
+    }
+    all
+}
+
+fn change(root: &mut Value, place: &[Step], rng: &mut Rng) {
+    let Some((last, path)) = place.split_last() else { return };
+    let parent = path.iter().try_fold(root, |value, step| match step {
+        Step::Key(key) => value.get_mut(key.as_str()),
+        Step::Item(n) => value.get_mut(*n),
+    });
+    match (parent, last) {
+        (Some(Value::Table(table)), Step::Key(key)) => match rng.u8(..12) {
+            0 => drop(table.remove(key)),
+            1 => drop(table.insert(format!("{key}_m"), Value::Float(1.0))),
+            2 => {
+                if let Some(value) = table.remove(key) {
+                    table
+                        .insert(["mass_ratio", "clearance_m", "scale", "friction_ratio"][rng.usize(..4)].into(), value);
+                }
+            }
+            _ => {
+                if let Some(value) = table.get_mut(key) {
+                    *value = changed(value, rng);
+                }
+            }
+        },
+        (Some(Value::Array(list)), Step::Item(n)) => match rng.u8(..6) {
+            0 => drop(list.remove(*n)),
+            1 => list.insert(*n, list[*n].clone()),
+            2 => list.resize(rng.usize(..500), list[*n].clone()),
+            _ => list[*n] = changed(&list[*n], rng),
+        },
+        _ => {}
+    }
+}
+
+fn changed(value: &Value, rng: &mut Rng) -> Value {
+    match (value, rng.u8(..20)) {
+        (_, 0) => Value::String(TEXTS[rng.usize(..TEXTS.len())].into()),
+        (_, 1) => Value::Boolean(true),
+        (_, 2) => Value::Array(Vec::new()),
+        (Value::Float(_) | Value::Integer(_), kind) => {
+            let number = value.as_float().unwrap_or_else(|| value.as_integer().unwrap_or(0) as f64);
+            Value::Float(match kind {
+                3..9 => NUMBERS[rng.usize(..NUMBERS.len())],
+                9..12 => number * 10f64.powi(rng.i32(-8..9)),
+                12..16 => number * (0.5 + rng.f64()),
+                _ => number * [0.1, 10.0, 30.0, 0.03, -1.0][rng.usize(..5)],
+            })
+        }
+        (Value::String(_), _) => Value::String(TEXTS[rng.usize(..TEXTS.len())].into()),
+        (Value::Table(_), 3..6) => Value::Table(Table::new()),
+        (Value::Array(list), 3..6) => {
+            Value::Array(list.iter().cycle().take(list.len() * rng.usize(..200)).cloned().collect())
+        }
+        _ => value.clone(),
+    }
+}
+
+/// Drops everything.
+struct Nothing;
+
+impl Recording for Nothing {
+    fn check(&self) -> Result<(), StorageError> {
+        Ok(())
+    }
+
+    fn note(&self, _: Entry) {}
+
+    fn rows(&mut self, _: Rows, _: &AtomicBool) {}
+
+    fn dropped_rows(&self) -> u64 {
+        0
+    }
+}
+
+/// Ends a run after [`RUN_S`] of rig time.
+struct Limited<'a> {
+    stop: &'a AtomicBool,
+}
+
+impl Watcher for Limited<'_> {
+    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn progress(&mut self, rig_s: f64) {
+        self.stop.fetch_or(rig_s > RUN_S, Ordering::Relaxed);
+    }
+
+    fn point(&mut self, _: &ResultRow) {}
+
+    fn transient(&mut self, _: &TransientRow) {}
+
+    fn link(&mut self, _: &str) {}
+}
+
+fn session() -> Session {
+    Session::open(&Address::VIRTUAL, Duration::from_secs(60)).unwrap()
+}
+
+/// The dry run of a campaign.
+fn dry_run(path: &Path, text: &str) -> Result<(Campaign, Selection), String> {
+    let mut campaign = Campaign::parse(Source::new(path.display().to_string(), text)).map_err(|e| e.to_string())?;
+    campaign.check_simulable().map_err(|e| e.to_string())?;
+    let session = session();
+    let (selection, _) = accept(&mut campaign, &session).map_err(|e| e.to_string())?;
+    let predicted = Predicted::of(&campaign).map_err(|e| e.to_string())?;
+    let drive_m = f64::from(session.settings.calibration.drive.range().amplitude_m());
+    predicted.check(&campaign, drive_m).map_err(|e| e.to_string())?;
+    Ok((campaign, selection))
+}
+
+/// Runs a campaign on the virtual rig for some seconds of rig time; why the controller refused something, if it did.
+fn refusal_of_controller(campaign: &Campaign, selection: Selection) -> Option<String> {
+    let (mut session, stop) = (session(), AtomicBool::new(false));
+    let (mut watcher, mut recorder) = (Limited { stop: &stop }, Nothing);
+    let journal = JournalState::default();
+    let run = Run::new(campaign, &mut session, &mut recorder, &mut watcher, &stop, selection, journal);
+    match run.carry_out().1 {
+        Err(RunError::Session(error @ (SessionError::Refused { .. } | SessionError::Upload { .. }))) => {
+            Some(error.to_string())
+        }
+        _ => None,
+    }
+}
+
+/// Runs `body` with every mutated text; how many it accepted.
+fn all(seeds: &[&str], count: usize, body: impl Fn(&str) -> bool) -> usize {
+    let slowest = RefCell::new(Duration::ZERO);
+    let accepted = (0..count)
+        .filter(|n| {
+            let mut rng = Rng::with_seed(20_261_122 + *n as u64);
+            let text = mutate(seeds[n % seeds.len()], &mut rng);
+            let run = || {
+                let begun = Instant::now();
+                let outcome = catch_unwind(AssertUnwindSafe(|| body(&text)));
+                (outcome, begun.elapsed())
+            };
+            let (outcome, mut took) = run();
+            if took > LONGEST {
+                // A loaded machine may be slow once.
+                took = run().1;
+            }
+            let mut slowest = slowest.borrow_mut();
+            *slowest = slowest.max(took);
+            assert!(took < LONGEST, "mutation {n} took {took:?}:\n{text}");
+            outcome.unwrap_or_else(|_| panic!("mutation {n}:\n{text}"))
+        })
+        .count();
+    println!("{accepted} of {count} accepted; the slowest took {:?}", slowest.borrow());
+    accepted
+}
+
+#[test]
+fn what_the_dry_run_accepts_of_mutated_campaigns_the_controller_accepts() {
+    let folder = folder();
+    let path = folder.path().join("test.toml");
+    let count = count() / 2;
+    let accepted = all(&[SINE, SPRING, SHAKER, TRANSIENTS], count, |text| {
+        let begun = Instant::now();
+        match dry_run(&path, text) {
+            Err(answer) => {
+                assert!(!answer.is_empty() && answer.len() < 100_000, "{} bytes of answer", answer.len());
+                false
+            }
+            Ok((campaign, selection)) => {
+                assert!(begun.elapsed() < 2 * LONGEST, "the dry run took {:?}", begun.elapsed());
+                let refused = refusal_of_controller(&campaign, selection);
+                assert_eq!(refused, None, "the controller refuses what the dry run accepted");
+                true
+            }
+        }
+    });
+    // The mutations are neither all harmless nor all fatal.
+    assert!((count / 20..count * 9 / 10).contains(&accepted), "{accepted} of {count} accepted");
+}
+
+#[test]
+fn mutated_cases_are_refused_or_simulated() {
+    let folder = folder();
+    let path = folder.path().join("case.toml").display().to_string();
+    let count = count() / 2;
+    let accepted = all(&CASES, count, |text| {
+        let Ok(case) = Case::parse(&Source::new(path.clone(), text), "case") else { return false };
+        let (Ok(_), Ok(longest_part_s)) = (cost::estimate(&case), cost::longest_part_s(&case, None)) else {
+            return false;
+        };
+        let begun = Instant::now();
+        let options = RunOptions { keep: false, longest_part_s, go_on: &mut |_| begun.elapsed() < SIMULATED };
+        simulate(&case, &mut (), options).is_ok()
+    });
+    assert!((count / 20..count * 19 / 20).contains(&accepted), "{accepted} of {count} accepted");
+}
