@@ -44,14 +44,15 @@ fn table(found: &[Found]) -> Table {
             usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
             usb.map_or("–".into(), |usb| usb.serial_number.clone()),
             match &f.answer {
-                Answer::Device { board, firmware, last_crash, complaints, lost_sensors } => {
+                Answer::Device { board, firmware, last_crash, complaints, lost_sensors, warnings } => {
                     let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
                     let counted: String = complaints.iter().map(|what| format!("\nsince its start: {what}")).collect();
                     let lost = match lost_sensors.as_str() {
                         "" => String::new(),
                         names => format!("\nsensors without signal: {names}"),
                     };
-                    format!("{board}, firmware {firmware}{crash}{counted}{lost}")
+                    let warnings: String = warnings.iter().map(|what| format!("\nwarning: {what}")).collect();
+                    format!("{board}, firmware {firmware}{crash}{counted}{lost}{warnings}")
                 }
                 Answer::None(why) => why.clone(),
                 Answer::NotAsked => "not queried (not a USB device; use --all)".into(),

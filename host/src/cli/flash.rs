@@ -14,6 +14,7 @@ use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
 use crate::board::image::{Image, find};
 use crate::board::probe::{Attached, Candidate, NoProbe, candidates, choose, selector};
+use crate::client::board_check;
 use crate::client::controller::Controller;
 use crate::client::devices::{only, ports, query};
 use crate::client::link::Address;
@@ -65,15 +66,23 @@ impl ImageAndProbe {
         Image::read(&path).map_err(Failure::Input)
     }
 
+    /// The selected probe.
+    ///
+    /// # Errors
+    /// No probe, or several probes.
+    pub fn choose(&self) -> Result<Candidate, Failure> {
+        choose(&candidates(), self.probe.as_ref()).map_err(|none| match none {
+            NoProbe::Missing(why) => Failure::Failed(why),
+            NoProbe::Ambiguous(why) => Failure::Input(why),
+        })
+    }
+
     /// The selected probe, attached to the chip.
     ///
     /// # Errors
     /// No probe, several probes, or no chip.
     pub fn attach(&self) -> Result<(Candidate, Attached), Failure> {
-        let probe = choose(&candidates(), self.probe.as_ref()).map_err(|none| match none {
-            NoProbe::Missing(why) => Failure::Failed(why),
-            NoProbe::Ambiguous(why) => Failure::Input(why),
-        })?;
+        let probe = self.choose()?;
         let attached = Attached::to(&probe).map_err(Failure::Failed)?;
         Ok((probe, attached))
     }
@@ -187,6 +196,12 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
     say!("  reset by  {}", reset(about.reset));
     say!("  settings  {}", origin_text(about.settings));
     say!("  health    {health}");
+    if let Some(supply_v) = about.supply_v {
+        say!("  supply    {supply_v:.2} V");
+    }
+    for warning in board_check::warnings(about) {
+        say!("  warning   {warning}");
+    }
     say!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));
     if (&it.board, &it.firmware) == (&image.identity.board, &image.identity.firmware) {
         return Ok(());

@@ -102,7 +102,10 @@ enum Command {
 /// Parses the command line and runs the subcommand.
 #[must_use]
 pub fn main() -> ExitCode {
-    let command = Cli::parse().command;
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(text) => return output::print_help(&text),
+    };
     // A file beyond `ulimit -f` then fails like a full disk: with a message, and the rig is stopped.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());

@@ -23,6 +23,18 @@ pub(super) fn print(line: &str) {
     }
 }
 
+/// Prints a help text, the version, or what is wrong with the command line; gives the exit code.
+pub(super) fn print_help(text: &clap::Error) -> ExitCode {
+    match text.print() {
+        Err(error) if !text.use_stderr() => {
+            let _ = FAILED.set(error);
+            finish()
+        }
+        _ if text.use_stderr() => ExitCode::from(2),
+        _ => finish(),
+    }
+}
+
 /// Prints a line to standard error, as [`print`] does. Nobody can be told when that fails.
 pub(super) fn print_error(line: &str) {
     let _ = writeln!(stderr(), "{}", shown(line));

@@ -12,6 +12,7 @@ use super::arguments::{Rig, seconds, seconds_or_zero};
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, begin_entry, largest_predicted};
 use crate::campaign::Campaign;
+use crate::client::board_check;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
@@ -259,6 +260,9 @@ fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
         warn!(
             "note: the board restarted after a crash: {crash}\n  `addr2line -f -e IMAGE` with these addresses gives the source lines"
         );
+    }
+    for warning in board_check::warnings(&session.description) {
+        warn!("note: {warning}");
     }
     if session.description.clock_source == ClockSource::InternalOscillator {
         warn!("note: the board's crystal did not start: its tick rate and all frequencies are off by up to 1 %");

@@ -7,6 +7,7 @@ use std::time::Duration;
 use damprig_protocol::Counters;
 use serialport::{SerialPortType, UsbPortInfo};
 
+use crate::client::board_check;
 use crate::client::controller::Controller;
 use crate::client::link::Address;
 use crate::client::session::Session;
@@ -48,6 +49,8 @@ pub enum Answer {
         complaints: Vec<String>,
         /// Names of the sensors without a signal: not connected or not supplied; empty for none.
         lost_sensors: String,
+        /// Wrong option bytes and a wrong supply, in words.
+        warnings: Vec<String>,
     },
     /// No device of ours: the error, in words.
     None(String),
@@ -102,6 +105,7 @@ pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
                     board: session.identity.board.to_string(),
                     firmware: session.identity.firmware.to_string(),
                     last_crash: session.description.last_crash.map(|crash| crash.to_string()),
+                    warnings: board_check::warnings(&session.description),
                 }
             }
             Err(error) => Answer::None(error.to_string()),
@@ -178,6 +182,7 @@ mod tests {
                 last_crash: None,
                 complaints: vec![],
                 lost_sensors: String::new(),
+                warnings: vec![],
             },
         )
     }

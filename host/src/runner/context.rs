@@ -9,6 +9,7 @@ use damprig_protocol::{ClockSource, PlantKind, Request};
 use super::watcher::Watcher;
 use super::wire_mapping::Selection;
 use crate::campaign::Campaign;
+use crate::client::board_check;
 use crate::client::controller::{Controller, Readings};
 use crate::client::session::{Session, SessionError, hex};
 use crate::host_time;
@@ -55,6 +56,7 @@ pub fn device_record(session: &Session) -> Device {
         }
         .to_string(),
         last_crash: session.description.last_crash.map(|crash| crash.to_string()),
+        warnings: board_check::warnings(&session.description),
         settings: Some(BoardSettings {
             source: origin_text(session.description.settings).to_string(),
             settings: session.settings,

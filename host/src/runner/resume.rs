@@ -81,6 +81,15 @@ impl EarlierRun {
         }
         let campaign = Campaign::parse(source.recorded()).map_err(|e| CannotResume(e.to_string()))?;
         check_manifest(folder, &campaign, &taken)?;
+        let unplanned = taken.unplanned(&campaign);
+        if !unplanned.is_empty() {
+            let message = format!(
+                "{shown}/{} lists results that the campaign does not have:\n  {}\n  it was changed, or lines of another run are in it; the data can be read (`damprig runs verify {shown}`); nothing was changed",
+                journal::JOURNAL,
+                unplanned.join("\n  ")
+            );
+            return Err(CannotResume(message));
+        }
         let mut warnings: Vec<String> = Vec::new();
         if !lines.damaged.is_empty() {
             let list: Vec<String> = lines.damaged.iter().map(usize::to_string).collect();

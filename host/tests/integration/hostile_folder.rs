@@ -51,6 +51,25 @@ fn a_journal_cannot_name_a_file_outside_the_folder_or_one_that_is_no_part() {
 }
 
 #[test]
+fn a_result_that_the_campaign_does_not_have_is_damage() {
+    let (folder, _) = cut_off(&short());
+    let run = folder.path().join("out");
+    let own = journal_text(&run);
+    let result = own.lines().find(|l| l.contains("\"entry\":\"result\"")).unwrap();
+    for (from, to) in [("\"set_up\":\"bare\"", "\"set_up\":\"stranger\""), ("\"point_index\":0", "\"point_index\":99")]
+    {
+        assert!(result.contains(from), "{result}");
+        let doctored = format!("{own}{}\n", result.replace(from, to));
+        std::fs::write(run.join(JOURNAL), &doctored).unwrap();
+        let verify = damprig(&folder).args(["runs", "verify", "out"]).assert().code(1);
+        verify.stdout(contains("a result that the campaign does not have"));
+        let resume = damprig(&folder).args(["run", "--resume", "out"]).assert().code(2);
+        resume.stderr(contains("lists results that the campaign does not have"));
+        assert_eq!(journal_text(&run), doctored, "nothing is changed");
+    }
+}
+
+#[test]
 fn a_manifest_cannot_name_a_file_outside_the_folder() {
     let folder = folder_with(&short());
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();

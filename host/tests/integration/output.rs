@@ -31,7 +31,8 @@ fn no_command_panics_without_its_output_and_the_exit_code_tells_a_full_one() {
     damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let case = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("cases/spid.toml");
     for arguments in [
-        &["runs", "."][..],
+        &["--help"][..],
+        &["runs", "."],
         &["runs", "show", "out"],
         &["runs", "verify", "out"],
         &["runs", "report", "out", "--force"],

@@ -32,7 +32,7 @@ struct Selection {
 }
 
 /// How the board started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BootInfo {
     /// Source of the board's clock.
     pub clock_source: ClockSource,
@@ -40,12 +40,22 @@ pub struct BootInfo {
     pub reset: Reset,
     /// The last crash of the firmware since power-on, if any.
     pub last_crash: Option<Crash>,
+    /// The controller's option bytes.
+    pub option_bytes: Option<u32>,
+    /// Supply of the converters and of the drive's output, V.
+    pub supply_v: Option<f32>,
 }
 
 impl Default for BootInfo {
     /// For a simulated board.
     fn default() -> Self {
-        Self { clock_source: ClockSource::Granted, reset: Reset::Unknown, last_crash: None }
+        Self {
+            clock_source: ClockSource::Granted,
+            reset: Reset::Unknown,
+            last_crash: None,
+            option_bytes: None,
+            supply_v: None,
+        }
     }
 }
 
@@ -92,6 +102,8 @@ impl Controller {
                 reset: boot.reset,
                 last_crash: boot.last_crash,
                 settings: Source::Default,
+                option_bytes: boot.option_bytes,
+                supply_v: boot.supply_v,
             },
             rig: Rig::new(),
             settings_source: Source::Default,

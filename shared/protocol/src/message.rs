@@ -174,6 +174,10 @@ pub struct Description {
     pub last_crash: Option<Crash>,
     /// Where the settings in use come from.
     pub settings: Source,
+    /// The controller's option bytes (FLASH_OPTR); none on a simulated board.
+    pub option_bytes: Option<u32>,
+    /// Supply of the converters and of the drive's output, measured at the start, V; none on a simulated board.
+    pub supply_v: Option<f32>,
 }
 
 /// Source of the board's clock.

@@ -287,11 +287,12 @@ pub struct Board {
     is_waiting: bool,
     handled: Vec<Handled>,
     costs: BTreeMap<u16, Cost>,
-    lowest_stack: u32,
     /// The core is halted until this time.
     halted_until: Time,
     /// The exception whose handler must loop for ever; 0 for code outside handlers.
     hangs_in: Option<u16>,
+    /// A low supply holds the chip in reset.
+    is_held: bool,
 }
 
 impl Board {
@@ -326,9 +327,9 @@ impl Board {
             is_waiting: false,
             handled: Vec::new(),
             costs: BTreeMap::new(),
-            lowest_stack: u32::MAX,
             halted_until: Time(0),
             hangs_in: None,
+            is_held: false,
         };
         board.start_core();
         Ok(board)
@@ -378,10 +379,22 @@ impl Board {
         self.costs.clear();
     }
 
-    /// Lowest value of the stack pointer at any exception entry.
+    /// Bytes of the stack that were ever written: memory between the static part and the stack's top that differs from its
+    /// contents at power-on. 0 for an image without a symbol at the end of its static memory.
     #[must_use]
-    pub fn lowest_stack(&self) -> u32 {
-        self.lowest_stack
+    pub fn stack_used(&self) -> u32 {
+        let top = self.code_word(self.chip().vectors());
+        let Some(bottom) = self.image.static_end() else { return 0 };
+        let now = self.uc.mem_read_as_vec(bottom.into(), (top - bottom) as usize).expect("the stack lies in memory");
+        let before = &memory_at_power_on()[(bottom - RAM_BASE) as usize..(top - RAM_BASE) as usize];
+        let untouched = now.iter().zip(before).take_while(|(now, before)| now == before).count();
+        top - bottom - untouched as u32
+    }
+
+    /// Bytes of static memory.
+    #[must_use]
+    pub fn static_memory(&self) -> u32 {
+        self.image.static_end().map_or(0, |end| end - RAM_BASE)
     }
 
     /// Starts to count instructions by address.
@@ -484,6 +497,16 @@ impl Board {
                 self.reset(cause);
                 continue;
             }
+            if machine.chip.is_browned_out() {
+                if !self.is_held {
+                    self.is_held = true;
+                    self.reset(ResetCause::Power);
+                }
+                self.chip_mut().now = end;
+                return Ok(());
+            }
+            self.is_held = false;
+            let machine = self.uc.get_data_mut();
             if machine.chip.now >= end {
                 return Ok(());
             }
@@ -631,7 +654,6 @@ impl Board {
         machine.event = true;
         let begun = machine.instructions;
         self.is_waiting = false;
-        self.lowest_stack = self.lowest_stack.min(frame_at);
         self.handled.push(Handled { exception, begun, others: 0 });
         Ok(())
     }

@@ -5,8 +5,8 @@
 //! - Outputs of the chip (drive, relay, motor) act on the [`Plant`] at once and are recorded in a trace.
 //! - Every access to something that is not modelled fails with [`Refused`].
 
-use damprig_core::io::Invalid;
-use damprig_simulator::plant::PlantConfig;
+use damprig_core::io::{Invalid, Sensor};
+use damprig_simulator::plant::{InjectedFault, PlantConfig};
 
 use crate::peripherals::adc::{self, Adc};
 use crate::peripherals::dac::Dac;
@@ -14,7 +14,7 @@ use crate::peripherals::dbgmcu::Dbgmcu;
 use crate::peripherals::dma::{CHANNELS, Dma, Dmamux};
 use crate::peripherals::dwt::Dwt;
 use crate::peripherals::exti::Exti;
-use crate::peripherals::flash::{BANK_BYTES, Bank2, Cut, Flash};
+use crate::peripherals::flash::{BANK_BYTES, Bank2, Cut, Flash, OPTR_DELIVERED};
 use crate::peripherals::gpio::{Gpio, Mode};
 use crate::peripherals::iwdg::Iwdg;
 use crate::peripherals::lpuart::Lpuart;
@@ -23,7 +23,7 @@ use crate::peripherals::pwr::Pwr;
 use crate::peripherals::rcc::{Gate, Rcc, ResetCause};
 use crate::peripherals::scb::Scb;
 use crate::peripherals::tim::{Kind, Tim};
-use crate::plant::{Plant, REFERENCE_V, Relay, Signal};
+use crate::plant::{Plant, REFERENCE_V, Relay};
 use crate::register::{Access, Refused, ensure, refuse, rule};
 use crate::time::{At, Time, UNITS_PER_US};
 
@@ -68,13 +68,13 @@ const PIN_DRIVE: (usize, u8) = (0, 4);
 const PIN_TX: (usize, u8) = (0, 2);
 const PIN_RX: (usize, u8) = (0, 3);
 
-/// Converter (from 0), channel, pin and signal of each analogue input.
-const INPUTS: [(usize, u8, (usize, u8), Signal); 5] = [
-    (0, 1, (0, 0), Signal::X),
-    (0, 2, (0, 1), Signal::Z),
-    (0, 6, (2, 0), Signal::Spring),
-    (1, 7, (2, 1), Signal::WallLow),
-    (1, 8, (2, 2), Signal::WallHigh),
+/// Converter (from 0), channel, pin and sensor of each analogue input.
+const INPUTS: [(usize, u8, (usize, u8), Sensor); 5] = [
+    (0, 1, (0, 0), Sensor::X),
+    (0, 2, (0, 1), Sensor::Z),
+    (0, 6, (2, 0), Sensor::SpringForce),
+    (1, 7, (2, 1), Sensor::WallLow),
+    (1, 8, (2, 2), Sensor::WallHigh),
 ];
 
 /// The chip's peripherals by bus address.
@@ -172,13 +172,26 @@ pub struct Config {
     pub bank2: Bank2,
     /// The flash operation at which the supply fails, counted from 0.
     pub cut: Option<(u64, Cut)>,
+    /// FLASH_OPTR.
+    pub option_bytes: u32,
+    /// The supply at power-on, V.
+    pub supply_v: f64,
 }
 
 impl Config {
     /// A board in its delivery state, wired to this rig.
     #[must_use]
     pub fn new(plant: PlantConfig) -> Self {
-        Self { plant, relay: Relay::default(), has_crystal: true, lsi_hz: 32_000, bank2: Bank2::default(), cut: None }
+        Self {
+            plant,
+            relay: Relay::default(),
+            has_crystal: true,
+            lsi_hz: 32_000,
+            bank2: Bank2::default(),
+            cut: None,
+            option_bytes: OPTR_DELIVERED,
+            supply_v: REFERENCE_V,
+        }
     }
 }
 
@@ -211,7 +224,6 @@ pub struct Chip {
     /// The clocks' periods and the present time, passed with each access.
     at: At,
     plant: Plant,
-    is_stopped: bool,
     outputs: Outputs,
     /// Every change of an output, in order.
     trace: Vec<(Time, Output)>,
@@ -250,13 +262,15 @@ impl Chip {
         rcc.has_crystal = config.has_crystal;
         rcc.lsi_hz = config.lsi_hz;
         let clocks = rcc.clocks();
-        let mut flash = Flash::new(config.bank2.clone());
+        let mut plant = Plant::new(&config.plant, config.relay)?;
+        plant.set_supply(Time(0), config.supply_v);
+        let mut flash = Flash::new(config.bank2.clone(), config.option_bytes);
         flash.cut = config.cut;
         let tim = |name, kind| Tim::new(name, kind, clocks.timers1);
         let mut chip = Self {
             now: Time(0),
             rcc,
-            pwr: Pwr::default(),
+            pwr: Pwr::new(config.supply_v, flash.brown_out_level()),
             flash,
             ports: ['A', 'B', 'C', 'D', 'E', 'F', 'G'].map(Gpio::new),
             adcs: [Adc::new("ADC1"), Adc::new("ADC2")],
@@ -276,8 +290,7 @@ impl Chip {
             nvic: Nvic::default(),
             scb: Scb::default(),
             at: At { now: Time(0), clocks },
-            plant: Plant::new(&config.plant, config.relay)?,
-            is_stopped: false,
+            plant,
             outputs: Outputs { drive: None, relay: false, motor_off: true, direction: false, step: true },
             trace: Vec::new(),
             memory: Vec::new(),
@@ -436,18 +449,35 @@ impl Chip {
         self.nvic.pend_system(NMI);
     }
 
-    /// Changes the supply voltage.
+    /// Changes the supply voltage, which is also the analogue reference. Below the brown-out level of the option bytes the
+    /// chip is held in reset.
     pub fn set_supply(&mut self, volts: f64) {
-        if self.pwr.set_supply(volts) {
+        self.at.now = self.now;
+        self.sync_converters();
+        self.plant.set_supply(self.now, volts);
+        if self.pwr.set_supply(volts, self.flash.brown_out_level()) {
             self.exti.rises(EXTI_PVD);
         }
         self.set_lines();
     }
 
-    /// Presses or releases the emergency stop.
-    pub fn set_emergency_stop(&mut self, pressed: bool) {
-        self.is_stopped = pressed;
+    /// Whether the supply is too low for the chip to run.
+    #[must_use]
+    pub fn is_browned_out(&self) -> bool {
+        self.pwr.is_browned_out()
+    }
+
+    /// Injects a fault into the rig, or ends it.
+    pub fn inject(&mut self, fault: &InjectedFault) {
+        self.at.now = self.now;
+        self.sync_converters();
+        self.plant.inject(self.now, fault);
         self.apply_inputs();
+    }
+
+    /// A hand holds the structure at this displacement, m, or releases it.
+    pub fn hold(&mut self, at_m: Option<f64>) {
+        self.plant.hold(self.now, at_m);
     }
 
     /// Applies the switches to their pins: closed means low, open means tripped.
@@ -455,7 +485,7 @@ impl Chip {
         let (port, pin) = PIN_LIMIT;
         self.ports[port].connect(pin, (!self.plant.at_limit()).then_some(false));
         let (port, pin) = PIN_EMERGENCY_STOP;
-        self.ports[port].connect(pin, (!self.is_stopped).then_some(false));
+        self.ports[port].connect(pin, (!self.plant.is_stopped()).then_some(false));
     }
 
     /// Applies the chip's outputs to the rig.
@@ -483,7 +513,7 @@ impl Chip {
         }
         let now = self.now;
         if new.drive != old.drive {
-            let volts = new.drive.map_or(0.0, |code| f64::from(code) / 4_095.0 * REFERENCE_V);
+            let volts = new.drive.map_or(0.0, |code| f64::from(code) / 4_095.0 * self.plant.supply_v());
             self.plant.set_output(now, volts, new.drive.is_some() && self.dac1.is_buffered());
             self.trace.push((now, Output::Drive(new.drive)));
         }
@@ -535,7 +565,7 @@ impl Chip {
     /// The timer that starts a converter's sequences.
     fn trigger_of(&self, n: usize) -> Option<&Tim> {
         // EXTSEL (RM0440, table 166).
-        match self.adcs[n].trigger() {
+        match self.adcs[n].trigger()? {
             4 => Some(&self.tim3),
             12 => Some(&self.tim4),
             _ => None,
@@ -608,9 +638,10 @@ impl Chip {
 
     fn sync_converter(&mut self, n: usize) {
         let timer = match self.adcs[n].trigger() {
-            4 => &self.tim3,
-            12 => &self.tim4,
-            _ => return,
+            Some(4) => Some(&self.tim3),
+            Some(12) => Some(&self.tim4),
+            Some(_) => return,
+            None => None,
         };
         let channel = self.dmamux.channel_of(REQUEST_OF_ADC[n]).filter(|&channel| channel < CHANNELS);
         let data_register = 0x5000_0000 + 0x100 * n as u32 + adc::DR;
@@ -618,8 +649,11 @@ impl Chip {
             let plant = &mut self.plant;
             let converted = self.adcs[n].convert(
                 self.now,
-                |after| timer.trigger_after(after),
-                |channel, time| input(n, channel).map_or(0, |(_, signal)| plant.code(signal, time)),
+                |after| timer?.trigger_after(after),
+                |channel, time| match input(n, channel) {
+                    Some((_, sensor)) => plant.code(sensor, time),
+                    None => adc::reference_code(plant.supply_v()),
+                },
             );
             let Some(converted) = converted else { return };
             if !self.adcs[n].requests_dma() {
@@ -739,10 +773,14 @@ impl Chip {
             }
             return Ok(self.flash.read_bank2(address - BANK2_BASE, bytes));
         }
+        if address == adc::VREFINT_CAL && bytes == 2 {
+            return Ok(adc::factory_code().into());
+        }
         let (name, block, offset) = self.find(address)?;
         let word = offset & !3;
         let takes_parts = match block {
             Block::Lpuart1 | Block::Nvic => true,
+            Block::Adc(_) => bytes >= 2 && word == adc::DR,
             Block::Tim3 | Block::Tim4 | Block::Tim7 | Block::Tim16 | Block::Gpio(_) => bytes >= 2,
             _ => false,
         };
@@ -841,7 +879,7 @@ impl Chip {
             }
             Block::Adc12Common => {
                 let one_is_on = self.adcs.iter().any(Adc::is_on);
-                self.adc_common.write(offset, value, one_is_on)?;
+                self.adc_common.write(offset, value, one_is_on, at.now)?;
             }
             Block::Dma1 => {
                 self.sync_converters();
@@ -917,7 +955,7 @@ impl Chip {
                 Block::Dac1 => self.dac1 = Dac::default(),
                 Block::Dma1 => self.dma1 = Dma::default(),
                 Block::Dmamux => self.dmamux = Dmamux::default(),
-                Block::Pwr => self.pwr = Pwr::default(),
+                Block::Pwr => self.pwr.reset(),
                 Block::Flash => self.flash.reset(),
                 _ => {}
             }
@@ -928,13 +966,26 @@ impl Chip {
     /// Checks that each channel of a started converter is on an analogue pin of the rig, and that it has a trigger.
     fn check_inputs(&self, n: usize) -> Access<()> {
         for channel in self.adcs[n].channels() {
+            if (n, channel) == (0, adc::REFERENCE_CHANNEL) {
+                let has_reference = self.adc_common.has_reference(self.now);
+                ensure!(
+                    has_reference,
+                    "ADC1 IN18: the internal reference has not been on for 12 µs (ADC12_CCR.VREFEN)"
+                );
+                ensure!(
+                    self.adcs[n].samples_reference(channel),
+                    "ADC1 IN18: the reference is sampled for 4 µs or more"
+                );
+                continue;
+            }
             let Some(((port, pin), _)) = input(n, channel) else {
                 return refuse!("ADC{} IN{channel} is not wired", n + 1);
             };
             let is_analog = self.ports[port].mode(pin) == Mode::Analog;
             ensure!(is_analog, "ADC{} IN{channel}: its pin is not analogue", n + 1);
         }
-        ensure!(self.trigger_of(n).is_some(), "ADC{}: its trigger is not modelled", n + 1);
+        let is_modelled = self.adcs[n].trigger().is_none() || self.trigger_of(n).is_some();
+        ensure!(is_modelled, "ADC{}: its trigger is not modelled", n + 1);
         self.check_trigger(n)
     }
 
@@ -949,7 +1000,7 @@ impl Chip {
     }
 }
 
-/// The pin and the signal of a converter's channel.
-fn input(n: usize, channel: u8) -> Option<((usize, u8), Signal)> {
-    INPUTS.iter().find(|(adc, number, ..)| (*adc, *number) == (n, channel)).map(|(.., pin, signal)| (*pin, *signal))
+/// The pin and the sensor of a converter's channel.
+fn input(n: usize, channel: u8) -> Option<((usize, u8), Sensor)> {
+    INPUTS.iter().find(|(adc, number, ..)| (*adc, *number) == (n, channel)).map(|(.., pin, sensor)| (*pin, *sensor))
 }

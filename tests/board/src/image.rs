@@ -32,6 +32,8 @@ pub struct Image {
     /// Flash contents; erased where the file has no data.
     pub flash: Vec<u8>,
     symbols: Vec<(u32, String)>,
+    /// End of the static memory: the stack may grow down to here.
+    static_end: Option<u32>,
     lines: Option<addr2line::Loader>,
 }
 
@@ -62,11 +64,15 @@ impl Image {
         let mut symbols: Vec<(u32, String)> = file
             .symbols()
             .filter(|symbol| symbol.kind() == object::SymbolKind::Text)
-            .filter_map(|symbol| Some((symbol.address() as u32 & !1, symbol.name().ok()?.to_string())))
+            .filter_map(|symbol| {
+                let name = addr2line::demangle_auto(symbol.name().ok()?.into(), None).into_owned();
+                Some((symbol.address() as u32 & !1, name))
+            })
             .collect();
         symbols.sort();
+        let static_end = file.symbols().find(|symbol| symbol.name() == Ok("__sheap")).map(|it| it.address() as u32);
         let lines = addr2line::Loader::new(path).map_err(|error| bad(error.to_string()))?;
-        Ok(Self { flash, symbols, lines: Some(lines) })
+        Ok(Self { flash, symbols, static_end, lines: Some(lines) })
     }
 
     /// An image of a few instructions, for tests. The stack pointer is the end of memory, every other vector is the
@@ -84,7 +90,7 @@ impl Image {
         for (n, halfword) in code.iter().enumerate() {
             put(CODE + 2 * n as u32, &halfword.to_le_bytes());
         }
-        Self { flash, symbols: Vec::new(), lines: None }
+        Self { flash, symbols: Vec::new(), static_end: None, lines: None }
     }
 
     /// Functions and source lines of an address, innermost first, one per line, without register accessors. Returns the
@@ -106,7 +112,13 @@ impl Image {
         places.join("\n     ")
     }
 
-    /// The linker symbol of the function at an address.
+    /// End of the static memory, down to which the stack may grow; `None` if the image does not tell.
+    #[must_use]
+    pub fn static_end(&self) -> Option<u32> {
+        self.static_end
+    }
+
+    /// Name of the function at an address.
     #[must_use]
     pub fn function(&self, address: u32) -> Option<&str> {
         let after = self.symbols.partition_point(|(start, _)| *start <= address);

@@ -11,13 +11,14 @@ use std::f64::consts::PI;
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
 use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
 use damprig_core::integrator::units::Units;
-use damprig_core::io::{Calibration, Invalid};
+use damprig_core::io::{Calibration, Invalid, Sensor};
 use damprig_core::model::Initial;
 use damprig_core::settings::Settings;
-use damprig_simulator::plant::spring::SpringPlant;
+use damprig_simulator::plant::faults::{Faults, Span};
+use damprig_simulator::plant::spring::SimulatedSpring;
 use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::walls::WallSensors;
-use damprig_simulator::plant::{Base, PlantConfig};
+use damprig_simulator::plant::{Base, InjectedFault, PlantConfig};
 use rand_core::{RngCore, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
 
@@ -40,21 +41,6 @@ const BUFFER_HEADROOM_V: f64 = 0.2;
 
 /// Number of grid points kept: 10 ms.
 const KEPT: usize = 200;
-
-/// An analogue signal of the rig.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Signal {
-    /// Structure displacement.
-    X,
-    /// Base displacement.
-    Z,
-    /// Force in the friction damper's spring.
-    Spring,
-    /// Force on the wall at −d.
-    WallLow,
-    /// Force on the wall at +d.
-    WallHigh,
-}
 
 /// Timing of the relay between the drive's output and the amplifier: an assumed signal relay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,20 +83,14 @@ struct Pulse {
     peak_n: f64,
 }
 
-/// The friction damper's seat.
-#[derive(Clone, Copy, Debug)]
-struct Seat {
-    plant: SpringPlant,
-    /// Steps from the limit switch.
-    steps: i32,
+/// The friction damper's drive and the lag of its force sensor.
+#[derive(Clone, Debug)]
+struct Spring {
+    drive: SimulatedSpring,
+    lag_s: f64,
+    offset_n: f64,
+    noise_rms_n: f64,
     lagged_n: f64,
-}
-
-impl Seat {
-    fn force_n(&self) -> f64 {
-        let deflection_m = f64::from(self.steps) * f64::from(self.plant.step_m) - f64::from(self.plant.touch_m);
-        f64::from(self.plant.stiffness_n_per_m) * deflection_m.max(0.0)
-    }
 }
 
 /// First-order lags of a displacement channel: the sensor's response and the filter before the converter.
@@ -145,7 +125,12 @@ pub struct Plant {
     relay: Relay,
     motion: Sampled<f64>,
     base: Moving,
-    seat: Option<Seat>,
+    spring: Option<Spring>,
+    faults: Faults,
+    /// Supply of the converters, V.
+    supply_v: f64,
+    /// The structure is held here, m.
+    held_m: Option<f64>,
     walls: Option<WallSensors>,
     pulses: VecDeque<Pulse>,
     lags: [Lags; 2],
@@ -186,21 +171,29 @@ impl Plant {
                 Moving::Shaken(Table::new(shaker, &config.set_up, &units))
             }
         };
-        if let Some(spring) = &config.spring {
-            spring.validate()?;
-        }
+        let spring = config.spring.map(|plant| {
+            Ok(Spring {
+                drive: SimulatedSpring::new(&plant)?,
+                lag_s: f64::from(plant.lag_s),
+                offset_n: f64::from(plant.offset_n),
+                noise_rms_n: f64::from(plant.noise_rms_n),
+                lagged_n: 0.0,
+            })
+        });
+        let spring = spring.transpose()?;
         if let Some(walls) = &config.walls {
             walls.validate()?;
         }
-        let seat =
-            config.spring.map(|plant| Seat { plant, steps: (plant.start_m / plant.step_m) as i32, lagged_n: 0.0 });
         let mut rig = Self {
             config: *config,
             calibration: Settings::default().calibration,
             relay,
             motion,
             base,
-            seat,
+            spring,
+            faults: Faults::new(config.sensors.seed),
+            supply_v: REFERENCE_V,
+            held_m: None,
             walls: config.walls,
             pulses: VecDeque::new(),
             lags: [Lags::new(config); 2],
@@ -222,8 +215,8 @@ impl Plant {
 
     /// Sets the friction damper's force to that given by its spring.
     fn press(&mut self) {
-        if let Some(seat) = &self.seat {
-            let friction_n = f64::from(seat.plant.friction_coefficient) * seat.force_n();
+        if let Some(spring) = &self.spring {
+            let friction_n = f64::from(spring.drive.friction_force_n());
             self.motion.set_damper_force_n(friction_n, &self.config.set_up);
         }
     }
@@ -232,7 +225,37 @@ impl Plant {
     pub fn set_output(&mut self, now: Time, output_v: f64, is_buffered: bool) {
         self.advance(now);
         let headroom = if is_buffered { BUFFER_HEADROOM_V } else { 0.0 };
-        self.output_v = output_v.clamp(headroom, REFERENCE_V - headroom);
+        self.output_v = output_v.clamp(headroom, self.supply_v - headroom);
+    }
+
+    /// Changes the supply, which is the reference of the converters and of the output; the sensors have their own.
+    pub fn set_supply(&mut self, now: Time, volts: f64) {
+        self.advance(now);
+        self.output_v *= volts / self.supply_v;
+        self.supply_v = volts;
+    }
+
+    /// Supply of the converters and the output, V.
+    #[must_use]
+    pub fn supply_v(&self) -> f64 {
+        self.supply_v
+    }
+
+    /// Injects a fault, or ends it.
+    pub fn inject(&mut self, now: Time, fault: &InjectedFault) {
+        self.advance(now);
+        if let Some(broken) = self.faults.inject(fault)
+            && let Some(spring) = &mut self.spring
+        {
+            spring.drive.broken = broken;
+        }
+        self.press();
+    }
+
+    /// A hand holds the structure at this displacement, m, or releases it.
+    pub fn hold(&mut self, now: Time, at_m: Option<f64>) {
+        self.advance(now);
+        self.held_m = at_m;
     }
 
     /// Switches the relay's coil.
@@ -247,24 +270,29 @@ impl Plant {
     /// Makes one motor step if the motor is on.
     pub fn step_motor(&mut self, now: Time, towards_structure: bool, is_on: bool) {
         self.advance(now);
-        if let Some(seat) = &mut self.seat
-            && is_on
-        {
-            seat.steps += if towards_structure { 1 } else { -1 };
+        if let Some(spring) = &mut self.spring {
+            spring.drive.energise(is_on);
+            spring.drive.step(towards_structure);
         }
         self.press();
     }
 
-    /// Whether the seat opens the limit switch. Without a friction damper a wire replaces the switch.
+    /// Whether the limit switch is open. Without a friction damper a wire replaces the switch.
     #[must_use]
     pub fn at_limit(&self) -> bool {
-        self.seat.is_some_and(|seat| seat.steps <= 0)
+        self.spring.as_ref().is_some_and(|spring| spring.drive.is_at_limit())
+    }
+
+    /// Whether the emergency stop is pressed.
+    #[must_use]
+    pub fn is_stopped(&self) -> bool {
+        self.faults.emergency_stop
     }
 
     /// Position of the friction damper's seat, steps from the limit switch.
     #[must_use]
     pub fn seat_steps(&self) -> Option<i32> {
-        self.seat.map(|seat| seat.steps)
+        self.spring.as_ref().map(|spring| spring.drive.steps())
     }
 
     /// Number of impacts so far.
@@ -281,7 +309,7 @@ impl Plant {
 
     /// Demanded base displacement, m: the output's voltage on the drive's scale if the relay is closed.
     fn demand_m(&self) -> f64 {
-        if !self.contact {
+        if !self.contact || self.faults.amplifier_off {
             return 0.0;
         }
         let counts = self.output_v / REFERENCE_V * FULL_SCALE;
@@ -326,11 +354,15 @@ impl Plant {
                 });
             }
         }
-        let spring_n = match &mut self.seat {
-            Some(seat) => {
-                let follow = GRID.s() / (f64::from(seat.plant.lag_s) + GRID.s());
-                seat.lagged_n += (seat.force_n() - seat.lagged_n) * follow;
-                seat.lagged_n + f64::from(seat.plant.offset_n)
+        if let Some(x_m) = self.held_m {
+            let particle_m = self.config.particle_start_m;
+            self.motion.reset(&Initial { x_m, y_m: x_m + particle_m, ..Initial::default() });
+        }
+        let spring_n = match &mut self.spring {
+            Some(spring) => {
+                let follow = GRID.s() / (spring.lag_s + GRID.s());
+                spring.lagged_n += (f64::from(spring.drive.normal_force_n()) - spring.lagged_n) * follow;
+                spring.lagged_n + spring.offset_n
             }
             None => 0.0,
         };
@@ -377,37 +409,44 @@ impl Plant {
         (pulses + f64::from(walls.offset_n)).clamp(-f64::from(walls.range_n), f64::from(walls.range_n))
     }
 
-    /// The 12-bit code of a signal at a time: the sensor's voltage on the assumed scales with noise, rounded to the
-    /// nearest code. Advances the motion to that time.
-    pub fn code(&mut self, signal: Signal, time: Time) -> u16 {
+    /// The 12-bit code of a sensor at a time: its voltage on the assumed scales with noise, rounded to the nearest code.
+    /// Advances the motion to that time.
+    pub fn code(&mut self, sensor: Sensor, time: Time) -> u16 {
         self.advance(time);
         let scale = &self.calibration;
         let noise = self.config.sensors.noise_rms_m;
         let [x_range_m, z_range_m] = self.config.sensors.range_m.map(f64::from);
         // The noise is scaled so that the mean of the added conversions has the sensor's noise.
         let displacement = |value_m: f64, range: f64, scale: &damprig_core::io::DisplacementScale| {
-            let per_count = f64::from(scale.metres_per_count);
-            let counts = value_m.clamp(-range, range) / per_count + f64::from(scale.zero_counts);
-            (counts / ADDED_UP, f64::from(noise) * ADDED_UP.sqrt() / per_count.abs() / ADDED_UP)
+            let per_unit = ADDED_UP.sqrt() / f64::from(scale.metres_per_count) / ADDED_UP;
+            let counts =
+                value_m.clamp(-range, range) / f64::from(scale.metres_per_count) + f64::from(scale.zero_counts);
+            (counts / ADDED_UP, f64::from(noise), per_unit)
         };
-        let (code, rms) = match signal {
-            Signal::X => displacement(self.truth(time).x_m, x_range_m, &scale.x),
-            Signal::Z => displacement(self.truth(time).z_m, z_range_m, &scale.z),
-            Signal::Spring => {
+        let (code, rms, per_unit) = match sensor {
+            Sensor::X => displacement(self.truth(time).x_m, x_range_m, &scale.x),
+            Sensor::Z => displacement(self.truth(time).z_m, z_range_m, &scale.z),
+            Sensor::SpringForce => {
                 let per_count = f64::from(scale.spring.newtons_per_count);
                 let counts = self.truth(time).spring_n / per_count + f64::from(scale.spring.zero_counts);
-                let rms_n = self.seat.map_or(0.0, |seat| f64::from(seat.plant.noise_rms_n));
-                (counts / ADDED_UP, rms_n * ADDED_UP.sqrt() / per_count / ADDED_UP)
+                let rms_n = self.spring.as_ref().map_or(0.0, |spring| spring.noise_rms_n);
+                (counts / ADDED_UP, rms_n, ADDED_UP.sqrt() / per_count / ADDED_UP)
             }
-            Signal::WallLow | Signal::WallHigh => {
+            Sensor::WallLow | Sensor::WallHigh => {
                 let per_count = f64::from(scale.walls.newtons_per_count);
-                let force_n = self.wall_n(time.s(), signal == Signal::WallHigh);
+                let force_n = self.wall_n(time.s(), sensor == Sensor::WallHigh);
                 let rms_n = self.walls.map_or(0.0, |walls| f64::from(walls.noise_rms_n));
-                (force_n / per_count + f64::from(scale.walls.zero_counts), rms_n / per_count)
+                (force_n / per_count + f64::from(scale.walls.zero_counts), rms_n, 1.0 / per_count)
             }
         };
-        let code = if rms > 0.0 { code + rms * self.normal() } else { code };
-        code.round().clamp(0.0, FULL_SCALE) as u16
+        let code = if rms > 0.0 { code + rms * per_unit * self.normal() } else { code };
+        let code = if self.faults.has(sensor) {
+            let span = Span { low: 0.0, high: FULL_SCALE as f32, per_unit: per_unit as f32 };
+            f64::from(self.faults.apply(sensor, code as f32, span))
+        } else {
+            code
+        };
+        (code * REFERENCE_V / self.supply_v).round().clamp(0.0, FULL_SCALE) as u16
     }
 
     /// White noise of unit variance, approximately normal: the sum of four uniform 16-bit numbers.
@@ -462,7 +501,7 @@ mod tests {
     #[test]
     fn a_displacement_of_zero_is_the_middle_of_the_converter() {
         let mut plant = plant();
-        assert_eq!(plant.code(Signal::X, Time::from_us(10)), 2_048);
-        assert_eq!(plant.code(Signal::WallLow, Time::from_us(10)), 410);
+        assert_eq!(plant.code(Sensor::X, Time::from_us(10)), 2_048);
+        assert_eq!(plant.code(Sensor::WallLow, Time::from_us(10)), 410);
     }
 }

@@ -147,7 +147,15 @@ pub fn init() -> Parts {
     receiver.start_uart();
 
     clock::speed_up();
+    let option_bytes = pac::FLASH.optr().read().0;
     let (store, stored) = settings::open(p.FLASH);
+    let boot = BootInfo {
+        clock_source,
+        reset,
+        last_crash: crash::at_start(reset),
+        option_bytes: Some(option_bytes),
+        supply_v: Some(sampling.supply_v()),
+    };
     Parts {
         board: ControlBoard {
             sampling,
@@ -159,7 +167,7 @@ pub fn init() -> Parts {
             timer: TickTimer::start(),
             stall_timer: Some(p.TIM7),
         },
-        boot: BootInfo { clock_source, reset, last_crash: crash::at_start(reset) },
+        boot,
         receiver,
         transmitter: LineTransmitter { uart: transmitter, led: Output::new(p.PA5, Level::Low, Speed::Low) },
         store,

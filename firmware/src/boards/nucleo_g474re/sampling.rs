@@ -26,6 +26,7 @@ use embassy_stm32::{Peri, pac, peripherals};
 use embassy_sync::waitqueue::AtomicWaker;
 
 use super::clock::CORE_HZ;
+use super::supply;
 
 /// Peripherals that sampling takes. The channels of the pins are [`SLOW_INPUTS`] and [`WALL_INPUTS`].
 pub struct SamplingParts {
@@ -164,6 +165,7 @@ pub struct Sampling {
     /// The last blocks were overwritten before they could be read.
     is_lost: bool,
     overruns: u32,
+    supply_v: f32,
     /// Nobody else gets them.
     _pins: ([AnyAdcChannel<'static, peripherals::ADC1>; 3], [AnyAdcChannel<'static, peripherals::ADC2>; 2]),
 }
@@ -179,12 +181,12 @@ impl Sampling {
         wall_trigger.set_master_mode(MasterMode::UPDATE);
 
         let oversampling = AdcConfig {
-            oversampling_ratio: Some(3), // 16 conversions …
+            oversampling_ratio: Some(3), // supply::ADDED_UP = 16 conversions …
             oversampling_shift: Some(0), // … added up
             oversampling_mode: Some((adc::Rovsm::RESUMED, adc::Trovs::AUTOMATIC, true)),
             ..AdcConfig::default()
         };
-        Adc::new(parts.slow.0, oversampling);
+        let supply_v = supply::measure(Adc::new(parts.slow.0, oversampling));
         Adc::new(parts.walls.0, AdcConfig::default());
         let slow_ring = (SLOW_RING.as_ptr().cast(), 2 * SLOW_BLOCK);
         let wall_ring = (WALL_RING.as_ptr().cast(), 2 * WALL_BLOCK);
@@ -198,6 +200,7 @@ impl Sampling {
             wall_block: Sensors::default().walls,
             is_lost: true,
             overruns: 0,
+            supply_v,
             _pins: (parts.slow_pins, parts.wall_pins),
         }
     }
@@ -264,6 +267,11 @@ impl Sampling {
         let readings = calibration.readings(&self.slow_block);
         // The board adds the switches.
         Sensors { readings, walls: self.wall_block, at_limit: false, emergency_stop: false }
+    }
+
+    /// Supply of the converters, measured before sampling was set up, V.
+    pub fn supply_v(&self) -> f32 {
+        self.supply_v
     }
 
     /// Blocks lost so far.

@@ -110,6 +110,8 @@ impl Session {
             reset: Reset::Unknown,
             last_crash: None,
             settings: Source::Default,
+            option_bytes: None,
+            supply_v: None,
         };
         let now = Instant::now();
         let mut session = Self {

@@ -67,6 +67,7 @@ pub(super) fn warnings(data: &PageData) -> Markup {
         if let Some(crash) = &begin.device.last_crash {
             list.push(format!("{}: the board had restarted after a crash: {crash}", moment(&begin.at)));
         }
+        list.extend(begin.device.warnings.iter().map(|warning| format!("{}: {warning}", moment(&begin.at))));
         if begin.device.clock_source == "internal oscillator" {
             let off = "the board's crystal did not start: its tick rate and all frequencies are off by up to 1 %";
             list.push(format!("{}: {off}", moment(&begin.at)));

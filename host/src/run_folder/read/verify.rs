@@ -141,6 +141,11 @@ fn journal(path: &Path, run: Option<&RunFolder>, found: &mut Vec<Finding>) {
             found.push(Finding::Wrong(text));
         }
     }
+    if let Ok(campaign) = Campaign::read(&path.join("campaign.toml")) {
+        for text in taken.unplanned(&campaign) {
+            found.push(Finding::Wrong(format!("{name}: a result that the campaign does not have: {text}")));
+        }
+    }
     let records = taken.begun.first().map_or(&[][..], |begin| &begin.records);
     found.extend(records.iter().filter_map(|record| record.difference(path)).map(Finding::Wrong));
     for part in taken.left_parts() {

@@ -10,6 +10,7 @@ use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed
 use super::results::ResultRow;
 use super::segment_id::SegmentId;
 use super::transients::TransientRow;
+use crate::campaign::Campaign;
 use crate::client::controller::Controller;
 
 /// The sum of a journal's lines.
@@ -103,6 +104,24 @@ impl JournalState {
     #[must_use]
     pub fn transients(&self) -> &[TransientRow] {
         &self.transients
+    }
+
+    /// Results of points that the campaign does not have, one text each; none in a journal that is intact.
+    #[must_use]
+    pub fn unplanned(&self, campaign: &Campaign) -> Vec<String> {
+        let is_planned = |set_up: &str, experiment: &str, point: usize| {
+            campaign.experiments.iter().any(|e| {
+                let mut set_ups = e.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index));
+                e.name == experiment && point < e.points() && set_ups.any(|own| own.name == set_up)
+            })
+        };
+        let points = self.rows.iter().map(|r| (&r.set_up, &r.experiment, r.point_index as usize));
+        let transients = self.transients.iter().map(|r| (&r.set_up, &r.experiment, 0));
+        let unplanned =
+            points.chain(transients).filter(|(set_up, experiment, point)| !is_planned(set_up, experiment, *point));
+        unplanned
+            .map(|(set_up, experiment, point)| format!("set-up {set_up:?}, experiment {experiment:?}, point {point}"))
+            .collect()
     }
 
     /// Points that are taken: results of either kind.

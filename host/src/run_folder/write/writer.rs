@@ -19,7 +19,7 @@ use crate::run_folder::read::sample_files::{closed_parts, open_parts};
 use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::results::{self, RESULTS, ResultRow};
-use crate::run_folder::schema::samples::{PointLabel, SampleColumn, part_name};
+use crate::run_folder::schema::samples::{LAST_PART, PARTS, PointLabel, SampleColumn, part_name};
 use crate::run_folder::schema::transients::{self, TRANSIENTS};
 use crate::run_folder::{StorageError, checksum};
 
@@ -265,6 +265,13 @@ impl Writer {
 
 fn new_part(folder: &Path, next: &mut u32, label: &Arc<PointLabel>, layout: &Layout) -> Result<OpenPart, StorageError> {
     let number = *next;
+    if number > LAST_PART {
+        return Err(StorageError::new(
+            "create",
+            &folder.join(PARTS),
+            format!("part {LAST_PART} exists; no number is left"),
+        ));
+    }
     *next += 1;
     OpenPart::create(folder, number, Arc::clone(label), &layout.signals, layout.tick_hz)
 }

@@ -301,11 +301,15 @@ impl ImpactMeter {
     /// longer than `samples_per_tick` is cut. `found` is called for every impact that ends in the block.
     pub fn push(&mut self, tick: u32, block: &[WallCounts], mut found: impl FnMut(&ImpactRecord)) {
         let block = &block[..block.len().min(self.settings.samples_per_tick)];
-        self.rails = [0, 1].map(|wall| self.rail(block, wall));
-        for wall in 0..2 {
+        let (lowest, highest) = extremes(block);
+        self.rails = [0, 1].map(|wall| {
+            let is_clear = !WALL_USABLE.is_at_rail(lowest[wall]) && !WALL_USABLE.is_at_rail(highest[wall]);
+            if is_clear { Rail::Clear } else { self.rail(block, wall) }
+        });
+        for (wall, highest) in highest.into_iter().enumerate() {
             let channel = &mut self.channels[wall];
             let limit = channel.limit();
-            if channel.is_idle() && block.iter().all(|pair| pair.of(wall) < limit) {
+            if channel.is_idle() && highest < limit {
                 self.highest[wall] = 0.0;
                 channel.idle(mean_of_some(block, wall), block.len(), &self.settings.paces);
             } else {
@@ -364,6 +368,18 @@ impl ImpactMeter {
 
 /// Decimation of the samples that track a channel's offset.
 const OFFSET_EVERY: usize = 10;
+
+/// Lowest and highest counts on each wall, in one pass: most blocks need no closer look.
+fn extremes(block: &[WallCounts]) -> ([u16; 2], [u16; 2]) {
+    let (mut lowest, mut highest) = ([u16::MAX; 2], [0; 2]);
+    for pair in block {
+        for wall in 0..2 {
+            lowest[wall] = lowest[wall].min(pair.of(wall));
+            highest[wall] = highest[wall].max(pair.of(wall));
+        }
+    }
+    (lowest, highest)
+}
 
 /// The mean of every [`OFFSET_EVERY`]th of a wall's readings, from the first.
 fn mean_of_some(block: &[WallCounts], wall: usize) -> f32 {

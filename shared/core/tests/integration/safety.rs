@@ -299,6 +299,9 @@ fn invalid_settings_are_rejected_by_name() {
         (SafetyConfig { saturated_s: -1.0, ..good }, "safety.saturated_s"),
         (SafetyConfig { resolution_m: -1e-5, ..good }, "safety.resolution_m"),
         (SafetyConfig { frozen_s: f32::NAN, ..good }, "safety.frozen_s"),
+        // A tick, and a time in which a record may stand still.
+        (SafetyConfig { frozen_s: 0.0006, ..good }, "safety.frozen_s"),
+        (SafetyConfig { frozen_s: 0.2, ..good }, "safety.frozen_s"),
         (SafetyConfig { limits: Limits { base_m: -1.0, ..Limits::default() }, ..good }, "safety.limits.base_m"),
     ] {
         assert_eq!(Safety::new(&bad).unwrap_err().parameter, name);

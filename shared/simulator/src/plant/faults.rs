@@ -72,17 +72,20 @@ pub enum End {
 const RESIDUE: f32 = 3e-3 / 3.3;
 const RESIDUE_NOISE: f32 = 1e-3 / 3.3;
 
-/// What a sensor's samples go from and to, and samples' units in a unit of the sensor.
+/// Range of a sensor's samples, and how many of their units make one of the sensor's (m or N).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Span {
+pub struct Span {
+    /// Lowest sample.
     pub low: f32,
+    /// Highest sample.
     pub high: f32,
+    /// Units of a sample per unit of the sensor.
     pub per_unit: f32,
 }
 
-/// The faults of every sensor.
+/// The faults of every sensor and supply.
 #[derive(Clone, Debug)]
-pub(super) struct Faults {
+pub struct Faults {
     faults: [Option<SensorFault>; SENSORS],
     /// Value that a stuck sensor repeats.
     stuck_at: [Option<f32>; SENSORS],
@@ -96,7 +99,9 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    pub(super) fn new(seed: u64) -> Self {
+    /// No fault; `seed` is that of the faulty sensors' noise.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
         // Apart from the sensors' own noise, which stays what it is.
         Self {
             faults: [None; SENSORS],
@@ -108,25 +113,29 @@ impl Faults {
         }
     }
 
-    pub(super) fn set(&mut self, sensor: Sensor, fault: Option<SensorFault>) {
-        self.faults[sensor as usize] = fault;
-        self.stuck_at[sensor as usize] = None;
-    }
-
-    pub(super) fn set_supply(&mut self, supply: Supply, on: bool) {
-        match supply {
-            Supply::Sensors => self.sensors_off = !on,
-            Supply::Amplifier => self.amplifier_off = !on,
+    /// Injects a fault, or ends it. Returns the new state of the friction damper's drive if that is what changes.
+    pub fn inject(&mut self, fault: &InjectedFault) -> Option<Breakage> {
+        match *fault {
+            InjectedFault::Sensor { sensor, fault } => {
+                self.faults[sensor as usize] = fault;
+                self.stuck_at[sensor as usize] = None;
+            }
+            InjectedFault::Supply { supply: Supply::Sensors, on } => self.sensors_off = !on,
+            InjectedFault::Supply { supply: Supply::Amplifier, on } => self.amplifier_off = !on,
+            InjectedFault::EmergencyStop { pressed } => self.emergency_stop = pressed,
+            InjectedFault::SpringDrive(broken) => return Some(broken),
         }
+        None
     }
 
     /// Whether the sensor's readings are wrong.
-    pub(super) fn has(&self, sensor: Sensor) -> bool {
+    #[must_use]
+    pub fn has(&self, sensor: Sensor) -> bool {
         self.sensors_off || self.faults[sensor as usize].is_some()
     }
 
     /// The reading in place of a sound sample.
-    pub(super) fn apply(&mut self, sensor: Sensor, sample: f32, span: Span) -> f32 {
+    pub fn apply(&mut self, sensor: Sensor, sample: f32, span: Span) -> f32 {
         let Span { low, high, per_unit } = span;
         if self.sensors_off {
             return low;

@@ -178,15 +178,10 @@ impl<S: Scalar> Plant<S> {
 
     /// Injects a fault, or ends it.
     pub fn inject(&mut self, fault: &InjectedFault) {
-        match *fault {
-            InjectedFault::Sensor { sensor, fault } => self.faults.set(sensor, fault),
-            InjectedFault::Supply { supply, on } => self.faults.set_supply(supply, on),
-            InjectedFault::EmergencyStop { pressed } => self.faults.emergency_stop = pressed,
-            InjectedFault::SpringDrive(broken) => {
-                if let Some(spring) = &mut self.spring {
-                    spring.broken = broken;
-                }
-            }
+        if let Some(broken) = self.faults.inject(fault)
+            && let Some(spring) = &mut self.spring
+        {
+            spring.broken = broken;
         }
     }
 

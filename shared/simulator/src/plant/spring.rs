@@ -161,14 +161,8 @@ impl SimulatedSpring {
     /// closed.
     pub fn tick(&mut self, drive: Motor) -> ([f32; SUBSAMPLES], bool) {
         self.energised = drive.enabled;
-        let direction = i32::from(drive.steps.signum()) * if self.broken.reversed { -1 } else { 1 };
         for _ in 0..drive.steps.unsigned_abs() {
-            self.steps_asked = self.steps_asked.wrapping_add(1);
-            let stalled = direction > 0 && self.broken.stalls_above_n.is_some_and(|most| self.normal_force_n() > most);
-            let lost = self.broken.loses_every > 0 && self.steps_asked.is_multiple_of(self.broken.loses_every);
-            if drive.enabled && !self.broken.jammed && !stalled && !lost {
-                self.steps += direction;
-            }
+            self.step(drive.steps > 0);
         }
         let truth = self.normal_force_n();
         let sample_s = 1.0 / (damprig_core::io::TICK_HZ * SUBSAMPLES as f32);
@@ -178,6 +172,34 @@ impl SimulatedSpring {
             let reading = self.lagged_n + self.plant.offset_n + self.plant.noise_rms_n * self.noise.next();
             reading.max(self.plant.lowest_n).min(self.plant.highest_n)
         });
-        (block, self.broken.switch_stuck.unwrap_or(self.steps <= 0))
+        (block, self.is_at_limit())
+    }
+
+    /// The motor's driver is switched on or off.
+    pub fn energise(&mut self, energised: bool) {
+        self.energised = energised;
+    }
+
+    /// One step, which the motor makes unless something is broken or it is off.
+    pub fn step(&mut self, towards_structure: bool) {
+        self.steps_asked = self.steps_asked.wrapping_add(1);
+        let direction = if towards_structure != self.broken.reversed { 1 } else { -1 };
+        let stalled = direction > 0 && self.broken.stalls_above_n.is_some_and(|most| self.normal_force_n() > most);
+        let lost = self.broken.loses_every > 0 && self.steps_asked.is_multiple_of(self.broken.loses_every);
+        if self.energised && !self.broken.jammed && !stalled && !lost {
+            self.steps += direction;
+        }
+    }
+
+    /// True position of the seat, steps from the limit switch.
+    #[must_use]
+    pub fn steps(&self) -> i32 {
+        self.steps
+    }
+
+    /// Whether the limit switch tells that the seat is at its limit.
+    #[must_use]
+    pub fn is_at_limit(&self) -> bool {
+        self.broken.switch_stuck.unwrap_or(self.steps <= 0)
     }
 }

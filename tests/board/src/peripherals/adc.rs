@@ -1,5 +1,6 @@
-//! ADC1 and ADC2 with their common registers (RM0440, section 21): timer-triggered regular sequences of single-ended
-//! channels with hardware oversampling, calibration, the switch-on order, and the write rules of the registers.
+//! ADC1 and ADC2 with their common registers (RM0440, section 21): regular sequences of single-ended channels, started by
+//! a timer or by software, with hardware oversampling, calibration, the switch-on order, the internal reference, and the
+//! write rules of the registers.
 
 use crate::register::{Access, bit, field, only, refuse, rule, unchanged, unknown};
 use crate::time::{At, Time};
@@ -34,6 +35,35 @@ const CR_ADVREGEN: u32 = 1 << 28;
 const CR_DEEPPWD: u32 = 1 << 29;
 const CR_ADCALDIF: u32 = 1 << 30;
 const CR_ADCAL: u32 = 1 << 31;
+
+const CCR_PRESC: u32 = 0xf << 18;
+const CCR_VREFEN: u32 = 1 << 22;
+
+/// ADC1's channel of the internal reference.
+pub const REFERENCE_CHANNEL: u8 = 18;
+
+/// Address of VREFINT_CAL: the reference's code, measured in production at a supply of 3.0 V (DS12288, section 3.18.2).
+pub const VREFINT_CAL: u32 = 0x1fff_75aa;
+
+/// Voltage of the internal reference, V, and of the supply at its factory measurement.
+const VREFINT_V: f64 = 1.212;
+const FACTORY_SUPPLY_V: f64 = 3.0;
+
+/// Start-up time of the reference's buffer, and its shortest sampling time (DS12288, table 18).
+const REFERENCE_STARTS: Time = Time::from_us(12);
+const REFERENCE_SAMPLING: Time = Time::from_us(4);
+
+/// Code of the internal reference at this supply, V.
+#[must_use]
+pub fn reference_code(supply_v: f64) -> u16 {
+    (VREFINT_V / supply_v * 4_095.0).round() as u16
+}
+
+/// Contents of [`VREFINT_CAL`].
+#[must_use]
+pub fn factory_code() -> u16 {
+    reference_code(FACTORY_SUPPLY_V)
+}
 
 const CFGR_DMAEN: u32 = 1 << 0;
 const CFGR_RESET: u32 = 1 << 31;
@@ -91,6 +121,8 @@ pub struct Adc {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Common {
     ccr: u32,
+    /// Time at which the internal reference was connected.
+    reference_since: Time,
 }
 
 impl Common {
@@ -99,6 +131,12 @@ impl Common {
     pub fn cycle(&self, at: &At) -> Option<Time> {
         let presc = field(self.ccr, 18, 4) as usize;
         Some(at.clocks.adc12? * *[1, 2, 4, 6, 8, 10, 12, 16, 32, 64, 128, 256].get(presc)?)
+    }
+
+    /// Whether the internal reference is connected and has started.
+    #[must_use]
+    pub fn has_reference(&self, now: Time) -> bool {
+        self.ccr & CCR_VREFEN != 0 && now >= self.reference_since + REFERENCE_STARTS
     }
 
     /// Reads a register.
@@ -116,12 +154,16 @@ impl Common {
     /// Writes a register; `one_is_on` is set while either converter is enabled.
     ///
     /// # Errors
-    /// The register or a bit is not modelled, or it is written while a converter is on.
-    pub fn write(&mut self, offset: u32, value: u32, one_is_on: bool) -> Access<()> {
+    /// The register or a bit is not modelled, or the prescaler is changed while a converter is on.
+    pub fn write(&mut self, offset: u32, value: u32, one_is_on: bool, now: Time) -> Access<()> {
         match offset {
             COMMON_CCR => {
-                only("ADC12_CCR", value, 0xf << 18)?;
-                rule(value == self.ccr || !one_is_on, "ADC12_CCR is written while a converter is enabled")?;
+                only("ADC12_CCR", value, CCR_PRESC | CCR_VREFEN)?;
+                let is_same = (value ^ self.ccr) & CCR_PRESC == 0;
+                rule(is_same || !one_is_on, "ADC12_CCR: PRESC is written while a converter is enabled")?;
+                if value & !self.ccr & CCR_VREFEN != 0 {
+                    self.reference_since = now;
+                }
                 self.ccr = value;
                 Ok(())
             }
@@ -172,10 +214,16 @@ impl Adc {
         self.cr & CR_ADSTART != 0
     }
 
-    /// EXTSEL: the event that starts a sequence.
+    /// EXTSEL: the event that starts a sequence; `None` if software starts it.
     #[must_use]
-    pub fn trigger(&self) -> u32 {
-        field(self.cfgr, 5, 5)
+    pub fn trigger(&self) -> Option<u32> {
+        (field(self.cfgr, 10, 2) != 0).then_some(field(self.cfgr, 5, 5))
+    }
+
+    /// Whether the sampling time of a channel is long enough for the internal reference.
+    #[must_use]
+    pub fn samples_reference(&self, channel: u8) -> bool {
+        self.halves(self.sampling(channel)) >= REFERENCE_SAMPLING
     }
 
     /// The channels of the sequence, in order.
@@ -283,6 +331,9 @@ impl Adc {
         self.sequence = (!is_last).then_some((start, rank + 1));
         self.dr = data;
         self.isr |= ISR_EOC | if is_last { ISR_EOS } else { 0 };
+        if is_last && self.trigger().is_none() {
+            self.cr &= !CR_ADSTART;
+        }
         Some(Converted { at, data })
     }
 
@@ -429,10 +480,10 @@ impl Adc {
             rule(self.is_on() && at.now >= self.ready, "ADC_CR: ADSTART is set before the converter is ready")?;
             rule(self.cr & CR_ADDIS == 0, "ADC_CR: ADSTART is set together with ADDIS")?;
             rule(self.calibrated[0], "ADC_CR: ADSTART is set without a calibration")?;
-            rule(field(self.cfgr, 10, 2) == 1, "ADC_CR: only sequences started by a rising trigger are modelled")?;
+            rule(field(self.cfgr, 10, 2) <= 1, "ADC_CR: only software and rising triggers are modelled")?;
             self.cr |= CR_ADSTART;
             self.last_trigger = at.now;
-            self.sequence = None;
+            self.sequence = self.trigger().is_none().then(|| (at.now + self.latency(), 0));
         }
         if given & CR_ADSTP != 0 {
             rule(self.is_started(), "ADC_CR: ADSTP is set while ADSTART = 0")?;

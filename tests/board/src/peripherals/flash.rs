@@ -29,8 +29,8 @@ const CR_LOCK: u32 = 1 << 31;
 
 const KEYS: [u32; 2] = [0x4567_0123, 0xcdef_89ab];
 
-/// Option register in the delivery state: two banks, no protection (RM0440, section 3.4.1).
-const OPTR_DELIVERED: u32 = 0xffef_f8aa;
+/// Option register in the delivery state: two banks, no protection, BOR_LEV 0 (RM0440, section 3.4.1).
+pub const OPTR_DELIVERED: u32 = 0xffef_f8aa;
 
 /// Size of a page in dual-bank mode, bytes.
 pub const PAGE_BYTES: u32 = 2_048;
@@ -93,15 +93,15 @@ pub struct Flash {
 }
 
 impl Flash {
-    /// The state after a power-on, with this second bank.
+    /// The state after a power-on, with this second bank and these option bytes.
     #[must_use]
-    pub fn new(bank2: Bank2) -> Self {
+    pub fn new(bank2: Bank2, optr: u32) -> Self {
         Self {
             acr: 0x0004_0600,
             sr: 0,
             cr: CR_LOCK,
             eccr: 0,
-            optr: OPTR_DELIVERED,
+            optr,
             keys: Some(0),
             busy_until: Time(0),
             bank2,
@@ -114,8 +114,14 @@ impl Flash {
 
     /// Resets the registers; the contents stay.
     pub fn reset(&mut self) {
-        let (operations, optr, cut, is_cut) = (self.operations, self.optr, self.cut, self.is_cut);
-        *self = Self { operations, optr, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2)) };
+        let (operations, cut, is_cut) = (self.operations, self.cut, self.is_cut);
+        *self = Self { operations, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2), self.optr) };
+    }
+
+    /// BOR_LEV: the brown-out level, 0 to 4.
+    #[must_use]
+    pub fn brown_out_level(&self) -> usize {
+        field(self.optr, 8, 3).min(4) as usize
     }
 
     /// Wait states, LATENCY.

@@ -17,21 +17,32 @@ pub struct Pwr {
     cr3: u32,
     cr5: u32,
     supply_v: f64,
+    is_browned_out: bool,
 }
+
+/// Thresholds of the brown-out reset for a falling and a rising supply, V, by BOR_LEV (DS12288, table 19: typical).
+const BROWN_OUT_V: [(f64, f64); 5] = [(1.64, 1.66), (2.0, 2.1), (2.2, 2.31), (2.52, 2.61), (2.8, 2.9)];
 
 /// Thresholds of the voltage detector for a falling supply, V (DS12288, table 19: typical).
 const PVD_V: [f64; 7] = [1.94, 2.10, 2.30, 2.51, 2.65, 2.79, 2.86];
 
-impl Default for Pwr {
-    fn default() -> Self {
-        Self { cr1: 0x200, cr2: 0, cr3: 0x8000, cr5: 0x100, supply_v: 3.3 }
-    }
-}
-
 impl Pwr {
+    /// The state after a power-on with this supply and brown-out level.
+    #[must_use]
+    pub fn new(supply_v: f64, brown_out_level: usize) -> Self {
+        let is_browned_out = supply_v < BROWN_OUT_V[brown_out_level].1;
+        Self { cr1: 0x200, cr2: 0, cr3: 0x8000, cr5: 0x100, supply_v, is_browned_out }
+    }
+
     /// Resets the registers; the supply voltage stays.
     pub fn reset(&mut self) {
-        *self = Self { supply_v: self.supply_v, ..Self::default() };
+        *self = Self { is_browned_out: self.is_browned_out, ..Self::new(self.supply_v, 0) };
+    }
+
+    /// The chip is held in reset because its supply is low.
+    #[must_use]
+    pub fn is_browned_out(&self) -> bool {
+        self.is_browned_out
     }
 
     /// PVDO: the detector is on and the supply is below its threshold.
@@ -41,9 +52,11 @@ impl Pwr {
     }
 
     /// Changes the supply voltage. Returns whether PVDO rises.
-    pub fn set_supply(&mut self, volts: f64) -> bool {
+    pub fn set_supply(&mut self, volts: f64, brown_out_level: usize) -> bool {
         let before = self.is_low();
         self.supply_v = volts;
+        let (falling_v, rising_v) = BROWN_OUT_V[brown_out_level];
+        self.is_browned_out = volts < if self.is_browned_out { rising_v } else { falling_v };
         self.is_low() && !before
     }
 

@@ -1,16 +1,9 @@
 //! Tests from power-on to the first replies of the board.
 
 use damprig_board::{Board, Config, Output, Time};
-use damprig_protocol::{Clock, ClockSource, Description, PlantKind, Reply, Request, Reset, SCHEMA, VERSION};
+use damprig_protocol::{Clock, ClockSource, PlantKind, Reply, Request, Reset, SCHEMA, VERSION};
 
-use crate::common::{Host, bare, board, image, run};
-
-fn description(host: &mut Host) -> Description {
-    match host.ask(Request::Describe) {
-        Reply::Description(description) => description,
-        other => panic!("{other:?}"),
-    }
-}
+use crate::common::{Host, bare, board, description, image, run};
 
 #[test]
 fn the_board_identifies_itself_within_a_tenth_of_a_second_of_power_on() {
@@ -20,7 +13,7 @@ fn the_board_identifies_itself_within_a_tenth_of_a_second_of_power_on() {
     let Reply::Identity(identity) = host.ask(Request::Identify) else { panic!("no identity") };
     assert_eq!((identity.protocol, identity.schema, identity.board.as_str()), (VERSION, SCHEMA, "nucleo-g474re"));
     assert!(host.board.now() < Time::from_ms(100), "{} s", host.board.now().s());
-    let description = description(&mut host);
+    let description = description(host.board);
     assert_eq!((description.clock, description.plant), (Clock::RealTime, PlantKind::Real));
     assert_eq!((description.clock_source, description.reset), (ClockSource::Crystal, Reset::Power));
     assert_eq!(description.last_crash, None);
@@ -30,7 +23,7 @@ fn the_board_identifies_itself_within_a_tenth_of_a_second_of_power_on() {
 fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_reports_it() {
     let Some(image) = image() else { return };
     let mut board = Board::new(image, &Config { has_crystal: false, ..Config::new(bare()) }).unwrap();
-    let description = description(&mut Host::new(&mut board));
+    let description = description(&mut board);
     assert_eq!(description.clock_source, ClockSource::InternalOscillator);
 }
 

@@ -2,15 +2,14 @@
 
 use std::f64::consts::TAU;
 use std::fs;
-use std::path::Path;
-use std::process::Output as Finished;
 use std::sync::OnceLock;
 
 use damprig_board::{Config, Output, Time};
+use damprig_simulator::plant::InjectedFault;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::common::{Outcome, Served, bare, damprig, image, said};
+use crate::common::{Outcome, Served, bare, image, journal, number, run_campaign, said};
 
 /// A structure alone on a shaker, the base in closed loop: a linear system.
 const CAMPAIGN: &str = r#"
@@ -56,24 +55,6 @@ const SAMPLES: f64 = 10_000.0 * 10.0 / FREQUENCY_HZ;
 /// Drive code for zero voltage.
 const MIDDLE: u16 = 2_048;
 
-/// Runs the campaign with its results in `folder`.
-fn run(rig: &str, folder: &Path) -> Finished {
-    let file = folder.with_extension("toml");
-    fs::write(&file, CAMPAIGN).unwrap();
-    damprig().arg("run").arg(&file).args(["--yes", "--rig", rig, "--out"]).arg(folder).output().unwrap()
-}
-
-/// The entries of one kind in a run's journal.
-fn journal(folder: &Path, kind: &str) -> Vec<Value> {
-    let text = fs::read_to_string(folder.join("journal.jsonl")).unwrap();
-    let entries = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
-    entries.filter(|entry| entry["entry"] == kind).collect()
-}
-
-fn number(value: &Value, key: &str) -> f64 {
-    value[key].as_f64().unwrap_or_else(|| panic!("{key} of {value}"))
-}
-
 struct Both {
     virtual_rig: Value,
     board: Value,
@@ -89,7 +70,7 @@ fn both() -> Option<&'static Both> {
         let folder = TempDir::new().unwrap();
         let result = |rig: &str, name: &str| {
             let folder = folder.path().join(name);
-            let output = run(rig, &folder);
+            let output = run_campaign(CAMPAIGN, rig, &folder);
             assert!(output.status.success(), "--rig {rig}: {}", said(&output));
             let results = journal(&folder, "result");
             assert_eq!(results.len(), 1, "--rig {rig}: {results:?}");
@@ -204,12 +185,12 @@ fn the_emergency_stop_opens_the_relay_before_the_output_returns_to_zero_drive() 
             && board.now() - *closed > Time::from_ms(2_000)
         {
             pressed = Some(board.now());
-            board.chip_mut().set_emergency_stop(true);
+            board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
             board.chip_mut().mark("emergency stop");
         }
     });
     let folder = TempDir::new().unwrap();
-    let output = run(&served.rig, &folder.path().join("run"));
+    let output = run_campaign(CAMPAIGN, &served.rig, &folder.path().join("run"));
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("emergency stop"), "{}", said(&output));
     let outcome = served.off();

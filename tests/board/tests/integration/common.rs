@@ -10,11 +10,15 @@ use std::thread::{self, JoinHandle};
 
 use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
+use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
+use damprig_core::rig::Status;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+use damprig_protocol::{Description, Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use escargot::CargoBuild;
+use serde_json::Value;
 
 /// Maximum device seconds per second: far from the time-outs of either side.
 const PACE: f64 = 5.0;
@@ -73,7 +77,10 @@ impl<'a> Host<'a> {
     pub fn pass(&mut self, time: Time) {
         let end = self.board.now() + time;
         run(self.board, end);
-        self.received.extend(self.board.chip_mut().take_sent());
+        let sent = self.board.chip_mut().take_sent();
+        // The frame of a later reply may begin here.
+        sent.iter().for_each(|&byte| drop(self.reader.push::<FromDevice>(byte)));
+        self.received.extend(sent);
     }
 
     /// All messages received so far.
@@ -82,10 +89,37 @@ impl<'a> Host<'a> {
         self.received.iter().filter_map(|&byte| reader.push::<FromDevice>(byte)?.ok()).collect()
     }
 
+    /// Lets device time pass until an event comes that `is_it` recognises, and returns how long that took; at most `longest`.
+    pub fn wait_for(&mut self, longest: Time, is_it: impl Fn(&Event) -> bool) -> Time {
+        self.received.clear();
+        let begun = self.board.now();
+        while self.board.now() - begun < longest {
+            self.pass(Time::from_ms(1));
+            let found = self.messages().iter().any(|m| matches!(m, FromDevice::Event { event, .. } if is_it(event)));
+            if found {
+                return self.board.now() - begun;
+            }
+        }
+        panic!("nothing of the kind in {} ms: {:?}", longest.us() / 1e3, self.messages());
+    }
+
+    /// The rig's status.
+    pub fn status(&mut self) -> Status {
+        match self.ask(Request::Status) {
+            Reply::Status { status, .. } => status,
+            other => panic!("{other:?}"),
+        }
+    }
+
     /// Sends a request and waits for its reply, at most one second of device time.
     pub fn ask(&mut self, ask: Request) -> Reply {
+        self.try_ask(ask).unwrap_or_else(|why| panic!("refused: {why:?}"))
+    }
+
+    /// As [`Host::ask`]; the request may be refused.
+    pub fn try_ask(&mut self, ask: Request) -> Result<Reply, Rejected> {
         let seq = self.send(ask);
-        self.reply_to(seq)
+        self.answer_to(seq)
     }
 
     /// Sends a request and returns its number.
@@ -100,23 +134,84 @@ impl<'a> Host<'a> {
 
     /// Waits for the reply to a request, at most one second of device time.
     pub fn reply_to(&mut self, wanted: u16) -> Reply {
+        self.answer_to(wanted).unwrap_or_else(|why| panic!("refused: {why:?}"))
+    }
+
+    fn answer_to(&mut self, wanted: u16) -> Result<Reply, Rejected> {
         let end = self.board.now() + Time::from_ms(1_000);
         while self.board.now() < end {
             run(self.board, self.board.now() + Time::from_ms(1));
             let sent = self.board.chip_mut().take_sent();
             self.received.extend_from_slice(&sent);
+            let mut found = None;
             for byte in sent {
                 match self.reader.push::<FromDevice>(byte) {
                     Some(Ok(FromDevice::Reply { seq, answer })) if seq == wanted => {
-                        return answer.unwrap_or_else(|why| panic!("refused: {why:?}"));
+                        found = Some(answer);
                     }
                     Some(Err(bad)) => panic!("a bad frame from the board: {bad:?}"),
                     _ => {}
                 }
             }
+            if let Some(answer) = found {
+                return answer;
+            }
         }
         panic!("no reply within a second");
     }
+}
+
+/// A sine of this amplitude and frequency that is driven for more than 20 s.
+pub fn sine(amplitude_m: f32, frequency_hz: f32) -> SteppedSine {
+    SteppedSine {
+        start: Start::CarryOver,
+        amplitude_m,
+        drive: DriveMode::Constant,
+        ramp_s: 0.0,
+        settle_s: 20.0,
+        dwell_s: 20.0,
+        steady: SteadyLimits::default(),
+        frequencies_hz: [frequency_hz].into_iter().collect(),
+        first_index: 0,
+    }
+}
+
+pub fn description(board: &mut Board) -> Description {
+    match Host::new(board).ask(Request::Describe) {
+        Reply::Description(description) => description,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A board that drives its shaker at 2.5 Hz and 1 mm.
+pub fn driving(config: &Config) -> Option<Board> {
+    let mut board = Board::new(image()?, config).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Request::Identify);
+    host.ask(Request::Configure(sine(1e-3, 2.5)));
+    host.ask(Request::Start);
+    pass(&mut board, 500);
+    assert!(is_driving(&board), "{:?}", board.chip().trace().last());
+    Some(board)
+}
+
+pub fn pass(board: &mut Board, ms: u64) {
+    run(board, board.now() + Time::from_ms(ms));
+}
+
+/// Whether the relay is closed.
+pub fn is_driving(board: &Board) -> bool {
+    let relay = board.chip().trace().iter().rev().find_map(|(_, output)| match output {
+        Output::Relay(closed) => Some(*closed),
+        _ => None,
+    });
+    relay == Some(true)
+}
+
+/// Time from `since` until the relay opened.
+pub fn opened(board: &Board, since: Time) -> Time {
+    let opened = board.chip().trace().iter().find(|(at, output)| *at >= since && *output == Output::Relay(false));
+    opened.unwrap_or_else(|| panic!("the relay stays closed")).0 - since
 }
 
 /// Results of a served board.
@@ -127,6 +222,10 @@ pub struct Outcome {
     pub bytes_lost: u64,
     /// Contents of the second bank of the flash.
     pub bank2: Bank2,
+    /// Position of the friction damper's seat at the end, steps from the limit switch.
+    pub seat_steps: Option<i32>,
+    /// The controller's status at the end.
+    pub status: Status,
     /// Device time divided by host time.
     pub speed: f64,
 }
@@ -152,11 +251,15 @@ impl Served {
             let mut board = Board::new(image, &config)?;
             let begun = std::time::Instant::now();
             link::serve(&mut board, &listener, PACE, &flag, &mut each_step).map_err(|ended| ended.to_string())?;
+            let speed = board.now().s() / begun.elapsed().as_secs_f64();
+            let status = Host::new(&mut board).status();
             Ok(Outcome {
                 trace: board.chip().trace().to_vec(),
                 bytes_lost: board.chip().bytes_lost(),
                 bank2: board.chip().bank2().clone(),
-                speed: board.now().s() / begun.elapsed().as_secs_f64(),
+                seat_steps: board.chip().plant().seat_steps(),
+                status,
+                speed,
             })
         });
         Self { rig, stop, thread }
@@ -187,4 +290,23 @@ pub fn damprig() -> Command {
 pub fn said(output: &std::process::Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     format!("{}\n{out}\n{err}", output.status)
+}
+
+/// Runs a campaign with its results in `folder`.
+pub fn run_campaign(text: &str, rig: &str, folder: &Path) -> std::process::Output {
+    let file = folder.with_extension("toml");
+    std::fs::write(&file, text).unwrap();
+    damprig().arg("run").arg(&file).args(["--yes", "--rig", rig, "--out"]).arg(folder).output().unwrap()
+}
+
+/// The entries of one kind in a run's journal.
+pub fn journal(folder: &Path, kind: &str) -> Vec<Value> {
+    let text = std::fs::read_to_string(folder.join("journal.jsonl")).unwrap();
+    let entries = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    entries.filter(|entry| entry["entry"] == kind).collect()
+}
+
+/// A number of a journal's entry.
+pub fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("{key} of {value}"))
 }

@@ -1,69 +1,25 @@
 //! Fault tests on the board: from the cause to the safe state (relay open, motor off) and the reported crash cause.
 
 use damprig_board::peripherals::rcc::ResetCause;
-use damprig_board::{Board, Config, Output, Time};
-use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
-use damprig_protocol::{CrashCause, Description, Reply, Request, Reset};
+use damprig_board::{Board, Config, Time};
+use damprig_core::control::fault::FaultCause;
+use damprig_protocol::{CrashCause, Description, Reset};
 
-use crate::common::{Host, bare, image, run};
+use crate::common::{Host, bare, description, driving, is_driving, opened, pass, run};
 
 /// The interrupt that runs the control tick (UART5).
 const TICK: u16 = 16 + 53;
+
+/// The interrupts of a block of samples (DMA1 channel 1), of the stall watch (TIM7) and of the serial line (LPUART1).
+const SAMPLES: u16 = 16 + 11;
+const STALL_WATCH: u16 = 16 + 55;
+const LINE: u16 = 16 + 91;
 
 /// Code outside any handler: the tasks of the serial line.
 const THREAD: u16 = 0;
 
 /// Slowest and fastest watchdog oscillator (DS12288, table 48), Hz.
 const LSI_HZ: [u64; 2] = [31_000, 34_000];
-
-fn description(board: &mut Board) -> Description {
-    match Host::new(board).ask(Request::Describe) {
-        Reply::Description(description) => description,
-        other => panic!("{other:?}"),
-    }
-}
-
-/// A board that drives its shaker at 2.5 Hz and 1 mm.
-fn driving(config: &Config) -> Option<Board> {
-    let mut board = Board::new(image()?, config).unwrap();
-    let mut host = Host::new(&mut board);
-    host.ask(Request::Identify);
-    host.ask(Request::Configure(SteppedSine {
-        start: Start::CarryOver,
-        amplitude_m: 1e-3,
-        drive: DriveMode::Constant,
-        ramp_s: 0.0,
-        settle_s: 2.0,
-        dwell_s: 20.0,
-        steady: SteadyLimits::default(),
-        frequencies_hz: [2.5].into_iter().collect(),
-        first_index: 0,
-    }));
-    host.ask(Request::Start);
-    pass(&mut board, 500);
-    assert!(is_driving(&board), "{:?}", board.chip().trace().last());
-    Some(board)
-}
-
-fn pass(board: &mut Board, ms: u64) {
-    run(board, board.now() + Time::from_ms(ms));
-}
-
-/// Whether the relay is closed.
-fn is_driving(board: &Board) -> bool {
-    let relay = board.chip().trace().iter().rev().find_map(|(_, output)| match output {
-        Output::Relay(closed) => Some(*closed),
-        _ => None,
-    });
-    relay == Some(true)
-}
-
-/// Time from `since` until the relay opened.
-fn opened(board: &Board, since: Time) -> Time {
-    let opened = board.chip().trace().iter().find(|(at, output)| *at >= since && *output == Output::Relay(false));
-    opened.unwrap_or_else(|| panic!("the relay stays closed")).0 - since
-}
 
 /// Runs for 200 ms more. Returns how long the drive continued after the fault, and the board's description of itself.
 fn after_fault(mut board: Board, since: Time) -> (Time, Description) {
@@ -94,28 +50,67 @@ fn a_hanging_control_tick_is_reset_within_55_ms_and_reported_over_the_watchdogs_
     }
 }
 
+/// The stall watch is above the samples' interrupt; its own hang is left to the watchdog.
+#[test]
+fn an_interrupt_of_the_tick_that_hangs_is_reset_in_55_ms_and_told_as_such() {
+    for lsi_hz in LSI_HZ {
+        for (interrupt, cause) in [(SAMPLES, CrashCause::ControlStalled), (STALL_WATCH, CrashCause::Watchdog)] {
+            let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
+            let at = board.now();
+            board.hang_in(interrupt);
+            let (opened, description) = after_fault(board, at);
+            // The stall watch runs every 5 ms.
+            assert!(opened < Time::from_ms(60), "{} ms at {lsi_hz} Hz", opened.us() / 1e3);
+            assert_eq!(description.last_crash.map(|crash| crash.cause), Some(cause), "{interrupt}");
+        }
+    }
+}
+
 #[test]
 fn a_hanging_serial_line_task_is_reset_and_reported() {
     for lsi_hz in LSI_HZ {
-        let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
-        let at = board.now();
-        board.hang_in(THREAD);
-        run(&mut board, at + Time::from_ms(500));
-        let (opened, description) = after_fault(board, at);
-        // Half a second without a reply, then the watchdog's time.
-        assert!(opened < Time::from_ms(560), "{} ms", opened.us() / 1e3);
-        assert_eq!(description.last_crash.map(|crash| crash.cause), Some(CrashCause::CommunicationStalled));
+        for hung in [THREAD, LINE] {
+            let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
+            let at = board.now();
+            board.hang_in(hung);
+            board.chip_mut().host_sends(&[0; 8]);
+            run(&mut board, at + Time::from_ms(500));
+            let (opened, description) = after_fault(board, at);
+            // Half a second without a reply, then the watchdog's time.
+            assert!(opened < Time::from_ms(560), "{} ms", opened.us() / 1e3);
+            assert_eq!(description.last_crash.map(|crash| crash.cause), Some(CrashCause::CommunicationStalled));
+        }
     }
 }
 
 #[test]
 fn a_debugger_that_halts_the_core_while_the_rig_drives_opens_the_relay() {
-    let Some(mut board) = driving(&Config::new(bare())) else { return };
-    let at = board.now();
-    board.halt(Time::from_ms(100));
-    let (opened, description) = after_fault(board, at);
-    assert!(opened < Time::from_ms(55), "{} ms", opened.us() / 1e3);
-    assert_eq!(description.reset, Reset::Watchdog);
+    for lsi_hz in LSI_HZ {
+        let Some(mut board) = driving(&Config { lsi_hz, ..Config::new(bare()) }) else { return };
+        let at = board.now();
+        board.halt(Time::from_ms(100));
+        let (opened, description) = after_fault(board, at);
+        assert!(opened < Time::from_ms(55), "{} ms", opened.us() / 1e3);
+        assert_eq!(description.reset, Reset::Watchdog);
+    }
+}
+
+/// The watchdog allows at least 47 ms.
+#[test]
+fn a_core_that_is_held_for_some_milliseconds_loses_a_block_and_ends_the_drive_without_a_reset() {
+    for held_ms in [3, 10, 40] {
+        let Some(mut board) = driving(&Config::new(bare())) else { return };
+        let at = board.now();
+        board.halt(Time::from_ms(held_ms));
+        pass(&mut board, held_ms + 250);
+        let opened = opened(&board, at);
+        // The drive fades out in 200 ms.
+        assert!(opened < Time::from_ms(held_ms + 210), "{} ms after {held_ms} ms", opened.us() / 1e3);
+        let status = Host::new(&mut board).status();
+        let cause = status.fault.expect("a lost block is a fault").cause;
+        assert!(matches!(cause, FaultCause::SensorInvalid(_)), "{cause:?}");
+        assert_eq!(description(&mut board).last_crash, None);
+    }
 }
 
 #[test]

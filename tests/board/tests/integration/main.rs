@@ -5,7 +5,11 @@
 
 mod boot;
 mod campaign;
+mod campaigns;
 mod common;
+mod cost;
 mod faults;
+mod hardware;
+mod sensors;
 mod settings;
 mod timing;

@@ -2,14 +2,12 @@
 
 use damprig_board::{Board, Config, Output, Time};
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
-use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
 use damprig_core::model::Structure;
 use damprig_protocol::{FromDevice, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
-use damprig_simulator::plant::{Base, PlantConfig};
+use damprig_simulator::plant::{Base, InjectedFault, PlantConfig};
 
-use crate::common::{Host, bare, image, run};
+use crate::common::{Host, bare, image, run, sine};
 
 /// A base that follows the drive exactly, regardless of the structure, and a structure whose motion decays fast.
 fn prescribed() -> PlantConfig {
@@ -22,17 +20,7 @@ const AMPLITUDE_M: f32 = 4e-3;
 const FREQUENCY_HZ: f32 = 5.0;
 
 fn start(host: &mut Host) {
-    host.ask(Request::Configure(SteppedSine {
-        start: Start::CarryOver,
-        amplitude_m: AMPLITUDE_M,
-        drive: DriveMode::Constant,
-        ramp_s: 0.0,
-        settle_s: 20.0,
-        dwell_s: 20.0,
-        steady: SteadyLimits::default(),
-        frequencies_hz: [FREQUENCY_HZ].into_iter().collect(),
-        first_index: 0,
-    }));
+    host.ask(Request::Configure(sine(AMPLITUDE_M, FREQUENCY_HZ)));
     // The base displacement only.
     host.ask(Request::SetTelemetry { every_ticks: 1, signals: [1].into_iter().collect(), impacts: false });
     host.received.clear();
@@ -191,7 +179,7 @@ fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
     run(&mut board, begun + Time::from_ms(500));
     assert!(pulses(&board, begun + Time::from_ms(450)).len() > 10, "the motor runs");
     let pressed = board.now();
-    board.chip_mut().set_emergency_stop(true);
+    board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
     run(&mut board, pressed + Time::from_ms(2_000));
     let off = board.chip().trace().iter().find(|(at, output)| *at >= pressed && *output == Output::MotorOff(true));
     let off = off.expect("the motor goes off").0;

@@ -31,6 +31,10 @@ impl Limits {
     }
 }
 
+/// Shortest time after which a sensor may count as frozen, s. A record counts as moving for 0.25 s after its last visible
+/// change, in which the sensors may rightly stand still.
+pub const LEAST_FROZEN_S: f32 = 0.3;
+
 /// The settings of the interlocks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SafetyConfig {
@@ -41,8 +45,8 @@ pub struct SafetyConfig {
     /// Smallest displacement that both sensors resolve, m. With a drive of less than five times this the frozen-sensor
     /// check is off.
     pub resolution_m: f32,
-    /// Time of identical samples, while driven, after which a sensor counts as frozen, s; at least half a period of the
-    /// drive is used; 0 for never.
+    /// Time of identical samples, while driven, after which a sensor counts as frozen, s; [`LEAST_FROZEN_S`] or more; at
+    /// least half a period of the drive is used; 0 for never.
     pub frozen_s: f32,
     /// Limit of the force on a wall, N.
     pub wall_force_n: f32,
@@ -95,6 +99,8 @@ impl SafetyConfig {
             not_negative(name, f64::from(value))?;
         }
         let (ahead, restart) = (f64::from(self.half_cycles_ahead), f64::from(self.restart_m));
+        let is_long_enough = self.frozen_s == 0.0 || self.frozen_s >= LEAST_FROZEN_S;
+        require(is_long_enough, "safety.frozen_s", f64::from(self.frozen_s), "0 for never, or 0.3 or more")?;
         require(self.half_cycles_ahead <= 20.0, "safety.half_cycles_ahead", ahead, "from 0 to 20")?;
         require(
             self.restart_m < self.limits.structure_m,
