@@ -112,7 +112,7 @@ mod unix {
             eprintln!("not tested: a USB serial device is plugged in");
             return;
         }
-        let answer = damprig(&folder).args(["run", "test.toml", "--rig", "auto"]).assert().code(2);
+        let answer = damprig(&folder).args(["run", "test.toml", "--rig", "auto"]).assert().code(1);
         answer.stderr(contains("no board answers").and(contains("--rig virtual")));
         damprig(&folder).args(["devices"]).assert().success();
     }

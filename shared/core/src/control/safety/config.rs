@@ -45,7 +45,7 @@ pub struct SafetyConfig {
     /// Smallest displacement that both sensors resolve, m. With a drive of less than five times this the frozen-sensor
     /// check is off.
     pub resolution_m: f32,
-    /// Time of identical samples, while driven, after which a sensor counts as frozen, s; [`LEAST_FROZEN_S`] or more; at
+    /// Time of identical samples, while driven, after which a sensor counts as frozen, s; 0.3 or more; at
     /// least half a period of the drive is used; 0 for never.
     pub frozen_s: f32,
     /// Limit of the force on a wall, N.
