@@ -116,25 +116,29 @@ fn the_boards_own_name_is_shown_harmlessly() {
 #[test]
 fn thousands_of_problems_are_reported_as_the_first_twenty_in_linear_time() {
     let keys = |count: usize| (0..count).map(|n| format!("key_{n} = {n}\n")).collect::<String>();
-    let time = |text: String| {
-        let folder = folder_with(&text);
-        let begun = Instant::now();
-        let (code, answer) = stdout_and_stderr(&folder, &["run", "test.toml", "--dry-run"]);
-        assert_eq!(code, Some(2));
+    // The fastest of three: the machine may be loaded.
+    let time = |text: &str, check: &dyn Fn(&str)| {
+        let folder = folder_with(text);
+        let once = || {
+            let begun = Instant::now();
+            let (code, answer) = stdout_and_stderr(&folder, &["run", "test.toml", "--dry-run"]);
+            assert_eq!(code, Some(2));
+            check(&answer);
+            begun.elapsed()
+        };
+        once().min(once()).min(once())
+    };
+    let took = time(&keys(10_000), &|answer| {
         assert!(answer.lines().count() < 200, "{} lines", answer.lines().count());
         // Two of the twenty say what is missing.
         assert_eq!(answer.matches("unknown key `key_").count(), 18, "{answer}");
         assert!(answer.contains("these are the first 20"), "{answer}");
-        begun.elapsed()
-    };
-    let took = time(keys(10_000));
+    });
     assert!(took < Duration::from_secs(2), "{took:?}");
-    // One problem after the other, with names long enough to be slow to compare.
+    // Names long enough to be slow to compare.
     let long: String = (0..70).map(|n| format!("{}{n} = 1\n", "k".repeat(2_000))).collect();
-    let begun = Instant::now();
-    let (code, answer) = stdout_and_stderr(&folder_with(&long), &["run", "test.toml", "--dry-run"]);
-    assert!(code == Some(2) && answer.len() < 400_000, "{} bytes", answer.len());
-    assert!(begun.elapsed() < Duration::from_secs(2), "{:?}", begun.elapsed());
+    let took = time(&long, &|answer| assert!(answer.len() < 400_000, "{} bytes", answer.len()));
+    assert!(took < Duration::from_secs(2), "{took:?}");
 }
 
 #[test]
