@@ -145,7 +145,7 @@ impl Source {
         self.problems().is_empty()
     }
 
-    /// The problems so far as one message, in the order of the file: the first [`MOST_SHOWN`], and how many there are.
+    /// The problems so far as one message, in the order of the file: the first 20, and how many there are.
     ///
     /// # Errors
     /// When there are any.

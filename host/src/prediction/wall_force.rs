@@ -20,7 +20,7 @@ const FAR_BEYOND: f64 = 4.0;
 /// Warnings on forces above the limit.
 ///
 /// # Errors
-/// Forces more than [`FAR_BEYOND`] times the limit: one message for all, each with the line of the set-up's base amplitude.
+/// Forces more than four times the limit: one message for all, each with the line of the set-up's base amplitude.
 pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Refusal> {
     let impulses = predictions.iter().map(|p| (p.set_up, p.swing.impulse_n_s));
     let impulses: Vec<(usize, f64)> =
