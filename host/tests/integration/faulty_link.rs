@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::common::short;
-use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::campaign::Campaign;
 use damprig::client::link::{Link, VirtualRig};
 use damprig::client::session::Session;
 use damprig::input::Source;
@@ -18,7 +18,7 @@ use damprig::run_folder::journal::Journal;
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::Recorder;
 use damprig::run_folder::write::writer::{Layout, Writer};
-use damprig::runner::{Run, RunError, Selection, Tally, Watcher};
+use damprig::runner::{Run, Selection, Tally};
 use tempfile::TempDir;
 
 /// The short campaign with ten times the samples, so that many messages are disturbed.
@@ -122,17 +122,6 @@ impl Link for Faulty {
     }
 }
 
-struct Nobody;
-
-impl Watcher for Nobody {
-    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
-        Ok(())
-    }
-    fn progress(&mut self, _: f64) {}
-    fn point(&mut self, _: &ResultRow) {}
-    fn link(&mut self, _: &str) {}
-}
-
 /// Runs the campaign over a link into a folder.
 fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
     let campaign = campaign();
@@ -145,7 +134,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> (Writer, Tally) {
         order: campaign.in_order(),
     };
     let writer = Writer::new(folder, Journal::open(folder).unwrap(), plan, JournalState::default()).unwrap();
-    let (mut recorder, mut nobody) = (Recorder::start(writer, true), Nobody);
+    let (mut recorder, mut nobody) = (Recorder::start(writer, true), ());
     let stop = AtomicBool::new(false);
     let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, JournalState::default());
     let (tally, result) = run.carry_out();

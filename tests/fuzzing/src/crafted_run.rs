@@ -6,17 +6,16 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use damprig::campaign::{Campaign, CampaignSetUp};
+use damprig::campaign::Campaign;
 use damprig::client::link::Link;
 use damprig::client::session::Session;
 use damprig::input::Source;
-use damprig::run_folder::ResultRow;
 use damprig::run_folder::journal::{self, Begin, Entry, Journal};
 use damprig::run_folder::read::sample_files::{read_samples, sample_files};
 use damprig::run_folder::schema::journal_state::JournalState;
 use damprig::run_folder::write::recorder::Recorder;
 use damprig::run_folder::write::writer::{Layout, Writer};
-use damprig::runner::{Run, RunError, Selection, Watcher, device_record};
+use damprig::runner::{Run, Selection, device_record};
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{FromDevice, ToDevice};
@@ -135,17 +134,6 @@ impl Link for CraftedLink {
     }
 }
 
-struct Nobody;
-
-impl Watcher for Nobody {
-    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
-        Ok(())
-    }
-    fn progress(&mut self, _: f64) {}
-    fn point(&mut self, _: &ResultRow) {}
-    fn link(&mut self, _: &str) {}
-}
-
 /// How a run over a crafted link ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outcome {
@@ -215,7 +203,7 @@ fn run(link: Box<dyn Link>, folder: &Path) -> Outcome {
     let journal = Journal::open(folder).expect("a journal");
     let mut writer = Writer::new(folder, journal, layout, JournalState::default()).expect("a writer");
     writer.note(&Entry::Begin(Box::new(begin))).expect("a line");
-    let (mut recorder, mut nobody) = (Recorder::start(writer, true), Nobody);
+    let (mut recorder, mut nobody) = (Recorder::start(writer, true), ());
     let stop = AtomicBool::new(false);
     let run = Run::new(&campaign, &mut session, &mut recorder, &mut nobody, &stop, selection, JournalState::default());
     let (tally, result) = run.carry_out();
