@@ -61,7 +61,9 @@ export function strip(model, connection, now) {
 function set(tone, word, headline, advice) {
   $("strip").dataset.tone = tone;
   put($("badge"), word);
-  put($("headline"), headline);
+  // The badge has the word already.
+  const rest = headline.startsWith(`${word}: `) ? headline.slice(word.length + 2) : headline;
+  put($("headline"), rest.charAt(0).toUpperCase() + rest.slice(1));
   put($("advice"), advice);
 }
 
