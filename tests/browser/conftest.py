@@ -1,14 +1,9 @@
 """A browser for all tests; pages that fail a test when the browser reports an error or leaves the server."""
 
-import sys
-
 import pytest
 from playwright.sync_api import expect, sync_playwright
 
 from stand_in import Server
-
-# No bytecode beside the sources.
-sys.dont_write_bytecode = True
 
 # Long, because events are awaited: a busy machine makes the tests slow, not red.
 expect.set_options(timeout=30_000)
@@ -55,9 +50,9 @@ def open_page(browser):
         options = {"viewport": {"width": 1440, "height": 1900}} | options
         context = browser.new_context(**options)
         contexts.append(context)
+        context.set_default_timeout(60_000)
         context.add_init_script(OBSERVE)
         page = context.new_page()
-        page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: errors.append(f"error: {error.stack or error}"))
         lost = "WebSocket connection to"
         page.on("console", lambda m: m.type in ("error", "warning") and not (is_loss_expected and lost in m.text)

@@ -2,7 +2,7 @@
 
 from playwright.sync_api import expect
 
-from test_page import ready
+from waiting import ready
 
 
 def test_without_a_token_the_page_only_watches(still, open_page):

@@ -5,25 +5,8 @@ import re
 from playwright.sync_api import expect
 
 from rig import Rig
-from stand_in import HOST, PAGE, Server, files
-
-PICTURE = "id => document.querySelector(`#${id} canvas`).toDataURL()"
-MOVES = """([id, before]) => document.querySelector(`#${id} canvas`).toDataURL() !== before"""
-
-
-def picture(page, plot):
-    return page.evaluate(PICTURE, plot)
-
-
-def await_change(page, plot, before):
-    page.wait_for_function(MOVES, arg=[plot, before])
-
-
-def ready(page):
-    expect(page.locator("#main")).to_be_visible()
-    page.wait_for_function("document.querySelector('#plot-x canvas') !== null")
-    return page
-
+from stand_in import HOST, PAGE, files
+from waiting import await_change, picture, ready
 
 def test_the_page_is_small_and_complete():
     served = files()

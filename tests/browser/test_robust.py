@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 
 from rig import Rig
 from stand_in import Server
-from test_page import ready
+from waiting import ready, until
 
 HOSTILE = "<img src=x onerror=\"window.hacked=1\"><script>window.hacked=1</script>&amp;"
 ESCAPE = "\u001b[2Jclear\u202eevil\u0007"
@@ -107,7 +107,7 @@ def test_silence_is_said(still, open_page):
 
 def test_nothing_is_drawn_while_the_tab_is_hidden(live, open_page):
     page = ready(open_page(live.address))
-    page.wait_for_function("seen.draws > 30")
+    until(page, "seen.draws > 30")
     page.evaluate("""() => {
       Object.defineProperty(document, 'hidden', { value: true, configurable: true });
       document.dispatchEvent(new Event('visibilitychange'));
@@ -122,7 +122,7 @@ def test_nothing_is_drawn_while_the_tab_is_hidden(live, open_page):
       delete document.hidden;
       document.dispatchEvent(new Event('visibilitychange'));
     }""")
-    page.wait_for_function("(before) => seen.draws > before", arg=before)
+    until(page, "(before) => seen.draws > before", before)
     expect(page.locator("#response-legend")).to_contain_text("unseen")
 
 
@@ -130,7 +130,7 @@ def test_drawing_is_at_most_20_times_a_second_and_calmer_on_request(live, open_p
     counts = {}
     for motion in ("no-preference", "reduce"):
         page = ready(open_page(live.address, reduced_motion=motion))
-        page.wait_for_function("seen.byPlot['plot-x'] > 3")
+        until(page, "seen.byPlot['plot-x'] > 3")
         counts[motion] = page.evaluate("""async () => {
           const [before, start] = [seen.byPlot['plot-x'], performance.now()];
           await new Promise((done) => setTimeout(done, 2000));
@@ -159,7 +159,7 @@ def test_five_minutes_of_data_stay_within_150_mb(open_page):
         print(f"\nhighest JavaScript heap: {highest / 1e6:.0f} MB after {rig_s:.0f} s of rig time")
         assert highest < 150e6
         server.frame(log=[{"at": "end", "level": "info", "text": "the last entry"}])
-        expect(page.locator("#log")).to_contain_text("the last entry")
+        expect(page.locator("#log")).to_contain_text("the last entry", timeout=90_000)
         assert page.locator("#ignored").text_content() == "0"
 
 
