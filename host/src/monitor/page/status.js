@@ -52,7 +52,8 @@ export function strip(model, connection, now) {
     set(tone === "bad" ? "bad" : "warn", word, state.headline, `Alarm: ${state.alarms[0]}${more}`);
     announce(`Alarm. ${state.alarms[0]}`);
   } else {
-    set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : "");
+    const about = state.experiment === "" ? "" : `Experiment ${state.experiment}`;
+    set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : about);
     announce("");
   }
   progress(state);
