@@ -147,31 +147,33 @@ export function log(model) {
   const words = [...(fault === null ? [] : [fault.what]), ...alarms];
   if (drawn.alarms !== words.join("\n")) {
     drawn.alarms = words.join("\n");
-    $("alarms").replaceChildren(...words.map((text, i) => item("li", [["span", text]], i === 0 && fault ? "fault" : "warning")));
-    put($("log-note"), words.length === 0 ? "no alarm" : words.length === 1 ? "1 alarm" : `${words.length} alarms`);
+    const level = (i) => (i === 0 && fault !== null ? "fault" : "warning");
+    const items = words.map((one, i) => item([["span", one]], level(i)));
+    $("alarms").replaceChildren(...(items.length > 0 ? items : [item([["span", "No alarm."]], "info")]));
+    put($("log-note"), words.length === 0 ? "" : words.length === 1 ? "1 alarm" : `${words.length} alarms`);
   }
   if (drawn.log !== model.changes.log) {
     drawn.log = model.changes.log;
     const entries = [...model.log].reverse();
-    $("log").replaceChildren(...entries.map((e) => item("li", [["time", e.at], ["span", e.text]], e.level)));
+    $("log").replaceChildren(...entries.map((e) => item([["time", e.at], ["span", e.text]], e.level)));
   }
   if (drawn.transients !== model.changes.transients) {
     drawn.transients = model.changes.transients;
     const entries = [...model.transients].reverse();
     $("transients").replaceChildren(
-      ...entries.map((e) => item("li", [["b", `${e.set_up} · ${e.experiment}`], ["span", e.text]], "info")),
+      ...entries.map((e) => item([["b", `${e.set_up} · ${e.experiment}`], ["span", e.text]], "info")),
     );
   }
 }
 
 const LEVELS = { warning: "Warning: ", fault: "Fault: ", action: "Action: " };
 
-function item(tag, parts, level) {
-  const element = document.createElement(tag);
+function item(parts, level) {
+  const element = document.createElement("li");
   element.dataset.level = level;
   for (const [name, text] of parts) {
     const child = document.createElement(name);
-    child.textContent = name === "span" && tag === "li" && parts.length > 1 ? (LEVELS[level] ?? "") + text : text;
+    child.textContent = name === "span" && parts.length > 1 ? (LEVELS[level] ?? "") + text : text;
     element.append(child);
   }
   return element;
