@@ -12,6 +12,8 @@ const ORBIT_S = 2.5;
 const DIFFERENCE_S = 0.008;
 // Poincaré points that are drawn: older ones belong to other frequencies.
 const NEWEST_POINTS = 120;
+// Those that stand out and always are inside the axes.
+const BRIGHT_POINTS = 20;
 
 export class PhasePlane {
   every = 100;
@@ -35,7 +37,7 @@ export class PhasePlane {
     const half = Math.max(1, Math.round(DIFFERENCE_S / 2 / (step || 1)));
     this.orbit = isMeasured ? measured(rows, from) : differences(rows, from, half);
     let [x, v] = [0, 0];
-    for (const point of [...this.orbit, ...this.section.map(([a, b]) => [a * 1e3, b])]) {
+    for (const point of [...this.orbit, ...this.section.slice(-BRIGHT_POINTS).map(([a, b]) => [a * 1e3, b])]) {
       if (point === null) continue;
       x = Math.max(x, Math.abs(point[0]));
       v = Math.max(v, Math.abs(point[1]));
@@ -59,7 +61,7 @@ export class PhasePlane {
     // Poincaré points: the newest ones stand out.
     const { section } = this;
     section.forEach(([x, v], i) => {
-      const isNew = i >= section.length - 20;
+      const isNew = i >= section.length - BRIGHT_POINTS;
       pen.dot(x * 1e3, v, isNew ? 3.5 : 2, "curve-5", { alpha: isNew ? 1 : 0.45 });
     });
     const now = this.orbit.at(-1);
