@@ -30,7 +30,7 @@ use crate::run_folder::schema::samples::PointLabel;
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::write::recorder::Rows;
 
-/// Wall time without an event after which the device's status is requested.
+/// Wall time without a result after which the device's status is requested.
 const ASK_AFTER: Duration = Duration::from_secs(2);
 
 /// Impacts are held for this time, or up to this number, and go into the journal together.
@@ -239,7 +239,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(End::Finished)
     }
 
-    /// Handles a report; whether it was a new event.
+    /// Handles a report; whether it was a new result, or the end.
     fn handle(&mut self, report: Report) -> Result<bool, RunError> {
         if !self.check.admits(&report) {
             return self.count_misfit().map(|()| false);
@@ -288,7 +288,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
                     self.note_impacts();
                 }
-                Ok(is_new)
+                Ok(false)
             }
             Report::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
@@ -332,6 +332,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         if let Some(fault) = status.fault {
             return Err(fault_error(self.task.set_up, fault));
+        }
+        if status.held {
+            self.check.held_in(status.tick);
         }
         if status.state != State::Idle && status.tick > self.check.last_tick() {
             let last = self.check.last_tick();

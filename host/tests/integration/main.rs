@@ -11,6 +11,7 @@ mod exports;
 mod faulty_link;
 mod file_faults;
 mod flash;
+mod hold;
 mod hostile_board;
 mod hostile_folder;
 mod hostile_text;

@@ -12,10 +12,13 @@ use damprig_core::rig::{Command, Event, Rejected, Rig, SIGNALS, State};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::upload::MOST_BYTES;
 use damprig_protocol::{
-    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, NumberedRequest, PlantKind,
-    Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
+    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, MOST_VALUES, NumberedRequest,
+    PlantKind, Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
 };
 use heapless::{Deque, Vec};
+
+// The values of all signals fit into one reply.
+const _: () = assert!(SIGNALS.len() <= MOST_VALUES);
 
 /// Numbers of served requests that are kept to recognise a repetition: a late copy may arrive after some later
 /// requests.
@@ -255,6 +258,9 @@ impl Controller {
                 let why = Rejected::not_here("there is no such result since the last start");
                 return result.map(Reply::Transient).ok_or(why);
             }
+            Request::SignalValues => {
+                return Ok(Reply::SignalValues(self.rig.signals().values().into_iter().collect()));
+            }
             Request::BeginUpload { bytes, crc32 } => {
                 self.rig.must_be_idle()?;
                 check_upload(*bytes)?;
@@ -296,6 +302,7 @@ impl Controller {
             }
             Request::Start => return self.start(board, upload, outgoing),
             Request::Stop => Command::Stop,
+            Request::Hold(held) => Command::Hold(*held),
             Request::ClearFault => Command::ClearFault,
             Request::Spring(command) => Command::Spring(*command),
             Request::ArmSnippet => Command::ArmSnippet,
@@ -416,6 +423,7 @@ fn is_question(ask: &Request) -> bool {
             | Request::Snippet { .. }
             | Request::Transient
             | Request::Settings
+            | Request::SignalValues
     )
 }
 

@@ -24,7 +24,7 @@ pub const SAMPLES_TOLD: usize = 32;
 /// Number of call addresses in a [`Crash`].
 pub const CALLS_TOLD: usize = 6;
 
-/// Maximum number of values (rows × signals) in one telemetry message.
+/// Maximum number of values (rows × signals) in one telemetry message, and of entries in the signal table.
 pub const MOST_VALUES: usize = 64;
 
 /// A message from the device.
@@ -101,6 +101,9 @@ pub enum Reply {
     Upload(Progress),
     /// Reply to [`Request::Transient`](crate::Request::Transient).
     Transient(TransientResult),
+    /// Reply to [`Request::SignalValues`](crate::Request::SignalValues): a value for each entry of the signal table, in
+    /// its order.
+    SignalValues(Vec<f32, MOST_VALUES>),
 }
 
 /// Identity of a device. The layout of this type never changes.
