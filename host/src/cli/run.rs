@@ -9,8 +9,9 @@ use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, seconds, seconds_or_zero};
+use super::monitor::PageArgs;
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, begin_entry, largest_predicted};
+use super::run_job::{Job, LivePage, begin_entry};
 use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
@@ -67,6 +68,13 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
     timeout: f64,
 
+    /// Show the run live on a page in the browser; its address is printed
+    #[arg(long, conflicts_with = "dry_run")]
+    monitor: bool,
+
+    #[command(flatten)]
+    page: PageArgs,
+
     /// Time to try to reconnect to a link lost during a run; 0 to give up at once
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_zero)]
     reconnect_s: f64,
@@ -94,6 +102,10 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
+    fn live_page(&self, stop: &Arc<AtomicBool>) -> Result<Option<LivePage>, Failure> {
+        self.monitor.then(|| LivePage::start(&self.page, stop)).transpose()
+    }
+
     fn timeout(&self) -> Duration {
         Duration::from_secs_f64(self.timeout)
     }
@@ -104,6 +116,9 @@ impl Args {
 /// # Errors
 /// Bad input, a failed or an interrupted run.
 pub fn run(args: &Args) -> Outcome {
+    if args.page.is_given() && !args.monitor {
+        return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
+    }
     match (&args.resume, &args.campaign) {
         (Some(folder), _) => resume(args, folder),
         (None, Some(campaign)) => begin(args, campaign),
@@ -134,6 +149,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let live = args.live_page(&stop)?;
     let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
@@ -154,11 +170,11 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         mount_without_asking: args.yes,
         rig,
         campaign: &campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
         taken: JournalState::default(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, &stop, live)
 }
 
 /// Rejects a target that is a file or a folder with something in it.
@@ -205,6 +221,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let live = args.live_page(&stop)?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -228,11 +245,11 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         mount_without_asking: args.yes,
         rig,
         campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
         taken: earlier.journal.clone(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, &stop, live)
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.

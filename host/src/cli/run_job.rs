@@ -1,16 +1,21 @@
 //! Runs a checked campaign for `damprig run` and completes the run folder.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
+use super::monitor::{PageArgs, host_name};
 use super::outcome::{Failure, Outcome};
 use super::progress::Progress;
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
+use crate::monitor::run::{MonitoredRun, RunFacts};
+use crate::monitor::{Asked, Handles, Monitor};
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
@@ -45,7 +50,7 @@ pub(super) fn begin_entry(
 }
 
 /// Largest predicted |x| of each set-up in use, m.
-pub(super) fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
+fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
     let swings = predicted.swings.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
     for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
@@ -53,6 +58,26 @@ pub(super) fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
         *most = most.max(x_m);
     }
     all
+}
+
+/// The live page of a run, and the actions of its viewers.
+pub(super) struct LivePage {
+    monitor: Monitor,
+    actions: Receiver<Asked>,
+}
+
+impl LivePage {
+    /// Starts it. `stop` ends the run.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub(super) fn start(page: &PageArgs, stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
+        let handles = Handles { stop: Some(Arc::clone(stop)), cable: None };
+        let where_to_stop = format!("Stop: Ctrl-C in the terminal that runs damprig on {}.", host_name());
+        let mut monitor = page.start(false, where_to_stop, handles)?;
+        let actions = monitor.take_actions().ok_or_else(|| Failure::failed("the monitor has no queue of actions"))?;
+        Ok(Self { monitor, actions })
+    }
 }
 
 /// A checked campaign, ready to run.
@@ -65,8 +90,7 @@ pub(super) struct Job<'a> {
     pub mount_without_asking: bool,
     pub rig: Address,
     pub campaign: &'a Campaign,
-    /// Largest predicted |x| of each set-up in use, m.
-    pub largest_predicted_m: BTreeMap<usize, f64>,
+    pub predicted: &'a Predicted,
     pub folder: OutputFolder,
     /// State of a resumed run.
     pub taken: JournalState,
@@ -81,6 +105,7 @@ impl Job<'_> {
         begin: Begin,
         journal: Journal,
         stop: &AtomicBool,
+        live: Option<LivePage>,
     ) -> Outcome {
         let device = &begin.device;
         say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
@@ -102,8 +127,26 @@ impl Job<'_> {
         let wall = Instant::now();
         let mut progress = Progress::new(self.campaign, self.mount_without_asking);
         let mut recorder = Recorder::start(writer, waits_for_room);
-        let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
-        let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        let (mut tally, result) = match live {
+            None => {
+                let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
+                run.with_reconnect(self.reconnect()).carry_out()
+            }
+            Some(LivePage { monitor, actions }) => {
+                let facts = RunFacts {
+                    campaign: self.campaign,
+                    session,
+                    predicted: self.predicted,
+                    folder: self.folder.path().display().to_string(),
+                };
+                let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, &mut progress);
+                let run = Run::new(self.campaign, session, &mut recorder, &mut watched, stop, selection, taken);
+                let ended = run.with_reconnect(self.reconnect()).carry_out();
+                watched.ended(&ended.1);
+                monitor.end();
+                ended
+            }
+        };
         progress.end();
         let accepted = recorder.accepted_rows();
         let (writer, stored) = recorder.finish();
@@ -131,7 +174,7 @@ impl Job<'_> {
         let record = |(set_up, x_m): (&usize, &f64)| SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m);
         let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
         let mut manifest =
-            Manifest::begin(self.campaign, self.largest_predicted_m.iter().map(record).collect(), started);
+            Manifest::begin(self.campaign, largest_predicted(self.predicted).iter().map(record).collect(), started);
         manifest.device = Some(begin.device.clone());
         manifest.acting_settings = acting_settings(self.campaign, begin.device.settings.as_ref());
         manifest.signals = begin.signals.clone();
