@@ -129,6 +129,14 @@ fn a_point_is_measured_from_its_beginning_after_the_release() {
 }
 
 #[test]
+fn a_point_without_settling_time_is_held_too() {
+    let sine = SteppedSine { settle_s: 0.0, ..sine(Start::FromRest { level_m: 5e-4 }, DriveMode::Constant) };
+    // Held while the rig waits for rest.
+    let (points, release) = Bench::held_at(Bench::running(sine), 10);
+    assert!(points[0].start_tick >= release);
+}
+
+#[test]
 fn a_closed_loop_has_its_whole_waiting_time_after_the_release() {
     // The base never stays within the tolerance, so the loop waits as long as it may.
     let drive = DriveMode::ClosedLoop(ClosedLoop { tolerance: 1e-3, wait_s: 3.0, ..ClosedLoop::default() });
