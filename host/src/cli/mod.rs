@@ -31,6 +31,7 @@ mod output_paths;
 mod progress;
 mod run;
 mod run_job;
+mod run_progress;
 mod runs;
 mod settings;
 mod simulate;

@@ -1,6 +1,7 @@
 //! `damprig monitor`: shows an idle rig, a run that another program records, or a run that is over. `damprig run --monitor` shares
 //! its options.
 
+use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use super::arguments::{Rig, positive, seconds};
 use super::outcome::{Failure, Outcome};
 use crate::client::link::Address;
 use crate::client::session::Session;
+use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Handles, Monitor, Permissions, Serving, Token, folder, rig};
 use crate::run_folder::read::folder::find;
 
@@ -38,27 +40,47 @@ impl PageArgs {
         self.control
     }
 
-    /// Starts the monitor and prints its address.
-    pub(super) fn start(&self, can_inject: bool, where_to_stop: String, handles: Handles) -> Result<Monitor, Failure> {
+    /// Starts the monitor and its page, and prints the page's address.
+    pub(super) fn start(&self, can_inject: bool, handles: Handles) -> Result<Monitor, Failure> {
         let token = self.control.then(Token::new).transpose().map_err(Failure::Failed)?;
-        let permissions = Permissions { can_control: self.control, can_inject, where_to_stop };
+        let permissions = Permissions { can_control: self.control, can_inject, where_to_stop: where_to_stop() };
         let serving = Serving { listen: self.listen, token };
-        let monitor = Monitor::start(serving, permissions, handles).map_err(Failure::failed)?;
-        warn!("Monitor: {}", monitor.url());
+        let monitor = Monitor::start(Some(serving), permissions, handles).map_err(Failure::failed)?;
+        monitor.url().iter().for_each(|url| warn!("Monitor: {url}"));
         if monitor.is_public() {
             let what = if self.control {
-                "and those with the token can control the rig; the connection is not encrypted"
+                "those with the token can control the rig, and the connection is not encrypted"
             } else {
                 "they cannot control the rig"
             };
-            warn!("warning: the page is open to every machine that reaches this one; {what}");
+            warn!("warning: every machine that reaches this one can open the page; {what}");
         }
         Ok(monitor)
     }
 }
 
+/// Where a run can be stopped, for viewers who cannot.
+pub(super) fn where_to_stop() -> String {
+    format!("Stop: Ctrl-C in the terminal that runs damprig on {}.", host_name())
+}
+
+/// Opens the terminal view.
+pub(super) fn open_terminal(
+    monitor: &Monitor,
+    stop: &Arc<AtomicBool>,
+    owns_run: bool,
+    mount_without_asking: bool,
+) -> Result<(TerminalView, TerminalWatcher), Failure> {
+    if !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
+        let message = "--tui: it needs a terminal for input and output; leave it out, or use --monitor for a page";
+        return Err(Failure::Input(message.into()));
+    }
+    TerminalView::open(&monitor.feed(), stop, owns_run, mount_without_asking)
+        .map_err(|e| Failure::Failed(format!("--tui: the terminal cannot be used: {e}")))
+}
+
 /// Name of this machine, for people.
-pub(super) fn host_name() -> String {
+fn host_name() -> String {
     let name = std::fs::read_to_string("/proc/sys/kernel/hostname").ok().or_else(|| std::env::var("COMPUTERNAME").ok());
     let name = name.unwrap_or_default().trim().to_string();
     if name.is_empty() { "the machine of the rig".into() } else { name }
@@ -136,14 +158,15 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
         return Err(Failure::Input(message.into()));
     }
     let path = find(wanted).map_err(Failure::input)?;
-    let where_to_stop = "This page shows a recorded run: stop it where it runs.".to_string();
-    let mut monitor = args.page.start(false, where_to_stop, Handles::default())?;
+    let mut monitor = args.page.start(false, Handles::default())?;
+    let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
         Some(actions) => folder::watch(&path, args.speed, &feed, &actions, stop).map_err(Failure::failed),
         None => Ok(()),
     };
     monitor.end();
+    drop(terminal);
     watched
 }
 
@@ -159,13 +182,14 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
         let found = (*rig == Rig::Auto).then(|| rig.find().ok()).flatten();
         Session::open(found.as_ref().unwrap_or(&address), timeout)
     };
-    let where_to_stop = format!("Stop: Ctrl-C in the terminal that runs damprig on {}.", host_name());
-    let mut monitor = args.page.start(false, where_to_stop, Handles::default())?;
+    let mut monitor = args.page.start(false, Handles::default())?;
+    let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
         Some(actions) => rig::watch(&open, &feed, &actions, stop).map_err(Failure::failed),
         None => Ok(()),
     };
     monitor.end();
+    drop(terminal);
     watched
 }

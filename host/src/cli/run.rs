@@ -11,7 +11,8 @@ use damprig_protocol::ClockSource;
 use super::arguments::{Rig, seconds, seconds_or_zero};
 use super::monitor::PageArgs;
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, LivePage, begin_entry};
+use super::run_job::{Job, LiveViews, begin_entry};
+use super::run_progress::Log;
 use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
@@ -75,6 +76,18 @@ pub struct Args {
     #[command(flatten)]
     page: PageArgs,
 
+    /// Show the run live in this terminal: numbers, curves, alarms; s stops it
+    #[arg(long, conflicts_with = "dry_run")]
+    tui: bool,
+
+    /// Print only warnings, errors and the run folder
+    #[arg(long, conflicts_with_all = ["dry_run", "tui"])]
+    quiet: bool,
+
+    /// Append what happens in the run to this file, a line each with the time: starts, results, the link, the spring
+    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
+    log: Option<PathBuf>,
+
     /// Time to try to reconnect to a link lost during a run; 0 to give up at once
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_zero)]
     reconnect_s: f64,
@@ -102,8 +115,8 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
-    fn live_page(&self, stop: &Arc<AtomicBool>) -> Result<Option<LivePage>, Failure> {
-        self.monitor.then(|| LivePage::start(&self.page, stop)).transpose()
+    fn live_views(&self, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
+        LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, stop)
     }
 
     fn timeout(&self) -> Duration {
@@ -118,6 +131,9 @@ impl Args {
 pub fn run(args: &Args) -> Outcome {
     if args.page.is_given() && !args.monitor {
         return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
+    }
+    if args.quiet {
+        super::output::be_quiet();
     }
     match (&args.resume, &args.campaign) {
         (Some(folder), _) => resume(args, folder),
@@ -149,7 +165,8 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let live = args.live_page(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&stop)?;
     let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
@@ -168,13 +185,14 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign: &campaign,
         predicted: &predicted,
         folder,
         taken: JournalState::default(),
     };
-    job.run(&mut session, selection, begin, journal, &stop, live)
+    job.run(&mut session, selection, begin, journal, &stop, live, log)
 }
 
 /// Rejects a target that is a file or a folder with something in it.
@@ -221,7 +239,8 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    let live = args.live_page(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&stop)?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -243,13 +262,14 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign,
         predicted: &predicted,
         folder,
         taken: earlier.journal.clone(),
     };
-    job.run(&mut session, selection, begin, journal, &stop, live)
+    job.run(&mut session, selection, begin, journal, &stop, live, log)
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.

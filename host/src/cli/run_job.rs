@@ -7,15 +7,16 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
-use super::monitor::{PageArgs, host_name};
+use super::monitor::{PageArgs, open_terminal, where_to_stop};
 use super::outcome::{Failure, Outcome};
-use super::progress::Progress;
+use super::run_progress::{Display, Log, RunProgress};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
 use crate::monitor::run::{MonitoredRun, RunFacts};
-use crate::monitor::{Asked, Handles, Monitor};
+use crate::monitor::terminal::{TerminalView, TerminalWatcher};
+use crate::monitor::{Asked, Handles, Monitor, Permissions};
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
@@ -28,7 +29,7 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
-use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
+use crate::runner::{Reconnect, Run, RunError, Selection, Tally, Watcher, device_record};
 
 /// Journal entry for the start or resumption of a run.
 pub(super) fn begin_entry(
@@ -60,23 +61,36 @@ fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
     all
 }
 
-/// The live page of a run, and the actions of its viewers.
-pub(super) struct LivePage {
+/// The live views of a run: the page with the actions of its viewers, the terminal's, or both.
+pub(super) struct LiveViews {
     monitor: Monitor,
     actions: Receiver<Asked>,
+    terminal: Option<(TerminalView, TerminalWatcher)>,
 }
 
-impl LivePage {
-    /// Starts it. `stop` ends the run.
+impl LiveViews {
+    /// Starts the views that are wanted; none if none is. `stop` ends the run.
     ///
     /// # Errors
-    /// The address cannot be used.
-    pub(super) fn start(page: &PageArgs, stop: &Arc<AtomicBool>) -> Result<Self, Failure> {
+    /// The page's address or the terminal cannot be used.
+    pub(super) fn start(
+        page: Option<&PageArgs>,
+        terminal: bool,
+        mount_without_asking: bool,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Option<Self>, Failure> {
         let handles = Handles { stop: Some(Arc::clone(stop)), cable: None };
-        let where_to_stop = format!("Stop: Ctrl-C in the terminal that runs damprig on {}.", host_name());
-        let mut monitor = page.start(false, where_to_stop, handles)?;
+        let mut monitor = match page {
+            Some(page) => page.start(false, handles)?,
+            None if terminal => {
+                let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
+                Monitor::start(None, permissions, handles).map_err(Failure::failed)?
+            }
+            None => return Ok(None),
+        };
+        let terminal = terminal.then(|| open_terminal(&monitor, stop, true, mount_without_asking)).transpose()?;
         let actions = monitor.take_actions().ok_or_else(|| Failure::failed("the monitor has no queue of actions"))?;
-        Ok(Self { monitor, actions })
+        Ok(Some(Self { monitor, actions, terminal }))
     }
 }
 
@@ -88,6 +102,8 @@ pub(super) struct Job<'a> {
     /// How long to try to reconnect; zero for never.
     pub reconnect_within: Duration,
     pub mount_without_asking: bool,
+    /// No progress is shown.
+    pub is_quiet: bool,
     pub rig: Address,
     pub campaign: &'a Campaign,
     pub predicted: &'a Predicted,
@@ -105,7 +121,8 @@ impl Job<'_> {
         begin: Begin,
         journal: Journal,
         stop: &AtomicBool,
-        live: Option<LivePage>,
+        live: Option<LiveViews>,
+        log: Option<Log>,
     ) -> Outcome {
         let device = &begin.device;
         say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
@@ -125,25 +142,36 @@ impl Job<'_> {
         let taken = writer.state().clone();
 
         let wall = Instant::now();
-        let mut progress = Progress::new(self.campaign, self.mount_without_asking);
+        let display = Display {
+            is_hidden: self.is_quiet || live.as_ref().is_some_and(|views| views.terminal.is_some()),
+            log,
+            mount_without_asking: self.mount_without_asking,
+        };
+        let mut progress = RunProgress::new(self.campaign, session, taken.points(), display);
         let mut recorder = Recorder::start(writer, waits_for_room);
         let (mut tally, result) = match live {
             None => {
                 let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
                 run.with_reconnect(self.reconnect()).carry_out()
             }
-            Some(LivePage { monitor, actions }) => {
+            Some(LiveViews { monitor, actions, terminal }) => {
                 let facts = RunFacts {
                     campaign: self.campaign,
                     session,
                     predicted: self.predicted,
                     folder: self.folder.path().display().to_string(),
                 };
-                let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, &mut progress);
+                let (view, mut keys) = terminal.unzip();
+                let own: &mut dyn Watcher = match &mut keys {
+                    Some(keys) => keys,
+                    None => &mut progress,
+                };
+                let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, own);
                 let run = Run::new(self.campaign, session, &mut recorder, &mut watched, stop, selection, taken);
                 let ended = run.with_reconnect(self.reconnect()).carry_out();
                 watched.ended(&ended.1);
                 monitor.end();
+                view.into_iter().for_each(TerminalView::close);
                 ended
             }
         };
@@ -232,7 +260,7 @@ impl Job<'_> {
         }
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
         say!("{}", terminal::campaign::summary(&manifest));
-        say!("Run folder: {}", path.display());
+        super::output::print_always(&format!("Run folder: {}", path.display()));
         if let Err(error) = &result {
             let (taken, planned) = (manifest.points_taken, manifest.points_planned);
             let shown = path.display();

@@ -2,7 +2,7 @@
 //!
 //! A source (`run`, `rig`, `folder`) tells what happens through a [`Feed`], which never waits. The monitor's own thread ([`hub`])
 //! keeps the recent past and makes frames of what is new; the web server's thread ([`server`]) hands the same frames to every
-//! viewer. So a slow, sleeping or dead viewer can delay neither the recorder nor the link. The terminal view (`terminal`) is a
+//! viewer. So a slow, sleeping or dead viewer can delay neither the recorder nor the link. The terminal view ([`terminal`]) is a
 //! viewer too.
 
 mod access;
@@ -16,8 +16,10 @@ mod message;
 mod page;
 pub mod rig;
 pub mod run;
+mod screen;
 mod section;
 mod server;
+pub mod terminal;
 mod words;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -33,6 +35,7 @@ pub use access::Token;
 pub use control::{Asked, Handles};
 pub use feed::{Feed, Update, Watched};
 pub use message::{Action, Activity, FaultText, Injection, Level, Limits, Source, SourceKind};
+pub use words::spring as spring_event;
 
 use control::Control;
 use live::Live;
@@ -74,54 +77,39 @@ pub struct StartError(String);
 pub struct Monitor {
     feed: Feed,
     actions: Option<Receiver<Asked>>,
+    hub: JoinHandle<()>,
+    page: Option<Page>,
+}
+
+/// The web server of a monitor.
+#[derive(Debug)]
+struct Page {
     address: SocketAddr,
     token: Option<Token>,
-    hub: JoinHandle<()>,
-    /// Ends the server when it is dropped, after its thread has told every viewer.
-    ended: Option<oneshot::Sender<()>>,
-    server: Option<JoinHandle<()>>,
+    /// The server ends soon after this is dropped.
+    ended: oneshot::Sender<()>,
+    thread: JoinHandle<()>,
+}
+
+fn failed(error: std::io::Error) -> StartError {
+    StartError(format!("cannot start the monitor: {error}"))
 }
 
 impl Monitor {
-    /// Starts the monitor and its web server.
+    /// Starts the monitor, and its web server if a page is wanted.
     ///
     /// # Errors
     /// The address cannot be used.
-    pub fn start(serving: Serving, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
-        let listener = listen(serving.listen)?;
-        let failed = |e: std::io::Error| StartError(format!("cannot serve the monitor's page: {e}"));
-        let address = listener.local_addr().map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
+    pub fn start(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
+        let listener = serving.as_ref().map(|serving| listen(serving.listen)).transpose()?;
         let (feed, updates) = feed::feed();
-        let (control, actions) =
-            Control::new(serving.token.clone(), handles, feed.clone(), permissions.where_to_stop.clone());
+        let token = serving.and_then(|serving| serving.token);
+        let (control, actions) = Control::new(token.clone(), handles, feed.clone(), permissions.where_to_stop.clone());
         let live = Live::new(permissions);
         let hub = std::thread::Builder::new().name("monitor".into());
         let hub = hub.spawn(move || hub::run(live, &updates)).map_err(failed)?;
-        let shared = Arc::new(Shared { address, feed: feed.clone(), control, viewers: AtomicUsize::new(0) });
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
-        let (ended, ends) = oneshot::channel();
-        let server = std::thread::Builder::new().name("monitor page".into());
-        let server = server.spawn(move || {
-            runtime.block_on(async {
-                let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
-                let serve = axum::serve(listener, server::routes(shared));
-                tokio::select! {
-                    _ = serve.into_future() => {}
-                    _ = ends => tokio::time::sleep(FAREWELL).await,
-                }
-            });
-        });
-        let server = server.map_err(failed)?;
-        Ok(Self {
-            feed,
-            actions: Some(actions),
-            address,
-            token: serving.token,
-            hub,
-            ended: Some(ended),
-            server: Some(server),
-        })
+        let page = listener.map(|listener| Page::serve(listener, token, feed.clone(), control)).transpose()?;
+        Ok(Self { feed, actions: Some(actions), hub, page })
     }
 
     /// The source's end.
@@ -137,32 +125,55 @@ impl Monitor {
 
     /// The address of the page, with the token if there is one.
     #[must_use]
-    pub fn url(&self) -> String {
-        let mut address = self.address;
+    pub fn url(&self) -> Option<String> {
+        let Page { address, token, .. } = self.page.as_ref()?;
+        let mut address = *address;
         if address.ip().is_unspecified() {
             // Served at every address of this machine: this one can be opened here.
             address.set_ip(IpAddr::V4(std::net::Ipv4Addr::LOCALHOST));
         }
-        match &self.token {
+        Some(match token {
             Some(token) => format!("http://{address}/#token={}", token.text()),
             None => format!("http://{address}/"),
-        }
+        })
     }
 
     /// Whether other machines can open the page.
     #[must_use]
     pub fn is_public(&self) -> bool {
-        !self.address.ip().is_loopback()
+        self.page.as_ref().is_some_and(|page| !page.address.ip().is_loopback())
     }
 
     /// Ends the monitor. Viewers get what was told last.
-    pub fn end(mut self) {
+    pub fn end(self) {
         self.feed.send(Update::End);
         let _ = self.hub.join();
-        drop(self.ended.take());
-        if let Some(server) = self.server.take() {
-            let _ = server.join();
+        if let Some(Page { ended, thread, .. }) = self.page {
+            drop(ended);
+            let _ = thread.join();
         }
+    }
+}
+
+impl Page {
+    fn serve(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, StartError> {
+        let address = listener.local_addr().map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        let shared = Arc::new(Shared { address, feed, control, viewers: AtomicUsize::new(0) });
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
+        let (ended, ends) = oneshot::channel();
+        let thread = std::thread::Builder::new().name("monitor page".into());
+        let thread = thread.spawn(move || {
+            runtime.block_on(async {
+                let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
+                let serve = axum::serve(listener, server::routes(shared));
+                tokio::select! {
+                    _ = serve.into_future() => {}
+                    _ = ends => tokio::time::sleep(FAREWELL).await,
+                }
+            });
+        });
+        Ok(Self { address, token, ended, thread: thread.map_err(failed)? })
     }
 }
 

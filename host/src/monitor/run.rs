@@ -35,11 +35,13 @@ pub struct RunFacts<'a> {
 }
 
 /// Watches a run for the monitor and for another watcher, the terminal's.
-pub struct MonitoredRun<'a, W> {
-    terminal: &'a mut W,
+pub struct MonitoredRun<'a> {
+    terminal: &'a mut dyn Watcher,
     feed: Feed,
     actions: Receiver<Asked>,
-    asked: Option<Asked>,
+    asked: Option<(RunAction, Asked)>,
+    /// The last action of the terminal.
+    from_terminal: Option<RunAction>,
     watched: Watched,
     /// Names and units of the device's signals.
     table: Vec<SignalName>,
@@ -57,9 +59,9 @@ struct Present {
     longest_step_s: f64,
 }
 
-impl<'a, W: Watcher> MonitoredRun<'a, W> {
+impl<'a> MonitoredRun<'a> {
     /// Watches a run; `actions` are those of the monitor's viewers.
-    pub fn new(facts: &RunFacts, feed: Feed, actions: Receiver<Asked>, terminal: &'a mut W) -> Self {
+    pub fn new(facts: &RunFacts, feed: Feed, actions: Receiver<Asked>, terminal: &'a mut dyn Watcher) -> Self {
         let RunFacts { campaign, session, predicted, folder } = facts;
         let table: Vec<SignalName> = session
             .signals
@@ -96,6 +98,7 @@ impl<'a, W: Watcher> MonitoredRun<'a, W> {
             feed,
             actions,
             asked: None,
+            from_terminal: None,
             watched,
             table,
             link,
@@ -154,34 +157,30 @@ impl<'a, W: Watcher> MonitoredRun<'a, W> {
                 return None;
             }
         };
-        self.asked = Some(asked);
+        self.asked = Some((action, asked));
         Some(action)
     }
 
-    /// What an answered action has changed.
-    fn note_done(&mut self, action: &Action) {
+    /// What an action that was carried out has changed.
+    fn note_done(&mut self, action: RunAction) {
         match action {
-            Action::Pause => {
+            RunAction::Pause => {
                 self.is_held = false;
                 self.feed.send(Update::Activity(Activity::Paused, "Paused: the drive is off.".into()));
             }
-            Action::Resume => {
+            RunAction::Resume => {
                 self.feed.send(Update::Activity(Activity::Waiting, "The run goes on.".into()));
             }
-            Action::Hold | Action::Release => {
-                self.is_held = *action == Action::Hold;
+            RunAction::Hold(on) => {
+                self.is_held = on;
                 self.running();
             }
-            Action::Inject { fault } => {
-                words::note_injection(&mut self.injected, fault);
-                self.feed.send(Update::Injected(words::injected(&self.injected)));
-            }
-            _ => {}
+            RunAction::Inject(_) => self.feed.send(Update::Injected(words::injected(&self.injected))),
         }
     }
 }
 
-impl<W: Watcher> Watcher for MonitoredRun<'_, W> {
+impl Watcher for MonitoredRun<'_> {
     fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
         if !simulated {
             let text = format!("Waiting: mount set-up {} and confirm in the terminal.", set_up.name);
@@ -242,8 +241,9 @@ impl<W: Watcher> Watcher for MonitoredRun<'_, W> {
     }
 
     fn action(&mut self) -> Option<RunAction> {
-        if let Some(action) = self.terminal.action() {
-            return Some(action);
+        self.from_terminal = self.terminal.action();
+        if self.from_terminal.is_some() {
+            return self.from_terminal;
         }
         while let Ok(asked) = self.actions.try_recv() {
             if let Some(action) = self.for_run(asked) {
@@ -254,12 +254,20 @@ impl<W: Watcher> Watcher for MonitoredRun<'_, W> {
     }
 
     fn answer(&mut self, result: Result<&str, &str>) {
-        let Some(asked) = self.asked.take() else { return self.terminal.answer(result) };
-        if result.is_ok() {
-            let action = asked.action.clone();
-            self.note_done(&action);
+        if let Some((action, asked)) = self.asked.take() {
+            if result.is_ok() {
+                if let Action::Inject { fault } = &asked.action {
+                    words::note_injection(&mut self.injected, fault);
+                }
+                self.note_done(action);
+            }
+            asked.answer(result.map(words::sentence).map_err(words::sentence));
+        } else {
+            if let (Ok(_), Some(action)) = (result, self.from_terminal.take()) {
+                self.note_done(action);
+            }
+            self.terminal.answer(result);
         }
-        asked.answer(result.map(words::sentence).map_err(words::sentence));
     }
 
     fn point(&mut self, row: &ResultRow) {

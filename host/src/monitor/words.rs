@@ -13,8 +13,9 @@ pub(super) fn sentence(text: &str) -> String {
     format!("{}{}{stop}", first.to_uppercase(), rest.as_str())
 }
 
-/// An event of the friction damper's spring.
-pub(super) fn spring(event: &SpringEvent) -> String {
+/// An event of the friction damper's spring in words.
+#[must_use]
+pub fn spring(event: &SpringEvent) -> String {
     match event {
         SpringEvent::Homed => "The spring is homed.".into(),
         SpringEvent::Touched(_) => "The spring has touched the structure: its zero reading is known.".into(),
