@@ -7,12 +7,12 @@
 
 mod access;
 mod control;
-mod feed;
+pub mod feed;
 pub mod folder;
 mod history;
 mod hub;
 mod live;
-mod message;
+pub mod message;
 mod page;
 pub mod rig;
 pub mod run;
@@ -33,11 +33,11 @@ use tokio::sync::oneshot;
 
 pub use access::Token;
 pub use control::{Asked, Handles};
-pub use feed::{Feed, Update, Watched};
-pub use message::{Action, Activity, FaultText, Injection, Level, Limits, Source, SourceKind};
+pub use feed::Feed;
 pub use words::spring as spring_event;
 
 use control::Control;
+use feed::Update;
 use live::Live;
 use server::Shared;
 
