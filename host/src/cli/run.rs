@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
-use super::arguments::{Rig, seconds, seconds_or_zero};
+use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, begin_entry, largest_predicted};
 use crate::campaign::Campaign;
@@ -40,10 +40,14 @@ pub struct Args {
     campaign: Option<PathBuf>,
 
     /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual, virtual:f32 (the board's precision),
-    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`)
+    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`),
+    /// virtual:realtime, virtual:realtime,f32, virtual:realtime,BOARD.toml (the same at the pace of the wall clock)
     /// [default: virtual; with --resume the rig of the run]
     #[arg(long, value_name = "RIG")]
     rig: Option<Rig>,
+
+    #[command(flatten)]
+    speed: SpeedArg,
 
     /// New or empty folder for this run [default: runs/<date>-<campaign>-<short id>]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
@@ -80,6 +84,7 @@ Examples:
   damprig run my.toml --dry-run
   damprig run my.toml --rig serial:/dev/ttyACM0 --out results/foam-1
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig run host/campaigns/short.toml --rig virtual:realtime --speed 5
   damprig run --resume results/foam-1
 
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
@@ -114,7 +119,7 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(Failure::input)?;
     campaign.check_simulable().map_err(Failure::input)?;
-    let rig = args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?;
+    let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
     let (points, time) = (campaign.points(), duration(campaign.expected_s()));
@@ -197,6 +202,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         }
         (None, None) => Address::VIRTUAL,
     };
+    let rig = args.speed.apply(rig)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));

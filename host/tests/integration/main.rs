@@ -20,6 +20,7 @@ mod limits;
 mod mutations;
 mod not_files;
 mod output;
+mod real_time;
 mod refusals;
 mod report;
 mod resume;
