@@ -17,7 +17,7 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig-benches", &["damprig-core"]),
+    ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
 ];
 
 /// Dependencies that the crates under `shared/` must not have, directly or indirectly: each belongs to one side only.

@@ -10,9 +10,9 @@ use std::time::Duration;
 
 use clap::Args as ClapArgs;
 
-use super::arguments::{Rig, positive, seconds};
+use super::arguments::{Rig, SpeedArg, seconds};
 use super::outcome::{Failure, Outcome};
-use crate::client::link::Address;
+use crate::client::link::{Address, Cable, cable};
 use crate::client::session::Session;
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Handles, Monitor, Permissions, Serving, Token, folder, rig};
@@ -40,8 +40,10 @@ impl PageArgs {
         self.control
     }
 
-    /// Starts the monitor and its page, and prints the page's address.
-    pub(super) fn start(&self, can_inject: bool, handles: Handles) -> Result<Monitor, Failure> {
+    /// Starts the monitor and its page, and prints the page's address. Faults can be injected into a rig that is simulated in
+    /// real time.
+    pub(super) fn start(&self, rig: &Address, handles: Handles) -> Result<Monitor, Failure> {
+        let can_inject = matches!(rig, Address::RealTime { .. });
         let token = self.control.then(Token::new).transpose().map_err(Failure::Failed)?;
         let permissions = Permissions { can_control: self.control, can_inject, where_to_stop: where_to_stop() };
         let serving = Serving { listen: self.listen, token };
@@ -57,6 +59,12 @@ impl PageArgs {
         }
         Ok(monitor)
     }
+}
+
+/// What viewers may do besides asking the session: pull the cable of a rig in this process.
+pub(super) fn handles(rig: &Address) -> Handles {
+    let pull = |cable: Cable| Box::new(move |on| if on { cable.pull() } else { cable.plug() }) as Box<_>;
+    Handles { stop: None, cable: cable(rig).map(pull) }
 }
 
 /// Where a run can be stopped, for viewers who cannot.
@@ -102,9 +110,9 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with = "rig")]
     run: Option<PathBuf>,
 
-    /// Rig seconds per second: of a replay, or of virtual:realtime
-    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = positive)]
-    speed: f64,
+    /// Rig seconds per second: of a replay (0.01 to 1000), or of virtual:realtime (0.5 to 20) [default: 1]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    speed: Option<f64>,
 
     /// Show the numbers in this terminal too
     #[arg(long)]
@@ -148,8 +156,9 @@ pub fn run(args: &Args) -> Outcome {
 
 fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -> Outcome {
     let (slowest, fastest) = folder::REPLAY_SPEEDS;
-    if !(slowest..=fastest).contains(&args.speed) {
-        let message = format!("--speed {}: a replay runs at {slowest} to {fastest} rig seconds per second", args.speed);
+    let speed = args.speed.unwrap_or(1.0);
+    if !(slowest..=fastest).contains(&speed) {
+        let message = format!("--speed {speed}: a replay runs at {slowest} to {fastest} rig seconds per second");
         return Err(Failure::Input(message));
     }
     if args.page.can_control() {
@@ -158,11 +167,11 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
         return Err(Failure::Input(message.into()));
     }
     let path = find(wanted).map_err(Failure::input)?;
-    let mut monitor = args.page.start(false, Handles::default())?;
+    let mut monitor = args.page.start(&Address::VIRTUAL, Handles::default())?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
-        Some(actions) => folder::watch(&path, args.speed, &feed, &actions, stop).map_err(Failure::failed),
+        Some(actions) => folder::watch(&path, speed, &feed, &actions, stop).map_err(Failure::failed),
         None => Ok(()),
     };
     monitor.end();
@@ -171,7 +180,7 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
 }
 
 fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
-    let address = rig.find()?;
+    let address = SpeedArg { speed: args.speed }.apply(rig.find()?)?;
     if let Address::Virtual { .. } = &address {
         let message = "--rig: the time of this virtual rig passes only in a run; use --rig virtual:realtime";
         return Err(Failure::Input(message.into()));
@@ -182,7 +191,9 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
         let found = (*rig == Rig::Auto).then(|| rig.find().ok()).flatten();
         Session::open(found.as_ref().unwrap_or(&address), timeout)
     };
-    let mut monitor = args.page.start(false, Handles::default())?;
+    // The rig is there before its page: it has the cable, and a wrong one is refused at once.
+    drop(open().map_err(Failure::failed)?);
+    let mut monitor = args.page.start(&address, handles(&address))?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {

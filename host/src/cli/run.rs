@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
-use super::arguments::{Rig, seconds, seconds_or_zero};
+use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
 use super::monitor::PageArgs;
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, LiveViews, begin_entry};
@@ -42,10 +42,14 @@ pub struct Args {
     campaign: Option<PathBuf>,
 
     /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual, virtual:f32 (the board's precision),
-    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`)
+    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`),
+    /// virtual:realtime, virtual:realtime,f32, virtual:realtime,BOARD.toml (the same at the pace of the wall clock)
     /// [default: virtual; with --resume the rig of the run]
     #[arg(long, value_name = "RIG")]
     rig: Option<Rig>,
+
+    #[command(flatten)]
+    speed: SpeedArg,
 
     /// New or empty folder for this run [default: runs/<date>-<campaign>-<short id>]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
@@ -101,6 +105,7 @@ Examples:
   damprig run my.toml --dry-run
   damprig run my.toml --rig serial:/dev/ttyACM0 --out results/foam-1
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig run host/campaigns/short.toml --rig virtual:realtime --speed 5
   damprig run --resume results/foam-1
 
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
@@ -115,8 +120,8 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
-    fn live_views(&self, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
-        LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, stop)
+    fn live_views(&self, rig: &Address, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
+        LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, rig, stop)
     }
 
     fn timeout(&self) -> Duration {
@@ -145,7 +150,7 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(Failure::input)?;
     campaign.check_simulable().map_err(Failure::input)?;
-    let rig = args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?;
+    let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
     let (points, time) = (campaign.points(), duration(campaign.expected_s()));
@@ -166,7 +171,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let live = args.live_views(&stop)?;
+    let live = args.live_views(&rig, &stop)?;
     let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
@@ -231,6 +236,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         }
         (None, None) => Address::VIRTUAL,
     };
+    let rig = args.speed.apply(rig)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
@@ -240,7 +246,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let live = args.live_views(&stop)?;
+    let live = args.live_views(&rig, &stop)?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());

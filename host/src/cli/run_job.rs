@@ -7,7 +7,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
-use super::monitor::{PageArgs, open_terminal, where_to_stop};
+use super::monitor::{PageArgs, handles, open_terminal, where_to_stop};
 use super::outcome::{Failure, Outcome};
 use super::run_progress::{Display, Log, RunProgress};
 use crate::campaign::Campaign;
@@ -77,11 +77,12 @@ impl LiveViews {
         page: Option<&PageArgs>,
         terminal: bool,
         mount_without_asking: bool,
+        rig: &Address,
         stop: &Arc<AtomicBool>,
     ) -> Result<Option<Self>, Failure> {
-        let handles = Handles { stop: Some(Arc::clone(stop)), cable: None };
+        let handles = Handles { stop: Some(Arc::clone(stop)), ..handles(rig) };
         let mut monitor = match page {
-            Some(page) => page.start(false, handles)?,
+            Some(page) => page.start(rig, handles)?,
             None if terminal => {
                 let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
                 Monitor::start(None, permissions, handles).map_err(Failure::failed)?

@@ -21,6 +21,7 @@ mod monitor;
 mod mutations;
 mod not_files;
 mod output;
+mod real_time;
 mod refusals;
 mod report;
 mod resume;

@@ -1,6 +1,6 @@
 //! The controller: owns the rig, serves requests, and queues replies, events and telemetry rows.
 
-use crate::board::{Board, DeviceInfo, Saving};
+use crate::board::{Board, DeviceInfo, Saving, Simulated};
 use crate::queues::{Chosen, Losses, Outgoing, Row, StreamItem};
 use crate::upload_buffer::UploadBuffer;
 use damprig_core::control::experiment::Experiment;
@@ -245,7 +245,7 @@ impl Controller {
     ) -> Result<Reply, Rejected> {
         let command = match &request.request {
             Request::Identify => return Ok(Reply::Identity(self.identity.clone())),
-            Request::Describe => return Ok(Reply::Description(self.describe::<B>())),
+            Request::Describe => return Ok(Reply::Description(self.describe(board))),
             Request::Status => return Ok(Reply::Status { status: self.rig.status(), counters: self.counters }),
             Request::Signals { from } => return Ok(Reply::Signals(signals(*from))),
             Request::Result { index } => {
@@ -283,8 +283,9 @@ impl Controller {
             _ if self.saving.is_some() => return Err(Rejected::not_here("the settings are being saved: ask again")),
             Request::SaveSettings => return self.save(request.seq, board),
             Request::Simulator(message) => {
-                self.rig.must_be_idle()?;
-                board.simulate(message)?;
+                if board.simulate(message, &self.rig)? == Simulated::FaultChanged {
+                    return Ok(Reply::Done);
+                }
                 Command::ReplaceSpring
             }
             Request::SetSettings(settings) => Command::SetSettings(*settings),
@@ -357,8 +358,13 @@ impl Controller {
         Ok(Reply::Snippet { scale: *scale, side, length: SNIPPET as u16, samples })
     }
 
-    fn describe<B: Board>(&self) -> Description {
-        Description { clock: B::CLOCK, plant: B::PLANT, settings: self.settings_source, ..self.description.clone() }
+    fn describe<B: Board>(&self, board: &B) -> Description {
+        Description {
+            clock: board.clock(),
+            plant: B::PLANT,
+            settings: self.settings_source,
+            ..self.description.clone()
+        }
     }
 
     /// One tick of the rig. The upload buffer lends it the record of a playback.

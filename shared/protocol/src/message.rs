@@ -294,7 +294,7 @@ pub struct Counters {
     pub timing: Timing,
 }
 
-/// Timing of the ticks on the board; all 0 on a simulated board.
+/// Timing of the ticks on the board. On a simulated board all are 0 but the overruns of one with its own clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Timing {
     /// Sample blocks that were overwritten before a tick had read them.
