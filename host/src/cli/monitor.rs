@@ -42,10 +42,10 @@ impl PageArgs {
 
     /// Starts the monitor and its page, and prints the page's address. Faults can be injected into a rig that is simulated in
     /// real time.
-    pub(super) fn start(&self, rig: &Address, handles: Handles) -> Result<Monitor, Failure> {
+    pub(super) fn start(&self, rig: &Address, where_to_stop: String, handles: Handles) -> Result<Monitor, Failure> {
         let can_inject = matches!(rig, Address::RealTime { .. });
         let token = self.control.then(Token::new).transpose().map_err(Failure::Failed)?;
-        let permissions = Permissions { can_control: self.control, can_inject, where_to_stop: where_to_stop() };
+        let permissions = Permissions { can_control: self.control, can_inject, where_to_stop };
         let serving = Serving { listen: self.listen, token };
         let monitor = Monitor::start(Some(serving), permissions, handles).map_err(Failure::failed)?;
         monitor.url().iter().for_each(|url| warn!("Monitor: {url}"));
@@ -154,6 +154,9 @@ pub fn run(args: &Args) -> Outcome {
     }
 }
 
+/// What a page is told that shows a folder.
+const ABOUT_FOLDERS: &str = "This page shows a run folder; a run that is still going on is stopped where it runs.";
+
 fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -> Outcome {
     let (slowest, fastest) = folder::REPLAY_SPEEDS;
     let speed = args.speed.unwrap_or(1.0);
@@ -167,7 +170,7 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
         return Err(Failure::Input(message.into()));
     }
     let path = find(wanted).map_err(Failure::input)?;
-    let mut monitor = args.page.start(&Address::VIRTUAL, Handles::default())?;
+    let mut monitor = args.page.start(&Address::VIRTUAL, ABOUT_FOLDERS.into(), Handles::default())?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {
@@ -193,7 +196,7 @@ fn watch_rig(args: &Args, rig: &Rig, stop: &Arc<AtomicBool>) -> Outcome {
     };
     // The rig is there before its page: it has the cable, and a wrong one is refused at once.
     drop(open().map_err(Failure::failed)?);
-    let mut monitor = args.page.start(&address, handles(&address))?;
+    let mut monitor = args.page.start(&address, where_to_stop(), handles(&address))?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {

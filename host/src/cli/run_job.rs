@@ -82,7 +82,7 @@ impl LiveViews {
     ) -> Result<Option<Self>, Failure> {
         let handles = Handles { stop: Some(Arc::clone(stop)), ..handles(rig) };
         let mut monitor = match page {
-            Some(page) => page.start(rig, handles)?,
+            Some(page) => page.start(rig, where_to_stop(), handles)?,
             None if terminal => {
                 let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
                 Monitor::start(None, permissions, handles).map_err(Failure::failed)?

@@ -4,6 +4,7 @@
 //! journal, each when the rows have reached its tick.
 
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -11,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use arrow_array::RecordBatch;
 use damprig_core::io::TICK_HZ;
+use damprig_core::measure::running::{DriveReference, RunningLockIn};
 
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
@@ -98,7 +100,8 @@ fn describe(run: &RunFolder, kind: SourceKind) -> (Watched, Option<String>) {
             board: device.map_or_else(String::new, |device| device.board.clone()),
             folder: Some(run.path().display().to_string()),
         },
-        table: signals.iter().map(|signal| signal.name.clone()).collect(),
+        // What was recorded comes first, so it is preferred to what is computed again.
+        table: signals.iter().map(|s| s.name.clone()).chain(Recomputed::NAMES.map(String::from)).collect(),
         signals,
         curves,
         points_planned: manifest.points_planned,
@@ -113,6 +116,55 @@ fn signal(column: &SampleColumn) -> SignalName {
     let unit = column.unit.to_lowercase().replace('/', "_per_");
     let name = column.name.strip_suffix(&format!("_{unit}")).filter(|_| !unit.is_empty()).unwrap_or(&column.name);
     SignalName { name: name.to_string(), unit: column.unit.clone() }
+}
+
+/// Amplitudes and phase of the recorded x and z at the drive frequency, as the controller computed them during the run.
+#[derive(Debug)]
+struct Recomputed {
+    /// Columns of x and z.
+    at: Option<(usize, usize)>,
+    lock_in: RunningLockIn,
+    frequency_hz: f64,
+    /// Cycles of the drive since the last row that was used, below 1.
+    phase: f64,
+    last_s: f64,
+}
+
+impl Recomputed {
+    /// Names of its values in the device's table.
+    const NAMES: [&str; 5] = ["frequency", "x_amplitude", "x_phase", "z_amplitude", "x_over_z"];
+
+    fn new(signals: &[SignalName]) -> Self {
+        let at = |name: &str| signals.iter().position(|signal| signal.name == name);
+        Self { at: at("x").zip(at("z")), lock_in: RunningLockIn::default(), frequency_hz: 0.0, phase: 0.0, last_s: 0.0 }
+    }
+
+    fn push(&mut self, t_s: f64, frequency_hz: f64, row: &[f32]) {
+        let Some((x, z)) = self.at else { return };
+        let step = frequency_hz * (t_s - self.last_s);
+        self.last_s = t_s;
+        // Another frequency, or a gap, begins a new cycle.
+        if frequency_hz != self.frequency_hz || !(0.0..0.5).contains(&step) {
+            self.lock_in.push(0.0, 0.0, None);
+            (self.frequency_hz, self.phase) = (frequency_hz, 0.0);
+            return;
+        }
+        self.phase += step;
+        let cycle_ended = self.phase >= 1.0;
+        self.phase = self.phase.fract();
+        let (sine, cosine) = (TAU * self.phase).sin_cos();
+        let reference = DriveReference { wave: (sine as f32, cosine as f32), cycle_ended };
+        self.lock_in.push(row[x], row[z], Some(reference));
+    }
+
+    fn values(&self) -> [f32; 5] {
+        let motion = self.lock_in.motion();
+        let values = [motion.x_amplitude_m, motion.x_phase_rad, motion.z_amplitude_m, motion.x_over_z];
+        let frequency_hz = if self.frequency_hz > 0.0 { self.frequency_hz as f32 } else { f32::NAN };
+        // Unknown before the first whole cycle.
+        let [a, b, c, d] = if motion.z_amplitude_m > 0.0 { values } else { [f32::NAN; 4] };
+        [frequency_hz, a, b, c, d]
+    }
 }
 
 /// A row's place: its segment and tick.
@@ -136,6 +188,7 @@ struct Reader {
     last: Option<(Place, f64)>,
     /// Rig time at tick 0 of its segment, s.
     base_s: f64,
+    recomputed: Recomputed,
     /// Journal entries whose tick the rows have not reached.
     waiting: VecDeque<Entry>,
     /// Entries of the journal that were read, and the segments among them.
@@ -148,6 +201,7 @@ impl Reader {
         let every = manifest.every_ticks().unwrap_or(1) as f64;
         let link = LinkState { name: watched.source.rig.clone(), state: "recorded".into(), ..LinkState::default() };
         Self {
+            recomputed: Recomputed::new(&watched.signals),
             path: path.to_path_buf(),
             columns: manifest.signals.iter().map(|column| column.name.clone()).collect(),
             manifest,
@@ -302,6 +356,7 @@ impl Reader {
         }
         let (set_ups, experiments) = (texts(batch, "set_up")?, texts(batch, "experiment")?);
         let (segments, ticks) = (numbers(batch, "segment")?, numbers(batch, "tick")?);
+        let frequencies = numbers(batch, "point_frequency_hz")?;
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|name| numbers(batch, name)).collect::<Result<_, _>>()?;
         let (mut t_s, mut values) = (Vec::new(), Vec::new());
         let mut rest = None;
@@ -339,6 +394,8 @@ impl Reader {
             if time_s >= from_s {
                 t_s.push(time_s);
                 values.extend(columns.iter().map(|column| column[row] as f32));
+                let own = &values[values.len() - self.columns.len()..];
+                self.recomputed.push(time_s, frequencies[row], own);
             }
         }
         self.tell_rows(&mut t_s, &mut values);
@@ -347,7 +404,8 @@ impl Reader {
 
     fn tell_rows(&mut self, t_s: &mut Vec<f64>, values: &mut Vec<f32>) {
         let Some(last_s) = t_s.last().copied() else { return };
-        let last_row = values[values.len() - self.columns.len()..].to_vec();
+        let mut last_row = values[values.len() - self.columns.len()..].to_vec();
+        last_row.extend(self.recomputed.values());
         let tick = self.last.as_ref().map_or(0, |(place, _)| place.tick) as u32;
         let (t_s, values) = (std::mem::take(t_s), std::mem::take(values));
         self.feed.send(Update::Rows { t_s, values, longest_step_s: self.longest_step_s });
