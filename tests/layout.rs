@@ -55,6 +55,7 @@ const HOST_LAYERS: [&str; 14] = [
     "simulation",
     "board",
     "report",
+    "monitor",
     "cli",
 ];
 
