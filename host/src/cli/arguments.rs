@@ -56,7 +56,7 @@ impl Rig {
 pub struct SpeedArg {
     /// Rig seconds per second, 0.5 to 20; only with --rig virtual:realtime [default: 1]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    speed: Option<f64>,
+    pub(super) speed: Option<f64>,
 }
 
 impl SpeedArg {

@@ -9,8 +9,10 @@ use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
+use super::monitor::PageArgs;
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, begin_entry, largest_predicted};
+use super::run_job::{Job, LiveViews, begin_entry};
+use super::run_progress::Log;
 use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
@@ -71,6 +73,25 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
     timeout: f64,
 
+    /// Show the run live on a page in the browser; its address is printed
+    #[arg(long, conflicts_with = "dry_run")]
+    monitor: bool,
+
+    #[command(flatten)]
+    page: PageArgs,
+
+    /// Show the run live in this terminal: numbers, curves, alarms; s stops it
+    #[arg(long, conflicts_with = "dry_run")]
+    tui: bool,
+
+    /// Print only warnings, errors and the run folder
+    #[arg(long, conflicts_with_all = ["dry_run", "tui"])]
+    quiet: bool,
+
+    /// Append what happens in the run to this file, a line each with the time: starts, results, the link, the spring
+    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
+    log: Option<PathBuf>,
+
     /// Time to try to reconnect to a link lost during a run; 0 to give up at once
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_zero)]
     reconnect_s: f64,
@@ -99,6 +120,10 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
+    fn live_views(&self, rig: &Address, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
+        LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, rig, stop)
+    }
+
     fn timeout(&self) -> Duration {
         Duration::from_secs_f64(self.timeout)
     }
@@ -109,6 +134,12 @@ impl Args {
 /// # Errors
 /// Bad input, a failed or an interrupted run.
 pub fn run(args: &Args) -> Outcome {
+    if args.page.is_given() && !args.monitor {
+        return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
+    }
+    if args.quiet {
+        super::output::be_quiet();
+    }
     match (&args.resume, &args.campaign) {
         (Some(folder), _) => resume(args, folder),
         (None, Some(campaign)) => begin(args, campaign),
@@ -139,6 +170,8 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&rig, &stop)?;
     let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
@@ -157,13 +190,14 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign: &campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
         taken: JournalState::default(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, &stop, live, log)
 }
 
 /// Rejects a target that is a file or a folder with something in it.
@@ -211,6 +245,8 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&rig, &stop)?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -232,13 +268,14 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
         taken: earlier.journal.clone(),
     };
-    job.run(&mut session, selection, begin, journal, &stop)
+    job.run(&mut session, selection, begin, journal, &stop, live, log)
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.

@@ -17,6 +17,7 @@ mod hostile_folder;
 mod hostile_text;
 mod idle;
 mod limits;
+mod monitor;
 mod mutations;
 mod not_files;
 mod output;

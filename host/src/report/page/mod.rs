@@ -18,7 +18,7 @@ use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
-const STYLE: &str = include_str!("style.css");
+const STYLE: &str = concat!(include_str!("../look.css"), include_str!("style.css"));
 
 /// A report page.
 #[derive(Clone, Debug, PartialEq, Eq)]

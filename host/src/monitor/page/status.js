@@ -1,0 +1,176 @@
+// Header, state strip, big numbers, link counters, alarms and log.
+
+import { count, degrees, duration, fixed, millimetres, put, significant } from "./text.js";
+
+const $ = (id) => document.getElementById(id);
+
+const WORDS = {
+  running: ["Running", "good"], held: ["Held", "warn"], paused: ["Paused", "warn"], waiting: ["Waiting", "warn"],
+  stopping: ["Stopping", "warn"], idle: ["Idle", "quiet"], faulted: ["Fault", "bad"], lost: ["Link lost", "bad"],
+  over: ["Ended", "quiet"], unknown: ["Unknown", "quiet"],
+};
+const SOURCES = { run: "run", rig: "rig", folder: "following a run folder", replay: "replay of a run" };
+// damprig sends at least one message a second.
+const STALE_MS = 3000;
+
+export function source({ source: s }) {
+  put($("name"), s.name || "damprig");
+  const rig = s.rig && s.rig !== s.name ? `rig ${s.rig}` : "";
+  const parts = [SOURCES[s.kind] ?? s.kind, rig, s.board && s.board !== s.rig ? `board ${s.board}` : "", s.folder];
+  put($("where"), parts.filter((part) => part !== "").join(" · "));
+  put($("version"), s.version);
+  document.title = `${s.name || "damprig"} – damprig monitor`;
+}
+
+// The strip under the header. `connection` is {isOpen, retryAt, heardAt}; times of performance.now().
+export function strip(model, connection, now) {
+  const isStale = connection.isOpen && now - connection.heardAt > STALE_MS;
+  const state = model.state;
+  lamp(connection, isStale, now, state);
+  document.body.classList.toggle("stale", model.source !== null && (!connection.isOpen || isStale));
+  if (!connection.isOpen) {
+    const retry = connection.retryAt === null ? 0 : Math.max(0, Math.ceil((connection.retryAt - now) / 1000));
+    const again = retry > 0 ? `Trying again in ${retry} s.` : "Trying again now.";
+    const isFirst = model.source === null;
+    set("bad", "No connection", isFirst ? "damprig cannot be reached." : "The connection to damprig was lost.",
+      isFirst ? again : `${again} The numbers below are the last ones received.`);
+    announce(isFirst ? "" : "The connection to damprig was lost.");
+    return;
+  }
+  if (state === null) return;
+  if (isStale) {
+    const silent = Math.floor((now - connection.heardAt) / 1000);
+    set("bad", "No data", `Nothing was received for ${silent} s.`, "The numbers below are the last ones received.");
+    return;
+  }
+  const [word, tone] = WORDS[state.activity];
+  if (state.fault !== null) {
+    set("bad", state.activity === "lost" ? "Link lost" : "Fault", state.fault.what, state.fault.advice);
+    announce(`Fault. ${state.fault.what} ${state.fault.advice}`);
+  } else if (state.alarms.length > 0) {
+    const more = state.alarms.length > 1 ? ` (${state.alarms.length - 1} more below)` : "";
+    set(tone === "bad" ? "bad" : "warn", word, state.headline, `Alarm: ${state.alarms[0]}${more}`);
+    announce(`Alarm. ${state.alarms[0]}`);
+  } else {
+    set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : "");
+    announce("");
+  }
+  progress(state);
+}
+
+function set(tone, word, headline, advice) {
+  $("strip").dataset.tone = tone;
+  put($("badge"), word);
+  put($("headline"), headline);
+  put($("advice"), advice);
+}
+
+const announce = (text) => put($("announce"), text);
+
+function lamp(connection, isStale, now, state) {
+  const link = state?.link ?? null;
+  let [tone, text] = ["good", link?.state || "connected"];
+  if (!connection.isOpen) [tone, text] = ["bad", connection.heardAt === 0 ? "connecting" : "page disconnected"];
+  else if (isStale) [tone, text] = ["bad", "no data"];
+  else if (state !== null && state.activity === "lost") tone = "bad";
+  $("lamp").dataset.tone = tone;
+  put($("lamp-text"), text);
+}
+
+function progress(state) {
+  const { points_taken: taken, points_planned: planned, left_s, rig_s, speed } = state;
+  const hasPoints = planned > 0;
+  $("progress").hidden = !hasPoints && rig_s === null;
+  $("bar").hidden = !hasPoints;
+  if (hasPoints) {
+    put($("points"), `${count(taken)} of ${count(planned)} points`);
+    $("bar").setAttribute("aria-valuemax", String(planned));
+    $("bar").setAttribute("aria-valuenow", String(Math.min(taken ?? 0, planned)));
+    $("bar-fill").style.width = `${Math.min(100, (100 * (taken ?? 0)) / planned)}%`;
+  } else {
+    put($("points"), "");
+  }
+  put($("left"), left_s === null ? "" : `${duration(left_s / (speed > 0 ? speed : 1))} left`);
+  const pace = speed === null ? "" : ` · ${significant(speed, 3)}× real time`;
+  put($("rig-time"), rig_s === null ? "" : `rig time ${duration(rig_s)}${pace}`);
+}
+
+export function numbers({ state }) {
+  const n = state.numbers;
+  put($("n-frequency"), n.frequency_hz > 0 ? fixed(n.frequency_hz, 3) : "–");
+  put($("n-ratio"), fixed(n.x_over_z, n.x_over_z >= 100 ? 1 : 2));
+  put($("n-x"), millimetres(n.x_amplitude_m, 2));
+  put($("n-z"), millimetres(n.z_amplitude_m, 3));
+  put($("n-phase"), fixed(degrees(n.x_phase_rad), 1));
+  put($("n-impacts"), fixed(n.impacts_in_cycle, 0));
+  put($("n-residual"), millimetres(n.twin_residual_m, 3));
+}
+
+let linkRows = null;
+
+export function link(model) {
+  const { link: l } = model.state;
+  const values = [
+    ["Link", [l.name, l.state].filter((part) => part !== "").join(", ") || "–"],
+    ["Rows received", count(l.rows)],
+    ["Rows lost on the way", count(l.lost_rows)],
+    ["Rows dropped by the device", count(l.dropped_rows)],
+    ["Damaged messages of the link", count(l.bad_frames)],
+    ["Interruptions", count(l.interruptions)],
+    ["Viewers", count(l.viewers)],
+    ["Messages that viewers skipped", count(l.skipped_frames)],
+    ["Messages this page ignored", count(model.ignored)],
+  ];
+  if (linkRows === null) {
+    linkRows = values.map(([name]) => {
+      const [term, value] = [document.createElement("dt"), document.createElement("dd")];
+      term.textContent = name;
+      $("link").append(term, value);
+      return value;
+    });
+    linkRows.at(-1).id = "ignored";
+  }
+  const isOdd = [false, false, l.lost_rows > 0, l.dropped_rows > 0, l.bad_frames > 0, l.interruptions > 0, false, l.skipped_frames > 0,
+    model.ignored > 0];
+  values.forEach(([, text], i) => {
+    put(linkRows[i], text);
+    linkRows[i].classList.toggle("odd", isOdd[i]);
+  });
+}
+
+const drawn = { log: -1, transients: -1, alarms: null };
+
+export function log(model) {
+  const { alarms, fault } = model.state;
+  const words = [...(fault === null ? [] : [fault.what]), ...alarms];
+  if (drawn.alarms !== words.join("\n")) {
+    drawn.alarms = words.join("\n");
+    $("alarms").replaceChildren(...words.map((text, i) => item("li", [["span", text]], i === 0 && fault ? "fault" : "warning")));
+    put($("log-note"), words.length === 0 ? "no alarm" : words.length === 1 ? "1 alarm" : `${words.length} alarms`);
+  }
+  if (drawn.log !== model.changes.log) {
+    drawn.log = model.changes.log;
+    const entries = [...model.log].reverse();
+    $("log").replaceChildren(...entries.map((e) => item("li", [["time", e.at], ["span", e.text]], e.level)));
+  }
+  if (drawn.transients !== model.changes.transients) {
+    drawn.transients = model.changes.transients;
+    const entries = [...model.transients].reverse();
+    $("transients").replaceChildren(
+      ...entries.map((e) => item("li", [["b", `${e.set_up} · ${e.experiment}`], ["span", e.text]], "info")),
+    );
+  }
+}
+
+const LEVELS = { warning: "Warning: ", fault: "Fault: ", action: "Action: " };
+
+function item(tag, parts, level) {
+  const element = document.createElement(tag);
+  element.dataset.level = level;
+  for (const [name, text] of parts) {
+    const child = document.createElement(name);
+    child.textContent = name === "span" && tag === "li" && parts.length > 1 ? (LEVELS[level] ?? "") + text : text;
+    element.append(child);
+  }
+  return element;
+}
