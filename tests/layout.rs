@@ -41,7 +41,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 14] = [
+const HOST_LAYERS: [&str; 15] = [
     "host_time",
     "input",
     "settings",

@@ -195,9 +195,11 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         campaign: &campaign,
         predicted: &predicted,
         folder,
+        live,
+        log,
         taken: JournalState::default(),
     };
-    job.run(&mut session, selection, begin, journal, &stop, live, log)
+    job.run(&mut session, selection, begin, journal, &stop)
 }
 
 /// Rejects a target that is a file or a folder with something in it.
@@ -273,9 +275,11 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         campaign,
         predicted: &predicted,
         folder,
+        live,
+        log,
         taken: earlier.journal.clone(),
     };
-    job.run(&mut session, selection, begin, journal, &stop, live, log)
+    job.run(&mut session, selection, begin, journal, &stop)
 }
 
 /// Rejects predicted displacements beyond limits, stroke or drive, and predicted forces far beyond the limit.

@@ -109,6 +109,10 @@ pub(super) struct Job<'a> {
     pub campaign: &'a Campaign,
     pub predicted: &'a Predicted,
     pub folder: OutputFolder,
+    /// The live views, if any are wanted.
+    pub live: Option<LiveViews>,
+    /// The log file.
+    pub log: Option<Log>,
     /// State of a resumed run.
     pub taken: JournalState,
 }
@@ -116,14 +120,12 @@ pub(super) struct Job<'a> {
 impl Job<'_> {
     /// Runs the campaign, then writes manifest, figures and report page.
     pub(super) fn run(
-        &self,
+        mut self,
         session: &mut Session,
         selection: Selection,
         begin: Begin,
         journal: Journal,
         stop: &AtomicBool,
-        live: Option<LiveViews>,
-        log: Option<Log>,
     ) -> Outcome {
         let device = &begin.device;
         say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
@@ -144,13 +146,13 @@ impl Job<'_> {
 
         let wall = Instant::now();
         let display = Display {
-            is_hidden: self.is_quiet || live.as_ref().is_some_and(|views| views.terminal.is_some()),
-            log,
+            is_hidden: self.is_quiet || self.live.as_ref().is_some_and(|views| views.terminal.is_some()),
+            log: self.log.take(),
             mount_without_asking: self.mount_without_asking,
         };
         let mut progress = RunProgress::new(self.campaign, session, taken.points(), display);
         let mut recorder = Recorder::start(writer, waits_for_room);
-        let (mut tally, result) = match live {
+        let (mut tally, result) = match self.live.take() {
             None => {
                 let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
                 run.with_reconnect(self.reconnect()).carry_out()

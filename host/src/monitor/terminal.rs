@@ -227,13 +227,12 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
     let is_held = picture.snapshot.state.activity == Activity::Held;
     let is_paused = picture.snapshot.state.activity == Activity::Paused;
     match key.code {
-        _ if control_c => {
-            // As without the view: the second one ends the program at once.
-            if keys.stop.swap(true, Ordering::Relaxed) {
-                ratatui::restore();
-                std::process::exit(130);
-            }
+        // As without the view: the second one ends the program at once.
+        _ if control_c && keys.stop.swap(true, Ordering::Relaxed) => {
+            ratatui::restore();
+            std::process::exit(130);
         }
+        _ if control_c => {}
         KeyCode::Char('s') if picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
         KeyCode::Char('q') if !picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
         KeyCode::Char('p') if picture.owns_run => {

@@ -47,9 +47,10 @@ impl Speed {
     }
 }
 
-/// A rig that is behind by more than this many seconds of the wall clock goes on from where it is: the computer slept, or
-/// is too slow. The ticks that it has lost are counted as late ones.
-const LONGEST_STALL_S: f64 = 1.0;
+/// A rig that is behind by more than this goes on from where it is: the computer slept, or is too slow. The ticks that it has
+/// lost are counted as late ones. In seconds of the wall clock, and of the rig: while it catches up it hears nothing of the
+/// host, whose shortest `host_silent_s` is 5 s.
+const LONGEST_STALL_S: (f64, f64) = (1.0, 2.0);
 
 /// Shortest sleep of the rig's thread.
 const TURN: Duration = Duration::from_millis(1);
@@ -195,6 +196,7 @@ fn start(line: Arc<Line>, single: bool, speed: Speed, settings: Option<&Settings
 /// Runs the device at its pace, for ever.
 fn live(device: &mut VirtualDevice, line: &Line, speed: Speed) -> ! {
     let ticks_per_s = f64::from(TICK_HZ) * speed.get();
+    let longest_stall = LONGEST_STALL_S.0.min(LONGEST_STALL_S.1 / speed.get()) * ticks_per_s;
     let ticks_per_turn = (ticks_per_s * TURN.as_secs_f64()).ceil() as u64;
     let begun = Instant::now();
     // Every due time is counted from the beginning, so errors do not accumulate.
@@ -203,7 +205,7 @@ fn live(device: &mut VirtualDevice, line: &Line, speed: Speed) -> ! {
     let mut sent = Vec::new();
     loop {
         let behind = due() - passed;
-        if behind as f64 > LONGEST_STALL_S * ticks_per_s {
+        if behind as f64 > longest_stall {
             device.lose_ticks(u32::try_from(behind).unwrap_or(u32::MAX));
             passed += behind;
             continue;
