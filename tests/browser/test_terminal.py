@@ -90,6 +90,17 @@ def test_control_c_stops_the_run_of_a_terminal_view(terminal):
     view.until("exit=130")
 
 
+def test_a_terminal_that_closes_ends_the_run_in_an_orderly_way(terminal, tmp_path):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --speed 10 --tui")
+    view.until("RUNNING")
+    view.close()
+    manifest = tmp_path / "out" / "manifest.json"
+    end = time.monotonic() + 60
+    while '"status": "incomplete"' not in manifest.read_text():
+        assert time.monotonic() < end, manifest.read_text()[:200]
+        time.sleep(0.1)
+
+
 def test_an_idle_rig_is_shown_in_the_terminal(terminal):
     view = terminal("monitor --rig virtual:realtime --listen 127.0.0.1:0 --tui")
     view.until("IDLE", "The rig is idle.", "q end")

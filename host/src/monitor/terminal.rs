@@ -6,7 +6,6 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use ratatui::DefaultTerminal;
@@ -24,6 +23,9 @@ use crate::runner::{RunAction, RunError, Watcher};
 
 /// Time from picture to picture.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
+
+/// Longest wait for the terminal to be restored.
+const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Values of x, X/Z and forces, lines of the log, and points that are kept for the picture.
 const MOST_VALUES: usize = 400;
@@ -107,7 +109,8 @@ struct Shared {
 #[derive(Debug)]
 pub struct TerminalView {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<io::Result<()>>>,
+    /// Gets a message, or loses its sender, when the view's thread has ended.
+    ended: Receiver<()>,
     stop: Arc<AtomicBool>,
     feed: Feed,
 }
@@ -147,14 +150,14 @@ impl TerminalView {
         let keys = Keys { stop: Arc::clone(stop), actions, confirmed };
         let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
         let terminal = ratatui::try_init()?;
-        let thread = std::thread::Builder::new().name("terminal view".into());
-        let thread = thread.spawn(move || {
-            let ended = show(terminal, &own_feed, &theirs, &keys, owns_run);
+        let (ends, ended) = channel();
+        std::thread::Builder::new().name("terminal view".into()).spawn(move || {
+            // A terminal that has gone needs no picture, and the run goes on without it.
+            let _ = show(terminal, &own_feed, &theirs, &keys, owns_run);
             ratatui::restore();
-            ended
+            let _ = ends.send(());
         })?;
-        let view =
-            Self { shared: Arc::clone(&shared), thread: Some(thread), stop: Arc::clone(stop), feed: feed.clone() };
+        let view = Self { shared: Arc::clone(&shared), ended, stop: Arc::clone(stop), feed: feed.clone() };
         let watcher = TerminalWatcher {
             shared,
             stop: Arc::clone(&view.stop),
@@ -167,15 +170,14 @@ impl TerminalView {
     }
 
     /// Closes the view and restores the terminal.
-    pub fn close(mut self) {
-        self.end();
+    pub fn close(self) {
+        drop(self);
     }
 
-    fn end(&mut self) {
+    fn end(&self) {
         self.shared.ends.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        // Reading keys from a terminal that was closed never returns: the run does not wait for it.
+        let _ = self.ended.recv_timeout(FAREWELL);
     }
 }
 
