@@ -130,8 +130,9 @@ class Server:
     async def _live(self, request):
         socket = web.WebSocketResponse(max_msg_size=4096)
         await socket.prepare(request)
-        await socket.send_str(json.dumps(self.snapshot()))
+        text = json.dumps(self.snapshot())
         self.sockets.add(socket)
+        await socket.send_str(text)
         try:
             async for message in socket:
                 if message.type == WSMsgType.TEXT:

@@ -5,6 +5,7 @@ import { parse, text } from "./messages.js";
 const WAITS_S = [0.5, 1, 2, 3, 5];
 // damprig sends at least one message a second.
 const SILENT_MS = 10000;
+const OPENING_MS = 30000;
 
 // Takes the token out of the address (#token=…) and keeps it for this tab.
 export function takeToken() {
@@ -95,8 +96,9 @@ export class Connection {
 
   // Closes a connection that has been silent for too long.
   #watch() {
-    if (this.timer !== undefined || performance.now() - this.#heard < SILENT_MS) return;
     const socket = this.#socket;
+    const most = socket.readyState === WebSocket.CONNECTING ? OPENING_MS : SILENT_MS;
+    if (this.timer !== undefined || performance.now() - this.#heard < most) return;
     socket.close();
     this.#closed(socket);
   }

@@ -20,10 +20,7 @@ const link = { isOpen: false, retryAt: null, heardAt: 0 };
 const wantsCalm = matchMedia("(prefers-reduced-motion: reduce)");
 theme.start($("theme"));
 
-const histories = new Histories(model, () => {
-  for (const panel of panels) panel.due = 0;
-  schedule();
-});
+const histories = new Histories(model, () => drawAll());
 const panels = [
   { id: "panel-histories", view: histories },
   { id: "panel-response", view: new Response(model) },
@@ -31,7 +28,7 @@ const panels = [
   { id: "panel-impacts", view: new Impacts(model), hasData: Impacts.hasData },
   { id: "panel-twin", view: new Twin(model), hasData: Twin.hasData },
   { id: "panel-spring", view: new Spring(model), hasData: Spring.hasData },
-].map((panel) => ({ ...panel, element: $(panel.id), due: 0, isSeen: true }));
+].map((panel) => ({ ...panel, element: $(panel.id), due: 0, isSeen: true, isDirty: true }));
 const folding = [...panels, { element: $("panel-transients"), hasData: (m) => m.transients.length > 0 }].filter((p) => p.hasData);
 
 // A panel without data for this source is folded away. One that gets data later opens behind the others, so that nothing moves.
@@ -63,12 +60,15 @@ function take(message) {
     $("main").hidden = false;
   }
   if (message.kind === "snapshot" || message.restart === true) histories.restart();
+  for (const panel of panels) panel.isDirty = true;
+  isTextDirty = true;
   return schedule();
 }
 
 let isScheduled = false;
 let drawnAt = 0;
 let textDue = 0;
+let isTextDirty = false;
 
 function schedule() {
   if (isScheduled || document.hidden) return;
@@ -76,21 +76,39 @@ function schedule() {
   setTimeout(() => requestAnimationFrame(draw), Math.max(0, FASTEST_MS - (performance.now() - drawnAt)));
 }
 
+function drawAll() {
+  for (const panel of panels) {
+    panel.due = 0;
+    panel.isDirty = true;
+  }
+  textDue = 0;
+  isTextDirty = true;
+  schedule();
+}
+
 function draw() {
   isScheduled = false;
   if (document.hidden || model.state === null || model.source === null) return;
   const now = performance.now();
   drawnAt = now;
+  let isLeft = false;
   for (const panel of panels) {
-    if (panel.element.hidden || !panel.isSeen || now < panel.due) continue;
+    if (!panel.isDirty || panel.element.hidden || !panel.isSeen || panel.due === Infinity) continue;
+    if (now < panel.due) {
+      isLeft = true;
+      continue;
+    }
     const every = wantsCalm.matches ? CALM_MS : panel.view.every;
     panel.due = histories.isPaused ? Infinity : now + every - 5;
+    panel.isDirty = false;
     panel.view.draw();
   }
-  if (now >= textDue) {
+  if (isTextDirty && now >= textDue) {
     textDue = now + TEXT_MS - 5;
+    isTextDirty = false;
     text(now);
   }
+  if (isLeft || isTextDirty) schedule();
 }
 
 function text(now) {
@@ -106,17 +124,14 @@ const observer = new IntersectionObserver((entries) => {
   for (const entry of entries) {
     const panel = panels.find((p) => p.element === entry.target);
     panel.isSeen = entry.isIntersecting;
+    panel.isDirty = true;
     panel.due = 0;
   }
   schedule();
 }, { rootMargin: "100px" });
 for (const panel of panels) observer.observe(panel.element);
 
-document.addEventListener("visibilitychange", () => {
-  for (const panel of panels) panel.due = 0;
-  textDue = 0;
-  schedule();
-});
+document.addEventListener("visibilitychange", drawAll);
 
 // Ages of messages and the time to the next attempt, also while nothing arrives.
 setInterval(() => document.hidden || status.strip(model, link, performance.now()), 500);

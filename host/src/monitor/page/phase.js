@@ -10,6 +10,8 @@ const MOST_ROWS = 3000;
 const ORBIT_S = 2.5;
 // The mean of x_velocity covers 8 ms; differences of x use about the same.
 const DIFFERENCE_S = 0.008;
+// Poincaré points that are drawn: older ones belong to other frequencies.
+const NEWEST_POINTS = 120;
 
 export class PhasePlane {
   every = 100;
@@ -17,6 +19,7 @@ export class PhasePlane {
   constructor(model) {
     this.model = model;
     this.orbit = [];
+    this.section = [];
     this.ranges = { x: [-1, 1], y: [-1, 1] };
     this.calm = { x: calmRange(1e-6), y: calmRange(1e-6) };
     this.plot = new Plot($("plot-phase"), {
@@ -25,13 +28,14 @@ export class PhasePlane {
   }
 
   draw() {
-    const { rows, section } = this.model;
+    const { rows } = this.model;
+    this.section = this.model.section.slice(-NEWEST_POINTS);
     const { from, step } = newest(rows);
     const isMeasured = from < rows.length && !Number.isNaN(rows.columns.x_velocity[rows.length - 1]);
     const half = Math.max(1, Math.round(DIFFERENCE_S / 2 / (step || 1)));
     this.orbit = isMeasured ? measured(rows, from) : differences(rows, from, half);
     let [x, v] = [0, 0];
-    for (const point of [...this.orbit, ...section.map(([a, b]) => [a * 1e3, b])]) {
+    for (const point of [...this.orbit, ...this.section.map(([a, b]) => [a * 1e3, b])]) {
       if (point === null) continue;
       x = Math.max(x, Math.abs(point[0]));
       v = Math.max(v, Math.abs(point[1]));
@@ -44,8 +48,8 @@ export class PhasePlane {
   #note(isMeasured, span_s) {
     if (this.orbit.length === 0) return "";
     const how = isMeasured ? "v measured" : `v from differences of x over ${Math.round(span_s * 1e3)} ms`;
-    const points = this.model.section.length;
-    return points > 0 ? `${how} · ${points} Poincaré points at the drive's rising zero` : how;
+    const points = this.section.length;
+    return points > 0 ? `${how} · ${points} Poincaré points` : how;
   }
 
   #paint(pen) {
@@ -53,7 +57,7 @@ export class PhasePlane {
     pen.path(this.orbit.slice(0, old + 1), "grey", { alpha: 0.45, width: 1 });
     pen.path(this.orbit.slice(old), "curve-0", { width: 1.4 });
     // Poincaré points: the newest ones stand out.
-    const { section } = this.model;
+    const { section } = this;
     section.forEach(([x, v], i) => {
       const isNew = i >= section.length - 20;
       pen.dot(x * 1e3, v, isNew ? 3.5 : 2, "curve-5", { alpha: isNew ? 1 : 0.45 });

@@ -149,6 +149,7 @@ function frame(u) {
   u.ctx.strokeStyle = colour("ink");
   u.ctx.lineWidth = uPlot.pxRatio;
   u.ctx.globalAlpha = 0.7;
+  u.ctx.setLineDash([]);
   u.ctx.strokeRect(left - 0.5, top - 0.5, width + 1, height + 1);
   u.ctx.restore();
 }

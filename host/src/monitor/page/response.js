@@ -47,7 +47,7 @@ export class Response {
 
   #predictions(pen) {
     for (const curve of this.model.curves) {
-      pen.path(curve.predicted, `curve-${curve.index % 8}`, { width: 1, alpha: 0.55, dash: [2, 3] });
+      pen.path(curve.predicted, `curve-${curve.index % 8}`, { width: 1.2, alpha: 0.8, dash: [2, 3] });
     }
   }
 
@@ -101,7 +101,7 @@ export class Response {
       return item;
     });
     const keys = [
-      ["predicted", svg("line", { x1: 1, y1: 7, x2: 29, y2: 7, "stroke-dasharray": "2 3", "stroke-width": 1 }), "grey"],
+      ["predicted", svg("line", { x1: 1, y1: 7, x2: 29, y2: 7, "stroke-dasharray": "2 3", "stroke-width": 1.2 }), "grey"],
       ["not steady", svg("circle", { cx: 15, cy: 7, r: 4, fill: "none", "stroke-width": 2 }), "grey"],
       ["running", svg("circle", { cx: 15, cy: 7, r: 5.5, fill: "none", "stroke-width": 2.5 }), "curve-5"],
     ];

@@ -66,23 +66,20 @@ export class Impacts {
     const top = this.top(limit !== null && reach > 0.25 * limit ? Math.max(reach, limit) : reach)[1];
     this.range = [-top, top];
     this.plot.draw([t, ...series]);
-    put($("impacts-note"), this.#note(limit));
+    put($("impacts-note"), this.#last());
+    const total = `${count(model.state.numbers.impacts)} impacts since the start`;
+    put($("impacts-count"), limit === null ? `${total}.` : `${total}; limit of the wall force ${fixed(limit, 0)} N.`);
   }
 
   #shown() {
     return this.model.impacts.filter((impact) => impact.t_s >= this.view[0] && impact.t_s <= this.view[1]).slice(-800);
   }
 
-  #note(limit) {
+  #last() {
     const last = this.model.impacts.at(-1);
-    const parts = [];
-    if (last !== undefined) {
-      const speed = last.speed_m_per_s === null ? "" : ` at ${fixed(last.speed_m_per_s, 2)} m/s`;
-      parts.push(`last: ${last.side > 0 ? "+d" : "−d"} ${fixed(last.peak_n, 0)} N${speed}`);
-    }
-    parts.push(`${count(this.model.state?.numbers.impacts ?? null)} impacts`);
-    if (limit !== null) parts.push(`limit ${fixed(limit, 0)} N`);
-    return parts.join(" · ");
+    if (last === undefined) return "";
+    const speed = last.speed_m_per_s === null ? "" : ` at ${fixed(last.speed_m_per_s, 2)} m/s`;
+    return `last: ${last.side > 0 ? "+d" : "−d"}, ${fixed(last.peak_n, 0)} N${speed}`;
   }
 
   #limits(pen) {

@@ -32,7 +32,7 @@ export function strip(model, connection, now) {
     const retry = connection.retryAt === null ? 0 : Math.max(0, Math.ceil((connection.retryAt - now) / 1000));
     const again = retry > 0 ? `Trying again in ${retry} s.` : "Trying again now.";
     const isFirst = model.source === null;
-    set("bad", "No connection", isFirst ? "damprig cannot be reached." : "The connection to damprig was lost.",
+    set("bad", "Offline", isFirst ? "damprig cannot be reached." : "The connection to damprig was lost.",
       isFirst ? again : `${again} The numbers below are the last ones received.`);
     announce(isFirst ? "" : "The connection to damprig was lost.");
     return;
@@ -52,7 +52,8 @@ export function strip(model, connection, now) {
     set(tone === "bad" ? "bad" : "warn", word, state.headline, `Alarm: ${state.alarms[0]}${more}`);
     announce(`Alarm. ${state.alarms[0]}`);
   } else {
-    set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : "");
+    const about = state.experiment === "" ? "" : `Experiment ${state.experiment}`;
+    set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : about);
     announce("");
   }
   progress(state);
@@ -61,7 +62,9 @@ export function strip(model, connection, now) {
 function set(tone, word, headline, advice) {
   $("strip").dataset.tone = tone;
   put($("badge"), word);
-  put($("headline"), headline);
+  // The badge has the word already.
+  const rest = headline.startsWith(`${word}: `) ? headline.slice(word.length + 2) : headline;
+  put($("headline"), rest.charAt(0).toUpperCase() + rest.slice(1));
   put($("advice"), advice);
 }
 
@@ -82,15 +85,14 @@ function progress(state) {
   const hasPoints = planned > 0;
   $("progress").hidden = !hasPoints && rig_s === null;
   $("bar").hidden = !hasPoints;
+  const parts = hasPoints ? [`${count(taken)} of ${count(planned)} points`] : [];
+  if (left_s !== null) parts.push(`${duration(left_s / (speed > 0 ? speed : 1))} left`);
+  put($("points"), parts.join(" · "));
   if (hasPoints) {
-    put($("points"), `${count(taken)} of ${count(planned)} points`);
     $("bar").setAttribute("aria-valuemax", String(planned));
     $("bar").setAttribute("aria-valuenow", String(Math.min(taken ?? 0, planned)));
     $("bar-fill").style.width = `${Math.min(100, (100 * (taken ?? 0)) / planned)}%`;
-  } else {
-    put($("points"), "");
   }
-  put($("left"), left_s === null ? "" : `${duration(left_s / (speed > 0 ? speed : 1))} left`);
   const pace = speed === null ? "" : ` · ${significant(speed, 3)}× real time`;
   put($("rig-time"), rig_s === null ? "" : `rig time ${duration(rig_s)}${pace}`);
 }
