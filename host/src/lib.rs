@@ -10,6 +10,7 @@ pub mod cli;
 pub mod client;
 pub mod host_time;
 pub mod input;
+pub mod monitor;
 pub mod motion_record;
 pub mod prediction;
 pub mod report;

@@ -15,7 +15,7 @@ use cortex_m_semihosting::debug;
 use damprig_core::io::{Actuators, Sensors};
 use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
-use damprig_device::board::{Board, Saving};
+use damprig_device::board::{Board, Saving, Simulated};
 use damprig_device::control_loop::Step;
 use damprig_device::controller::BootInfo;
 use damprig_device::queues::StreamItem;
@@ -114,7 +114,10 @@ pub struct ControlBoard {
 
 impl Board for ControlBoard {
     const PLANT: PlantKind = <SimulatedBoard<f32> as Board>::PLANT;
-    const CLOCK: Clock = <SimulatedBoard<f32> as Board>::CLOCK;
+
+    fn clock(&self) -> Clock {
+        self.simulated.clock()
+    }
 
     fn samples(&mut self, rig: &Rig) -> Option<Sensors> {
         if let Some(until_tick) = GRANTED.try_take() {
@@ -143,8 +146,8 @@ impl Board for ControlBoard {
         self.simulated.started();
     }
 
-    fn simulate(&mut self, message: &[u8]) -> Result<(), Rejected> {
-        self.simulated.simulate(message)
+    fn simulate(&mut self, message: &[u8], rig: &Rig) -> Result<Simulated, Rejected> {
+        self.simulated.simulate(message, rig)
     }
 
     fn defer(&mut self, request: &NumberedRequest) -> Result<(), Rejected> {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::outcome::Failure;
 use crate::client::devices::{Answer, only, ports, query};
-use crate::client::link::Address;
+use crate::client::link::{Address, Speed};
 use crate::settings::read_board;
 
 /// The value of `--rig`.
@@ -36,7 +36,7 @@ impl Rig {
     pub fn find(&self) -> Result<Address, Failure> {
         match self {
             Self::At(address) => {
-                if let Address::Virtual { board: Some(board), .. } = address {
+                if let Some(board) = address.board() {
                     read_board(board).map_err(Failure::input)?;
                 }
                 Ok(address.clone())
@@ -48,6 +48,31 @@ impl Rig {
                 only(&found).map_err(if boards > 1 { Failure::Input } else { Failure::Failed })
             }
         }
+    }
+}
+
+/// The option `--speed`.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct SpeedArg {
+    /// Rig seconds per second, 0.5 to 20; only with --rig virtual:realtime [default: 1]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) speed: Option<f64>,
+}
+
+impl SpeedArg {
+    /// The address of the rig at this speed.
+    ///
+    /// # Errors
+    /// A speed out of range, or with a rig that has none.
+    pub fn apply(self, rig: Address) -> Result<Address, Failure> {
+        let Some(number) = self.speed else { return Ok(rig) };
+        let Address::RealTime { single, board, .. } = rig else {
+            let message =
+                format!("--speed {number}: the rig {rig} has its own pace; only --rig virtual:realtime has a speed");
+            return Err(Failure::Input(message));
+        };
+        let speed = Speed::new(number).map_err(|allowed| Failure::Input(format!("--speed {number}: {allowed}")))?;
+        Ok(Address::RealTime { single, board, speed })
     }
 }
 

@@ -24,12 +24,14 @@ mod documents;
 mod flash;
 #[cfg(feature = "probe")]
 mod log;
+mod monitor;
 mod outcome;
 mod output;
 mod output_paths;
 mod progress;
 mod run;
 mod run_job;
+mod run_progress;
 mod runs;
 mod settings;
 mod simulate;
@@ -71,6 +73,8 @@ Exit codes:
 enum Command {
     /// Run a campaign and record it in a run folder
     Run(run::Args),
+    /// Show a rig or a run live, on a page in the browser
+    Monitor(monitor::Args),
     /// List serial ports and the boards connected to them
     Devices(devices::Args),
     /// List, show, verify, report and export run folders
@@ -111,6 +115,7 @@ pub fn main() -> ExitCode {
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     let outcome = match command {
         Command::Run(args) => run::run(&args),
+        Command::Monitor(args) => monitor::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Runs(args) => runs::run(&args),
         Command::Settings(args) => settings::run(&args),

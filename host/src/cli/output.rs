@@ -7,6 +7,7 @@
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::process::ExitCode;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::outcome::Failure;
 use crate::input::shown;
@@ -14,8 +15,23 @@ use crate::input::shown;
 /// The first error of standard output.
 static FAILED: OnceLock<Error> = OnceLock::new();
 
-/// Prints a line to standard output, what controls a terminal spelled out; nothing more after an error.
+/// Whether lines are left out: `--quiet`.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Leaves out all lines from now on, but those of [`print_always`].
+pub(super) fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// Prints a line to standard output as [`print_always`] does, unless the command is to be quiet.
 pub(super) fn print(line: &str) {
+    if !QUIET.load(Ordering::Relaxed) {
+        print_always(line);
+    }
+}
+
+/// Prints a line to standard output, what controls a terminal spelled out; nothing more after an error.
+pub(super) fn print_always(line: &str) {
     if FAILED.get().is_none()
         && let Err(error) = writeln!(stdout(), "{}", shown(line))
     {

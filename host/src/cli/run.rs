@@ -8,9 +8,11 @@ use std::time::Duration;
 use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
-use super::arguments::{Rig, seconds, seconds_or_zero};
+use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
+use super::monitor::PageArgs;
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, begin_entry, largest_predicted};
+use super::run_job::{Job, LiveViews, begin_entry};
+use super::run_progress::Log;
 use crate::campaign::Campaign;
 use crate::client::board_check;
 use crate::client::link::Address;
@@ -40,10 +42,14 @@ pub struct Args {
     campaign: Option<PathBuf>,
 
     /// Rig: auto (the only connected board), serial:PATH, tcp:HOST:PORT, virtual, virtual:f32 (the board's precision),
-    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`)
+    /// virtual:BOARD.toml or virtual:f32,BOARD.toml (with settings from a file, as written by `damprig settings export`),
+    /// virtual:realtime, virtual:realtime,f32, virtual:realtime,BOARD.toml (the same at the pace of the wall clock)
     /// [default: virtual; with --resume the rig of the run]
     #[arg(long, value_name = "RIG")]
     rig: Option<Rig>,
+
+    #[command(flatten)]
+    speed: SpeedArg,
 
     /// New or empty folder for this run [default: runs/<date>-<campaign>-<short id>]
     #[arg(long, value_name = "DIR", conflicts_with = "resume")]
@@ -67,6 +73,25 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = seconds)]
     timeout: f64,
 
+    /// Show the run live on a page in the browser; its address is printed
+    #[arg(long, conflicts_with = "dry_run")]
+    monitor: bool,
+
+    #[command(flatten)]
+    page: PageArgs,
+
+    /// Show the run live in this terminal: numbers, curves, alarms; s stops it
+    #[arg(long, conflicts_with = "dry_run")]
+    tui: bool,
+
+    /// Print only warnings, errors and the run folder
+    #[arg(long, conflicts_with_all = ["dry_run", "tui"])]
+    quiet: bool,
+
+    /// Append what happens in the run to this file, a line each with the time: starts, results, the link, the spring
+    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
+    log: Option<PathBuf>,
+
     /// Time to try to reconnect to a link lost during a run; 0 to give up at once
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = seconds_or_zero)]
     reconnect_s: f64,
@@ -80,6 +105,7 @@ Examples:
   damprig run my.toml --dry-run
   damprig run my.toml --rig serial:/dev/ttyACM0 --out results/foam-1
   damprig run host/campaigns/short.toml --rig tcp:127.0.0.1:4000
+  damprig run host/campaigns/short.toml --rig virtual:realtime --speed 5
   damprig run --resume results/foam-1
 
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
@@ -94,6 +120,10 @@ Exit codes:
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the rig was stopped, --resume continues the run";
 
 impl Args {
+    fn live_views(&self, rig: &Address, stop: &Arc<AtomicBool>) -> Result<Option<LiveViews>, Failure> {
+        LiveViews::start(self.monitor.then_some(&self.page), self.tui, self.yes, rig, stop)
+    }
+
     fn timeout(&self) -> Duration {
         Duration::from_secs_f64(self.timeout)
     }
@@ -104,6 +134,12 @@ impl Args {
 /// # Errors
 /// Bad input, a failed or an interrupted run.
 pub fn run(args: &Args) -> Outcome {
+    if args.page.is_given() && !args.monitor {
+        return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
+    }
+    if args.quiet {
+        super::output::be_quiet();
+    }
     match (&args.resume, &args.campaign) {
         (Some(folder), _) => resume(args, folder),
         (None, Some(campaign)) => begin(args, campaign),
@@ -114,7 +150,7 @@ pub fn run(args: &Args) -> Outcome {
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(Failure::input)?;
     campaign.check_simulable().map_err(Failure::input)?;
-    let rig = args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?;
+    let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
     let (points, time) = (campaign.points(), duration(campaign.expected_s()));
@@ -134,6 +170,8 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     }
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&rig, &stop)?;
     let now = host_time::now();
     refuse_taken(args.out.as_deref())?;
     let folder = match &args.out {
@@ -152,10 +190,13 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign: &campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
+        live,
+        log,
         taken: JournalState::default(),
     };
     job.run(&mut session, selection, begin, journal, &stop)
@@ -197,6 +238,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         }
         (None, None) => Address::VIRTUAL,
     };
+    let rig = args.speed.apply(rig)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut earlier.campaign, &session).map_err(Failure::input)?;
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
@@ -205,6 +247,8 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     check(campaign, &predicted, &session)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let live = args.live_views(&rig, &stop)?;
     let folder = OutputFolder::existing(&path);
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(campaign, &session, &selection, records, &host_time::now());
@@ -226,10 +270,13 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
         timeout: args.timeout(),
         reconnect_within: Duration::from_secs_f64(args.reconnect_s),
         mount_without_asking: args.yes,
+        is_quiet: args.quiet,
         rig,
         campaign,
-        largest_predicted_m: largest_predicted(&predicted),
+        predicted: &predicted,
         folder,
+        live,
+        log,
         taken: earlier.journal.clone(),
     };
     job.run(&mut session, selection, begin, journal, &stop)

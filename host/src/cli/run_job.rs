@@ -1,16 +1,22 @@
 //! Runs a checked campaign for `damprig run` and completes the run folder.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use super::arguments::Rig;
+use super::monitor::{PageArgs, handles, open_terminal, where_to_stop};
 use super::outcome::{Failure, Outcome};
-use super::progress::Progress;
+use super::run_progress::{Display, Log, RunProgress};
 use crate::campaign::Campaign;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
+use crate::monitor::run::{MonitoredRun, RunFacts};
+use crate::monitor::terminal::{TerminalView, TerminalWatcher};
+use crate::monitor::{Asked, Handles, Monitor, Permissions};
 use crate::prediction::Predicted;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
@@ -23,7 +29,7 @@ use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, Ending, Manifest, SetUpRecord};
 use crate::run_folder::write::writer::{Layout, Writer};
 use crate::run_folder::write::{OutputFolder, Recorder};
-use crate::runner::{Reconnect, Run, RunError, Selection, Tally, device_record};
+use crate::runner::{Reconnect, Run, RunError, Selection, Tally, Watcher, device_record};
 
 /// Journal entry for the start or resumption of a run.
 pub(super) fn begin_entry(
@@ -45,7 +51,7 @@ pub(super) fn begin_entry(
 }
 
 /// Largest predicted |x| of each set-up in use, m.
-pub(super) fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
+fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
     let swings = predicted.swings.iter().map(|p| (p.set_up, p.swing.max_x_m));
     let mut all = BTreeMap::new();
     for (set_up, x_m) in swings.chain(predicted.expected.iter().map(|e| (e.set_up, e.outlook.x_peak_m))) {
@@ -53,6 +59,40 @@ pub(super) fn largest_predicted(predicted: &Predicted) -> BTreeMap<usize, f64> {
         *most = most.max(x_m);
     }
     all
+}
+
+/// The live views of a run: the page with the actions of its viewers, the terminal's, or both.
+pub(super) struct LiveViews {
+    monitor: Monitor,
+    actions: Receiver<Asked>,
+    terminal: Option<(TerminalView, TerminalWatcher)>,
+}
+
+impl LiveViews {
+    /// Starts the views that are wanted; none if none is. `stop` ends the run.
+    ///
+    /// # Errors
+    /// The page's address or the terminal cannot be used.
+    pub(super) fn start(
+        page: Option<&PageArgs>,
+        terminal: bool,
+        mount_without_asking: bool,
+        rig: &Address,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Option<Self>, Failure> {
+        let handles = Handles { stop: Some(Arc::clone(stop)), ..handles(rig) };
+        let mut monitor = match page {
+            Some(page) => page.start(rig, where_to_stop(), handles)?,
+            None if terminal => {
+                let permissions = Permissions { where_to_stop: where_to_stop(), ..Permissions::default() };
+                Monitor::start(None, permissions, handles).map_err(Failure::failed)?
+            }
+            None => return Ok(None),
+        };
+        let terminal = terminal.then(|| open_terminal(&monitor, stop, true, mount_without_asking)).transpose()?;
+        let actions = monitor.take_actions().ok_or_else(|| Failure::failed("the monitor has no queue of actions"))?;
+        Ok(Some(Self { monitor, actions, terminal }))
+    }
 }
 
 /// A checked campaign, ready to run.
@@ -63,11 +103,16 @@ pub(super) struct Job<'a> {
     /// How long to try to reconnect; zero for never.
     pub reconnect_within: Duration,
     pub mount_without_asking: bool,
+    /// No progress is shown.
+    pub is_quiet: bool,
     pub rig: Address,
     pub campaign: &'a Campaign,
-    /// Largest predicted |x| of each set-up in use, m.
-    pub largest_predicted_m: BTreeMap<usize, f64>,
+    pub predicted: &'a Predicted,
     pub folder: OutputFolder,
+    /// The live views, if any are wanted.
+    pub live: Option<LiveViews>,
+    /// The log file.
+    pub log: Option<Log>,
     /// State of a resumed run.
     pub taken: JournalState,
 }
@@ -75,7 +120,7 @@ pub(super) struct Job<'a> {
 impl Job<'_> {
     /// Runs the campaign, then writes manifest, figures and report page.
     pub(super) fn run(
-        &self,
+        mut self,
         session: &mut Session,
         selection: Selection,
         begin: Begin,
@@ -100,10 +145,39 @@ impl Job<'_> {
         let taken = writer.state().clone();
 
         let wall = Instant::now();
-        let mut progress = Progress::new(self.campaign, self.mount_without_asking);
+        let display = Display {
+            is_hidden: self.is_quiet || self.live.as_ref().is_some_and(|views| views.terminal.is_some()),
+            log: self.log.take(),
+            mount_without_asking: self.mount_without_asking,
+        };
+        let mut progress = RunProgress::new(self.campaign, session, taken.points(), display);
         let mut recorder = Recorder::start(writer, waits_for_room);
-        let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
-        let (mut tally, result) = run.with_reconnect(self.reconnect()).carry_out();
+        let (mut tally, result) = match self.live.take() {
+            None => {
+                let run = Run::new(self.campaign, session, &mut recorder, &mut progress, stop, selection, taken);
+                run.with_reconnect(self.reconnect()).carry_out()
+            }
+            Some(LiveViews { monitor, actions, terminal }) => {
+                let facts = RunFacts {
+                    campaign: self.campaign,
+                    session,
+                    predicted: self.predicted,
+                    folder: self.folder.path().display().to_string(),
+                };
+                let (view, mut keys) = terminal.unzip();
+                let own: &mut dyn Watcher = match &mut keys {
+                    Some(keys) => keys,
+                    None => &mut progress,
+                };
+                let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, own);
+                let run = Run::new(self.campaign, session, &mut recorder, &mut watched, stop, selection, taken);
+                let ended = run.with_reconnect(self.reconnect()).carry_out();
+                watched.ended(&ended.1);
+                monitor.end();
+                view.into_iter().for_each(TerminalView::close);
+                ended
+            }
+        };
         progress.end();
         let accepted = recorder.accepted_rows();
         let (writer, stored) = recorder.finish();
@@ -131,7 +205,7 @@ impl Job<'_> {
         let record = |(set_up, x_m): (&usize, &f64)| SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m);
         let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
         let mut manifest =
-            Manifest::begin(self.campaign, self.largest_predicted_m.iter().map(record).collect(), started);
+            Manifest::begin(self.campaign, largest_predicted(self.predicted).iter().map(record).collect(), started);
         manifest.device = Some(begin.device.clone());
         manifest.acting_settings = acting_settings(self.campaign, begin.device.settings.as_ref());
         manifest.signals = begin.signals.clone();
@@ -189,7 +263,7 @@ impl Job<'_> {
         }
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
         say!("{}", terminal::campaign::summary(&manifest));
-        say!("Run folder: {}", path.display());
+        super::output::print_always(&format!("Run folder: {}", path.display()));
         if let Err(error) = &result {
             let (taken, planned) = (manifest.points_taken, manifest.points_planned);
             let shown = path.display();

@@ -82,6 +82,18 @@ pub struct Prediction {
     pub swing: Swing,
 }
 
+/// The predicted frequency response of one experiment on one set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Position of the set-up in the campaign.
+    pub set_up: usize,
+    /// Position of the experiment in the campaign.
+    pub experiment: usize,
+    /// Drive frequency (Hz) and X/Z of each point: X is the mean over the cycles of the dwell of max |x|, Z the base amplitude as
+    /// set. A point whose dwell is not predicted is left out.
+    pub points: Vec<(f64, f64)>,
+}
+
 /// Steps in a period of the drive, at least.
 const STEPS_PER_PERIOD: f64 = 64.0;
 
@@ -102,6 +114,8 @@ pub const USABLE: f64 = 0.98;
 pub struct Predicted {
     /// Of the set-ups in stepped sines.
     pub swings: Vec<Prediction>,
+    /// Of the stepped sines on their set-ups.
+    pub responses: Vec<Response>,
     /// Of records, pulses and free vibrations.
     pub expected: Vec<Expected>,
 }
@@ -112,7 +126,8 @@ impl Predicted {
     /// # Errors
     /// As [`predict`] and [`transient::predict`].
     pub fn of(campaign: &Campaign) -> Result<Self, Refusal> {
-        Ok(Self { swings: predict(campaign)?, expected: transient::predict(campaign)? })
+        let (swings, responses) = predict(campaign)?;
+        Ok(Self { swings, responses, expected: transient::predict(campaign)? })
     }
 
     /// Refuses what would leave a limit, for a drive of ± `drive_m`; returns warnings.
@@ -138,18 +153,20 @@ impl Predicted {
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
-pub fn predict(campaign: &Campaign) -> Result<Vec<Prediction>, Refusal> {
+pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Refusal> {
     let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
     let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
-    let predictions: Result<Vec<Prediction>, Refusal> = indices
+    let predictions: Result<Vec<(Prediction, Vec<Response>)>, Refusal> = indices
         .into_par_iter()
         .map(|set_up| {
             let it = &campaign.set_ups[set_up];
-            let swing = swing(campaign, set_up, it.base_amplitude_m);
-            swing.map(|swing| Prediction { set_up, swing }).map_err(|e| Refusal(format!("set-up {:?}: {e}", it.name)))
+            let (swing, responses) = motion(campaign, set_up, it.base_amplitude_m)
+                .map_err(|e| Refusal(format!("set-up {:?}: {e}", it.name)))?;
+            Ok((Prediction { set_up, swing }, responses))
         })
         .collect();
-    predictions
+    let (swings, responses): (Vec<Prediction>, Vec<Vec<Response>>) = predictions?.into_iter().unzip();
+    Ok((swings, responses.concat()))
 }
 
 /// Refuses set-ups that would exceed the displacement limit, and gives the largest Z that would fit.
@@ -207,7 +224,7 @@ fn largest_fitting(campaign: &Campaign, prediction: &Prediction, limit: f64) -> 
     let z = campaign.set_ups[prediction.set_up].base_amplitude_m;
     let mut candidate = two_digits_down(z * USABLE * limit / prediction.swing.max_x_m);
     for _ in 0..tries(steps_of(campaign, prediction.set_up)) {
-        let swing = swing(campaign, prediction.set_up, candidate).ok()?;
+        let swing = motion(campaign, prediction.set_up, candidate).ok()?.0;
         if swing.max_x_m <= USABLE * limit {
             return Some((candidate, swing));
         }
@@ -245,12 +262,55 @@ fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     wanted.map(|steps| (steps as u64).min(most)).sum()
 }
 
-fn swing(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<Swing, Invalid> {
+/// The largest displacement of a set-up over all its stepped sines, and its responses.
+fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(Swing, Vec<Response>), Invalid> {
     let most_steps = allowance(campaign);
-    let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
-    own.filter_map(|e| e.stepped_sine()).try_fold(Swing::NOTHING, |largest, sine| {
-        Ok(largest.or(simulate(&campaign.set_ups[set_up], sine, base_amplitude_m, most_steps)?))
-    })
+    let mut largest = Swing::NOTHING;
+    let mut responses = Vec::new();
+    for (experiment, own) in campaign.experiments.iter().enumerate() {
+        let Some(sine) = own.stepped_sine().filter(|_| own.set_ups.contains(&set_up)) else { continue };
+        let (swing, points) = simulate(&campaign.set_ups[set_up], sine, base_amplitude_m, most_steps)?;
+        largest = largest.or(swing);
+        responses.push(Response { set_up, experiment, points });
+    }
+    Ok((largest, responses))
+}
+
+/// Mean over whole cycles of max |x|, from the first cycle after the settling time.
+struct CycleMaxima {
+    settle_steps: f64,
+    steps_per_cycle: f64,
+    /// Cycle that the present maximum belongs to.
+    cycle: u64,
+    present_m: f64,
+    sum_m: f64,
+    cycles: u32,
+}
+
+impl CycleMaxima {
+    fn new(settle_s: f64, step_s: f64, steps_per_cycle: f64) -> Self {
+        let settle_steps = (settle_s / step_s / steps_per_cycle).ceil() * steps_per_cycle;
+        Self { settle_steps, steps_per_cycle, cycle: 0, present_m: 0.0, sum_m: 0.0, cycles: 0 }
+    }
+
+    /// Adds |x| after a number of steps.
+    fn push(&mut self, steps: u64, x_m: f64) {
+        let since = steps as f64 - self.settle_steps;
+        if since <= 0.0 {
+            return;
+        }
+        self.present_m = self.present_m.max(x_m);
+        let cycle = (since / self.steps_per_cycle) as u64;
+        if cycle > self.cycle {
+            self.sum_m += std::mem::take(&mut self.present_m);
+            (self.cycle, self.cycles) = (cycle, self.cycles + 1);
+        }
+    }
+
+    /// The mean; none before the first whole cycle.
+    fn mean_m(&self) -> Option<f64> {
+        (self.cycles > 0).then(|| self.sum_m / f64::from(self.cycles))
+    }
 }
 
 /// One experiment on one set-up with base amplitude Z, at most `most_steps` steps of each point.
@@ -259,10 +319,11 @@ fn simulate(
     experiment: &SteppedSine,
     base_amplitude_m: f64,
     most_steps: u64,
-) -> Result<Swing, Invalid> {
+) -> Result<(Swing, Vec<(f64, f64)>), Invalid> {
     let model = set_up.spec.at(base_amplitude_m);
     let initial = Initial { y_m: set_up.spec.particle_start_m(base_amplitude_m), ..Initial::default() };
     let mut largest = Swing::NOTHING;
+    let mut response = Vec::new();
     let mut carried: Option<Initial> = None;
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = steps_per_period(set_up, frequency_hz);
@@ -275,6 +336,7 @@ fn simulate(
             largest.predicted_s = Some(largest.predicted_s.map_or(predicted_s, |least| least.min(predicted_s)));
         }
         let mut kick = LargestKick::default();
+        let mut maxima = CycleMaxima::new(experiment.settle_s, step_s, steps);
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;
             (base_amplitude_m * angle.sin(), base_amplitude_m * angle.cos() * TAU / steps)
@@ -285,10 +347,12 @@ fn simulate(
             motion.step_observed(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut kick);
             start = end;
             let x = motion.state().x.abs();
+            maxima.push(step + 1, x);
             if x > largest.max_x_m {
                 (largest.max_x_m, largest.frequency_hz) = (x, frequency_hz);
             }
         }
+        response.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
         largest.impulse_n_s = largest.impulse_n_s.max(kick.impulse_n_s(model.structure.mass_kg, step_s));
         if experiment.start == Start::CarryOver {
             let state = motion.state();
@@ -297,7 +361,7 @@ fn simulate(
             carried = Some(Initial { x_m: state.x, v_m_per_s: v, y_m, u_m_per_s: v + slide });
         }
     }
-    Ok(largest)
+    Ok((largest, response))
 }
 
 #[cfg(test)]
@@ -318,7 +382,7 @@ mod tests {
     fn the_bare_structure_at_resonance_reaches_its_closed_form() {
         let zeta = 0.0038f64;
         let closed_form = 0.0004 * (1.0 + 4.0 * zeta * zeta).sqrt() / (2.0 * zeta);
-        let prediction = predict(&bare(2.5)).unwrap()[0];
+        let prediction = &predict(&bare(2.5)).unwrap().0[0];
         // 400 s leave e^(−24) of the start; the steps miss a peak by at most 1 − cos(π/64).
         let miss = 1.0 - (std::f64::consts::PI / 64.0).cos() + 1e-6;
         let relative = prediction.swing.max_x_m / closed_form - 1.0;
@@ -338,7 +402,7 @@ mod tests {
             p * (drive * t).sin() + q * (drive * t).cos() + free
         };
         let highest = (0..400_000).map(|i| x(f64::from(i) * 1e-3).abs()).fold(0.0, f64::max);
-        let swing = predict(&bare(2.4)).unwrap()[0].swing.max_x_m;
+        let swing = predict(&bare(2.4)).unwrap().0[0].swing.max_x_m;
         let miss = 1.0 - (std::f64::consts::PI / 64.0).cos() + 1e-4;
         assert!((swing / highest - 1.0).abs() < miss, "{swing} {highest}");
     }

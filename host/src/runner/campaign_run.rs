@@ -64,6 +64,10 @@ impl Run<'_> {
             let before = self.journal.points();
             let last = match Segment::carry_out(self, &task) {
                 Ok(End::Finished) => "results were lost on the link and the device no longer has them".to_string(),
+                Ok(End::Paused) => {
+                    self.wait_for_resumption()?;
+                    continue;
+                }
                 Ok(End::Reset) => {
                     self.readings.board_was_reset();
                     self.session.forget_counters();

@@ -86,6 +86,8 @@ pub struct Run<'a> {
     pub(super) journal: JournalState,
     pub(super) readings: Readings,
     pub(super) began: Instant,
+    /// When the watcher last got the controller's values.
+    pub(super) values_shown: Instant,
 }
 
 impl<'a> Run<'a> {
@@ -114,6 +116,7 @@ impl<'a> Run<'a> {
             journal,
             readings: Readings::default(),
             began: Instant::now(),
+            values_shown: Instant::now(),
         }
     }
 

@@ -15,6 +15,7 @@ pub mod rehearsal;
 mod reorder_buffer;
 pub mod resume;
 mod segment;
+mod served_watcher;
 mod spring_setup;
 mod transients;
 mod watcher;
@@ -22,5 +23,5 @@ mod wire_mapping;
 
 pub use context::{Reconnect, Run, Tally, device_record};
 pub use error::RunError;
-pub use watcher::Watcher;
+pub use watcher::{RunAction, WatchedStart, Watcher};
 pub use wire_mapping::Selection;

@@ -33,6 +33,8 @@ pub(super) struct PlanCheck {
     frequencies_hz: Option<Vec<f32>>,
     has_impacts: bool,
     last_tick: u32,
+    /// Longest duration of the segment without a hold, ticks.
+    longest_ticks: u32,
     impacts: u64,
 }
 
@@ -52,8 +54,14 @@ impl PlanCheck {
             _ => LONGEST_REST_S + experiment.expected_s() + experiment.free_vibration().map_or(0.0, |f| f.timeout_s),
         };
         // Rounds to the largest tick where it is longer.
-        let last_tick = (1.01 * (LONGEST_REST_S + longest_s) * f64::from(TICK_HZ)) as u32;
-        Self { width, every_ticks, points, frequencies_hz, has_impacts, last_tick, impacts: 0 }
+        let longest_ticks = (1.01 * (LONGEST_REST_S + longest_s) * f64::from(TICK_HZ)) as u32;
+        let last_tick = longest_ticks;
+        Self { width, every_ticks, points, frequencies_hz, has_impacts, last_tick, longest_ticks, impacts: 0 }
+    }
+
+    /// The experiment is held at its present point in this tick: the whole duration may follow.
+    pub(super) fn held_in(&mut self, tick: u32) {
+        self.last_tick = self.last_tick.max(tick.saturating_add(self.longest_ticks));
     }
 
     /// Whether a report can be one of this segment. Faults always are: they stop the rig.
@@ -144,6 +152,7 @@ mod tests {
             frequencies_hz: Some(vec![2.4, 2.5]),
             has_impacts: true,
             last_tick: 10_000,
+            longest_ticks: 10_000,
             impacts: 0,
         }
     }
@@ -201,6 +210,14 @@ mod tests {
         for report in reports {
             assert!(check().admits(&report), "{report:?}");
         }
+    }
+
+    #[test]
+    fn a_hold_extends_the_time_of_the_plan() {
+        let mut check = check();
+        check.held_in(9_000);
+        assert!(check.admits(&rows(3, 3, 19_000)) && check.admits(&point(4, 2.4, 18_000, 19_000)));
+        assert!(!check.admits(&rows(3, 3, 19_010)));
     }
 
     #[test]

@@ -19,6 +19,7 @@ use super::error::RunError;
 use super::plan_check::PlanCheck;
 use super::progress::SegmentProgress;
 use super::transients;
+use super::watcher::{RunAction, WatchedStart};
 use super::wire_mapping::{self, fault_error};
 use crate::campaign::{CampaignSetUp, Experiment, Kind};
 use crate::client::session::{Report, SessionError};
@@ -30,7 +31,7 @@ use crate::run_folder::schema::samples::PointLabel;
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::write::recorder::Rows;
 
-/// Wall time without an event after which the device's status is requested.
+/// Wall time without a result after which the device's status is requested.
 const ASK_AFTER: Duration = Duration::from_secs(2);
 
 /// Impacts are held for this time, or up to this number, and go into the journal together.
@@ -64,12 +65,16 @@ pub(super) enum End {
     Finished,
     /// The device was reset and has lost its experiment.
     Reset,
+    /// A person paused the run: the drive is off.
+    Paused,
 }
 
 /// One start of the device.
 pub(super) struct Segment<'r, 'a, 'c> {
     run: &'r mut Run<'a>,
     task: &'r Task<'c>,
+    /// Rig time of the run before this start, s.
+    before_s: f64,
     check: PlanCheck,
     progress: SegmentProgress,
     label: Arc<PointLabel>,
@@ -108,6 +113,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let mut segment = Self {
             run,
             task,
+            before_s,
             check,
             progress,
             label,
@@ -119,7 +125,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             impacts_noted: 0,
             impacts_noted_at: Instant::now(),
         };
-        let end = segment.start().and_then(|()| segment.follow(before_s));
+        let end = segment.start().and_then(|()| segment.follow());
         segment.note_impacts();
         segment.run.tally.counters.missing_records += segment.progress.missing_messages();
         end
@@ -143,6 +149,14 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             anew: task.anew,
             at: host_time::now().to_string(),
         }));
+        let run = &mut *self.run;
+        run.watcher.started(&WatchedStart {
+            set_up: task.set_up,
+            experiment: task.experiment,
+            from_s: self.before_s,
+            places: &self.places,
+            every_ticks: run.every_ticks,
+        });
         Ok(())
     }
 
@@ -186,7 +200,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(self.run.session.execute("send telemetry", ask)?)
     }
 
-    fn follow(&mut self, before_s: f64) -> Result<End, RunError> {
+    fn follow(&mut self) -> Result<End, RunError> {
         let mut heard = Instant::now();
         while !self.progress.is_complete() {
             if self.run.stop.load(Ordering::Relaxed) {
@@ -218,8 +232,13 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             if self.impacts_noted_at.elapsed() > HOLD_IMPACTS {
                 self.note_impacts();
             }
-            self.run.tally.rig_s = before_s + f64::from(self.progress.latest_tick()) / f64::from(TICK_HZ);
+            self.run.tally.rig_s = self.before_s + f64::from(self.progress.latest_tick()) / f64::from(TICK_HZ);
             self.run.watcher.progress(self.run.tally.rig_s);
+            self.run.show_values()?;
+            if self.act()? == Some(End::Paused) {
+                self.record_all()?;
+                return Ok(End::Paused);
+            }
         }
         self.record_all()?;
         self.fetch_missing(self.progress.end_index() as u16)?;
@@ -239,7 +258,28 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         Ok(End::Finished)
     }
 
-    /// Handles a report; whether it was a new event.
+    /// Carries out what a person asks for.
+    fn act(&mut self) -> Result<Option<End>, RunError> {
+        while let Some(action) = self.run.watcher.action() {
+            match action {
+                RunAction::Pause => {
+                    self.run.note_action("paused");
+                    self.run.session.stop_drive()?;
+                    self.run.end_telemetry()?;
+                    return Ok(Some(End::Paused));
+                }
+                RunAction::Resume => self.run.watcher.answer(Err("the run is not paused")),
+                RunAction::Hold(on) => {
+                    let done = self.run.session.execute("hold", Request::Hold(on));
+                    self.run.answer(done, if on { "held at the present point" } else { "released from the hold" })?;
+                }
+                RunAction::Inject(fault) => self.run.inject(&fault)?,
+            }
+        }
+        Ok(None)
+    }
+
+    /// Handles a report; whether it was a new result, or the end.
     fn handle(&mut self, report: Report) -> Result<bool, RunError> {
         if !self.check.admits(&report) {
             return self.count_misfit().map(|()| false);
@@ -288,7 +328,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
                     self.note_impacts();
                 }
-                Ok(is_new)
+                Ok(false)
             }
             Report::Event { event: Event::Spring(happening), .. } => {
                 self.run.watcher.spring(&happening);
@@ -319,7 +359,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     fn add_clock_pair(&mut self, tick: u32) {
         if !self.run.session.is_granted() {
             let device_s = f64::from(tick) / f64::from(TICK_HZ);
-            let pair = self.clock.add(Pair { device_s, host_s: self.run.began.elapsed().as_secs_f64() });
+            // A rig that runs faster than the clock on the wall has no drift because of that.
+            let host_s = self.run.began.elapsed().as_secs_f64() * self.run.session.speed();
+            let pair = self.clock.add(Pair { device_s, host_s });
             pair.into_iter().for_each(|pair| self.run.note(Entry::Clock(pair)));
         }
     }
@@ -332,6 +374,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         if let Some(fault) = status.fault {
             return Err(fault_error(self.task.set_up, fault));
+        }
+        if status.held {
+            self.check.held_in(status.tick);
         }
         if status.state != State::Idle && status.tick > self.check.last_tick() {
             let last = self.check.last_tick();
@@ -362,7 +407,10 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
 
     fn record(&mut self, message: &Telemetry) -> Result<(), RunError> {
         let mut block: Option<Rows> = None;
-        for (tick, values) in self.progress.rows(message) {
+        let rows = self.progress.rows(message);
+        let ticks: Vec<u32> = rows.iter().map(|(tick, _)| *tick).collect();
+        self.run.watcher.rows(&ticks, &message.values[..ticks.len() * usize::from(message.width)]);
+        for (tick, values) in rows {
             self.fetch_at_end_of_point(values)?;
             let index = self.progress.point_of(tick);
             if self.label.point_index as usize != index {

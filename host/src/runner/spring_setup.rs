@@ -78,6 +78,7 @@ impl Run<'_> {
             if self.stop.load(Ordering::Relaxed) {
                 return Err(RunError::Interrupted);
             }
+            self.show_values()?;
             let Some(report) = self.session.next_report()? else {
                 // The event may have been lost.
                 if begun.elapsed() > LONGEST_STEP {

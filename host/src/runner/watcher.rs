@@ -1,14 +1,44 @@
-//! Observes the progress of a run, for people.
+//! Observes the progress of a run, for people, and brings what they ask of it.
 
 use damprig_core::control::friction_spring;
 use damprig_core::measure::impacts::ImpactRecord;
+use damprig_simulator::plant::InjectedFault;
 
 use super::error::RunError;
-use crate::campaign::CampaignSetUp;
+use crate::campaign::{CampaignSetUp, Experiment};
 use crate::run_folder::ResultRow;
+use crate::run_folder::journal::Losses;
 use crate::run_folder::schema::transients::TransientRow;
 
-/// Observes the progress of a run.
+/// What a person asks of a run in progress.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RunAction {
+    /// Turn the drive off until [`RunAction::Resume`]; the interrupted point is repeated.
+    Pause,
+    /// Go on after a pause.
+    Resume,
+    /// Stay at the present point, or go on.
+    Hold(bool),
+    /// Inject a fault into the simulated rig, or end it.
+    Inject(InjectedFault),
+}
+
+/// A start of the device, as a watcher sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct WatchedStart<'a> {
+    /// The set-up.
+    pub set_up: &'a CampaignSetUp,
+    /// The experiment.
+    pub experiment: &'a Experiment,
+    /// Rig time of its tick 0, s.
+    pub from_s: f64,
+    /// Places in the device's signal table of the values in a row.
+    pub places: &'a [usize],
+    /// Ticks from row to row.
+    pub every_ticks: u16,
+}
+
+/// Observes the progress of a run. No method but [`Watcher::mount`] may wait.
 pub trait Watcher {
     /// Returns when the set-up is mounted on the rig. On a real rig a person mounts it.
     ///
@@ -18,6 +48,36 @@ pub trait Watcher {
 
     /// Rig time of the whole run so far, s.
     fn progress(&mut self, rig_s: f64);
+
+    /// The device has started an experiment, or a part of it.
+    fn started(&mut self, start: &WatchedStart) {
+        let _ = start;
+    }
+
+    /// Rows of telemetry of the present start: their ticks, and their values row after row.
+    fn rows(&mut self, ticks: &[u32], values: &[f32]) {
+        let _ = (ticks, values);
+    }
+
+    /// Whether [`Watcher::values`] is wanted: about ten times a second of host time.
+    fn wants_values(&self) -> bool {
+        false
+    }
+
+    /// Values of all signals of the device's table at this rig time, s, and what was lost so far.
+    fn values(&mut self, rig_s: f64, values: &[f32], losses: &Losses) {
+        let _ = (rig_s, values, losses);
+    }
+
+    /// What a person asks of the run; each action gets one [`Watcher::answer`].
+    fn action(&mut self) -> Option<RunAction> {
+        None
+    }
+
+    /// The answer to the last action: what was done, or why not.
+    fn answer(&mut self, result: Result<&str, &str>) {
+        let _ = result;
+    }
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);

@@ -261,6 +261,9 @@ fn changes() -> u64 {
     if std::env::var_os("DAMPRIG_FULL").is_some() { 20_000 } else { 120 }
 }
 
+/// Time after which a reader counts as hanging, also on a loaded machine.
+const HANG: Duration = Duration::from_secs(120);
+
 #[test]
 fn no_change_of_a_run_folder_makes_a_reader_panic_hang_or_leave_it() {
     let folder = folder_with(&campaign());
@@ -293,7 +296,7 @@ fn no_change_of_a_run_folder_makes_a_reader_panic_hang_or_leave_it() {
         }
         let resumed = catch_unwind(AssertUnwindSafe(|| resume(&run)));
         assert!(resumed.is_ok(), "change {n} made the resumption panic: {what}");
-        assert!(begun.elapsed() < Duration::from_secs(10), "change {n} took {:?}: {what}", begun.elapsed());
+        assert!(begun.elapsed() < HANG, "change {n} took {:?}: {what}", begun.elapsed());
         assert_eq!(std::fs::read_to_string(&canary).unwrap(), "mine", "change {n}: {what}");
         let kept = ["campaign.toml", "journal.jsonl"];
         let is_kept = |name: &&str| !changed.contains_key(Path::new(name)) || run.join(name).exists();

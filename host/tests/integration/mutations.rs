@@ -25,7 +25,7 @@ use tempfile::TempDir;
 use toml::{Table, Value};
 
 /// Longest time for one file.
-const LONGEST: Duration = Duration::from_secs(2);
+const LONGEST: Duration = Duration::from_secs(20);
 
 /// Rig time for which an accepted campaign runs, s.
 const RUN_S: f64 = 20.0;
@@ -121,6 +121,9 @@ fn mutate(text: &str, rng: &mut Rng) -> String {
 fn mutate_bytes(text: &str, rng: &mut Rng) -> String {
     let mut bytes = text.as_bytes().to_vec();
     for _ in 0..rng.usize(1..6) {
+        if bytes.is_empty() {
+            break;
+        }
         let at = rng.usize(..bytes.len());
         match rng.u8(..4) {
             0 => bytes[at] = b"=[]{}\"'#.,-+eE0189\n\t\x00\x7f"[rng.usize(..22)],

@@ -82,9 +82,10 @@ fn hang_up(folder: &TempDir, first: &str) -> Output {
     let many = "frequencies_hz = { from_hz = 2.0, to_hz = 3.0, step_hz = 0.005 }";
     let campaign = short().replace("frequencies_hz = [2.4, 2.5, 2.6]", many);
     std::fs::write(folder.path().join("long.toml"), campaign).unwrap();
-    let mut shell = Command::new("sh");
+    // The tests themselves may have been started with `nohup`.
+    let mut shell = Command::new("env");
     shell
-        .arg("-c")
+        .args(["--default-signal=HUP", "sh", "-c"])
         .arg(format!("{first} exec \"$0\" run long.toml --out out"))
         .arg(assert_cmd::cargo::cargo_bin("damprig"));
     let child = shell.current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

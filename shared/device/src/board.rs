@@ -11,7 +11,9 @@ pub trait Board {
     const PLANT: PlantKind = PlantKind::Real;
 
     /// The clock that counts the ticks.
-    const CLOCK: Clock = Clock::RealTime;
+    fn clock(&self) -> Clock {
+        Clock::RealTime
+    }
 
     /// Returns the samples of the tick that is due; `None` while the clock is stopped.
     fn samples(&mut self, rig: &Rig) -> Option<Sensors>;
@@ -46,11 +48,11 @@ pub trait Board {
     /// Called when an experiment has started: ticks count from 0.
     fn started(&mut self) {}
 
-    /// Handles a message to the simulator behind the board.
+    /// Handles a message to the simulator behind the board. A plant is replaced only while the rig is idle.
     ///
     /// # Errors
-    /// The board has no simulator, or the message is invalid.
-    fn simulate(&mut self, _message: &[u8]) -> Result<(), Rejected> {
+    /// The board has no simulator, or the message is invalid or not possible in this state.
+    fn simulate(&mut self, _message: &[u8], _rig: &Rig) -> Result<Simulated, Rejected> {
         Err(Rejected::not_here("this board drives a real structure: its plant cannot be set"))
     }
 
@@ -66,6 +68,15 @@ pub trait Board {
     fn due(&mut self, _next_tick: u32) -> Option<NumberedRequest> {
         None
     }
+}
+
+/// What a message to the simulator did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Simulated {
+    /// The plant was replaced, and with it the drive of the friction spring.
+    PlantReplaced,
+    /// The plant has a fault more or less.
+    FaultChanged,
 }
 
 /// State of a save.

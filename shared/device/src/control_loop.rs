@@ -35,7 +35,7 @@ pub fn step(
     controller.end_saving(board, outgoing);
     let samples = board.samples(controller.rig());
     if let Some(sensors) = &samples {
-        if is_granted(board) {
+        if board.clock() == Clock::Granted {
             // A granted tick shows that the host is connected.
             controller.hear_host();
         }
@@ -70,8 +70,4 @@ fn serve_due(
         controller.serve(request, board, upload, outgoing);
     }
     due.is_some()
-}
-
-fn is_granted<B: Board>(_: &B) -> bool {
-    B::CLOCK == Clock::Granted
 }

@@ -1,6 +1,6 @@
 //! The controller: owns the rig, serves requests, and queues replies, events and telemetry rows.
 
-use crate::board::{Board, DeviceInfo, Saving};
+use crate::board::{Board, DeviceInfo, Saving, Simulated};
 use crate::queues::{Chosen, Losses, Outgoing, Row, StreamItem};
 use crate::upload_buffer::UploadBuffer;
 use damprig_core::control::experiment::Experiment;
@@ -12,10 +12,13 @@ use damprig_core::rig::{Command, Event, Rejected, Rig, SIGNALS, State};
 use damprig_core::settings::{Settings, Source};
 use damprig_protocol::upload::MOST_BYTES;
 use damprig_protocol::{
-    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, NumberedRequest, PlantKind,
-    Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
+    Clock, ClockSource, Counters, Crash, Description, FromDevice, Identity, MOST_SIGNALS, MOST_VALUES, NumberedRequest,
+    PlantKind, Reply, Request, Reset, SAMPLES_TOLD, SCHEMA, SIGNALS_TOLD, Signal, Timing, VERSION, clipped,
 };
 use heapless::{Deque, Vec};
+
+// The values of all signals fit into one reply.
+const _: () = assert!(SIGNALS.len() <= MOST_VALUES);
 
 /// Numbers of served requests that are kept to recognise a repetition: a late copy may arrive after some later
 /// requests.
@@ -242,7 +245,7 @@ impl Controller {
     ) -> Result<Reply, Rejected> {
         let command = match &request.request {
             Request::Identify => return Ok(Reply::Identity(self.identity.clone())),
-            Request::Describe => return Ok(Reply::Description(self.describe::<B>())),
+            Request::Describe => return Ok(Reply::Description(self.describe(board))),
             Request::Status => return Ok(Reply::Status { status: self.rig.status(), counters: self.counters }),
             Request::Signals { from } => return Ok(Reply::Signals(signals(*from))),
             Request::Result { index } => {
@@ -254,6 +257,9 @@ impl Controller {
                 let result = self.rig.transient().copied();
                 let why = Rejected::not_here("there is no such result since the last start");
                 return result.map(Reply::Transient).ok_or(why);
+            }
+            Request::SignalValues => {
+                return Ok(Reply::SignalValues(self.rig.signals().values().into_iter().collect()));
             }
             Request::BeginUpload { bytes, crc32 } => {
                 self.rig.must_be_idle()?;
@@ -277,8 +283,9 @@ impl Controller {
             _ if self.saving.is_some() => return Err(Rejected::not_here("the settings are being saved: ask again")),
             Request::SaveSettings => return self.save(request.seq, board),
             Request::Simulator(message) => {
-                self.rig.must_be_idle()?;
-                board.simulate(message)?;
+                if board.simulate(message, &self.rig)? == Simulated::FaultChanged {
+                    return Ok(Reply::Done);
+                }
                 Command::ReplaceSpring
             }
             Request::SetSettings(settings) => Command::SetSettings(*settings),
@@ -296,6 +303,7 @@ impl Controller {
             }
             Request::Start => return self.start(board, upload, outgoing),
             Request::Stop => Command::Stop,
+            Request::Hold(held) => Command::Hold(*held),
             Request::ClearFault => Command::ClearFault,
             Request::Spring(command) => Command::Spring(*command),
             Request::ArmSnippet => Command::ArmSnippet,
@@ -350,8 +358,13 @@ impl Controller {
         Ok(Reply::Snippet { scale: *scale, side, length: SNIPPET as u16, samples })
     }
 
-    fn describe<B: Board>(&self) -> Description {
-        Description { clock: B::CLOCK, plant: B::PLANT, settings: self.settings_source, ..self.description.clone() }
+    fn describe<B: Board>(&self, board: &B) -> Description {
+        Description {
+            clock: board.clock(),
+            plant: B::PLANT,
+            settings: self.settings_source,
+            ..self.description.clone()
+        }
     }
 
     /// One tick of the rig. The upload buffer lends it the record of a playback.
@@ -416,6 +429,7 @@ fn is_question(ask: &Request) -> bool {
             | Request::Snippet { .. }
             | Request::Transient
             | Request::Settings
+            | Request::SignalValues
     )
 }
 

@@ -24,7 +24,7 @@ pub const SAMPLES_TOLD: usize = 32;
 /// Number of call addresses in a [`Crash`].
 pub const CALLS_TOLD: usize = 6;
 
-/// Maximum number of values (rows × signals) in one telemetry message.
+/// Maximum number of values (rows × signals) in one telemetry message, and of entries in the signal table.
 pub const MOST_VALUES: usize = 64;
 
 /// A message from the device.
@@ -101,6 +101,9 @@ pub enum Reply {
     Upload(Progress),
     /// Reply to [`Request::Transient`](crate::Request::Transient).
     Transient(TransientResult),
+    /// Reply to [`Request::SignalValues`](crate::Request::SignalValues): a value for each entry of the signal table, in
+    /// its order.
+    SignalValues(Vec<f32, MOST_VALUES>),
 }
 
 /// Identity of a device. The layout of this type never changes.
@@ -291,7 +294,7 @@ pub struct Counters {
     pub timing: Timing,
 }
 
-/// Timing of the ticks on the board; all 0 on a simulated board.
+/// Timing of the ticks on the board. On a simulated board all are 0 but the overruns of one with its own clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Timing {
     /// Sample blocks that were overwritten before a tick had read them.

@@ -123,4 +123,9 @@ pub enum Request {
     ConfigureFreeVibration(FreeVibration),
     /// Ask for the result of the last playback or free vibration, for instance if its event was lost.
     Transient,
+    /// Ask for the values of all signals in the last tick. Allowed in every state.
+    SignalValues,
+    /// Hold a running stepped sine at its present point (`true`), or release it: see
+    /// [`Command::Hold`](damprig_core::rig::Command::Hold).
+    Hold(bool),
 }

@@ -1,6 +1,8 @@
-//! A simulated board: the control loop's outputs drive a simulated plant, and its ticks pass under the host's tick credit.
+//! A simulated board: the control loop's outputs drive a simulated plant. Its ticks pass under the host's tick credit, or at
+//! the pace of a clock.
 //!
-//! Device time advances only as far as the host has granted ([`ToDevice::Grant`](damprig_protocol::ToDevice::Grant)).
+//! With a clock of its own ([`SimulatedBoard::real_time`]) a tick passes at every step of the control loop; who calls it sets the
+//! pace. Without, device time advances only as far as the host has granted ([`ToDevice::Grant`](damprig_protocol::ToDevice::Grant)).
 //! Without credit the clock is stopped: requests are served at once, and all queued messages are sent. So nothing
 //! that a host can observe depends on how fast either side runs, and a run repeats bit for bit.
 
@@ -8,11 +10,11 @@ use damprig_core::io::{Actuators, Readings, Sensors};
 use damprig_core::rig::{Rejected, Rig};
 use damprig_core::scalar::Scalar;
 use damprig_core::settings::Settings;
-use damprig_device::board::{Board, Saving};
-use damprig_protocol::{Clock, NumberedRequest, PlantKind};
+use damprig_device::board::{Board, Saving, Simulated};
+use damprig_protocol::{Clock, NumberedRequest, PlantKind, Timing};
 
 use crate::messages::ToSimulator;
-use crate::plant::Plant;
+use crate::plant::{Plant, PlantConfig};
 
 /// A scalar type that a simulated plant can use.
 pub trait PlantScalar: Scalar {
@@ -28,9 +30,11 @@ impl PlantScalar for f64 {
     const KIND: PlantKind = PlantKind::SimulatedF64;
 }
 
-/// The simulated board; new, it has no plant and no credit.
+/// The simulated board; by default it has no plant, a granted clock and no credit.
 #[derive(Debug)]
 pub struct SimulatedBoard<S> {
+    clock: Clock,
+    timing: Timing,
     plant: Option<Plant<S>>,
     sensors: Sensors,
     /// The first tick that may not run yet.
@@ -43,21 +47,42 @@ pub struct SimulatedBoard<S> {
 
 impl<S> Default for SimulatedBoard<S> {
     fn default() -> Self {
-        Self { plant: None, sensors: Sensors::default(), until_tick: 0, clock_told: true, deferred: None }
+        Self {
+            clock: Clock::Granted,
+            timing: Timing::default(),
+            plant: None,
+            sensors: Sensors::default(),
+            until_tick: 0,
+            clock_told: true,
+            deferred: None,
+        }
     }
 }
 
 impl<S: PlantScalar> SimulatedBoard<S> {
+    /// A board with its own clock, at the idle rig of the source document.
+    #[must_use]
+    pub fn real_time() -> Self {
+        // Cannot fail: a test makes this plant.
+        let plant = Plant::new(&PlantConfig::source_document()).ok();
+        Self { clock: Clock::RealTime, plant, ..Self::default() }
+    }
+
+    /// Counts ticks that a board with its own clock has lost, because they came too late.
+    pub fn lose_ticks(&mut self, ticks: u32) {
+        self.timing.overruns = self.timing.overruns.saturating_add(ticks);
+    }
+
     /// Allows the clock to run up to, not including, this tick.
     pub fn grant(&mut self, until_tick: u32) {
         self.until_tick = until_tick;
         self.clock_told = false;
     }
 
-    /// Whether the credit is used up.
+    /// Whether the clock is granted and its credit is used up.
     #[must_use]
     pub fn stands(&self, next_tick: u32) -> bool {
-        next_tick >= self.until_tick
+        self.clock == Clock::Granted && next_tick >= self.until_tick
     }
 
     /// Whether the host must still be told that the credit is used up; true once for each grant.
@@ -79,7 +104,10 @@ impl<S: PlantScalar> SimulatedBoard<S> {
 
 impl<S: PlantScalar> Board for SimulatedBoard<S> {
     const PLANT: PlantKind = S::KIND;
-    const CLOCK: Clock = Clock::Granted;
+
+    fn clock(&self) -> Clock {
+        self.clock
+    }
 
     fn samples(&mut self, rig: &Rig) -> Option<Sensors> {
         (!self.stands(rig.next_tick())).then_some(self.sensors)
@@ -119,18 +147,31 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         (self.sensors.readings.spring_n, self.sensors.readings.spring_rail) = (spring_n, spring_rail);
     }
 
-    fn simulate(&mut self, message: &[u8]) -> Result<(), Rejected> {
+    fn timing(&self) -> Timing {
+        self.timing
+    }
+
+    fn simulate(&mut self, message: &[u8], rig: &Rig) -> Result<Simulated, Rejected> {
         match ToSimulator::decode(message)? {
-            ToSimulator::SetPlant(config) => self.plant = Some(Plant::new(&config)?),
+            ToSimulator::SetPlant(config) => {
+                rig.must_be_idle()?;
+                self.plant = Some(Plant::new(&config)?);
+                Ok(Simulated::PlantReplaced)
+            }
             ToSimulator::Inject(fault) => match &mut self.plant {
-                Some(plant) => plant.inject(&fault),
-                None => return Err(Rejected::not_here("set the simulated plant before a fault in it")),
+                Some(plant) => {
+                    plant.inject(&fault);
+                    Ok(Simulated::FaultChanged)
+                }
+                None => Err(Rejected::not_here("set the simulated plant before a fault in it")),
             },
         }
-        Ok(())
     }
 
     fn defer(&mut self, request: &NumberedRequest) -> Result<(), Rejected> {
+        if self.clock == Clock::RealTime {
+            return Err(Rejected::not_here("only a board with a granted clock lets a request wait for its tick"));
+        }
         match &self.deferred {
             // A copy of the deferred request.
             Some(waiting) if waiting.seq == request.seq => {}

@@ -1,4 +1,4 @@
-//! A complete simulated device: control loop, simulated board, queues, and its link under tick credit.
+//! A complete simulated device: control loop, simulated board, queues, and its link, under tick credit or with its own clock.
 //!
 //! The virtual rig is this device. The emulated board runs the same loop and the same simulated board in the
 //! firmware's tasks and sends the same bytes.
@@ -13,7 +13,7 @@ use damprig_device::outbox::Outbox;
 use damprig_device::queues::{LocalQueues, Losses, Outgoing, Requests, StreamItem};
 use damprig_device::upload_buffer::UploadBuffer;
 use damprig_protocol::frame::{self, LONGEST};
-use damprig_protocol::{FromDevice, NumberedRequest, ToDevice};
+use damprig_protocol::{ClockSource, FromDevice, NumberedRequest, ToDevice};
 use heapless::Deque;
 
 use crate::board::{PlantScalar, SimulatedBoard};
@@ -67,10 +67,22 @@ impl<S: PlantScalar> SimulatedDevice<S> {
     /// Makes an idle device without a plant; its clock is stopped.
     #[must_use]
     pub fn new(info: DeviceInfo) -> Self {
+        Self::on(SimulatedBoard::default(), info, BootInfo::default())
+    }
+
+    /// Makes an idle device with its own clock, at the rig of the source document. A tick passes whenever
+    /// [`SimulatedDevice::run`] asks for one: the caller keeps the pace.
+    #[must_use]
+    pub fn real_time(info: DeviceInfo) -> Self {
+        let boot = BootInfo { clock_source: ClockSource::Crystal, ..BootInfo::default() };
+        Self::on(SimulatedBoard::real_time(), info, boot)
+    }
+
+    fn on(board: SimulatedBoard<S>, info: DeviceInfo, boot: BootInfo) -> Self {
         Self {
-            controller: Controller::new(info, BootInfo::default()),
+            controller: Controller::new(info, boot),
             upload: UploadBuffer::new(),
-            board: SimulatedBoard::default(),
+            board,
             reader: MessageReader::default(),
             requests: RequestQueue::default(),
             queues: LocalQueues::default(),
@@ -100,6 +112,11 @@ impl<S: PlantScalar> SimulatedDevice<S> {
                 }
             }
         }
+    }
+
+    /// Counts ticks that a device with its own clock has lost, because they came too late.
+    pub fn lose_ticks(&mut self, ticks: u32) {
+        self.board.lose_ticks(ticks);
     }
 
     /// The controller.
@@ -183,6 +200,14 @@ impl VirtualDevice {
         match self {
             Self::Single(device) => device.start_with(settings, source),
             Self::Double(device) => device.start_with(settings, source),
+        }
+    }
+
+    /// See [`SimulatedDevice::lose_ticks`].
+    pub fn lose_ticks(&mut self, ticks: u32) {
+        match self {
+            Self::Single(device) => device.lose_ticks(ticks),
+            Self::Double(device) => device.lose_ticks(ticks),
         }
     }
 

@@ -1,5 +1,6 @@
 //! Byte links to a rig: in-process, TCP and serial.
 
+mod real_time;
 mod serial;
 mod tcp;
 mod virtual_rig;
@@ -11,6 +12,8 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use crate::settings::read_board;
+use real_time::RealTimeRig;
+pub use real_time::{Cable, Speed, cable};
 pub use virtual_rig::VirtualRig;
 
 /// A two-way stream of bytes.
@@ -52,6 +55,15 @@ pub enum Address {
         /// File of the board's settings, as `damprig settings export` writes it; default settings without one.
         board: Option<PathBuf>,
     },
+    /// In this process, simulated at the pace of the wall clock: a board with its own clock.
+    RealTime {
+        /// `f32`.
+        single: bool,
+        /// File of the board's settings; default settings without one.
+        board: Option<PathBuf>,
+        /// Rig seconds per second. It has an option of its own and is no part of the text of the address.
+        speed: Speed,
+    },
     /// `HOST:PORT`.
     Tcp(String),
     /// A serial port.
@@ -66,6 +78,10 @@ impl fmt::Display for Address {
                 let Some(board) = board else { return Ok(()) };
                 write!(f, "{}{}", if *single { "," } else { ":" }, board.display())
             }
+            Self::RealTime { single, board, .. } => {
+                f.write_str(if *single { "virtual:realtime,f32" } else { "virtual:realtime" })?;
+                board.iter().try_for_each(|board| write!(f, ",{}", board.display()))
+            }
             Self::Tcp(address) => write!(f, "tcp:{address}"),
             Self::Serial(path) => write!(f, "serial:{}", path.display()),
         }
@@ -78,7 +94,13 @@ impl FromStr for Address {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once(':') {
             None if text == "virtual" => Ok(Self::VIRTUAL),
-            Some(("virtual", rest)) => virtual_board(rest),
+            Some(("virtual", "realtime")) => Ok(Self::REAL_TIME),
+            Some(("virtual", rest)) => match rest.strip_prefix("realtime,") {
+                Some(rest) => {
+                    virtual_board(rest).map(|(single, board)| Self::RealTime { single, board, speed: Speed::REAL_TIME })
+                }
+                None => virtual_board(rest).map(|(single, board)| Self::Virtual { single, board }),
+            },
             Some(("tcp", address)) => match address.rsplit_once(':') {
                 Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok_and(|p| p > 0) => {
                     Ok(Self::Tcp(address.to_string()))
@@ -91,11 +113,11 @@ impl FromStr for Address {
     }
 }
 
-const ALLOWED: &str =
-    "must be virtual, virtual:f32, virtual:BOARD.toml, virtual:f32,BOARD.toml, tcp:HOST:PORT or serial:PATH";
+const ALLOWED: &str = "must be virtual, virtual:f32, virtual:BOARD.toml, virtual:f32,BOARD.toml, virtual:realtime (also with ,f32 and \
+     ,BOARD.toml), tcp:HOST:PORT or serial:PATH";
 
-/// `f32`, `BOARD.toml`, or both with a comma between them.
-fn virtual_board(text: &str) -> Result<Address, String> {
+/// `f32`, `BOARD.toml`, or both with a comma between them: whether it is in single precision, and the file.
+fn virtual_board(text: &str) -> Result<(bool, Option<PathBuf>), String> {
     let (precision, board) = match text.split_once(',') {
         Some((precision, board)) => (Some(precision), Some(board)),
         None if matches!(text, "f32" | "f64") => (Some(text), None),
@@ -105,12 +127,30 @@ fn virtual_board(text: &str) -> Result<Address, String> {
     if precision.is_some_and(|word| !matches!(word, "f32" | "f64")) || board.is_some_and(|name| !is_file(name)) {
         return Err(ALLOWED.into());
     }
-    Ok(Address::Virtual { single: precision == Some("f32"), board: board.map(PathBuf::from) })
+    Ok((precision == Some("f32"), board.map(PathBuf::from)))
 }
 
 impl Address {
     /// The virtual rig in double precision with default settings.
     pub const VIRTUAL: Self = Self::Virtual { single: false, board: None };
+
+    /// The virtual rig at wall-clock pace, in double precision with default settings.
+    pub const REAL_TIME: Self = Self::RealTime { single: false, board: None, speed: Speed::REAL_TIME };
+
+    /// The settings file of a virtual board.
+    #[must_use]
+    pub fn board(&self) -> Option<&Path> {
+        match self {
+            Self::Virtual { board, .. } | Self::RealTime { board, .. } => board.as_deref(),
+            Self::Tcp(_) | Self::Serial(_) => None,
+        }
+    }
+
+    /// Rig seconds per second of the wall clock, for a rig with its own clock.
+    #[must_use]
+    pub fn speed(&self) -> Speed {
+        if let Self::RealTime { speed, .. } = self { *speed } else { Speed::REAL_TIME }
+    }
 }
 
 /// A link that cannot be opened.
@@ -127,11 +167,11 @@ pub struct Unreachable {
 /// Names the address, the cause, and what to check.
 pub fn open(address: &Address) -> Result<Box<dyn Link>, Unreachable> {
     let failed = |message: String| Unreachable { address: address.to_string(), message };
+    let settings = address.board().map(read_board).transpose().map_err(|refusal| failed(refusal.to_string()))?;
     Ok(match address {
-        Address::Virtual { single, board } => {
-            let settings = board.as_ref().map(|board| read_board(board)).transpose();
-            let settings = settings.map_err(|refusal| failed(refusal.to_string()))?;
-            Box::new(VirtualRig::new(*single, settings.as_ref()))
+        Address::Virtual { single, .. } => Box::new(VirtualRig::new(*single, settings.as_ref())),
+        Address::RealTime { single, speed, .. } => {
+            Box::new(RealTimeRig::connect(address, *single, *speed, settings.as_ref()).map_err(failed)?)
         }
         Address::Tcp(place) => Box::new(tcp::Tcp::connect(place).map_err(failed)?),
         Address::Serial(path) => Box::new(serial::Serial::open(path).map_err(failed)?),
@@ -153,6 +193,10 @@ mod tests {
         for text in boards.into_iter().chain([
             "virtual",
             "virtual:f32",
+            "virtual:realtime",
+            "virtual:realtime,f32",
+            "virtual:realtime,board.toml",
+            "virtual:realtime,f32,my/board.toml",
             "tcp:127.0.0.1:4000",
             "tcp:[::1]:4000",
             "serial:/dev/ttyACM0",
@@ -173,6 +217,10 @@ mod tests {
             "serial:",
             "virtual:f16",
             "virtual:f16,a.toml",
+            "virtual:realtime,",
+            "virtual:realtime,f16",
+            "virtual:realtimef32",
+            "virtual:f32,realtime",
         ] {
             let answer = text.parse::<Address>().unwrap_err();
             assert!(answer.contains("tcp:HOST:PORT"), "{text}: {answer}");

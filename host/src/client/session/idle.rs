@@ -73,6 +73,22 @@ impl Session {
         }
     }
 
+    /// Waits for a moment on an idle rig and keeps the link alive; what it reports is dropped.
+    ///
+    /// # Errors
+    /// The device is silent, or the link breaks.
+    pub fn idle_turn(&mut self) -> Result<(), SessionError> {
+        if self.is_granted() {
+            // Its clock stands.
+            std::thread::sleep(TURN);
+            return Ok(());
+        }
+        self.listen(TURN)?;
+        self.watch()?;
+        while self.report_at_hand().is_some() {}
+        Ok(())
+    }
+
     fn wait_a_turn(&mut self, tick: u32) -> Result<(), SessionError> {
         if self.is_granted() {
             self.grant(tick.saturating_add(WAITED_TICKS))?;

@@ -20,7 +20,7 @@ use damprig_protocol::{
 
 pub use error::SessionError;
 
-use crate::client::link::{Address, Closed, Link};
+use crate::client::link::{Address, Closed, Link, Speed};
 
 /// A message of the device that is not a reply.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ const TURN: Duration = Duration::from_millis(50);
 /// Time without a reply after which a request is repeated.
 const REPEAT_AFTER: Duration = Duration::from_millis(250);
 
-/// Longest time without a message to a board with its own clock, which stops the drive when the host is silent.
+/// Longest rig time without a message to a board with its own clock, which stops the drive when the host is silent.
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
 
 /// A session.
@@ -54,6 +54,8 @@ pub struct Session {
     link: Box<dyn Link>,
     name: String,
     timeout: Duration,
+    /// Of a board with its own clock.
+    speed: Speed,
     reader: Reader,
     bytes: Vec<u8>,
     reports: VecDeque<Report>,
@@ -87,7 +89,9 @@ impl Session {
     /// An unreachable link, a silent device, another protocol.
     pub fn open(address: &Address, timeout: Duration) -> Result<Self, SessionError> {
         let link = crate::client::link::open(address)?;
-        Self::over(link, address.to_string(), timeout)
+        let mut session = Self::over(link, address.to_string(), timeout)?;
+        session.speed = address.speed();
+        Ok(session)
     }
 
     /// As [`Session::open`], over an open link; `name` is its name in errors.
@@ -118,6 +122,7 @@ impl Session {
             link,
             name,
             timeout,
+            speed: Speed::REAL_TIME,
             reader: Reader::default(),
             bytes: Vec::new(),
             reports: VecDeque::new(),
@@ -201,6 +206,12 @@ impl Session {
     #[must_use]
     pub fn is_granted(&self) -> bool {
         self.description.clock == Clock::Granted
+    }
+
+    /// Rig seconds per second of the wall clock, of a device with its own clock.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.speed.get()
     }
 
     /// The number of a new request; earlier answers are dropped.
@@ -403,7 +414,7 @@ impl Session {
                 _ => self.keep_alive(),
             };
         }
-        if !self.is_granted() && self.spoke.elapsed() > KEEP_ALIVE {
+        if !self.is_granted() && self.spoke.elapsed() > KEEP_ALIVE.div_f64(self.speed()) {
             return self.keep_alive();
         }
         Ok(())

@@ -23,6 +23,22 @@ impl Session {
         }
     }
 
+    /// The values of all signals in the device's last tick, in the order of [`Session::signals`].
+    ///
+    /// # Errors
+    /// As [`Session::request`]; a number of values other than that of the signals.
+    pub fn signal_values(&mut self) -> Result<Vec<f32>, SessionError> {
+        const WHAT: &str = "report the values of its signals";
+        match self.request(WHAT, Request::SignalValues)? {
+            Reply::SignalValues(values) if values.len() == self.signals.len() => Ok(values.to_vec()),
+            Reply::SignalValues(values) => {
+                let what = format!("{} values of {} signals", values.len(), self.signals.len());
+                Err(self.unusable(what))
+            }
+            _ => Err(SessionError::UnexpectedReply { what: WHAT }),
+        }
+    }
+
     /// The settings in use, and where they come from.
     ///
     /// # Errors

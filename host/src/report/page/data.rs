@@ -70,7 +70,7 @@ impl PageData {
         }
         let taken = JournalState::of(&lines.entries);
         let link = lines.entries.iter().filter_map(|entry| match entry {
-            Entry::Link { what, at } => Some((at.clone(), what.clone())),
+            Entry::Link { what, at } | Entry::Action { what, at } => Some((at.clone(), what.clone())),
             _ => None,
         });
         let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());

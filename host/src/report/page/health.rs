@@ -151,7 +151,7 @@ pub(super) fn link(data: &PageData) -> Markup {
         (controller(data))
         @if data.gaps.count > 0 { (gaps(data)) }
         @if !data.link.is_empty() {
-            h3 { "Link" }
+            h3 { "Link and actions" }
             div.wide { table {
                 thead { tr { th.word { "Time" } th.word { "Event" } } }
                 tbody { @for (at, what) in &data.link { tr { td.word { (moment(at)) } td.word { (what) } } } }

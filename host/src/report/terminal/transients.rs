@@ -42,6 +42,22 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
     Some(std::iter::once(table.to_string()).chain(records).collect::<Vec<_>>().join("\n"))
 }
 
+/// A result in one line.
+#[must_use]
+pub fn in_words(row: &TransientRow) -> String {
+    let mut text = format!("max|x| {} mm, RMS {} mm", mm(row.x_peak_m.into()), mm(row.x_rms_m.into()));
+    if row.damping_ratio.is_finite() {
+        text += &format!(", ζ {:.5}", row.damping_ratio);
+    }
+    if row.frequency_hz.is_finite() {
+        text += &format!(", f {:.4} Hz", row.frequency_hz);
+    }
+    if row.impacts > 0 {
+        text += &format!(", {} impacts", row.impacts);
+    }
+    text
+}
+
 /// Results, a row per set-up and experiment.
 pub fn results(rows: &[TransientRow]) -> Option<Table> {
     if rows.is_empty() {

@@ -32,7 +32,7 @@ pub struct Pair {
     /// The device's time, s since its start.
     #[serde(with = "json_float")]
     pub device_s: f64,
-    /// The host's, s since the program began.
+    /// The host's, s since the program began; rig seconds of a real-time virtual rig with another speed than 1.
     #[serde(with = "json_float")]
     pub host_s: f64,
 }

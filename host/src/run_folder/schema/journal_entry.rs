@@ -43,6 +43,13 @@ pub enum Entry {
         /// Host time with its zone.
         at: String,
     },
+    /// A person acted on the run: a pause, a hold, a fault injected into a simulated rig.
+    Action {
+        /// What was done.
+        what: String,
+        /// Host time with its zone.
+        at: String,
+    },
     /// The parts are joined into `samples.parquet`.
     Joined(Joined),
     /// The program has ended in an orderly way.

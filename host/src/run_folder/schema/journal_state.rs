@@ -85,7 +85,7 @@ impl JournalState {
                 self.update_controller(finished.controller);
                 self.finished.push(finished.clone());
             }
-            Entry::Clock(_) | Entry::Link { .. } => {}
+            Entry::Clock(_) | Entry::Link { .. } | Entry::Action { .. } => {}
             Entry::Joined(joined) => self.joined = Some(joined.clone()),
             Entry::Ended(ended) => {
                 self.update_controller(ended.controller);

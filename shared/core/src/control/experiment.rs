@@ -168,6 +168,20 @@ impl ExperimentRunner {
         ask!(self, own => own.begins_from_rest())
     }
 
+    /// Holds a stepped sine at its present point, or releases it. Returns false for the other kinds, which cannot be
+    /// held.
+    pub fn hold(&mut self, held: bool) -> bool {
+        let Self::SteppedSine(own) = self else { return false };
+        own.hold(held);
+        true
+    }
+
+    /// The present point is held.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        matches!(self, Self::SteppedSine(own) if own.is_held())
+    }
+
     /// Starts the final fade-out of the drive.
     pub fn release_drive(&mut self) {
         match self {

@@ -51,6 +51,11 @@ impl Activity {
         if let Self::Experiment { runner, .. } = self { Some(runner) } else { None }
     }
 
+    /// Holds a running stepped sine at its present point, or releases it. Returns false when none is running.
+    pub fn hold(&mut self, held: bool) -> bool {
+        if let Self::Experiment { runner, phase: Phase::Running } = self { runner.hold(held) } else { false }
+    }
+
     /// Lets the drive of a running experiment fade out.
     pub fn stop(&mut self, is_complete: bool) {
         if let Self::Experiment { runner, phase } = self {

@@ -67,6 +67,9 @@ pub enum Command {
     Start,
     /// End the experiment; the drive fades out.
     Stop,
+    /// Hold a running stepped sine at its present point (`true`), or release it. Nothing is measured while held; after the
+    /// release the point is measured from the beginning. A stop or a fault ends the hold.
+    Hold(bool),
     /// Clear a latched fault. The rig must be safe.
     ClearFault,
     /// A command to the friction damper's spring.
@@ -119,6 +122,8 @@ pub struct Status {
     pub tick: u32,
     /// Points completed since the last start.
     pub points: u16,
+    /// A stepped sine is held at its present point.
+    pub held: bool,
     /// The latched fault.
     pub fault: Option<Fault>,
     /// Stage of the sequence to the safe state.

@@ -59,6 +59,12 @@ impl Rig {
             }
             Command::Start => self.start()?,
             Command::Stop => self.activity.stop(false),
+            Command::Hold(held) => {
+                if !self.activity.hold(held) {
+                    let advice = "only a running stepped sine can be held";
+                    return Err(Rejected::wrong_state(self.state(), advice));
+                }
+            }
             Command::ClearFault => self.clear_fault()?,
             Command::Spring(command) => self.handle_spring(command)?,
             Command::ArmSnippet => self.dampers.meter.arm_snippet(),

@@ -109,6 +109,7 @@ impl Rig {
             state: self.state(),
             tick: self.tick,
             points: self.points,
+            held: self.activity.runner().is_some_and(ExperimentRunner::is_held),
             fault: self.activity.fault(),
             safe: self.safety.stage(),
             sensors: self.safety.sensors(),

@@ -6,6 +6,7 @@ mod energy_books;
 mod events;
 mod exact_properties;
 mod first_instant;
+mod hold;
 mod joined;
 mod safety;
 mod sampled;

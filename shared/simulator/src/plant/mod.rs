@@ -24,7 +24,7 @@ use damprig_core::integrator::units::Units;
 use damprig_core::io::{
     Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WallCounts,
 };
-use damprig_core::model::{Initial, SetUp};
+use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
 use faults::{Faults, Span};
 use heapless::Vec;
@@ -84,6 +84,19 @@ impl PlantConfig {
             data_sheet: None,
             walls: None,
             spring: None,
+        }
+    }
+
+    /// The rig of the source document without a damper, at rest: structure and shaker, sensors as their data sheets say,
+    /// force sensors at the walls, and the drive of the friction spring.
+    #[must_use]
+    pub fn source_document() -> Self {
+        Self {
+            base: Base::Shaker(Shaker::default()),
+            data_sheet: Some(DataSheet::default()),
+            walls: Some(WallSensors::default()),
+            spring: Some(SpringPlant::default()),
+            ..Self::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)))
         }
     }
 

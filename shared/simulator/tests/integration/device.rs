@@ -12,9 +12,9 @@ use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::device::{Progress, SimulatedDevice};
-use damprig_simulator::messages::set_plant;
-use damprig_simulator::plant::PlantConfig;
+use damprig_simulator::messages::{ToSimulator, set_plant};
 use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{InjectedFault, PlantConfig};
 
 struct Host {
     board: SimulatedDevice<f64>,
@@ -125,6 +125,47 @@ fn an_experiment_runs_to_its_end_and_every_row_arrives() {
         |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Finished { rows_dropped: 0, .. }, .. });
     assert!(messages.iter().any(finished));
     assert_eq!(messages.last(), Some(&FromDevice::Clock { tick: 20_000 }));
+}
+
+#[test]
+fn a_fault_can_be_injected_while_the_rig_runs_but_its_plant_cannot_be_replaced() {
+    let mut host = ready();
+    assert_eq!(host.ask(Request::Start), Ok(Reply::Done));
+    host.grant(3000);
+    let Err(Rejected::WrongState { .. }) = host.ask(set_plant(plant())) else { panic!("the plant was replaced") };
+    let stop = ToSimulator::Inject(InjectedFault::EmergencyStop { pressed: true });
+    assert_eq!(host.ask(stop.request()), Ok(Reply::Done));
+    let messages = host.grant(3010);
+    let is_stop = |m: &FromDevice| matches!(m, FromDevice::Event { event: Event::Fault(fault), .. } if fault.cause == FaultCause::EmergencyStop);
+    assert!(messages.iter().any(is_stop), "{messages:?}");
+}
+
+#[test]
+fn a_board_with_its_own_clock_ticks_without_credit_and_lets_no_request_wait() {
+    let mut host = Host { board: SimulatedDevice::real_time(DeviceInfo::new("test", "none")), ..Host::new() };
+    let mut said = vec![];
+    let mut pass = |host: &mut Host, ticks| {
+        assert_eq!(host.board.run(ticks, |bytes| said.extend_from_slice(bytes)), Progress::Running);
+        std::mem::take(&mut said).into_iter().filter_map(|byte| host.reader.push(byte)).map(Result::unwrap).collect()
+    };
+    let messages: Vec<FromDevice> = pass(&mut host, 500);
+    assert!(messages.is_empty(), "an idle board is silent: {messages:?}");
+    assert_eq!(host.board.controller().next_tick(), 500);
+    host.send_for(Some(2000), Request::Stop);
+    let messages: Vec<FromDevice> = pass(&mut host, 1);
+    assert!(matches!(messages[..], [FromDevice::Reply { answer: Err(Rejected::NotHere { .. }), .. }]), "{messages:?}");
+    // Its plant is there before a host sets one.
+    host.send_for(None, Request::Configure(experiment()));
+    host.send_for(None, Request::Start);
+    let messages: Vec<FromDevice> = pass(&mut host, 20_000);
+    assert_eq!(points(&messages), [2.0]);
+    host.board.lose_ticks(7);
+    host.send_for(None, Request::Status);
+    let messages: Vec<FromDevice> = pass(&mut host, 1);
+    let [FromDevice::Reply { answer: Ok(Reply::Status { status, counters }), .. }] = &messages[..] else { panic!() };
+    let cause = status.fault.map(|fault| fault.cause);
+    assert_eq!(cause, Some(FaultCause::HostSilent), "it ticks on while the host is silent");
+    assert_eq!(counters.timing.overruns, 7);
 }
 
 #[test]

@@ -86,6 +86,19 @@ pub enum SpringStage {
 }
 
 impl SpringStage {
+    /// All stages; the index of each is its value in the signal `spring_stage`.
+    pub const ALL: [Self; 9] = [
+        Self::Unhomed,
+        Self::Homing,
+        Self::Homed,
+        Self::TouchingOff,
+        Self::Ready,
+        Self::Setting,
+        Self::Holding,
+        Self::Releasing,
+        Self::Faulted,
+    ];
+
     /// The stage in words, for people.
     #[must_use]
     pub fn text(self) -> &'static str {

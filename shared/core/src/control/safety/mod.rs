@@ -57,6 +57,22 @@ pub enum SafeStage {
     Safe,
 }
 
+impl SafeStage {
+    /// All stages; the index of each is its value in the signal `safety`.
+    pub const ALL: [Self; 4] = [Self::Clear, Self::Fading, Self::Ringing, Self::Safe];
+
+    /// The stage in words, for people.
+    #[must_use]
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Clear => "clear",
+            Self::Fading => "the drive fades out",
+            Self::Ringing => "the drive is off, the structure still rings",
+            Self::Safe => "safe: the fault can be cleared",
+        }
+    }
+}
+
 /// Inputs of the interlocks in a tick, besides the readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Signs {

@@ -31,6 +31,8 @@ pub struct SteppedSineRunner {
     gain: f32,
     fall: f32,
     driving: bool,
+    /// The present point goes on until a person releases it.
+    held: bool,
     /// The range that the drive can deliver.
     range: DriveRange,
     /// Used only with [`DriveMode::ClosedLoop`].
@@ -66,6 +68,7 @@ impl SteppedSineRunner {
             gain: 0.0,
             fall: FADE_PER_TICK,
             driving: false,
+            held: false,
             range: *drive,
             base: BaseLoop::default(),
             follow: BaseFollow::default(),
@@ -143,8 +146,24 @@ impl SteppedSineRunner {
         self.put_back
     }
 
-    /// Starts the final fade-out of the drive.
+    /// Holds the present point, or releases it. While held, the drive continues at the point's frequency and nothing is
+    /// measured: a measurement in progress is dropped. After the release the point is measured from the beginning.
+    pub fn hold(&mut self, held: bool) {
+        self.held = held;
+        if held && self.stage == ExperimentStage::Dwell {
+            self.stage = ExperimentStage::Settle;
+        }
+    }
+
+    /// The present point is held.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.held
+    }
+
+    /// Starts the final fade-out of the drive. It ends a hold.
     pub fn release_drive(&mut self) {
+        self.held = false;
         self.driving = false;
         self.fall = FADE_PER_TICK;
     }
@@ -197,7 +216,8 @@ impl SteppedSineRunner {
 
     /// The point has settled: the measurement may begin at the next cycle.
     fn is_settled(&self) -> bool {
-        self.driven_ticks > self.plan.settle_ticks
+        !self.held
+            && self.driven_ticks > self.plan.settle_ticks
             && match &self.plan.sine.drive {
                 DriveMode::Constant => true,
                 DriveMode::ClosedLoop(_) => self.base.is_held() || self.driven_ticks > self.plan.held_by_ticks,
@@ -284,6 +304,10 @@ impl SteppedSineRunner {
     pub fn tick(&mut self, now: &TickInputs) -> (f32, Outcome) {
         self.put_back = None;
         self.driven_ticks = self.driven_ticks.saturating_add(1);
+        if self.held {
+            // After the release a closed loop has its whole waiting time again.
+            self.driven_ticks = self.driven_ticks.min(self.plan.settle_ticks);
+        }
         let unrest = if self.stage == ExperimentStage::Rest { self.rest(now) } else { None };
         // A dwell begins at the start of a cycle, and so does a drive from rest.
         if self.stage == ExperimentStage::Settle && self.phase.0 < self.increment && self.is_settled() {

@@ -1,0 +1,287 @@
+//! Progress of a run: a bar with the present numbers on a terminal, otherwise lines; and the log file.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use damprig_core::control::friction_spring::SpringEvent;
+use indicatif::ProgressBar;
+
+use super::outcome::Failure;
+use super::progress::bar;
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::client::session::Session;
+use crate::host_time;
+use crate::input::shown_in_line;
+use crate::report::describe;
+use crate::report::numbers::duration;
+use crate::report::terminal::transients::in_words;
+use crate::run_folder::ResultRow;
+use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::transients::TransientRow;
+use crate::runner::{RunError, WatchedStart, Watcher};
+
+/// Bar steps per second of rig time.
+const STEPS_PER_S: f64 = 10.0;
+
+/// Time from line to line without a terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// Shows the progress of a run.
+pub struct RunProgress {
+    bar: ProgressBar,
+    /// Lines are printed: there is no bar.
+    has_lines: bool,
+    log: Option<Log>,
+    places: Places,
+    expected_s: f64,
+    rig_s: f64,
+    /// Rig time at which this program began to measure, s, and when that was.
+    began: Option<(f64, Instant)>,
+    points: (usize, usize),
+    mount_without_asking: bool,
+    set_ups: Vec<String>,
+    mounted: usize,
+    summary: Option<Summary>,
+    present: String,
+    numbers: String,
+    line_at: Instant,
+}
+
+/// Places in the device's signal table.
+struct Places {
+    frequency: Option<usize>,
+    x_over_z: Option<usize>,
+    z_amplitude: Option<usize>,
+    impacts_in_cycle: Option<usize>,
+}
+
+/// Summary of a set-up.
+struct Summary {
+    label: String,
+    points: usize,
+    peak: Option<(f64, f64)>,
+}
+
+/// The log file.
+pub struct Log {
+    file: File,
+    path: String,
+    has_failed: bool,
+}
+
+impl Log {
+    /// Opens a log file, to append to it.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        let shown = path.display().to_string();
+        let file = OpenOptions::new().create(true).append(true).open(path);
+        let file = file.map_err(|e| Failure::Input(format!("--log {shown}: cannot write this file: {e}")))?;
+        Ok(Self { file, path: shown, has_failed: false })
+    }
+
+    /// Adds a line with the host's time. A log that cannot be written does not end a run.
+    fn line(&mut self, text: &str) {
+        let now = host_time::now().strftime("%Y-%m-%d %H:%M:%S%.3f").to_string();
+        if let Err(error) = writeln!(self.file, "{now} {}", shown_in_line(text))
+            && !self.has_failed
+        {
+            self.has_failed = true;
+            warn!("warning: --log {}: cannot write: {error}; the run goes on without it", self.path);
+        }
+    }
+}
+
+/// What is shown, and how.
+pub struct Display {
+    /// Nothing is shown: `--quiet`, or the terminal view is open.
+    pub is_hidden: bool,
+    /// The log file.
+    pub log: Option<Log>,
+    /// Set-ups are mounted without confirmation.
+    pub mount_without_asking: bool,
+}
+
+impl RunProgress {
+    /// For a run of this campaign on the rig of `session`; `taken` points are measured already.
+    #[must_use]
+    pub fn new(campaign: &Campaign, session: &Session, taken: usize, display: Display) -> Self {
+        let expected_s = campaign.expected_s();
+        let bar = if display.is_hidden { ProgressBar::hidden() } else { bar((expected_s * STEPS_PER_S) as u64) };
+        let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
+        let at = |name: &str| session.signals.iter().position(|signal| signal.name == name);
+        Self {
+            has_lines: !display.is_hidden && bar.is_hidden(),
+            bar,
+            log: display.log,
+            places: Places {
+                frequency: at("frequency"),
+                x_over_z: at("x_over_z"),
+                z_amplitude: at("z_amplitude"),
+                impacts_in_cycle: at("impacts_in_cycle"),
+            },
+            expected_s,
+            rig_s: 0.0,
+            began: None,
+            points: (taken, campaign.points()),
+            mount_without_asking: display.mount_without_asking,
+            set_ups: used.map(|i| campaign.set_ups[i].name.clone()).collect(),
+            mounted: 0,
+            summary: None,
+            present: String::new(),
+            numbers: String::new(),
+            line_at: Instant::now(),
+        }
+    }
+
+    /// Ends the progress display.
+    pub fn end(&mut self) {
+        self.print_summary();
+        self.bar.finish_and_clear();
+    }
+
+    fn log(&mut self, text: &str) {
+        if let Some(log) = &mut self.log {
+            log.line(text);
+        }
+    }
+
+    fn print_summary(&mut self) {
+        let Some(summary) = self.summary.take() else { return };
+        if self.has_lines {
+            let peak = summary.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
+            let Summary { label, points, .. } = summary;
+            say!("[{}/{}] {label}: {points} points{peak}", self.mounted, self.set_ups.len());
+        }
+    }
+
+    /// Host time left, estimated from the pace so far.
+    fn left(&self) -> Option<String> {
+        let (from_s, at) = self.began?;
+        let passed_s = self.rig_s - from_s;
+        let wall_s = at.elapsed().as_secs_f64();
+        let left_s = wall_s * (self.expected_s - self.rig_s).max(0.0) / passed_s;
+        (passed_s > 0.0 && wall_s > 1.0).then(|| duration(left_s))
+    }
+
+    /// The present numbers on the bar, or on a line now and then.
+    fn show(&mut self) {
+        let Self { present, numbers, .. } = self;
+        self.bar.set_message(format!("{present}{numbers}"));
+        if self.has_lines && self.line_at.elapsed() >= LINE_EVERY {
+            self.line_at = Instant::now();
+            let (taken, planned) = self.points;
+            let left = self.left().map_or(String::new(), |left| format!(", about {left} left"));
+            say!("{}{}; {taken} of {planned} points{left}", self.present, self.numbers);
+        }
+    }
+}
+
+impl Watcher for RunProgress {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+        self.print_summary();
+        self.mounted = self.set_ups.iter().position(|name| *name == set_up.name).map_or(0, |n| n + 1);
+        let label = shown_in_line(&set_up.name).into_owned();
+        self.present.clone_from(&label);
+        self.numbers.clear();
+        self.show();
+        self.summary = Some(Summary { label, points: 0, peak: None });
+        if simulated || self.mount_without_asking {
+            return Ok(());
+        }
+        let what = describe::set_up(set_up);
+        if !std::io::stdin().is_terminal() {
+            let message = format!(
+                "set-up {:?} ({what}) must be mounted, and there is no terminal for the confirmation; mount it and use --yes",
+                set_up.name
+            );
+            return Err(RunError::NobodyThere(message));
+        }
+        self.bar.suspend(|| {
+            let _ = write!(std::io::stderr(), "Mount set-up {:?}: {what}. Press Enter when ready. ", set_up.name);
+            let mut answer = String::new();
+            match std::io::stdin().lock().read_line(&mut answer) {
+                Ok(count) if count > 0 => Ok(()),
+                _ => Err(RunError::NobodyThere(format!("mounting of set-up {:?} was not confirmed", set_up.name))),
+            }
+        })
+    }
+
+    fn progress(&mut self, rig_s: f64) {
+        self.rig_s = rig_s;
+        self.began.get_or_insert((rig_s, Instant::now()));
+        // A structure that comes to rest slowly makes the run longer than expected.
+        self.bar.set_position((rig_s.min(self.expected_s) * STEPS_PER_S) as u64);
+    }
+
+    fn started(&mut self, start: &WatchedStart) {
+        self.log(&format!("set-up {}: experiment {} starts", start.set_up.name, start.experiment.name));
+    }
+
+    fn wants_values(&self) -> bool {
+        self.has_lines || !self.bar.is_hidden()
+    }
+
+    fn values(&mut self, _: f64, values: &[f32], _: &Losses) {
+        let value = |at: Option<usize>| at.and_then(|at| values.get(at)).copied().filter(|value| value.is_finite());
+        let mut text = String::new();
+        if let Some(frequency_hz) = value(self.places.frequency).filter(|hz| *hz > 0.0) {
+            text += &format!("  {frequency_hz:.3} Hz");
+        }
+        if let Some(x_over_z) = value(self.places.x_over_z).filter(|ratio| *ratio > 0.0) {
+            text += &format!("  X/Z {x_over_z:.2}");
+        }
+        if let Some(z_m) = value(self.places.z_amplitude).filter(|z| *z > 0.0) {
+            text += &format!("  Z {:.3} mm", z_m * 1e3);
+        }
+        if let Some(impacts) = value(self.places.impacts_in_cycle).filter(|impacts| *impacts > 0.0) {
+            text += &format!("  {impacts:.0} impacts/cycle");
+        }
+        self.numbers = text;
+        self.show();
+    }
+
+    fn point(&mut self, row: &ResultRow) {
+        self.points.0 += 1;
+        let (taken, planned) = self.points;
+        let steady = if row.steady { "steady" } else { "not steady" };
+        let (x_mm, z_mm) = (row.x_mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
+        self.log(&format!(
+            "point {taken} of {planned}: set-up {}, {} Hz: X/Z {:.3}, X {x_mm:.3} mm, Z {z_mm:.4} mm, {steady}",
+            row.set_up,
+            row.frequency_hz,
+            row.x_over_z()
+        ));
+        if let Some(summary) = &mut self.summary {
+            summary.points += 1;
+            if summary.peak.is_none_or(|(x, _)| row.x_over_z() > x) {
+                summary.peak = Some((row.x_over_z(), row.frequency_hz));
+            }
+        }
+    }
+
+    fn transient(&mut self, row: &TransientRow) {
+        self.points.0 += 1;
+        self.log(&format!("set-up {}, experiment {}: {}", row.set_up, row.experiment, in_words(row)));
+        if let Some(summary) = &mut self.summary {
+            summary.points += 1;
+        }
+    }
+
+    fn spring(&mut self, event: &SpringEvent) {
+        self.log(&crate::monitor::spring_event(event));
+    }
+
+    fn link(&mut self, state: &str) {
+        // Above the bar or to standard error, where it stays visible.
+        self.bar.suspend(|| warn!("link: {state}"));
+        self.log(&format!("link: {state}"));
+    }
+
+    fn answer(&mut self, result: Result<&str, &str>) {
+        self.log(result.unwrap_or_else(|why| why));
+    }
+}

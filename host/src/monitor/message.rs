@@ -1,0 +1,610 @@
+//! The messages between the monitor and its viewers: what a page gets as JSON, and the terminal view as it is.
+//!
+//! Numbers are SI; one that is not known is `None` (`null` in JSON). Times are rig time in s.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use axum::extract::ws::Utf8Bytes;
+use damprig_core::io::Sensor;
+use damprig_simulator::plant::InjectedFault;
+use damprig_simulator::plant::faults::{SensorFault, Supply};
+use serde::{Deserialize, Serialize};
+
+/// A message to a viewer.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Message<'a> {
+    /// Everything that a new viewer needs.
+    Snapshot(&'a Snapshot),
+    /// What is new since the message before.
+    Frame(&'a Frame),
+    /// The answer to an action of this viewer.
+    Answer(&'a Answer),
+}
+
+/// What is watched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SourceKind {
+    /// A run of this process.
+    Run,
+    /// An idle rig.
+    Rig,
+    /// The folder of a run that another process records.
+    Folder,
+    /// The folder of a run that is over.
+    Replay,
+}
+
+/// Description of what is watched.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Source {
+    /// Its kind.
+    pub kind: SourceKind,
+    /// Name of the campaign, or the rig's address.
+    pub name: String,
+    /// The rig's address.
+    pub rig: String,
+    /// The rig's board.
+    pub board: String,
+    /// The run folder.
+    pub folder: Option<String>,
+}
+
+/// A telemetry signal: a column of [`Rows`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SignalName {
+    /// Its name on the device.
+    pub name: String,
+    /// Its unit; empty without one.
+    pub unit: String,
+}
+
+/// The frequency response of one experiment on one set-up as predicted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Curve {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Frequency (Hz) and X/Z of each predicted point.
+    pub predicted: Vec<(f64, f64)>,
+}
+
+/// A measured point.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Drive frequency, Hz.
+    pub frequency_hz: f64,
+    /// Mean cycle maximum of |x| over the lock-in amplitude of z.
+    pub x_over_z: Option<f64>,
+    /// Ratio of the two lock-in amplitudes.
+    pub x_over_z_lock_in: Option<f64>,
+    /// Mean cycle maximum of |x|, m.
+    pub x_m: Option<f64>,
+    /// Lock-in amplitude of z, m.
+    pub z_m: Option<f64>,
+    /// Impacts per cycle; none when it was not counted.
+    pub impacts_per_cycle: Option<f64>,
+    /// Whether the point counts as steady.
+    pub steady: bool,
+}
+
+/// The result of a playback, an impulse or a free vibration.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Transient {
+    /// Name of the set-up.
+    pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
+    /// The result in words.
+    pub text: String,
+}
+
+/// An impact of the particle on a wall.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Impact {
+    /// Its time, s.
+    pub t_s: f64,
+    /// +1 for the wall at +d, −1 for the wall at −d.
+    pub side: i8,
+    /// Highest force, N.
+    pub peak_n: Option<f64>,
+}
+
+/// How serious a line of the log is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// Something happened.
+    Info,
+    /// Something may be wrong.
+    Warning,
+    /// A fault of the rig.
+    Fault,
+    /// A person did something.
+    Action,
+}
+
+/// A line of the log.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Log {
+    /// Host time of day.
+    pub at: String,
+    /// How serious it is.
+    pub level: Level,
+    /// What happened, in words.
+    pub text: String,
+}
+
+/// Rows of named columns over time; a gap is an entry of `None`s.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Rows {
+    /// Ascending times, s.
+    pub t_s: Vec<f64>,
+    /// A column for each name.
+    pub values: BTreeMap<String, Vec<Option<f32>>>,
+}
+
+impl Rows {
+    /// Whether there are no rows.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.t_s.is_empty()
+    }
+}
+
+/// State of what is watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Activity {
+    /// An experiment runs.
+    Running,
+    /// The experiment is held at its present point.
+    Held,
+    /// The run is paused: the drive is off.
+    Paused,
+    /// The run waits for a person or prepares the next experiment.
+    #[default]
+    Waiting,
+    /// The drive fades out.
+    Stopping,
+    /// The rig is idle.
+    Idle,
+    /// A fault is latched.
+    Faulted,
+    /// The link to the rig is lost.
+    Lost,
+    /// The run is over.
+    Over,
+}
+
+/// What the controller computes in real time, as in its last report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[allow(missing_docs)] // Names and units are those of the device's signal table (`damprig_core::rig::signals`).
+pub struct Numbers {
+    pub tick: Option<u32>,
+    pub frequency_hz: Option<f32>,
+    pub x_over_z: Option<f32>,
+    pub x_amplitude_m: Option<f32>,
+    pub x_phase_rad: Option<f32>,
+    pub z_amplitude_m: Option<f32>,
+    pub z_phase_rad: Option<f32>,
+    pub impacts_in_cycle: Option<f32>,
+    pub impacts: Option<f32>,
+    pub twin_residual_m: Option<f32>,
+    pub twin_predicted: Option<f32>,
+    pub twin_detected: Option<f32>,
+    pub twin_missing: Option<f32>,
+    pub twin_alarm: bool,
+    pub spring_force_n: Option<f32>,
+    pub spring_target_n: Option<f32>,
+    pub spring_position_m: Option<f32>,
+    pub spring_stage: Option<&'static str>,
+    pub wall_low_n: Option<f32>,
+    pub wall_high_n: Option<f32>,
+    pub safety: Option<&'static str>,
+}
+
+/// Limits that are in force, and the particle's clearance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Limits {
+    /// Limit of |x|, m.
+    pub x_m: Option<f64>,
+    /// Limit of |z|, m.
+    pub z_m: Option<f64>,
+    /// Limit of the force on a wall, N.
+    pub wall_force_n: Option<f64>,
+    /// Clearance of the present set-up, m.
+    pub clearance_m: Option<f64>,
+}
+
+/// State and counters of the link.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LinkState {
+    /// The rig's address.
+    pub name: String,
+    /// Its state in words.
+    pub state: String,
+    /// Rows of telemetry so far, as the monitor counts them.
+    pub rows: u64,
+    /// Rows lost on the way.
+    pub lost_rows: u64,
+    /// Rows that the recorder had no room for.
+    pub dropped_rows: u64,
+    /// Damaged frames.
+    pub bad_frames: u64,
+    /// Times that the link was lost.
+    pub interruptions: u64,
+    /// Viewers at present.
+    pub viewers: usize,
+    /// Parts of the display that were skipped because the display was too slow; nothing recorded is lost.
+    pub skipped: u64,
+}
+
+/// A fault in words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FaultText {
+    /// What happened.
+    pub what: String,
+    /// What to do.
+    pub advice: String,
+}
+
+/// Position of a replay.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ReplayState {
+    /// Time shown, s.
+    pub t_s: f64,
+    /// Length of the run, s.
+    pub end_s: f64,
+    /// Rig seconds per second.
+    pub speed: f64,
+    /// Whether it stands.
+    pub paused: bool,
+}
+
+/// The present state.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct State {
+    /// State of what is watched.
+    pub activity: Activity,
+    /// The same in one sentence.
+    pub headline: String,
+    /// Name of the present set-up.
+    pub set_up: Option<String>,
+    /// Name of the present experiment.
+    pub experiment: Option<String>,
+    /// Points measured.
+    pub points_taken: usize,
+    /// Points of the whole campaign.
+    pub points_planned: usize,
+    /// Rig time so far, s.
+    pub rig_s: f64,
+    /// Rig time left, s.
+    pub left_s: Option<f64>,
+    /// Rig seconds per second, as measured over the last seconds; none when the rig stands.
+    pub speed: Option<f64>,
+    /// Position of a replay.
+    pub replay: Option<ReplayState>,
+    /// What the controller computes.
+    pub numbers: Numbers,
+    /// Limits.
+    pub limits: Limits,
+    /// The link.
+    pub link: LinkState,
+    /// The fault, if one is latched or has ended the run.
+    pub fault: Option<FaultText>,
+    /// Alarms in words.
+    pub alarms: Vec<String>,
+    /// Injected faults of a simulated rig in words.
+    pub injected: Vec<String>,
+}
+
+/// What is new in lists that only grow.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct News {
+    /// Measured points.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<Point>,
+    /// Measured transients.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub transients: Vec<Transient>,
+    /// Impacts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub impacts: Vec<Impact>,
+    /// Poincaré points: x (m), velocity (m/s) and drive frequency (Hz) at each rising zero of the drive.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub section: Vec<(f32, f32, f32)>,
+    /// Lines of the log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub log: Vec<Log>,
+    /// Telemetry.
+    #[serde(skip_serializing_if = "Rows::is_empty")]
+    pub rows: Rows,
+    /// The controller's numbers over time.
+    #[serde(skip_serializing_if = "Rows::is_empty")]
+    pub slow: Rows,
+}
+
+/// Everything that a new viewer needs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Snapshot {
+    /// Name and version of the program.
+    pub version: String,
+    /// What is watched.
+    pub source: Source,
+    /// Actions are possible with the token.
+    pub can_control: bool,
+    /// Faults can be injected, with the token.
+    pub can_inject: bool,
+    /// A replay can be moved.
+    pub is_replay: bool,
+    /// Where a run can be stopped, in words.
+    pub where_to_stop: String,
+    /// Columns of `rows`.
+    pub signals: Vec<SignalName>,
+    /// Predicted responses.
+    pub curves: Vec<Curve>,
+    /// Everything so far, as far as it is kept.
+    #[serde(flatten)]
+    pub news: News,
+    /// The present state.
+    pub state: State,
+}
+
+/// What is new since the message before.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Frame {
+    /// The time axis has jumped: rows, impacts and Poincaré points so far are out of date.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub restart: bool,
+    /// What is new.
+    #[serde(flatten)]
+    pub news: News,
+    /// The present state.
+    pub state: State,
+}
+
+/// A frame as all viewers share it: it is written as JSON once.
+#[derive(Debug)]
+pub struct SharedFrame {
+    frame: Frame,
+    json: OnceLock<Utf8Bytes>,
+}
+
+impl SharedFrame {
+    /// Of a frame.
+    #[must_use]
+    pub fn new(frame: Frame) -> Self {
+        Self { frame, json: OnceLock::new() }
+    }
+
+    /// The frame.
+    #[must_use]
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// The message as JSON.
+    #[must_use]
+    pub fn json(&self) -> Utf8Bytes {
+        self.json.get_or_init(|| json(&Message::Frame(&self.frame))).clone()
+    }
+}
+
+/// A message as JSON.
+#[must_use]
+pub fn json(message: &Message) -> Utf8Bytes {
+    // Cannot fail: every number is finite or none, and every key is text.
+    serde_json::to_string(message).unwrap_or_default().into()
+}
+
+/// The answer to an action.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Answer {
+    /// Number of the action, as the viewer gave it.
+    pub id: u64,
+    /// Whether it was done.
+    pub ok: bool,
+    /// What was done, or why not, in words.
+    pub text: String,
+}
+
+/// A message of a viewer.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Request {
+    /// Its number, repeated in the answer.
+    #[serde(default)]
+    pub id: u64,
+    /// The token printed at the start.
+    #[serde(default)]
+    pub token: String,
+    /// What to do.
+    #[serde(flatten)]
+    pub action: Action,
+}
+
+/// What a viewer can ask for. All but [`Action::Replay`] need the token.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case")]
+pub enum Action {
+    /// End the run, or stop the rig's experiment.
+    Stop,
+    /// Turn the drive off until the run is resumed; the interrupted point is repeated.
+    Pause,
+    /// Go on after a pause.
+    Resume,
+    /// Stay at the present point.
+    Hold,
+    /// Go on after a hold.
+    Release,
+    /// Clear a latched fault.
+    ClearFault,
+    /// Press the friction spring with a force; 0 releases it.
+    SetSpring {
+        /// The force, N.
+        force_n: f32,
+    },
+    /// Inject a fault into a simulated rig, or end it.
+    Inject {
+        /// The fault.
+        fault: Injection,
+    },
+    /// Move a replay.
+    Replay {
+        /// Rig seconds per second.
+        speed: Option<f64>,
+        /// Whether it stands.
+        paused: Option<bool>,
+        /// The time to show, s.
+        to_s: Option<f64>,
+    },
+}
+
+/// A fault to inject.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Injection {
+    /// A fault of a sensor; none repairs it.
+    Sensor {
+        /// The sensor.
+        sensor: SensorName,
+        /// The fault.
+        how: Option<SensorTrouble>,
+    },
+    /// The emergency stop.
+    EmergencyStop {
+        /// Whether it is pressed.
+        on: bool,
+    },
+    /// The cable between host and rig.
+    Cable {
+        /// Whether it is pulled.
+        on: bool,
+    },
+    /// A supply.
+    Supply {
+        /// The supply.
+        supply: SupplyName,
+        /// Whether it is on.
+        on: bool,
+    },
+}
+
+impl Injection {
+    /// The fault as the simulator takes it; none for the cable, which is no part of the rig.
+    #[must_use]
+    pub fn to_simulator(&self) -> Option<InjectedFault> {
+        Some(match self {
+            Self::Sensor { sensor, how } => {
+                InjectedFault::Sensor { sensor: sensor.sensor(), fault: how.map(|how| how.fault(sensor.sensor())) }
+            }
+            Self::EmergencyStop { on } => InjectedFault::EmergencyStop { pressed: *on },
+            Self::Supply { supply: SupplyName::Sensors, on } => {
+                InjectedFault::Supply { supply: Supply::Sensors, on: *on }
+            }
+            Self::Supply { supply: SupplyName::Amplifier, on } => {
+                InjectedFault::Supply { supply: Supply::Amplifier, on: *on }
+            }
+            Self::Cable { .. } => return None,
+        })
+    }
+
+    /// What it acts on, and the fault in words; none when it repairs.
+    #[must_use]
+    pub fn in_words(&self) -> (&'static str, Option<&'static str>) {
+        match self {
+            Self::Sensor { sensor, how } => (sensor.text(), how.map(SensorTrouble::text)),
+            Self::EmergencyStop { on } => ("the emergency stop", on.then_some("pressed")),
+            Self::Cable { on } => ("the cable", on.then_some("pulled")),
+            Self::Supply { supply: SupplyName::Sensors, on } => ("the supply of the sensors", (!on).then_some("off")),
+            Self::Supply { supply: SupplyName::Amplifier, on } => {
+                ("the supply of the amplifier", (!on).then_some("off"))
+            }
+        }
+    }
+}
+
+/// A sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum SensorName {
+    X,
+    Z,
+    Spring,
+    WallLow,
+    WallHigh,
+}
+
+/// A fault of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorTrouble {
+    /// Its cable is disconnected.
+    Unplugged,
+    /// It repeats one reading.
+    Stuck,
+    /// It has additional noise.
+    Noisy,
+}
+
+/// A supply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum SupplyName {
+    Sensors,
+    Amplifier,
+}
+
+/// RMS of a noisy sensor's additional noise.
+const NOISE_M: f32 = 1e-3;
+const NOISE_N: f32 = 20.0;
+
+impl SensorName {
+    fn sensor(self) -> Sensor {
+        match self {
+            Self::X => Sensor::X,
+            Self::Z => Sensor::Z,
+            Self::Spring => Sensor::SpringForce,
+            Self::WallLow => Sensor::WallLow,
+            Self::WallHigh => Sensor::WallHigh,
+        }
+    }
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::X => "the x sensor",
+            Self::Z => "the z sensor",
+            Self::Spring => "the spring force sensor",
+            Self::WallLow => "the force sensor of the wall at −d",
+            Self::WallHigh => "the force sensor of the wall at +d",
+        }
+    }
+}
+
+impl SensorTrouble {
+    fn fault(self, sensor: Sensor) -> SensorFault {
+        match self {
+            Self::Unplugged => SensorFault::Unplugged,
+            Self::Stuck => SensorFault::Stuck,
+            Self::Noisy if matches!(sensor, Sensor::X | Sensor::Z) => SensorFault::Noisy(NOISE_M),
+            Self::Noisy => SensorFault::Noisy(NOISE_N),
+        }
+    }
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::Unplugged => "unplugged",
+            Self::Stuck => "stuck",
+            Self::Noisy => "noisy",
+        }
+    }
+}

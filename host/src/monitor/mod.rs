@@ -1,0 +1,200 @@
+//! The live monitor: a page on this machine, or in the lab's network, that shows a run, an idle rig or a run folder as it moves.
+//!
+//! A source (`run`, `rig`, `folder`) tells what happens through a [`Feed`], which never waits. The monitor's own thread ([`hub`])
+//! keeps the recent past and makes frames of what is new; the web server's thread ([`server`]) hands the same frames to every
+//! viewer. So a slow, sleeping or dead viewer can delay neither the recorder nor the link. The terminal view ([`terminal`]) is a
+//! viewer too.
+
+mod access;
+mod control;
+pub mod feed;
+pub mod folder;
+mod history;
+mod hub;
+mod live;
+pub mod message;
+mod page;
+pub mod rig;
+pub mod run;
+mod screen;
+mod section;
+mod server;
+pub mod terminal;
+mod words;
+
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+use std::sync::mpsc::Receiver;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use tokio::sync::oneshot;
+
+pub use access::Token;
+pub use control::{Asked, Handles};
+pub use feed::Feed;
+pub use words::spring as spring_event;
+
+use control::Control;
+use feed::Update;
+use live::Live;
+use server::Shared;
+
+/// The port of the page when none is given and it is free.
+pub const PORT: u16 = 8421;
+
+/// Time in which viewers get the last frame when the source has ended.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// What viewers may do, and what they are told about it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Permissions {
+    /// Actions are possible with the token.
+    pub can_control: bool,
+    /// Faults can be injected with the token: the rig is simulated and runs in real time.
+    pub can_inject: bool,
+    /// Where a run can be stopped, in words.
+    pub where_to_stop: String,
+}
+
+/// Where the page is served, and who may control.
+#[derive(Clone, Debug)]
+pub struct Serving {
+    /// The address; none for [`PORT`] on the loopback address, or another port if that one is in use.
+    pub listen: Option<SocketAddr>,
+    /// The token of those who may control; none for a page that only shows.
+    pub token: Option<Token>,
+}
+
+/// The monitor could not be started.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct StartError(String);
+
+/// A running monitor.
+#[derive(Debug)]
+pub struct Monitor {
+    feed: Feed,
+    actions: Option<Receiver<Asked>>,
+    hub: JoinHandle<()>,
+    page: Option<Page>,
+}
+
+/// The web server of a monitor.
+#[derive(Debug)]
+struct Page {
+    address: SocketAddr,
+    token: Option<Token>,
+    /// The server ends soon after this is dropped.
+    ended: oneshot::Sender<()>,
+    thread: JoinHandle<()>,
+}
+
+fn failed(error: std::io::Error) -> StartError {
+    StartError(format!("cannot start the monitor: {error}"))
+}
+
+impl Monitor {
+    /// Starts the monitor, and its web server if a page is wanted.
+    ///
+    /// # Errors
+    /// The address cannot be used.
+    pub fn start(serving: Option<Serving>, permissions: Permissions, handles: Handles) -> Result<Self, StartError> {
+        let listener = serving.as_ref().map(|serving| listen(serving.listen)).transpose()?;
+        let (feed, updates) = feed::feed();
+        let token = serving.and_then(|serving| serving.token);
+        let (control, actions) = Control::new(token.clone(), handles, feed.clone(), permissions.where_to_stop.clone());
+        let live = Live::new(permissions);
+        let hub = std::thread::Builder::new().name("monitor".into());
+        let hub = hub.spawn(move || hub::run(live, &updates)).map_err(failed)?;
+        let page = listener.map(|listener| Page::serve(listener, token, feed.clone(), control)).transpose()?;
+        Ok(Self { feed, actions: Some(actions), hub, page })
+    }
+
+    /// The source's end.
+    #[must_use]
+    pub fn feed(&self) -> Feed {
+        self.feed.clone()
+    }
+
+    /// The actions of viewers; once.
+    pub fn take_actions(&mut self) -> Option<Receiver<Asked>> {
+        self.actions.take()
+    }
+
+    /// The address of the page, with the token if there is one.
+    #[must_use]
+    pub fn url(&self) -> Option<String> {
+        let Page { address, token, .. } = self.page.as_ref()?;
+        let mut address = *address;
+        if address.ip().is_unspecified() {
+            // Served at every address of this machine: this one can be opened here.
+            address.set_ip(IpAddr::V4(std::net::Ipv4Addr::LOCALHOST));
+        }
+        Some(match token {
+            Some(token) => format!("http://{address}/#token={}", token.text()),
+            None => format!("http://{address}/"),
+        })
+    }
+
+    /// Whether other machines can open the page.
+    #[must_use]
+    pub fn is_public(&self) -> bool {
+        self.page.as_ref().is_some_and(|page| !page.address.ip().is_loopback())
+    }
+
+    /// Ends the monitor. Viewers get what was told last.
+    pub fn end(self) {
+        self.feed.send(Update::End);
+        let _ = self.hub.join();
+        if let Some(Page { ended, thread, .. }) = self.page {
+            drop(ended);
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Page {
+    fn serve(listener: TcpListener, token: Option<Token>, feed: Feed, control: Control) -> Result<Self, StartError> {
+        let address = listener.local_addr().map_err(failed)?;
+        listener.set_nonblocking(true).map_err(failed)?;
+        let shared = Arc::new(Shared { address, feed, control, viewers: AtomicUsize::new(0) });
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
+        let (ended, ends) = oneshot::channel();
+        let thread = std::thread::Builder::new().name("monitor page".into());
+        let thread = thread.spawn(move || {
+            runtime.block_on(async {
+                let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
+                let serve = axum::serve(listener, server::routes(shared));
+                tokio::select! {
+                    _ = serve.into_future() => {}
+                    _ = ends => tokio::time::sleep(FAREWELL).await,
+                }
+            });
+        });
+        Ok(Self { address, token, ended, thread: thread.map_err(failed)? })
+    }
+}
+
+/// Binds the address.
+fn listen(wanted: Option<SocketAddr>) -> Result<TcpListener, StartError> {
+    let loopback = |port| SocketAddr::from(([127, 0, 0, 1], port));
+    let Some(address) = wanted else {
+        let usual = TcpListener::bind(loopback(PORT)).or_else(|_| TcpListener::bind(loopback(0)));
+        return usual.map_err(|e| StartError(format!("cannot serve the monitor's page on this machine: {e}")));
+    };
+    TcpListener::bind(address).map_err(|error| {
+        let hint = match error.kind() {
+            std::io::ErrorKind::AddrInUse => {
+                "is another monitor running there? Give another port, or port 0 for any that is free"
+            }
+            std::io::ErrorKind::AddrNotAvailable => {
+                "this machine does not have that address; 127.0.0.1 is for this machine only, 0.0.0.0 for every network"
+            }
+            std::io::ErrorKind::PermissionDenied => "ports below 1024 are reserved; give a higher one",
+            _ => "give another address",
+        };
+        StartError(format!("--listen {address}: {error}; {hint}"))
+    })
+}

@@ -1,0 +1,382 @@
+//! An idle rig as a source of the monitor: holds its link, shows what its controller measures, and carries out viewers' actions.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
+use damprig_core::io::TICK_HZ;
+use damprig_core::rig::{State, Status};
+use damprig_protocol::{Event, PlantKind, Request, Telemetry};
+use damprig_simulator::messages::ToSimulator;
+
+use super::control::Asked;
+use super::feed::{Feed, Update, Watched};
+use super::message::{Action, Activity, FaultText, Impact, Level, Limits, LinkState, SignalName, Source, SourceKind};
+use super::words;
+use crate::client::controller::Controller;
+use crate::client::session::{Report, Session, SessionError};
+
+/// The signals that are streamed at the tick rate, as far as the device has them.
+const SIGNALS: [&str; 8] = ["x", "z", "drive", "frequency", "x_velocity", "spring_force", "wall_low", "wall_high"];
+
+/// Host time between two questions for the controller's values, and for its status.
+const VALUES_EVERY: Duration = Duration::from_millis(100);
+const STATUS_EVERY: Duration = Duration::from_millis(500);
+
+/// Pause before a lost link is opened again.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
+
+/// Longest pause before Ctrl-C is checked again.
+const TURN: Duration = Duration::from_millis(50);
+
+/// Watches a rig until `stop` is set. A link that is lost later is opened again for as long as it takes.
+///
+/// # Errors
+/// The rig cannot be reached at the start, or it is not one that this program can work with.
+pub fn watch(
+    open: &dyn Fn() -> Result<Session, SessionError>,
+    feed: &Feed,
+    actions: &Receiver<Asked>,
+    stop: &AtomicBool,
+) -> Result<(), SessionError> {
+    let mut session = open()?;
+    let mut interruptions = 0;
+    loop {
+        let ended = RigWatch::new(&mut session, feed, actions, interruptions).and_then(|mut watch| watch.follow(stop));
+        match ended {
+            Ok(()) => return Ok(()),
+            Err(error) => {
+                session.close();
+                interruptions += 1;
+                let what = words::sentence(&error.to_string());
+                feed.log(Level::Warning, what.clone());
+                feed.send(Update::Activity(Activity::Lost, what));
+                let link = LinkState {
+                    name: session.name().to_string(),
+                    state: "lost; trying to connect".into(),
+                    interruptions,
+                    ..LinkState::default()
+                };
+                feed.send(Update::Link(link));
+            }
+        }
+        match reopen(open, actions, stop) {
+            Some(opened) => session = opened,
+            None => return Ok(()),
+        }
+        feed.log(Level::Info, "The link is back.");
+    }
+}
+
+/// Opens the link again; none when `stop` is set.
+fn reopen(
+    open: &dyn Fn() -> Result<Session, SessionError>,
+    actions: &Receiver<Asked>,
+    stop: &AtomicBool,
+) -> Option<Session> {
+    loop {
+        let again = Instant::now() + RETRY_AFTER;
+        while Instant::now() < again {
+            if stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            // The rig cannot be told anything.
+            while let Ok(asked) = actions.try_recv() {
+                asked.answer(Err("The link to the rig is lost.".into()));
+            }
+            std::thread::sleep(TURN);
+        }
+        if let Ok(session) = open() {
+            return Some(session);
+        }
+    }
+}
+
+struct RigWatch<'a> {
+    session: &'a mut Session,
+    feed: &'a Feed,
+    actions: &'a Receiver<Asked>,
+    link: LinkState,
+    /// Values in a row of telemetry.
+    width: usize,
+    /// The last tick of any row.
+    tick: u32,
+    values_at: Instant,
+    status_at: Instant,
+    /// The force that the spring is to be set to once it is ready, N.
+    spring_goal_n: Option<f32>,
+    spring_stage: Option<SpringStage>,
+    lost_sensors: String,
+    injected: Vec<(&'static str, &'static str)>,
+}
+
+impl<'a> RigWatch<'a> {
+    fn new(
+        session: &'a mut Session,
+        feed: &'a Feed,
+        actions: &'a Receiver<Asked>,
+        interruptions: u64,
+    ) -> Result<Self, SessionError> {
+        let places: Vec<usize> =
+            SIGNALS.iter().filter_map(|name| session.signals.iter().position(|signal| signal.name == *name)).collect();
+        let named = |place: &usize| {
+            let signal = &session.signals[*place];
+            SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() }
+        };
+        let link = LinkState {
+            name: session.name().to_string(),
+            state: "connected".into(),
+            interruptions,
+            ..LinkState::default()
+        };
+        let safety = &session.settings.safety;
+        let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
+        let watched = Watched {
+            source: Source {
+                kind: SourceKind::Rig,
+                name: session.name().to_string(),
+                rig: session.name().to_string(),
+                board: session.identity.board.to_string(),
+                folder: None,
+            },
+            signals: places.iter().map(named).collect(),
+            table: session.signals.iter().map(|signal| signal.name.to_string()).collect(),
+            curves: Vec::new(),
+            points_planned: 0,
+            expected_s: None,
+            limits: Limits {
+                x_m: known(safety.limits.structure_m),
+                z_m: known(safety.limits.base_m),
+                wall_force_n: known(safety.wall_force_n),
+                clearance_m: None,
+            },
+        };
+        feed.send(Update::Watch(Box::new(watched)));
+        feed.send(Update::Link(link.clone()));
+        let (status, _) = session.status()?;
+        if let State::Running(_) = status.state {
+            // Only the host's silence would end it, and this monitor is not silent.
+            session.stop_drive()?;
+            feed.log(
+                Level::Warning,
+                "The rig was running an experiment that no program follows any more: it was stopped.",
+            );
+        }
+        let ask = Request::SetTelemetry {
+            every_ticks: 1,
+            signals: places.iter().map(|place| *place as u8).collect(),
+            impacts: true,
+        };
+        session.execute("send telemetry", ask)?;
+        let now = Instant::now();
+        Ok(Self {
+            session,
+            feed,
+            actions,
+            link,
+            width: places.len(),
+            tick: status.tick,
+            values_at: now,
+            status_at: now.checked_sub(STATUS_EVERY).unwrap_or(now),
+            spring_goal_n: None,
+            spring_stage: None,
+            lost_sensors: String::new(),
+            injected: Vec::new(),
+        })
+    }
+
+    fn follow(&mut self, stop: &AtomicBool) -> Result<(), SessionError> {
+        while !stop.load(Ordering::Relaxed) {
+            while let Some(report) = self.session.next_report()? {
+                self.show(report)?;
+            }
+            if self.values_at.elapsed() >= VALUES_EVERY {
+                self.values_at = Instant::now();
+                let values = self.session.signal_values()?;
+                self.feed.send(Update::Values { rig_s: time_s(self.tick), tick: self.tick, values });
+                self.feed.send(Update::Progress(time_s(self.tick)));
+            }
+            if self.status_at.elapsed() >= STATUS_EVERY {
+                self.status_at = Instant::now();
+                self.show_status()?;
+            }
+            while let Ok(asked) = self.actions.try_recv() {
+                self.act(asked)?;
+            }
+        }
+        let ask = Request::SetTelemetry { every_ticks: 0, signals: Default::default(), impacts: false };
+        self.session.execute("end the telemetry", ask)
+    }
+
+    fn show(&mut self, report: Report) -> Result<(), SessionError> {
+        match report {
+            Report::Telemetry(message) => self.show_rows(&message)?,
+            Report::Event { event: Event::Impact(impact), .. } => {
+                let ticks = f64::from(impact.tick) + f64::from(impact.centre_ticks);
+                let peak_n = impact.peak_n.is_finite().then_some(f64::from(impact.peak_n));
+                self.feed.send(Update::Impact(Impact { t_s: ticks / f64::from(TICK_HZ), side: impact.side, peak_n }));
+            }
+            Report::Event { event: Event::Spring(event), .. } => self.feed.log(Level::Info, words::spring(&event)),
+            Report::Event { event: Event::Fault(_), .. } => self.show_status()?,
+            Report::Event { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn show_rows(&mut self, message: &Telemetry) -> Result<(), SessionError> {
+        let rows = message.values.len() / self.width.max(1);
+        if usize::from(message.width) != self.width || message.every_ticks != 1 {
+            // Rows that were asked for before.
+            return self.session.note_misfit();
+        }
+        if message.first_tick < self.tick {
+            // The board was reset, or counts from 0 again.
+            self.feed.send(Update::Restart);
+        } else {
+            self.link.lost_rows += u64::from(message.first_tick - self.tick).saturating_sub(1);
+        }
+        self.tick = message.first_tick.saturating_add((rows as u32).saturating_sub(1));
+        let t_s = (0..rows as u32).map(|row| time_s(message.first_tick.saturating_add(row))).collect();
+        let longest_step_s = 1.5 / f64::from(TICK_HZ);
+        self.feed.send(Update::Rows { t_s, values: message.values.to_vec(), longest_step_s });
+        Ok(())
+    }
+
+    fn show_status(&mut self) -> Result<(), SessionError> {
+        let (status, counters) = self.session.status()?;
+        self.spring_stage = Some(status.spring.stage);
+        let counted = Controller::between(&Default::default(), &counters);
+        self.link.dropped_rows = counted.rows_dropped;
+        self.link.bad_frames = counted.bad_frames + self.session.bad_frames();
+        self.feed.send(Update::Link(self.link.clone()));
+        let lost = status.sensors.lost.to_string();
+        if lost != self.lost_sensors {
+            let text = if lost.is_empty() {
+                "All sensors have a signal.".into()
+            } else {
+                format!("Without a signal: {lost}.")
+            };
+            self.feed.log(if lost.is_empty() { Level::Info } else { Level::Warning }, text);
+            self.lost_sensors = lost;
+        }
+        self.feed.send(activity(&status, &self.lost_sensors));
+        let fault = status.fault.or(status.spring.fault).map(|fault| FaultText {
+            what: format!("{} (value {}, limit {})", words::sentence(fault.cause.text()), fault.value, fault.limit),
+            advice: advice(&status).into(),
+        });
+        self.feed.send(Update::Fault(fault));
+        self.advance_spring(&status)
+    }
+
+    /// Moves the spring towards its goal: home, touch off, press.
+    fn advance_spring(&mut self, status: &Status) -> Result<(), SessionError> {
+        let Some(force_n) = self.spring_goal_n else { return Ok(()) };
+        let command = match status.spring.stage {
+            SpringStage::Unhomed => SpringCommand::Home,
+            SpringStage::Homed => SpringCommand::TouchOff,
+            SpringStage::Ready | SpringStage::Setting | SpringStage::Holding => {
+                self.spring_goal_n = None;
+                SpringCommand::Set(Target::Force { force_n })
+            }
+            SpringStage::Faulted => {
+                self.spring_goal_n = None;
+                return Ok(());
+            }
+            SpringStage::Homing | SpringStage::TouchingOff | SpringStage::Releasing => return Ok(()),
+        };
+        let done = self.session.execute("move the friction damper's spring", Request::Spring(command));
+        if let Err(SessionError::Refused { why, .. }) = &done {
+            self.spring_goal_n = None;
+            self.feed.log(Level::Warning, format!("The spring cannot be moved: {why}."));
+            return Ok(());
+        }
+        done
+    }
+
+    fn act(&mut self, asked: Asked) -> Result<(), SessionError> {
+        let (request, done) = match &asked.action {
+            Action::Stop => {
+                self.spring_goal_n = None;
+                (Request::Stop, "The rig is stopped.")
+            }
+            Action::ClearFault => (self.clear_fault(), "The fault is cleared."),
+            Action::SetSpring { force_n } if *force_n == 0.0 => {
+                self.spring_goal_n = None;
+                (Request::Spring(SpringCommand::Release), "The spring is released.")
+            }
+            Action::SetSpring { force_n } if force_n.is_finite() && *force_n > 0.0 => {
+                self.spring_goal_n = Some(*force_n);
+                let text = match self.spring_stage {
+                    Some(SpringStage::Unhomed) => "The spring is homed first, then touches off, then presses.",
+                    _ => "The spring moves to its force.",
+                };
+                asked.answer(Ok(text.into()));
+                return Ok(());
+            }
+            Action::Inject { fault } => match fault.to_simulator() {
+                Some(injected) if self.session.description.plant != PlantKind::Real => {
+                    words::note_injection(&mut self.injected, fault);
+                    self.feed.send(Update::Injected(words::injected(&self.injected)));
+                    (ToSimulator::Inject(injected).request(), "Done.")
+                }
+                _ => {
+                    asked.answer(Err("faults can be injected into a simulated rig only".into()));
+                    return Ok(());
+                }
+            },
+            Action::SetSpring { .. } => {
+                asked.answer(Err("the force must be 0 or greater".into()));
+                return Ok(());
+            }
+            Action::Pause | Action::Resume | Action::Hold | Action::Release | Action::Replay { .. } => {
+                asked.answer(Err("no run is in progress".into()));
+                return Ok(());
+            }
+        };
+        match self.session.execute("act", request) {
+            Ok(()) => asked.answer(Ok(done.into())),
+            Err(SessionError::Refused { why, .. }) => asked.answer(Err(words::sentence(&why))),
+            Err(error) => {
+                asked.answer(Err(words::sentence(&error.to_string())));
+                return Err(error);
+            }
+        }
+        self.show_status()
+    }
+
+    fn clear_fault(&self) -> Request {
+        if self.spring_stage == Some(SpringStage::Faulted) {
+            Request::Spring(SpringCommand::ClearFault)
+        } else {
+            Request::ClearFault
+        }
+    }
+}
+
+fn time_s(tick: u32) -> f64 {
+    f64::from(tick) / f64::from(TICK_HZ)
+}
+
+fn activity(status: &Status, lost_sensors: &str) -> Update {
+    let (activity, mut headline) = match status.state {
+        State::Idle => (Activity::Idle, "The rig is idle.".to_string()),
+        State::Running(_) => (Activity::Running, "The rig runs an experiment.".into()),
+        State::Stopping => (Activity::Stopping, "The drive fades out.".into()),
+        State::Faulted => (Activity::Faulted, words::sentence(status.safe.text())),
+    };
+    if !lost_sensors.is_empty() {
+        headline += &format!(" Without a signal: {lost_sensors}.");
+    }
+    Update::Activity(activity, headline)
+}
+
+fn advice(status: &Status) -> &'static str {
+    use damprig_core::control::safety::SafeStage;
+    match status.safe {
+        SafeStage::Clear => "Clear the spring's fault, then home the spring again.",
+        SafeStage::Fading => "Wait until the drive is silent.",
+        SafeStage::Ringing => "Release the emergency stop if it is pressed, and wait for rest; then clear the fault.",
+        SafeStage::Safe => "Remove the cause, then clear the fault.",
+    }
+}

@@ -1,0 +1,335 @@
+//! A run as a source of the monitor: passes what the run's watcher sees to the feed, and the viewers' actions to the run.
+
+use std::sync::mpsc::Receiver;
+
+use damprig_core::control::friction_spring::SpringEvent;
+use damprig_core::io::TICK_HZ;
+use damprig_core::measure::impacts::ImpactRecord;
+
+use super::control::Asked;
+use super::feed::{Feed, Update, Watched};
+use super::message::{
+    Action, Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind,
+    Transient,
+};
+use super::words;
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::client::session::Session;
+use crate::prediction::Predicted;
+use crate::report::terminal::transients::in_words;
+use crate::run_folder::ResultRow;
+use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::transients::TransientRow;
+use crate::runner::{RunAction, RunError, WatchedStart, Watcher};
+
+/// What is known of a run before it starts.
+pub struct RunFacts<'a> {
+    /// The campaign.
+    pub campaign: &'a Campaign,
+    /// The session with the rig.
+    pub session: &'a Session,
+    /// The predicted responses.
+    pub predicted: &'a Predicted,
+    /// The run folder, as people are told.
+    pub folder: String,
+}
+
+/// Watches a run for the monitor and for another watcher, the terminal's.
+pub struct MonitoredRun<'a> {
+    terminal: &'a mut dyn Watcher,
+    feed: Feed,
+    actions: Receiver<Asked>,
+    asked: Option<(RunAction, Asked)>,
+    /// The last action of the terminal.
+    from_terminal: Option<RunAction>,
+    watched: Watched,
+    /// Names and units of the device's signals.
+    table: Vec<SignalName>,
+    link: LinkState,
+    injected: Vec<(&'static str, &'static str)>,
+    present: Option<Present>,
+    is_held: bool,
+}
+
+/// The present start of the device.
+struct Present {
+    set_up: String,
+    experiment: String,
+    from_s: f64,
+    longest_step_s: f64,
+}
+
+impl<'a> MonitoredRun<'a> {
+    /// Watches a run; `actions` are those of the monitor's viewers.
+    pub fn new(facts: &RunFacts, feed: Feed, actions: Receiver<Asked>, terminal: &'a mut dyn Watcher) -> Self {
+        let RunFacts { campaign, session, predicted, folder } = facts;
+        let table: Vec<SignalName> = session
+            .signals
+            .iter()
+            .map(|signal| SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() })
+            .collect();
+        let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
+        let watched = Watched {
+            source: Source {
+                kind: SourceKind::Run,
+                name: campaign.name.clone(),
+                rig: session.name().to_string(),
+                board: session.identity.board.to_string(),
+                folder: Some(folder.clone()),
+            },
+            signals: Vec::new(),
+            table: table.iter().map(|signal| signal.name.clone()).collect(),
+            curves: curves(campaign, predicted),
+            points_planned: campaign.points(),
+            expected_s: Some(campaign.expected_s()),
+            limits: Limits {
+                x_m: Some(campaign.rig.structure_limit_m()),
+                z_m: Some(campaign.rig.base_limit_m()),
+                wall_force_n: known(campaign.rig.acting.wall_force_n),
+                clearance_m: None,
+            },
+        };
+        let link = LinkState { name: session.name().to_string(), state: "connected".into(), ..LinkState::default() };
+        feed.send(Update::Watch(Box::new(watched.clone())));
+        feed.send(Update::Link(link.clone()));
+        feed.send(Update::Activity(Activity::Waiting, "The run begins.".into()));
+        Self {
+            terminal,
+            feed,
+            actions,
+            asked: None,
+            from_terminal: None,
+            watched,
+            table,
+            link,
+            injected: Vec::new(),
+            present: None,
+            is_held: false,
+        }
+    }
+
+    /// Tells how the run has ended.
+    pub fn ended(&self, result: &Result<(), RunError>) {
+        match result {
+            Ok(()) => self.feed.send(Update::Activity(Activity::Over, "The run is complete.".into())),
+            Err(RunError::Interrupted) => {
+                self.feed.send(Update::Activity(Activity::Over, "The run was stopped; --resume continues it.".into()));
+            }
+            Err(error) => {
+                let what = words::sentence(&error.to_string());
+                let advice = "The drive is off. `damprig run --resume` continues the run.".into();
+                self.feed.send(Update::Fault(Some(FaultText { what: what.clone(), advice })));
+                self.feed.send(Update::Activity(Activity::Over, format!("The run has ended early. {what}")));
+            }
+        }
+    }
+
+    fn running(&self) {
+        let Some(Present { set_up, experiment, .. }) = &self.present else { return };
+        let (activity, word) = if self.is_held { (Activity::Held, "Held") } else { (Activity::Running, "Running") };
+        self.feed.send(Update::Activity(activity, format!("{word}: set-up {set_up}, experiment {experiment}")));
+    }
+
+    /// The action as the run takes it; others are answered here.
+    fn for_run(&mut self, asked: Asked) -> Option<RunAction> {
+        let action = match &asked.action {
+            Action::Pause => RunAction::Pause,
+            Action::Resume => RunAction::Resume,
+            Action::Hold => RunAction::Hold(true),
+            Action::Release => RunAction::Hold(false),
+            Action::Inject { fault } => match fault.to_simulator() {
+                Some(fault) => RunAction::Inject(fault),
+                None => {
+                    asked.answer(Err("this rig has no cable that could be pulled from here".into()));
+                    return None;
+                }
+            },
+            Action::ClearFault => {
+                asked.answer(Err("a fault ends the run; `damprig run --resume` clears it and goes on".into()));
+                return None;
+            }
+            Action::SetSpring { .. } => {
+                asked.answer(Err("the run sets the spring itself, from the campaign".into()));
+                return None;
+            }
+            Action::Stop | Action::Replay { .. } => {
+                asked.answer(Err("a run cannot do this".into()));
+                return None;
+            }
+        };
+        self.asked = Some((action, asked));
+        Some(action)
+    }
+
+    /// What an action that was carried out has changed.
+    fn note_done(&mut self, action: RunAction) {
+        match action {
+            RunAction::Pause => {
+                self.is_held = false;
+                self.feed.send(Update::Activity(Activity::Paused, "Paused: the drive is off.".into()));
+            }
+            RunAction::Resume => {
+                self.feed.send(Update::Activity(Activity::Waiting, "The run goes on.".into()));
+            }
+            RunAction::Hold(on) => {
+                self.is_held = on;
+                self.running();
+            }
+            RunAction::Inject(_) => self.feed.send(Update::Injected(words::injected(&self.injected))),
+        }
+    }
+}
+
+impl Watcher for MonitoredRun<'_> {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+        if !simulated {
+            let text = format!("Waiting: mount set-up {} and confirm in the terminal.", set_up.name);
+            self.feed.send(Update::Activity(Activity::Waiting, text));
+        }
+        self.terminal.mount(set_up, simulated)
+    }
+
+    fn progress(&mut self, rig_s: f64) {
+        self.feed.send(Update::Progress(rig_s));
+        self.terminal.progress(rig_s);
+    }
+
+    fn started(&mut self, start: &WatchedStart) {
+        let signals: Vec<SignalName> =
+            start.places.iter().filter_map(|place| self.table.get(*place).cloned()).collect();
+        if signals != self.watched.signals {
+            self.watched.signals = signals;
+            self.feed.send(Update::Watch(Box::new(self.watched.clone())));
+            self.feed.send(Update::Link(self.link.clone()));
+        }
+        let (set_up, experiment) = (start.set_up.name.clone(), start.experiment.name.clone());
+        self.feed.log(Level::Info, format!("Set-up {set_up}: experiment {experiment} starts."));
+        self.feed.send(Update::Experiment {
+            set_up: set_up.clone(),
+            experiment: experiment.clone(),
+            clearance_m: start.set_up.model().particle.map(|particle| particle.clearance_m),
+        });
+        let longest_step_s = 1.5 * f64::from(start.every_ticks.max(1)) / f64::from(TICK_HZ);
+        self.present = Some(Present { set_up, experiment, from_s: start.from_s, longest_step_s });
+        self.is_held = false;
+        self.running();
+        self.terminal.started(start);
+    }
+
+    fn rows(&mut self, ticks: &[u32], values: &[f32]) {
+        if let Some(present) = &self.present {
+            let t_s = ticks.iter().map(|tick| present.from_s + f64::from(*tick) / f64::from(TICK_HZ)).collect();
+            let longest_step_s = present.longest_step_s;
+            self.feed.send(Update::Rows { t_s, values: values.to_vec(), longest_step_s });
+        }
+        self.terminal.rows(ticks, values);
+    }
+
+    fn wants_values(&self) -> bool {
+        true
+    }
+
+    fn values(&mut self, rig_s: f64, values: &[f32], losses: &Losses) {
+        let tick = self.present.as_ref().map_or(0.0, |present| (rig_s - present.from_s) * f64::from(TICK_HZ)) as u32;
+        self.feed.send(Update::Values { rig_s, tick, values: values.to_vec() });
+        self.link.lost_rows = losses.dropped_records;
+        self.link.dropped_rows = losses.dropped_rows_host;
+        self.link.bad_frames = losses.bad_frames_host.saturating_add(losses.bad_frames_device);
+        self.link.interruptions = losses.interruptions;
+        self.feed.send(Update::Link(self.link.clone()));
+        self.terminal.values(rig_s, values, losses);
+    }
+
+    fn action(&mut self) -> Option<RunAction> {
+        self.from_terminal = self.terminal.action();
+        if self.from_terminal.is_some() {
+            return self.from_terminal;
+        }
+        while let Ok(asked) = self.actions.try_recv() {
+            if let Some(action) = self.for_run(asked) {
+                return Some(action);
+            }
+        }
+        None
+    }
+
+    fn answer(&mut self, result: Result<&str, &str>) {
+        if let Some((action, asked)) = self.asked.take() {
+            if result.is_ok() {
+                if let Action::Inject { fault } = &asked.action {
+                    words::note_injection(&mut self.injected, fault);
+                }
+                self.note_done(action);
+            }
+            asked.answer(result.map(words::sentence).map_err(words::sentence));
+        } else {
+            if let (Ok(_), Some(action)) = (result, self.from_terminal.take()) {
+                self.note_done(action);
+            }
+            self.terminal.answer(result);
+        }
+    }
+
+    fn point(&mut self, row: &ResultRow) {
+        self.feed.send(Update::Point(point(row)));
+        self.terminal.point(row);
+    }
+
+    fn transient(&mut self, row: &TransientRow) {
+        let (set_up, experiment) = (row.set_up.clone(), row.experiment.clone());
+        self.feed.send(Update::Transient(Transient { set_up, experiment, text: in_words(row) }));
+        self.terminal.transient(row);
+    }
+
+    fn impact(&mut self, impact: &ImpactRecord) {
+        if let Some(present) = &self.present {
+            let t_s = present.from_s + (f64::from(impact.tick) + f64::from(impact.centre_ticks)) / f64::from(TICK_HZ);
+            let peak_n = impact.peak_n.is_finite().then_some(f64::from(impact.peak_n));
+            self.feed.send(Update::Impact(Impact { t_s, side: impact.side, peak_n }));
+        }
+        self.terminal.impact(impact);
+    }
+
+    fn spring(&mut self, happening: &SpringEvent) {
+        self.feed.log(Level::Info, words::spring(happening));
+        self.terminal.spring(happening);
+    }
+
+    fn link(&mut self, state: &str) {
+        self.link.state = state.to_string();
+        self.feed.log(Level::Warning, words::sentence(state));
+        if state == "the link is back" {
+            self.link.state = "connected".into();
+        } else {
+            self.feed.send(Update::Activity(Activity::Lost, words::sentence(state)));
+        }
+        self.feed.send(Update::Link(self.link.clone()));
+        self.terminal.link(state);
+    }
+}
+
+/// A result as viewers get it.
+pub(super) fn point(row: &ResultRow) -> Point {
+    let known = |value: f64| value.is_finite().then_some(value);
+    Point {
+        set_up: row.set_up.clone(),
+        experiment: row.experiment.clone(),
+        frequency_hz: row.frequency_hz,
+        x_over_z: known(row.x_over_z()),
+        x_over_z_lock_in: known(f64::from(row.x_amplitude_m) / f64::from(row.z_amplitude_m)),
+        x_m: known(row.x_mean_cycle_max_m.into()),
+        z_m: known(row.z_amplitude_m.into()),
+        impacts_per_cycle: None,
+        steady: row.steady,
+    }
+}
+
+/// The predicted responses of a campaign.
+pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
+    let curve = |response: &crate::prediction::Response| Curve {
+        set_up: campaign.set_ups[response.set_up].name.clone(),
+        experiment: campaign.experiments[response.experiment].name.clone(),
+        predicted: response.points.clone(),
+    };
+    predicted.responses.iter().map(curve).collect()
+}

@@ -1,0 +1,236 @@
+//! The picture of the terminal view.
+
+use std::collections::VecDeque;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style, Stylize};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Sparkline, Wrap};
+
+use super::message::{Activity, Level};
+use super::terminal::Picture;
+use crate::input::shown_in_line;
+use crate::report::numbers::duration;
+
+/// Draws the whole picture.
+pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
+    let state = &picture.snapshot.state;
+    let has_trouble = state.fault.is_some() || !state.alarms.is_empty() || picture.question.is_some();
+    let [head, trouble, numbers, curves, progress, log, keys] = Layout::vertical([
+        Constraint::Length(2),
+        Constraint::Length(if has_trouble { 2 } else { 0 }),
+        Constraint::Length(5),
+        Constraint::Min(6),
+        Constraint::Length(1),
+        Constraint::Length(4),
+        Constraint::Length(1),
+    ])
+    .areas(frame.area());
+    header(frame, head, picture);
+    if has_trouble {
+        troubles(frame, trouble, picture);
+    }
+    values(frame, numbers, picture);
+    let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(curves);
+    histories(frame, left, picture);
+    response(frame, right, picture);
+    if state.points_planned > 0 {
+        let ratio = (state.points_taken as f64 / state.points_planned as f64).clamp(0.0, 1.0);
+        let left = state.left_s.map_or(String::new(), |s| format!(", {} of rig time left", duration(s)));
+        let label = format!("{} of {} points{left}", state.points_taken, state.points_planned);
+        frame.render_widget(Gauge::default().ratio(ratio).label(label).gauge_style(Color::Blue), progress);
+    } else if let Some(replay) = state.replay {
+        let ratio = if replay.end_s > 0.0 { (replay.t_s / replay.end_s).clamp(0.0, 1.0) } else { 1.0 };
+        let label = format!("{} of {}", duration(replay.t_s), duration(replay.end_s));
+        frame.render_widget(Gauge::default().ratio(ratio).label(label).gauge_style(Color::Blue), progress);
+    }
+    lines(frame, log, picture);
+    let text = match (picture.owns_run, state.activity) {
+        (false, _) => " q end ",
+        (true, Activity::Paused) => " s stop   p resume ",
+        (true, Activity::Held) => " s stop   p pause   h release ",
+        (true, _) => " s stop   p pause   h hold ",
+    };
+    frame.render_widget(Paragraph::new(text).reversed(), keys);
+}
+
+fn header(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let snapshot = &picture.snapshot;
+    let (word, colour) = match snapshot.state.activity {
+        Activity::Running => ("RUNNING", Color::Green),
+        Activity::Held => ("HELD", Color::Yellow),
+        Activity::Paused => ("PAUSED", Color::Yellow),
+        Activity::Waiting => ("WAITING", Color::Yellow),
+        Activity::Stopping => ("STOPPING", Color::Yellow),
+        Activity::Idle => ("IDLE", Color::Blue),
+        Activity::Faulted => ("FAULT", Color::Red),
+        Activity::Lost => ("LINK LOST", Color::Red),
+        Activity::Over => ("OVER", Color::Blue),
+    };
+    let name = shown_in_line(&snapshot.source.name).into_owned();
+    let at = format!("  {} at {}", shown_in_line(&snapshot.source.board), shown_in_line(&snapshot.source.rig));
+    let first = Line::from(vec![
+        Span::styled(format!(" {word} "), Style::new().bg(colour).fg(Color::Black).add_modifier(Modifier::BOLD)),
+        Span::from(" "),
+        Span::from(name).bold(),
+        Span::from(at).dim(),
+    ]);
+    let second = Line::from(shown_in_line(&snapshot.state.headline).into_owned());
+    frame.render_widget(Paragraph::new(vec![first, second]), area);
+}
+
+fn troubles(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let state = &picture.snapshot.state;
+    let fault = state.fault.as_ref().map(|fault| format!("{} {}", fault.what, fault.advice));
+    let text = picture.question.clone().or(fault).unwrap_or_else(|| state.alarms.join(" "));
+    let style = if picture.question.is_some() { Color::Yellow } else { Color::Red };
+    let text = shown_in_line(&text).into_owned();
+    frame.render_widget(Paragraph::new(text).style(style).bold().wrap(Wrap { trim: true }), area);
+}
+
+fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let numbers = &picture.snapshot.state.numbers;
+    let link = &picture.snapshot.state.link;
+    let value = |value: Option<f32>, factor: f32, digits: usize| {
+        value.map_or_else(|| "–".to_string(), |value| format!("{:.digits$}", value * factor))
+    };
+    let degrees = 180.0 / std::f32::consts::PI;
+    let cells = [
+        [
+            ("f (Hz)", value(numbers.frequency_hz, 1.0, 3)),
+            ("X/Z", value(numbers.x_over_z, 1.0, 2)),
+            ("X (mm)", value(numbers.x_amplitude_m, 1e3, 2)),
+            ("Z (mm)", value(numbers.z_amplitude_m, 1e3, 3)),
+        ],
+        [
+            ("phase (°)", value(numbers.x_phase_rad, degrees, 0)),
+            ("impacts/cycle", value(numbers.impacts_in_cycle, 1.0, 0)),
+            ("wall −d (N)", value(numbers.wall_low_n, 1.0, 0)),
+            ("wall +d (N)", value(numbers.wall_high_n, 1.0, 0)),
+        ],
+        [
+            ("spring (N)", value(numbers.spring_force_n, 1.0, 2)),
+            ("target (N)", value(numbers.spring_target_n, 1.0, 2)),
+            ("twin (µm)", value(numbers.twin_residual_m, 1e6, 1)),
+            ("lost rows", link.lost_rows.to_string()),
+        ],
+    ];
+    let block = Block::bordered();
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let rows = Layout::vertical([Constraint::Length(1); 3]).split(inner);
+    for (row, cells) in rows.iter().zip(cells) {
+        let columns = Layout::horizontal([Constraint::Fill(1); 4]).split(*row);
+        for (column, (name, text)) in columns.iter().zip(cells) {
+            let line = Line::from(vec![Span::from(format!("{name:>13} ")).dim(), Span::from(text).bold()]);
+            frame.render_widget(line, *column);
+        }
+    }
+}
+
+fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let rows = Layout::vertical([Constraint::Fill(2), Constraint::Fill(1), Constraint::Fill(1)]).split(area);
+    let most_x = picture.x_m.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+    let title = format!("x, ±{:.2} mm", most_x * 1e3);
+    let block = Block::bordered().title(title);
+    let inner = block.inner(rows[0]);
+    frame.render_widget(block, rows[0]);
+    let data: Vec<u64> = newest(&picture.x_m, inner.width).map(|x| level(x + most_x, 2.0 * most_x)).collect();
+    frame.render_widget(Sparkline::default().data(data).max(1000).style(Color::Cyan), inner);
+    let numbers = &picture.snapshot.state.numbers;
+    let has_spring =
+        numbers.spring_target_n.is_some_and(|force| force > 0.0) || picture.spring_n.iter().any(|n| *n > 0.1);
+    let second = if has_spring {
+        ("spring force", &picture.spring_n, "N", 1.0)
+    } else {
+        ("twin residual", &picture.residual_m, "µm", 1e6)
+    };
+    for (row, (name, list, unit, factor)) in rows[1..].iter().zip([("X/Z", &picture.x_over_z, "", 1.0), second]) {
+        let most = list.iter().copied().fold(0.0f32, f32::max);
+        let block = Block::bordered().title(format!("{name}, up to {:.2} {unit}", most * factor));
+        let inner = block.inner(*row);
+        frame.render_widget(block, *row);
+        let data: Vec<u64> = newest(list, inner.width).map(|value| level(value, most)).collect();
+        frame.render_widget(Sparkline::default().data(data).max(1000).style(Color::Green), inner);
+    }
+}
+
+/// The newest values that fit, one a column.
+fn newest(list: &VecDeque<f32>, width: u16) -> impl Iterator<Item = f32> + '_ {
+    list.iter().skip(list.len().saturating_sub(usize::from(width))).copied()
+}
+
+/// A value from 0 to `most` as one from 0 to 1000.
+fn level(value: f32, most: f32) -> u64 {
+    if most > 0.0 { (1000.0 * value / most).clamp(0.0, 1000.0) as u64 } else { 0 }
+}
+
+fn response(frame: &mut Frame, area: Rect, picture: &Picture) {
+    const COLOURS: [Color; 6] =
+        [Color::White, Color::Yellow, Color::LightBlue, Color::Blue, Color::Magenta, Color::Red];
+    let mut names: Vec<&str> = Vec::new();
+    picture.points.iter().for_each(|(name, ..)| {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    });
+    let curves: Vec<Vec<(f64, f64)>> = names
+        .iter()
+        .map(|name| {
+            let own = picture.points.iter().filter(|(other, ..)| other == name);
+            // Logarithmic, as on the page.
+            own.map(|(_, frequency_hz, x_over_z)| (*frequency_hz, x_over_z.max(1e-3).log10())).collect()
+        })
+        .collect();
+    let all = || curves.iter().flatten();
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        if low < high {
+            [low, high]
+        } else if low.is_finite() {
+            [low - 0.5, low + 0.5]
+        } else {
+            [0.0, 1.0]
+        }
+    };
+    let x = range(&mut all().map(|p| p.0));
+    let y = range(&mut all().map(|p| p.1));
+    let shown: Vec<String> = names.iter().map(|name| shown_in_line(name).into_owned()).collect();
+    let sets = curves.iter().zip(&shown).enumerate().map(|(i, (points, name))| {
+        let colour = COLOURS[i % COLOURS.len()];
+        Dataset::default()
+            .name(name.as_str())
+            .data(points)
+            .marker(Marker::Braille)
+            .graph_type(GraphType::Line)
+            .style(colour)
+    });
+    let labels = |[low, high]: [f64; 2], text: fn(f64) -> String| vec![text(low), text(0.5 * (low + high)), text(high)];
+    let chart = Chart::new(sets.collect())
+        .block(Block::bordered().title("X/Z over frequency (Hz)"))
+        .x_axis(Axis::default().bounds(x).labels(labels(x, |f| format!("{f:.2}"))))
+        .y_axis(Axis::default().bounds(y).labels(labels(y, |log| format!("{:.1}", 10f64.powf(log)))));
+    frame.render_widget(chart, area);
+}
+
+fn lines(frame: &mut Frame, area: Rect, picture: &Picture) {
+    let count = usize::from(area.height);
+    let newest = picture.log.iter().skip(picture.log.len().saturating_sub(count));
+    let lines: Vec<Line> = newest
+        .map(|log| {
+            let colour = match log.level {
+                Level::Info => Color::Reset,
+                Level::Warning => Color::Yellow,
+                Level::Fault => Color::Red,
+                Level::Action => Color::Cyan,
+            };
+            Line::from(vec![
+                Span::from(format!("{} ", log.at)).dim(),
+                Span::styled(shown_in_line(&log.text).into_owned(), colour),
+            ])
+        })
+        .collect();
+    frame.render_widget(Paragraph::new(lines), area);
+}

@@ -1,0 +1,296 @@
+//! The terminal view: the numbers, alarms and small curves of the page, for a terminal over ssh. It is a viewer like any other,
+//! with the keys of the terminal that owns the run.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use tokio::sync::broadcast::Receiver as Frames;
+use tokio::sync::broadcast::error::TryRecvError;
+use tokio::sync::oneshot;
+
+use super::feed::{Feed, Update};
+use super::message::{Activity, Frame, Level, Log, News, SharedFrame, Snapshot};
+use super::screen;
+use crate::campaign::CampaignSetUp;
+use crate::report::describe;
+use crate::runner::{RunAction, RunError, Watcher};
+
+/// Time from picture to picture.
+const DRAW_EVERY: Duration = Duration::from_millis(100);
+
+/// Longest wait for the terminal to be restored.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Values of x, X/Z and forces, lines of the log, and points that are kept for the picture.
+const MOST_VALUES: usize = 400;
+const MOST_LOG: usize = 50;
+const MOST_POINTS: usize = 2000;
+
+/// What the picture is drawn from.
+#[derive(Debug)]
+pub(super) struct Picture {
+    pub(super) snapshot: Box<Snapshot>,
+    pub(super) x_m: VecDeque<f32>,
+    pub(super) x_over_z: VecDeque<f32>,
+    pub(super) spring_n: VecDeque<f32>,
+    pub(super) residual_m: VecDeque<f32>,
+    /// Measured points of the present set-up and experiment: frequency (Hz), X/Z.
+    pub(super) points: VecDeque<(String, f64, f64)>,
+    pub(super) log: VecDeque<Log>,
+    /// A question to the person at the terminal, answered with Enter.
+    pub(super) question: Option<String>,
+    /// Whether the terminal owns a run.
+    pub(super) owns_run: bool,
+}
+
+impl Picture {
+    fn new(snapshot: Box<Snapshot>, owns_run: bool) -> Self {
+        let mut picture = Self {
+            x_m: VecDeque::new(),
+            x_over_z: VecDeque::new(),
+            spring_n: VecDeque::new(),
+            residual_m: VecDeque::new(),
+            points: VecDeque::new(),
+            log: VecDeque::new(),
+            question: None,
+            owns_run,
+            snapshot,
+        };
+        let news = picture.snapshot.news.clone();
+        picture.add(&news);
+        picture
+    }
+
+    fn take(&mut self, frame: &Frame) {
+        if frame.restart {
+            for list in [&mut self.x_m, &mut self.x_over_z, &mut self.spring_n, &mut self.residual_m] {
+                list.clear();
+            }
+        }
+        self.snapshot.state = frame.state.clone();
+        self.add(&frame.news);
+    }
+
+    fn add(&mut self, news: &News) {
+        let column = |rows: &super::message::Rows, name: &str| {
+            let values = rows.values.get(name).map_or(&[][..], Vec::as_slice);
+            values.iter().flatten().copied().collect::<Vec<f32>>()
+        };
+        keep(&mut self.x_m, column(&news.rows, "x"), 4 * MOST_VALUES);
+        keep(&mut self.x_over_z, column(&news.slow, "x_over_z"), MOST_VALUES);
+        keep(&mut self.spring_n, column(&news.slow, "spring_force_n"), MOST_VALUES);
+        keep(&mut self.residual_m, column(&news.slow, "twin_residual_m"), MOST_VALUES);
+        let points = news.points.iter().filter_map(|p| Some((p.set_up.clone(), p.frequency_hz, p.x_over_z?)));
+        keep(&mut self.points, points, MOST_POINTS);
+        keep(&mut self.log, news.log.iter().cloned(), MOST_LOG);
+    }
+}
+
+fn keep<T>(list: &mut VecDeque<T>, new: impl IntoIterator<Item = T>, most: usize) {
+    list.extend(new);
+    let surplus = list.len().saturating_sub(most);
+    list.drain(..surplus);
+}
+
+/// What the view and the run share.
+#[derive(Debug, Default)]
+struct Shared {
+    question: Mutex<Option<String>>,
+    ends: AtomicBool,
+}
+
+/// The view, drawn by a thread of its own.
+#[derive(Debug)]
+pub struct TerminalView {
+    shared: Arc<Shared>,
+    /// Gets a message, or loses its sender, when the view's thread has ended.
+    ended: Receiver<()>,
+    stop: Arc<AtomicBool>,
+    feed: Feed,
+}
+
+/// The terminal as the watcher of a run: asks whether set-ups are mounted, and passes keys on.
+#[derive(Debug)]
+pub struct TerminalWatcher {
+    shared: Arc<Shared>,
+    stop: Arc<AtomicBool>,
+    feed: Feed,
+    actions: Receiver<RunAction>,
+    confirmed: Receiver<()>,
+    mount_without_asking: bool,
+}
+
+/// What the keys lead to.
+struct Keys {
+    stop: Arc<AtomicBool>,
+    actions: Sender<RunAction>,
+    confirmed: Sender<()>,
+}
+
+impl TerminalView {
+    /// Opens the view. `stop` ends the run or the monitor; with `owns_run` the keys act on a run.
+    ///
+    /// # Errors
+    /// The terminal cannot be used.
+    pub fn open(
+        feed: &Feed,
+        stop: &Arc<AtomicBool>,
+        owns_run: bool,
+        mount_without_asking: bool,
+    ) -> io::Result<(Self, TerminalWatcher)> {
+        let shared = Arc::new(Shared::default());
+        let (actions, asked) = channel();
+        let (confirmed, confirmations) = channel();
+        let keys = Keys { stop: Arc::clone(stop), actions, confirmed };
+        let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
+        let terminal = ratatui::try_init()?;
+        let (ends, ended) = channel();
+        std::thread::Builder::new().name("terminal view".into()).spawn(move || {
+            // A terminal that has gone needs no picture, and the run goes on without it.
+            let _ = show(terminal, &own_feed, &theirs, &keys, owns_run);
+            ratatui::restore();
+            let _ = ends.send(());
+        })?;
+        let view = Self { shared: Arc::clone(&shared), ended, stop: Arc::clone(stop), feed: feed.clone() };
+        let watcher = TerminalWatcher {
+            shared,
+            stop: Arc::clone(&view.stop),
+            feed: view.feed.clone(),
+            actions: asked,
+            confirmed: confirmations,
+            mount_without_asking,
+        };
+        Ok((view, watcher))
+    }
+
+    /// Closes the view and restores the terminal.
+    pub fn close(self) {
+        drop(self);
+    }
+
+    fn end(&self) {
+        self.shared.ends.store(true, Ordering::Relaxed);
+        // Reading keys from a terminal that was closed never returns: the run does not wait for it.
+        let _ = self.ended.recv_timeout(FAREWELL);
+    }
+}
+
+impl Drop for TerminalView {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// Draws until the view ends.
+fn show(mut terminal: DefaultTerminal, feed: &Feed, shared: &Shared, keys: &Keys, owns_run: bool) -> io::Result<()> {
+    let Some((snapshot, mut frames)) = join(feed) else { return Ok(()) };
+    let mut picture = Picture::new(snapshot, owns_run);
+    loop {
+        // The last frame is drawn even if the view ends at once.
+        let ends = shared.ends.load(Ordering::Relaxed);
+        loop {
+            match frames.try_recv() {
+                Ok(frame) => picture.take(frame.frame()),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Lagged(_) | TryRecvError::Closed) => {
+                    let Some((snapshot, new)) = join(feed) else { break };
+                    (picture, frames) = (Picture::new(snapshot, owns_run), new);
+                }
+            }
+        }
+        picture.question.clone_from(&shared.question.lock().unwrap_or_else(PoisonError::into_inner));
+        terminal.draw(|frame| screen::draw(frame, &picture))?;
+        if ends {
+            return Ok(());
+        }
+        if event::poll(DRAW_EVERY)?
+            && let Event::Key(key) = event::read()?
+            && key.kind != KeyEventKind::Release
+        {
+            press(key, keys, &picture);
+        }
+    }
+}
+
+fn join(feed: &Feed) -> Option<(Box<Snapshot>, Frames<Arc<SharedFrame>>)> {
+    let (viewer, joined) = oneshot::channel();
+    feed.send(Update::Join(viewer));
+    joined.blocking_recv().ok()
+}
+
+fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
+    let control_c = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+    let is_held = picture.snapshot.state.activity == Activity::Held;
+    let is_paused = picture.snapshot.state.activity == Activity::Paused;
+    match key.code {
+        // As without the view: the second one ends the program at once.
+        _ if control_c && keys.stop.swap(true, Ordering::Relaxed) => {
+            ratatui::restore();
+            std::process::exit(130);
+        }
+        _ if control_c => {}
+        KeyCode::Char('s') if picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
+        KeyCode::Char('q') if !picture.owns_run => keys.stop.store(true, Ordering::Relaxed),
+        KeyCode::Char('p') if picture.owns_run => {
+            let _ = keys.actions.send(if is_paused { RunAction::Resume } else { RunAction::Pause });
+        }
+        KeyCode::Char('h') if picture.owns_run => {
+            let _ = keys.actions.send(RunAction::Hold(!is_held));
+        }
+        KeyCode::Enter if picture.question.is_some() => {
+            let _ = keys.confirmed.send(());
+        }
+        _ => {}
+    }
+}
+
+impl TerminalWatcher {
+    fn ask(&self, question: Option<String>) {
+        *self.shared.question.lock().unwrap_or_else(PoisonError::into_inner) = question;
+    }
+}
+
+impl Watcher for TerminalWatcher {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+        if simulated || self.mount_without_asking {
+            return Ok(());
+        }
+        let what = describe::set_up(set_up);
+        while self.confirmed.try_recv().is_ok() {}
+        self.ask(Some(format!("Mount set-up {}: {what}. Press Enter when ready.", set_up.name)));
+        let confirmed = loop {
+            if self.confirmed.recv_timeout(DRAW_EVERY).is_ok() {
+                break Ok(());
+            }
+            if self.stop.load(Ordering::Relaxed) {
+                break Err(RunError::Interrupted);
+            }
+        };
+        self.ask(None);
+        confirmed
+    }
+
+    fn progress(&mut self, _: f64) {}
+
+    fn point(&mut self, _: &crate::run_folder::ResultRow) {}
+
+    fn link(&mut self, _: &str) {}
+
+    fn action(&mut self) -> Option<RunAction> {
+        self.actions.try_recv().ok()
+    }
+
+    fn answer(&mut self, result: Result<&str, &str>) {
+        let (level, text) = match result {
+            Ok(text) => (Level::Action, text),
+            Err(text) => (Level::Warning, text),
+        };
+        self.feed.log(level, super::words::sentence(text));
+    }
+}

@@ -1,0 +1,37 @@
+//! Texts for people that several sources share.
+
+use damprig_core::control::friction_spring::SpringEvent;
+
+use super::message::Injection;
+
+/// A text as a sentence: with a capital and a full stop.
+#[must_use]
+pub(super) fn sentence(text: &str) -> String {
+    let mut rest = text.chars();
+    let Some(first) = rest.next() else { return String::new() };
+    let stop = if text.ends_with(['.', '!', '?']) { "" } else { "." };
+    format!("{}{}{stop}", first.to_uppercase(), rest.as_str())
+}
+
+/// An event of the friction damper's spring in words.
+#[must_use]
+pub fn spring(event: &SpringEvent) -> String {
+    match event {
+        SpringEvent::Homed => "The spring is homed.".into(),
+        SpringEvent::Touched(_) => "The spring has touched the structure: its zero reading is known.".into(),
+        SpringEvent::OnTarget { force_n } => format!("The spring is on target: {force_n:.2} N."),
+        SpringEvent::Fault(fault) => sentence(fault.cause.text()),
+    }
+}
+
+/// Adds an injected fault to the list of what is injected, or removes it.
+pub(super) fn note_injection(list: &mut Vec<(&'static str, &'static str)>, fault: &Injection) {
+    let (what, how) = fault.in_words();
+    list.retain(|(known, _)| *known != what);
+    list.extend(how.map(|how| (what, how)));
+}
+
+/// The injected faults in words.
+pub(super) fn injected(list: &[(&str, &str)]) -> Vec<String> {
+    list.iter().map(|(what, how)| format!("{what} is {how}")).collect()
+}

@@ -1,0 +1,85 @@
+//! Serves the watcher of a run: shows it the controller's values, and carries out what a person asks for.
+
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use damprig_simulator::messages::ToSimulator;
+use damprig_simulator::plant::InjectedFault;
+
+use super::context::Run;
+use super::error::RunError;
+use super::watcher::RunAction;
+use crate::client::session::SessionError;
+use crate::host_time;
+use crate::run_folder::journal::Entry;
+
+/// Host time between two questions for the controller's values.
+const VALUES_EVERY: Duration = Duration::from_millis(100);
+
+impl Run<'_> {
+    /// Asks for the controller's values, if the watcher wants them and it is time.
+    pub(super) fn show_values(&mut self) -> Result<(), RunError> {
+        if !self.watcher.wants_values() || self.values_shown.elapsed() < VALUES_EVERY {
+            return Ok(());
+        }
+        let values = self.session.signal_values()?;
+        let mut losses = self.tally.counters;
+        losses.bad_frames_host += self.session.bad_frames();
+        losses.dropped_rows_host = self.recorder.dropped_rows();
+        self.watcher.values(self.tally.rig_s, &values, &losses);
+        self.values_shown = Instant::now();
+        Ok(())
+    }
+
+    /// Answers the last action, and notes it in the journal if it was done.
+    pub(super) fn answer(&mut self, done: Result<(), SessionError>, what: &str) -> Result<(), RunError> {
+        match done {
+            Ok(()) => {
+                self.note_action(what);
+                self.watcher.answer(Ok(what));
+            }
+            Err(SessionError::Refused { why, .. }) => self.watcher.answer(Err(&why)),
+            Err(error) => {
+                self.watcher.answer(Err(&error.to_string()));
+                return Err(error.into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Injects a fault into the simulated rig, or ends it.
+    pub(super) fn inject(&mut self, fault: &InjectedFault) -> Result<(), RunError> {
+        let done = self.session.execute("inject a fault", ToSimulator::Inject(*fault).request());
+        self.answer(done, &format!("injected into the simulated rig: {fault:?}"))
+    }
+
+    /// Notes in the journal what a person did.
+    pub(super) fn note_action(&mut self, what: &str) {
+        self.note(Entry::Action { what: what.to_string(), at: host_time::now().to_string() });
+    }
+
+    /// Waits until a person resumes the run. The drive is off.
+    pub(super) fn wait_for_resumption(&mut self) -> Result<(), RunError> {
+        self.watcher.answer(Ok("paused: the drive is off; the interrupted point is repeated"));
+        loop {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            self.recorder.check()?;
+            // Keeps the link alive; reports of the ended experiment are out of date.
+            self.session.idle_turn()?;
+            self.show_values()?;
+            match self.watcher.action() {
+                None => {}
+                Some(RunAction::Resume) => {
+                    self.note_action("resumed");
+                    self.watcher.answer(Ok("resumed"));
+                    return Ok(self.make_ready()?);
+                }
+                Some(RunAction::Inject(fault)) => self.inject(&fault)?,
+                Some(RunAction::Pause) => self.watcher.answer(Err("the run is paused already")),
+                Some(RunAction::Hold(_)) => self.watcher.answer(Err("the run is paused: resume it first")),
+            }
+        }
+    }
+}

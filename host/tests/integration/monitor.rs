@@ -1,0 +1,337 @@
+//! The live monitor, from its feed to the WebSocket of a viewer.
+
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use damprig::monitor::feed::{Feed, Update, Watched};
+use damprig::monitor::message::{Activity, Level, Limits, Point, SignalName, Source, SourceKind};
+use damprig::monitor::{Handles, Monitor, Permissions, Serving, Token};
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::http::StatusCode;
+use tungstenite::{Message, WebSocket};
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn monitor(token: Option<Token>, handles: Handles) -> Monitor {
+    let listen = Some(SocketAddr::from(([127, 0, 0, 1], 0)));
+    let permissions =
+        Permissions { can_control: token.is_some(), where_to_stop: "Stop: here.".into(), ..Permissions::default() };
+    let monitor = Monitor::start(Some(Serving { listen, token }), permissions, handles).expect("a free port");
+    monitor.feed().send(watched("sweep"));
+    monitor
+}
+
+fn watched(name: &str) -> Update {
+    watched_signals(name, &["x", "z"])
+}
+
+fn watched_signals(name: &str, signals: &[&str]) -> Update {
+    let signal = |name: &&str| SignalName { name: (*name).into(), unit: "m".into() };
+    Update::Watch(Box::new(Watched {
+        source: Source {
+            kind: SourceKind::Run,
+            name: name.into(),
+            rig: "virtual".into(),
+            board: "virtual".into(),
+            folder: None,
+        },
+        signals: signals.iter().map(signal).collect(),
+        table: vec!["x_over_z".into()],
+        curves: Vec::new(),
+        points_planned: 3,
+        expected_s: Some(10.0),
+        limits: Limits::default(),
+    }))
+}
+
+/// Rows from `first` on, 1 ms apart; x is the number of its row.
+fn rows(first: u32, count: u32) -> Update {
+    let t_s = (first..first + count).map(|row| f64::from(row) * 1e-3).collect();
+    let values = (first..first + count).flat_map(|row| [row as f32, 0.0]).collect();
+    Update::Rows { t_s, values, longest_step_s: 1.5e-3 }
+}
+
+fn point(frequency_hz: f64) -> Update {
+    Update::Point(Point {
+        set_up: "bare".into(),
+        experiment: "sweep".into(),
+        frequency_hz,
+        x_over_z: Some(3.5),
+        x_over_z_lock_in: None,
+        x_m: None,
+        z_m: None,
+        impacts_per_cycle: None,
+        steady: true,
+    })
+}
+
+fn address(monitor: &Monitor) -> String {
+    let url = monitor.url().expect("a page");
+    url.trim_start_matches("http://").split('/').next().expect("an address").to_string()
+}
+
+/// A viewer's connection.
+struct Viewer(WebSocket<TcpStream>);
+
+impl Viewer {
+    fn join(monitor: &Monitor) -> Self {
+        Self::connect(&address(monitor), None).expect("the monitor accepts a viewer")
+    }
+
+    fn connect(address: &str, origin: Option<&str>) -> Result<Self, StatusCode> {
+        let stream = TcpStream::connect(address).expect("the monitor listens");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+        let mut request = format!("ws://{address}/live").into_client_request().expect("an address");
+        if let Some(origin) = origin {
+            request.headers_mut().insert("Origin", origin.parse().expect("a header"));
+        }
+        match tungstenite::client(request, stream) {
+            Ok((socket, _)) => Ok(Self(socket)),
+            Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(answer))) => Err(answer.status()),
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    /// The next message; none when the monitor has closed the connection.
+    fn next(&mut self) -> Option<Value> {
+        loop {
+            match self.0.read() {
+                Ok(Message::Text(text)) => return Some(serde_json::from_str(&text).expect("JSON")),
+                Ok(Message::Close(_)) | Err(tungstenite::Error::ConnectionClosed) => return None,
+                Err(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::ConnectionReset => return None,
+                Err(tungstenite::Error::Protocol(_)) => return None,
+                Ok(_) => {}
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+
+    /// Messages up to the one of which `is_it` says so.
+    fn until(&mut self, is_it: impl Fn(&Value) -> bool) -> Vec<Value> {
+        let begun = Instant::now();
+        let mut all = Vec::new();
+        while begun.elapsed() < PATIENCE {
+            all.push(self.next().expect("the monitor goes on"));
+            if is_it(&all[all.len() - 1]) {
+                return all;
+            }
+        }
+        panic!("{all:?}");
+    }
+
+    fn ask(&mut self, action: Value) -> Value {
+        self.0.send(Message::text(action.to_string())).expect("a connection");
+        self.until(|message| message["kind"] == "answer").pop().expect("an answer")
+    }
+}
+
+fn last_t_s(message: &Value) -> Option<f64> {
+    message["rows"]["t_s"].as_array()?.last()?.as_f64()
+}
+
+/// Waits until the monitor has taken everything that was told it.
+fn settle(feed: &Feed, viewer: &mut Viewer, mark: &str) {
+    feed.log(Level::Info, mark);
+    viewer.until(|message| message["log"].as_array().is_some_and(|log| log.iter().any(|line| line["text"] == mark)));
+}
+
+#[test]
+fn a_viewer_sees_rows_points_and_state_as_they_come() {
+    let monitor = monitor(None, Handles::default());
+    let mut viewer = Viewer::join(&monitor);
+    let first = viewer.next().unwrap();
+    assert_eq!((&first["kind"], &first["source"]["name"]), (&json!("snapshot"), &json!("sweep")));
+    assert_eq!(first["signals"][0], json!({"name": "x", "unit": "m"}));
+    let feed = monitor.feed();
+    feed.send(rows(1, 50));
+    feed.send(point(2.5));
+    feed.send(Update::Activity(Activity::Running, "Running: set-up bare".into()));
+    let frames = viewer.until(|message| message["state"]["activity"] == "running");
+    let point = frames.iter().find_map(|frame| frame["points"].get(0)).unwrap();
+    assert_eq!((&point["frequency_hz"], &point["x_over_z"]), (&json!(2.5), &json!(3.5)));
+    let shown: Vec<f64> =
+        frames.iter().filter_map(|f| f["rows"]["values"]["x"].as_array()).flatten().filter_map(Value::as_f64).collect();
+    assert_eq!(shown, (1..=50).map(f64::from).collect::<Vec<f64>>());
+    monitor.end();
+    while let Some(message) = viewer.next() {
+        assert_eq!(message["kind"], "frame");
+    }
+}
+
+#[test]
+fn a_late_viewer_gets_the_recent_history() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut early) = (monitor.feed(), Viewer::join(&monitor));
+    (0..100).for_each(|block| feed.send(rows(1 + 1000 * block, 1000)));
+    feed.send(point(2.4));
+    settle(&feed, &mut early, "told");
+    let snapshot = Viewer::join(&monitor).next().unwrap();
+    let t_s = snapshot["rows"]["t_s"].as_array().unwrap();
+    let (first, last) = (t_s[0].as_f64().unwrap(), t_s[t_s.len() - 1].as_f64().unwrap());
+    // Between 20 s and half as much again.
+    assert!(last == 100.0 && (70.0..=80.1).contains(&first), "{first} to {last}");
+    // Reduced, with its extremes.
+    assert!(t_s.len() <= 4400, "{}", t_s.len());
+    assert_eq!(snapshot["rows"]["values"]["x"].as_array().unwrap().last(), Some(&json!(100_000.0)));
+    assert_eq!(snapshot["points"][0]["frequency_hz"], 2.4);
+}
+
+#[test]
+fn a_viewer_that_reads_nothing_delays_nobody_and_catches_up_with_a_snapshot() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer, mut sleeper) = (monitor.feed(), Viewer::join(&monitor), Viewer::join(&monitor));
+    viewer.next();
+    // Wide rows: many times what the sockets of a sleeping viewer hold.
+    let names: Vec<String> = (0..40).map(|n| format!("s{n}")).collect();
+    feed.send(watched_signals("wide", &names.iter().map(String::as_str).collect::<Vec<_>>()));
+    for block in 0..150u32 {
+        let t_s = (1..=1000).map(|row| f64::from(1000 * block + row) * 1e-3).collect();
+        let values = (0..40_000).map(|n| 0.1 + n as f32).collect();
+        feed.send(Update::Rows { t_s, values, longest_step_s: 1.5e-3 });
+        settle(&feed, &mut viewer, &format!("block {block}"));
+    }
+    let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 150.0));
+    // The first one, that of the wide rows, and at least one after it was too slow.
+    let snapshots = all.iter().filter(|message| message["kind"] == "snapshot").count();
+    assert!(snapshots >= 3 && all.len() < 150, "{snapshots} snapshots among {} messages", all.len());
+}
+
+#[test]
+fn a_slow_monitor_skips_rows_and_counts_them_but_never_results() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
+    for n in 0..20_000 {
+        feed.send(rows(1 + 100 * n, 100));
+    }
+    [2.0, 2.5, 3.0].into_iter().for_each(|f| feed.send(point(f)));
+    let all = viewer.until(|message| message["state"]["points_taken"] == 3);
+    assert_eq!(all[all.len() - 1]["state"]["link"]["dropped_rows"], 0);
+}
+
+#[test]
+fn gaps_and_values_that_are_no_numbers_are_null() {
+    let monitor = monitor(None, Handles::default());
+    let (feed, mut viewer) = (monitor.feed(), Viewer::join(&monitor));
+    viewer.next();
+    feed.send(rows(1, 2));
+    feed.send(Update::Rows { t_s: vec![0.5], values: vec![f32::NAN, f32::INFINITY], longest_step_s: 1.5e-3 });
+    feed.send(Update::Values { rig_s: 0.5, tick: 500, values: vec![f32::NAN] });
+    settle(&feed, &mut viewer, "told");
+    let snapshot = Viewer::join(&monitor).next().unwrap();
+    assert_eq!(snapshot["rows"]["t_s"], json!([0.001, 0.002, 0.002, 0.5]));
+    assert_eq!(snapshot["rows"]["values"]["x"], json!([1.0, 2.0, null, null]));
+    assert_eq!(snapshot["state"]["numbers"]["x_over_z"], Value::Null);
+}
+
+#[test]
+fn a_page_of_another_origin_is_refused() {
+    let monitor = monitor(Some(Token::new().unwrap()), Handles::default());
+    let own = address(&monitor);
+    for origin in ["http://evil.example", "null", "https://127.0.0.1:1"] {
+        assert_eq!(Viewer::connect(&own, Some(origin)).err(), Some(StatusCode::FORBIDDEN), "{origin}");
+    }
+    assert!(Viewer::connect(&own, Some(&format!("http://{own}"))).is_ok());
+}
+
+#[test]
+fn actions_need_control_and_the_token() {
+    let stop = Arc::new(AtomicBool::new(false));
+    let handles = || Handles { stop: Some(Arc::clone(&stop)), cable: None };
+    let closed = monitor(None, handles());
+    let answer = Viewer::join(&closed).ask(json!({"id": 1, "do": "stop", "token": ""}));
+    assert_eq!((&answer["id"], &answer["ok"]), (&json!(1), &json!(false)));
+    assert!(answer["text"].as_str().unwrap().contains("view only. Stop: here."), "{answer}");
+    let token = Token::new().unwrap();
+    let open = monitor(Some(token.clone()), handles());
+    let mut viewer = Viewer::join(&open);
+    for wrong in ["", "0123456789abcdef0123456789abcdef", &token.text()[..31]] {
+        let answer = viewer.ask(json!({"id": 2, "do": "stop", "token": wrong}));
+        assert_eq!(answer["ok"], false);
+        assert!(answer["text"].as_str().unwrap().contains("token"), "{answer}");
+    }
+    assert!(!stop.load(Ordering::Relaxed));
+    let answer = viewer.ask(json!({"id": 3, "do": "stop", "token": token.text()}));
+    assert_eq!((&answer["id"], &answer["ok"]), (&json!(3), &json!(true)));
+    assert!(stop.load(Ordering::Relaxed));
+}
+
+#[test]
+fn an_action_reaches_the_source_and_its_answer_the_viewer() {
+    let token = Token::new().unwrap();
+    let mut monitor = monitor(Some(token.clone()), Handles::default());
+    let actions = monitor.take_actions().unwrap();
+    let source = std::thread::spawn(move || {
+        let asked = actions.recv_timeout(PATIENCE).expect("an action");
+        let text = format!("{:?}", asked.action);
+        asked.answer(Ok(text));
+    });
+    let answer =
+        Viewer::join(&monitor).ask(json!({"id": 9, "do": "set_spring", "force_n": 12.5, "token": token.text()}));
+    assert_eq!(answer, json!({"kind": "answer", "id": 9, "ok": true, "text": "SetSpring { force_n: 12.5 }"}));
+    source.join().unwrap();
+}
+
+#[test]
+fn malformed_messages_are_answered_and_many_of_them_or_a_long_one_end_the_connection() {
+    let monitor = monitor(Some(Token::new().unwrap()), Handles::default());
+    let mut viewer = Viewer::join(&monitor);
+    let hostile =
+        [json!(3), json!({"do": "explode"}), json!({"do": "set_spring"}), json!([]), json!({"id": -1, "do": "stop"})];
+    for message in hostile {
+        assert_eq!(viewer.ask(message)["ok"], false);
+    }
+    for _ in 0..4 {
+        viewer.0.send(Message::text("no JSON \u{1b}[2J")).unwrap();
+        viewer.until(|message| message["kind"] == "answer");
+    }
+    viewer.0.send(Message::binary(vec![0xff; 100])).unwrap();
+    while viewer.next().is_some() {}
+    let mut viewer = Viewer::join(&monitor);
+    // The monitor may close before all of it is sent.
+    let _ = viewer.0.send(Message::text("x".repeat(5000)));
+    while viewer.next().is_some() {}
+    // The others are not disturbed.
+    assert_eq!(Viewer::join(&monitor).next().unwrap()["kind"], "snapshot");
+}
+
+#[test]
+fn what_is_watched_may_change_and_names_pass_as_they_are() {
+    let monitor = monitor(None, Handles::default());
+    let mut viewer = Viewer::join(&monitor);
+    viewer.next();
+    let hostile = "<img src=x onerror=alert(1)>\u{1b}[2J\u{202e}\"}";
+    monitor.feed().send(watched(hostile));
+    let all = viewer.until(|message| message["kind"] == "snapshot");
+    assert_eq!(all[all.len() - 1]["source"]["name"], hostile);
+}
+
+#[test]
+fn a_port_in_use_is_refused_with_what_to_do() {
+    let first = monitor(None, Handles::default());
+    let listen: SocketAddr = address(&first).parse().unwrap();
+    let serving = Serving { listen: Some(listen), token: None };
+    let error = Monitor::start(Some(serving), Permissions::default(), Handles::default()).unwrap_err().to_string();
+    assert!(error.contains(&format!("--listen {listen}")) && error.contains("another monitor"), "{error}");
+}
+
+#[test]
+fn ten_viewers_get_every_row_of_eight_thousand_values_a_second() {
+    let monitor = monitor(None, Handles::default());
+    let mut viewers: Vec<Viewer> = (0..10).map(|_| Viewer::join(&monitor)).collect();
+    viewers.iter_mut().for_each(|viewer| drop(viewer.next()));
+    let feed = monitor.feed();
+    // Blocks as a board sends them, each when all viewers have the one before.
+    for block in 0..100u32 {
+        feed.send(rows(1 + 30 * block, 30));
+        let last = f64::from(30 * (block + 1)) * 1e-3;
+        for viewer in &mut viewers {
+            let frames = viewer.until(|message| last_t_s(message).is_some_and(|t_s| (t_s - last).abs() < 1e-9));
+            let count: usize = frames.iter().filter_map(|frame| frame["rows"]["t_s"].as_array()).map(Vec::len).sum();
+            assert_eq!(count, 30);
+        }
+    }
+}

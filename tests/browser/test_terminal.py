@@ -1,0 +1,115 @@
+"""The terminal view of `damprig run --tui` and `damprig monitor --tui`, in tmux."""
+
+import os
+import shutil
+import subprocess
+import time
+import uuid
+from pathlib import Path
+
+import pytest
+
+COMMAND = os.environ.get("DAMPRIG_COMMAND")
+CAMPAIGNS = Path(__file__).parents[2] / "host" / "campaigns"
+
+pytestmark = [
+    pytest.mark.skipif(not COMMAND, reason="needs DAMPRIG_COMMAND"),
+    pytest.mark.skipif(not shutil.which("tmux"), reason="needs tmux"),
+]
+
+
+class Terminal:
+    """A terminal of 100 columns and 30 lines with a command in it."""
+
+    def __init__(self, folder, command):
+        self.socket = f"damprig-{uuid.uuid4().hex[:8]}"
+        self.tmux("-f", "/dev/null", "new-session", "-d", "-x", "100", "-y", "30", "-c", str(folder),
+                  f"{COMMAND} {command}; echo exit=$?; cat")
+
+    def tmux(self, *arguments):
+        result = subprocess.run(["tmux", "-L", self.socket, *arguments], capture_output=True, text=True, timeout=30)
+        assert result.returncode == 0, result.stderr
+        return result.stdout
+
+    def screen(self):
+        return self.tmux("capture-pane", "-p")
+
+    def press(self, key):
+        self.tmux("send-keys", key)
+
+    def until(self, *texts):
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            screen = self.screen()
+            if all(text in screen for text in texts):
+                return screen
+            time.sleep(0.1)
+        raise AssertionError(f"{texts} did not appear:\n{screen}")
+
+    def close(self):
+        subprocess.run(["tmux", "-L", self.socket, "kill-server"], capture_output=True, timeout=30)
+
+
+@pytest.fixture
+def terminal(tmp_path):
+    terminals = []
+
+    def start(command):
+        terminals.append(Terminal(tmp_path, command))
+        return terminals[-1]
+
+    yield start
+    for one in terminals:
+        one.close()
+
+
+def test_the_keys_of_the_terminal_hold_pause_and_stop_a_run(terminal, tmp_path):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --speed 10 --tui")
+    screen = view.until("RUNNING", "0 of 126 points", "s stop   p pause   h hold")
+    assert "hybrid" in screen and "X/Z over frequency" in screen
+    # The controller's numbers appear: the base moves.
+    view.until("Z (mm) 0.4")
+    view.press("h")
+    view.until("HELD", "h release")
+    view.press("p")
+    view.until("PAUSED", "p resume")
+    view.press("p")
+    view.until("RUNNING")
+    view.press("s")
+    screen = view.until("exit=130", "continue with `damprig run --resume out`")
+    assert "RUNNING" not in screen, "the terminal is restored"
+    journal = (tmp_path / "out" / "journal.jsonl").read_text()
+    for what in ("held at the present point", "paused", "resumed"):
+        assert what in journal
+
+
+def test_control_c_stops_the_run_of_a_terminal_view(terminal):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --speed 10 --tui")
+    view.until("RUNNING")
+    view.press("C-c")
+    view.until("exit=130")
+
+
+def test_a_terminal_that_closes_ends_the_run_in_an_orderly_way(terminal, tmp_path):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --speed 10 --tui")
+    view.until("RUNNING")
+    view.close()
+    manifest = tmp_path / "out" / "manifest.json"
+    end = time.monotonic() + 60
+    while '"status": "incomplete"' not in manifest.read_text():
+        assert time.monotonic() < end, manifest.read_text()[:200]
+        time.sleep(0.1)
+
+
+def test_an_idle_rig_is_shown_in_the_terminal(terminal):
+    view = terminal("monitor --rig virtual:realtime --listen 127.0.0.1:0 --tui")
+    view.until("IDLE", "The rig is idle.", "q end")
+    view.press("q")
+    view.until("exit=0")
+
+
+def test_names_cannot_control_the_terminal(terminal, tmp_path):
+    campaign = (CAMPAIGNS / "short.toml").read_text().replace('"bare"', '"a\\u001b[31mb\\u001b]0;x\\u0007"')
+    (tmp_path / "hostile.toml").write_text(campaign)
+    view = terminal("run hostile.toml --out out --rig virtual:realtime --speed 20 --tui")
+    view.until("RUNNING", "\\u{1b}")
