@@ -97,6 +97,16 @@ def test_the_page_reconnects_after_the_server_restarts(open_page):
         expect(page.locator("#badge")).to_have_text("Running")
 
 
+def test_a_fault_stays_in_sight_when_damprig_ends_with_it(open_page):
+    with Server(pace=0) as server:
+        page = ready(open_page(server.address, is_loss_expected=True))
+        server.state = {"activity": "faulted", "fault": {"what": "The emergency stop was pressed.", "advice": ""}}
+        server.frame()
+    expect(page.locator("#badge")).to_have_text("Offline")
+    expect(page.locator("#headline")).to_have_text("The emergency stop was pressed.")
+    expect(page.get_by_role("alert")).to_contain_text("The emergency stop was pressed.")
+
+
 def test_silence_is_said(still, open_page):
     page = ready(open_page(still.address))
     expect(page.locator("#badge")).to_have_text("No data")

@@ -32,6 +32,12 @@ export function strip(model, connection, now) {
     const retry = connection.retryAt === null ? 0 : Math.max(0, Math.ceil((connection.retryAt - now) / 1000));
     const again = retry > 0 ? `Trying again in ${retry} s.` : "Trying again now.";
     const isFirst = model.source === null;
+    if (state !== null && state.fault !== null) {
+      // damprig ends with the run: its last fault stays in sight.
+      set("bad", "Offline", state.fault.what, `The connection to damprig was lost after this fault. ${again}`);
+      announce(`Fault. ${state.fault.what} The connection to damprig was lost.`);
+      return;
+    }
     set("bad", "Offline", isFirst ? "damprig cannot be reached." : "The connection to damprig was lost.",
       isFirst ? again : `${again} The numbers below are the last ones received.`);
     announce(isFirst ? "" : "The connection to damprig was lost.");
