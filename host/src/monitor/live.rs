@@ -338,7 +338,7 @@ impl Live {
     /// Adds the counts that the monitor has itself.
     pub(super) fn count(&mut self, viewers: usize, skipped: u64) {
         self.changed |= self.state.link.viewers != viewers;
-        (self.state.link.viewers, self.state.link.skipped) = (viewers, skipped);
+        (self.state.link.viewers, self.state.link.skipped_frames) = (viewers, skipped);
     }
 
     /// Whether there is anything new to send.

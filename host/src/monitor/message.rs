@@ -244,7 +244,7 @@ pub struct LinkState {
     /// Viewers at present.
     pub viewers: usize,
     /// Parts of the display that were skipped because the display was too slow; nothing recorded is lost.
-    pub skipped: u64,
+    pub skipped_frames: u64,
 }
 
 /// A fault in words.

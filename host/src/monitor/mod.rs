@@ -24,10 +24,10 @@ mod words;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
@@ -44,8 +44,11 @@ use server::Shared;
 /// The port of the page when none is given and it is free.
 pub const PORT: u16 = 8421;
 
-/// Time in which viewers get the last frame when the source has ended.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// Longest time in which viewers get the last frame when the source has ended.
+const FAREWELL: Duration = Duration::from_secs(3);
+
+/// Time between two looks whether all of them have left.
+const TURN: Duration = Duration::from_millis(10);
 
 /// What viewers may do, and what they are told about it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -160,6 +163,7 @@ impl Page {
         let address = listener.local_addr().map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         let shared = Arc::new(Shared { address, feed, control, viewers: AtomicUsize::new(0) });
+        let viewers = Arc::clone(&shared);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
         let (ended, ends) = oneshot::channel();
         let thread = std::thread::Builder::new().name("monitor page".into());
@@ -169,7 +173,12 @@ impl Page {
                 let serve = axum::serve(listener, server::routes(shared));
                 tokio::select! {
                     _ = serve.into_future() => {}
-                    _ = ends => tokio::time::sleep(FAREWELL).await,
+                    _ = ends => {
+                        let until = Instant::now() + FAREWELL;
+                        while viewers.viewers.load(Ordering::Relaxed) > 0 && Instant::now() < until {
+                            tokio::time::sleep(TURN).await;
+                        }
+                    }
                 }
             });
         });

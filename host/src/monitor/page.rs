@@ -14,6 +14,7 @@ pub(super) struct File {
 
 const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
+const TEXT: &str = "text/plain; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 macro_rules! file {
@@ -29,6 +30,7 @@ pub(super) static FILES: &[File] = &[
     file!("/monitor.css", CSS, "page/monitor.css"),
     file!("/uplot.css", CSS, "page/uplot.css"),
     file!("/uplot.js", SCRIPT, "page/uplot.js"),
+    file!("/uplot.LICENSE", TEXT, "page/uplot.LICENSE"),
     file!("/axis.js", SCRIPT, "page/axis.js"),
     file!("/connection.js", SCRIPT, "page/connection.js"),
     file!("/controls.js", SCRIPT, "page/controls.js"),

@@ -138,7 +138,10 @@ impl<'a> MonitoredRun<'a> {
             Action::Hold => RunAction::Hold(true),
             Action::Release => RunAction::Hold(false),
             Action::Inject { fault } => match fault.to_simulator() {
-                Some(fault) => RunAction::Inject(fault),
+                Some(injected) => {
+                    let (what, how) = fault.in_words();
+                    RunAction::Inject { fault: injected, what, how }
+                }
                 None => {
                     asked.answer(Err("this rig has no cable that could be pulled from here".into()));
                     return None;
@@ -175,7 +178,7 @@ impl<'a> MonitoredRun<'a> {
                 self.is_held = on;
                 self.running();
             }
-            RunAction::Inject(_) => self.feed.send(Update::Injected(words::injected(&self.injected))),
+            RunAction::Inject { .. } => self.feed.send(Update::Injected(words::injected(&self.injected))),
         }
     }
 }

@@ -273,7 +273,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     let done = self.run.session.execute("hold", Request::Hold(on));
                     self.run.answer(done, if on { "held at the present point" } else { "released from the hold" })?;
                 }
-                RunAction::Inject(fault) => self.run.inject(&fault)?,
+                RunAction::Inject { fault, what, how } => self.run.inject(fault, what, how)?,
             }
         }
         Ok(None)

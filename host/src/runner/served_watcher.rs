@@ -48,9 +48,13 @@ impl Run<'_> {
     }
 
     /// Injects a fault into the simulated rig, or ends it.
-    pub(super) fn inject(&mut self, fault: &InjectedFault) -> Result<(), RunError> {
-        let done = self.session.execute("inject a fault", ToSimulator::Inject(*fault).request());
-        self.answer(done, &format!("injected into the simulated rig: {fault:?}"))
+    pub(super) fn inject(&mut self, fault: InjectedFault, what: &str, how: Option<&str>) -> Result<(), RunError> {
+        let done = self.session.execute("inject a fault", ToSimulator::Inject(fault).request());
+        let text = match how {
+            Some(how) => format!("fault injected into the simulated rig: {what} is {how}"),
+            None => format!("injected fault ended: {what}"),
+        };
+        self.answer(done, &text)
     }
 
     /// Notes in the journal what a person did.
@@ -76,7 +80,7 @@ impl Run<'_> {
                     self.watcher.answer(Ok("resumed"));
                     return Ok(self.make_ready()?);
                 }
-                Some(RunAction::Inject(fault)) => self.inject(&fault)?,
+                Some(RunAction::Inject { fault, what, how }) => self.inject(fault, what, how)?,
                 Some(RunAction::Pause) => self.watcher.answer(Err("the run is paused already")),
                 Some(RunAction::Hold(_)) => self.watcher.answer(Err("the run is paused: resume it first")),
             }

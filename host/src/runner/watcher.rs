@@ -20,7 +20,14 @@ pub enum RunAction {
     /// Stay at the present point, or go on.
     Hold(bool),
     /// Inject a fault into the simulated rig, or end it.
-    Inject(InjectedFault),
+    Inject {
+        /// The fault.
+        fault: InjectedFault,
+        /// What it acts on, in words.
+        what: &'static str,
+        /// What is wrong with it, in words; none when the fault ends.
+        how: Option<&'static str>,
+    },
 }
 
 /// A start of the device, as a watcher sees it.

@@ -63,7 +63,8 @@ export function impactOf(raw) {
 }
 
 export function sectionOf(raw) {
-  return Array.isArray(raw) && number(raw[0]) !== null && number(raw[1]) !== null ? [raw[0], raw[1]] : null;
+  // x, velocity, drive frequency.
+  return Array.isArray(raw) && number(raw[0]) !== null && number(raw[1]) !== null ? [raw[0], raw[1], number(raw[2])] : null;
 }
 
 export function logOf(raw) {

@@ -31,7 +31,9 @@ export class PhasePlane {
 
   draw() {
     const { rows } = this.model;
-    this.section = this.model.section.slice(-NEWEST_POINTS);
+    // Points of another drive frequency belong to another motion.
+    const newest_hz = this.model.section.at(-1)?.[2];
+    this.section = this.model.section.slice(-NEWEST_POINTS).filter(([, , hz]) => hz === newest_hz);
     const { from, step } = newest(rows);
     const isMeasured = from < rows.length && !Number.isNaN(rows.columns.x_velocity[rows.length - 1]);
     const half = Math.max(1, Math.round(DIFFERENCE_S / 2 / (step || 1)));
