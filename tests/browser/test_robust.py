@@ -1,6 +1,7 @@
 """The page under load, with a hidden tab, damaged messages, hostile names, lost connections; against the stand-in server."""
 
 import json
+import os
 import random
 import time
 
@@ -154,14 +155,15 @@ def metrics(session):
     return {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
 
 
-def test_five_minutes_of_data_stay_within_150_mb(open_page):
-    """Every row at 20 times real time: 300 000 rows of 8 signals."""
+def test_minutes_of_data_stay_within_150_mb(open_page):
+    """Every row of 8 signals at 20 times real time: five minutes of data, an hour with DAMPRIG_FULL."""
+    length_s = 3600 if os.environ.get("DAMPRIG_FULL") else 300
     with Server(pace=20, rig=Rig(dwell_s=10)) as server:
         page = ready(open_page(server.address))
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable")
-        highest, end = 0, time.monotonic() + 60
-        while server.rig.t_s < 300 and time.monotonic() < end:
+        highest, end = 0, time.monotonic() + length_s / 5
+        while server.rig.t_s < length_s and time.monotonic() < end:
             page.wait_for_timeout(500)
             highest = max(highest, metrics(session)["JSHeapUsedSize"])
         server.pace = 0

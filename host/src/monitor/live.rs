@@ -49,6 +49,9 @@ const SLOW: [(&str, &str); 9] = [
     ("wall_high", "wall_high_n"),
 ];
 
+/// Place of the twin's residual in [`SLOW`].
+const RESIDUAL: usize = 4;
+
 /// A bounded list of which the newest entries have not been sent yet.
 #[derive(Debug)]
 struct Kept<T> {
@@ -290,7 +293,8 @@ impl Live {
             z_phase_rad: value("z_phase"),
             impacts_in_cycle: value("impacts_in_cycle"),
             impacts: value("impacts"),
-            twin_residual_m: value("twin_residual"),
+            // Exactly 0 without a twin.
+            twin_residual_m: value("twin_residual").filter(|residual| *residual > 0.0),
             twin_predicted: value("twin_predicted"),
             twin_detected: value("twin_detected"),
             twin_missing: value("twin_missing"),
@@ -304,8 +308,9 @@ impl Live {
             safety: index("safety").and_then(|i| SafeStage::ALL.get(i)).map(|stage| stage.text()),
         };
         self.state.alarms = alarms(&self.state.numbers);
-        let row: Vec<f32> =
+        let mut row: Vec<f32> =
             self.slow_at.iter().map(|at| at.and_then(|at| values.get(at)).copied().unwrap_or(f32::NAN)).collect();
+        row[RESIDUAL] = self.state.numbers.twin_residual_m.unwrap_or(f32::NAN);
         let t_s = self.slow_clock.time_s(rig_s);
         self.slow.push(t_s, &row);
         self.slow_unsent.push(t_s, &row);

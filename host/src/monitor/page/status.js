@@ -99,7 +99,7 @@ function progress(state) {
     $("bar").setAttribute("aria-valuenow", String(Math.min(taken ?? 0, planned)));
     $("bar-fill").style.width = `${Math.min(100, (100 * (taken ?? 0)) / planned)}%`;
   }
-  const pace = speed === null ? "" : ` · ${significant(speed, 3)}× real time`;
+  const pace = speed === null ? "" : ` · ${significant(speed, 2)}×`;
   put($("rig-time"), rig_s === null ? "" : `rig time ${duration(rig_s)}${pace}`);
 }
 

@@ -20,6 +20,8 @@ use crate::run_folder::schema::transients::TransientRow;
 pub struct PlottedPoint {
     /// Name of the set-up.
     pub set_up: String,
+    /// Name of the experiment.
+    pub experiment: String,
     /// Drive frequency, Hz.
     pub frequency_hz: f64,
     /// X/Z.
@@ -34,6 +36,7 @@ impl From<&ResultRow> for PlottedPoint {
     fn from(row: &ResultRow) -> Self {
         Self {
             set_up: row.set_up.clone(),
+            experiment: row.experiment.clone(),
             frequency_hz: row.frequency_hz,
             x_over_z: row.x_over_z(),
             phase_rad: f64::from(row.phase_rad),
@@ -42,7 +45,7 @@ impl From<&ResultRow> for PlottedPoint {
     }
 }
 
-/// X/Z over frequency of all set-ups.
+/// X/Z over frequency, a curve for each experiment on each set-up.
 ///
 /// # Errors
 /// The drawing library's error.
@@ -52,7 +55,7 @@ pub fn response(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture,
     curves(campaign, points, &quantity, about, |p| p.x_over_z)
 }
 
-/// Phase of x relative to z over frequency of all set-ups.
+/// Phase of x relative to z over frequency, a curve for each experiment on each set-up.
 ///
 /// # Errors
 /// The drawing library's error.
@@ -64,6 +67,20 @@ pub fn phase(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, Fi
     curves(campaign, points, &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
 }
 
+/// Every set-up with each of its stepped sines, in the order of the campaign.
+pub fn stepped_sines(campaign: &Campaign) -> impl Iterator<Item = (&CampaignSetUp, &Experiment)> {
+    campaign.set_ups.iter().enumerate().flat_map(|(index, set_up)| {
+        let own = campaign.experiments.iter();
+        own.filter(move |e| e.stepped_sine().is_some() && e.set_ups.contains(&index)).map(move |e| (set_up, e))
+    })
+}
+
+/// Label of the set-up, with the experiment's name if there are several on it.
+fn label(campaign: &Campaign, set_up: &CampaignSetUp, experiment: &Experiment) -> String {
+    let own = stepped_sines(campaign).filter(|(other, _)| other.name == set_up.name).count();
+    if own > 1 { format!("{}: {}", set_up.label, experiment.name) } else { set_up.label.clone() }
+}
+
 fn curves(
     campaign: &Campaign,
     points: &[PlottedPoint],
@@ -71,16 +88,16 @@ fn curves(
     about: &str,
     value: impl Fn(&PlottedPoint) -> f64,
 ) -> Result<Picture, FigureError> {
-    let curve = |set_up: &CampaignSetUp| ResponseCurve {
-        label: set_up.label.clone(),
+    let curve = |(set_up, experiment): (&CampaignSetUp, &Experiment)| ResponseCurve {
+        label: label(campaign, set_up, experiment),
         detail: describe::set_up(set_up),
         points: points
             .iter()
-            .filter(|p| p.set_up == set_up.name)
+            .filter(|p| p.set_up == set_up.name && p.experiment == experiment.name)
             .map(|p| ResponsePoint { frequency_hz: p.frequency_hz, value: value(p), steady: p.steady })
             .collect(),
     };
-    let curves: Vec<ResponseCurve> = campaign.set_ups.iter().map(curve).filter(|c| !c.points.is_empty()).collect();
+    let curves: Vec<ResponseCurve> = stepped_sines(campaign).map(curve).filter(|c| !c.points.is_empty()).collect();
     let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
     let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
     let how: Vec<String> = campaign

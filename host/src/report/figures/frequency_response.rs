@@ -18,10 +18,10 @@ pub struct ResponsePoint {
     pub steady: bool,
 }
 
-/// The curve of one set-up.
+/// The curve of one experiment on one set-up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResponseCurve {
-    /// Label of the set-up.
+    /// Label of the set-up, and of the experiment if the set-up has several.
     pub label: String,
     /// Second line of the legend: "d/Z = 10, Z = 1.5 mm".
     pub detail: String,

@@ -19,7 +19,6 @@ use crate::run_folder::{ReadError, RunFolder};
 /// A measured point, as the page shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PagePoint {
-    pub(super) experiment: String,
     pub(super) shown: PlottedPoint,
     /// Lock-in amplitude of z, m.
     pub(super) z_m: f64,
@@ -137,9 +136,9 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
     let point = |n: usize| PagePoint {
-        experiment: experiments[n].clone(),
         shown: PlottedPoint {
             set_up: set_ups[n].clone(),
+            experiment: experiments[n].clone(),
             frequency_hz: f[n],
             x_over_z: ratio[n],
             phase_rad: phase[n],

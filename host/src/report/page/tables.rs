@@ -31,28 +31,28 @@ fn yes_no(value: bool) -> &'static str {
     if value { "yes" } else { "no" }
 }
 
-/// Peak of X/Z per set-up.
+/// Peak of X/Z, a row for each experiment on each set-up.
 pub(super) fn peaks(data: &PageData) -> Markup {
-    let names = set_ups(data);
     html! {
         @if !data.points.is_empty() {
             div.wide { table {
                 thead { tr {
-                    th.word { "Set-up" }
+                    th.word { "Set-up" } th.word { "Experiment" }
                     th { "Peak X/Z" } th { "at" small { "Hz" } } th { "Steady" }
                     th { "Largest |x|" small { "mm" } } th { "Points" } th { "Steady points" }
                 } }
                 tbody {
-                    @for name in &names {
-                        @if let Some(peak) = peak(data, name) {
+                    @for (set_up, experiment) in &curves(data) {
+                        @let own = || data.points_of(set_up).filter(|p| p.shown.experiment == *experiment);
+                        @if let Some(peak) = own().max_by(|a, b| a.shown.x_over_z.total_cmp(&b.shown.x_over_z)) {
                             tr {
-                                td.word { (label(data, name)) }
+                                td.word { (label(data, set_up)) } td.word { (experiment) }
                                 td { (number(peak.shown.x_over_z, 2)) }
                                 td { (short(peak.shown.frequency_hz, 4)) }
                                 td.odd[!peak.shown.steady] { (yes_no(peak.shown.steady)) }
-                                td { (number(largest(data, name) * 1e3, 2)) }
-                                td { (data.points_of(name).count()) }
-                                td { (data.points_of(name).filter(|p| p.shown.steady).count()) }
+                                td { (number(own().map(|p| p.x_max_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
+                                td { (own().count()) }
+                                td { (own().filter(|p| p.shown.steady).count()) }
                             }
                         }
                     }
@@ -62,24 +62,21 @@ pub(super) fn peaks(data: &PageData) -> Markup {
     }
 }
 
-fn peak<'a>(data: &'a PageData, name: &'a str) -> Option<&'a PagePoint> {
-    data.points_of(name).max_by(|a, b| a.shown.x_over_z.total_cmp(&b.shown.x_over_z))
-}
-
 /// Largest |x| of a set-up, m; NaN without points.
 pub(super) fn largest(data: &PageData, name: &str) -> f64 {
     data.points_of(name).map(|p| p.x_max_m).fold(f64::NAN, f64::max)
 }
 
-/// Set-ups with points, in the order of the run.
-fn set_ups(data: &PageData) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for point in &data.points {
-        if !names.contains(&point.shown.set_up) {
-            names.push(point.shown.set_up.clone());
+/// Set-ups and experiments with points, in the order of the run.
+fn curves(data: &PageData) -> Vec<(String, String)> {
+    let mut curves: Vec<(String, String)> = Vec::new();
+    for PagePoint { shown, .. } in &data.points {
+        let curve = (shown.set_up.clone(), shown.experiment.clone());
+        if !curves.contains(&curve) {
+            curves.push(curve);
         }
     }
-    names
+    curves
 }
 
 /// Label of a set-up, with its name if they differ.
@@ -93,7 +90,7 @@ pub(super) fn label(data: &PageData, name: &str) -> String {
 
 /// Table of all points, a row each.
 pub(super) fn results(data: &PageData) -> Markup {
-    let place = |p: &PagePoint| (p.shown.set_up.clone(), p.experiment.clone());
+    let place = |p: &PagePoint| (p.shown.set_up.clone(), p.shown.experiment.clone());
     let is_first = |n: usize| n > 0 && place(&data.points[n]) != place(&data.points[n - 1]);
     html! {
         div.wide { table {
@@ -108,7 +105,7 @@ pub(super) fn results(data: &PageData) -> Markup {
                 @for (n, point) in data.points.iter().enumerate() {
                     tr.first[is_first(n)] {
                         td.word { (point.shown.set_up) }
-                        td.word { (point.experiment) }
+                        td.word { (point.shown.experiment) }
                         td { (short(point.shown.frequency_hz, 4)) }
                         td { (number(point.shown.x_over_z, 3)) }
                         td { (number(point.x_m * 1e3, 3)) }

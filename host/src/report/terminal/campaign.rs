@@ -5,6 +5,7 @@ use comfy_table::Table;
 use super::table;
 use crate::campaign::Campaign;
 use crate::prediction::Prediction;
+use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
@@ -34,18 +35,28 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     table
 }
 
-/// Peak of X/Z and X/Z at fn per set-up.
+/// Peak of X/Z and X/Z at fn, a row for each experiment on each set-up.
 pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
-    let mut table =
-        table(&["set-up", "peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "steady points"]);
-    for set_up in &campaign.set_ups {
-        let own: Vec<&ResultRow> = rows.iter().filter(|r| r.set_up == set_up.name).collect();
+    let has_several = {
+        let mut set_ups: Vec<&str> = stepped_sines(campaign).map(|(set_up, _)| set_up.name.as_str()).collect();
+        let all = set_ups.len();
+        set_ups.dedup();
+        set_ups.len() < all
+    };
+    let mut columns = vec!["set-up"];
+    columns.extend(has_several.then_some("experiment"));
+    columns.extend(["peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "steady points"]);
+    let mut table = table(&columns);
+    for (set_up, experiment) in stepped_sines(campaign) {
+        let is_own = |r: &&ResultRow| r.set_up == set_up.name && r.experiment == experiment.name;
+        let own: Vec<&ResultRow> = rows.iter().filter(is_own).collect();
         let Some(peak) = own.iter().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) else { continue };
         let natural = set_up.natural_frequency_hz();
         let at_natural = own.iter().find(|r| (r.frequency_hz - natural).abs() < 1e-4 * natural);
         let yes_no = |row: &ResultRow| if row.steady { "yes" } else { "no" }.to_string();
-        table.add_row([
-            set_up.name.clone(),
+        let mut cells = vec![set_up.name.clone()];
+        cells.extend(has_several.then(|| experiment.name.clone()));
+        cells.extend([
             format!("{:.2}", peak.x_over_z()),
             trimmed(peak.frequency_hz, 4),
             yes_no(peak),
@@ -54,6 +65,7 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
             own.len().to_string(),
             own.iter().filter(|r| r.steady).count().to_string(),
         ]);
+        table.add_row(cells);
     }
     table
 }
