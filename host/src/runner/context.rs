@@ -129,7 +129,7 @@ impl<'a> Run<'a> {
 
     pub(super) fn make_ready(&mut self) -> Result<(), SessionError> {
         let watcher = &mut *self.watcher;
-        self.session.bring_to_idle(|what| watcher.link(what))?;
+        self.session.bring_to_idle(|what| watcher.link(what), self.stop)?;
         self.check_settings()?;
         self.controller();
         self.end_telemetry()

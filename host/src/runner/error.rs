@@ -14,7 +14,7 @@ pub enum RunError {
     Refused(#[from] Refusal),
     /// The session failed: the device or the link.
     #[error(transparent)]
-    Session(#[from] SessionError),
+    Session(SessionError),
     /// The disk could not be written.
     #[error(transparent)]
     Storage(#[from] StorageError),
@@ -72,4 +72,13 @@ pub enum RunError {
     /// The mounting of a set-up was not confirmed, or the program runs without a terminal.
     #[error("{0}")]
     NobodyThere(String),
+}
+
+impl From<SessionError> for RunError {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::Interrupted => Self::Interrupted,
+            error => Self::Session(error),
+        }
+    }
 }

@@ -174,11 +174,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         )?;
         if let Kind::Playback(playback) = &experiment.kind {
             let stop = self.run.stop;
-            let uploaded = session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed));
-            if let Err(SessionError::Interrupted) = uploaded {
-                return Err(RunError::Interrupted);
-            }
-            uploaded?;
+            session.upload(&playback.bytes(), &mut || !stop.load(Ordering::Relaxed))?;
         }
         let drive_m = session.settings.calibration.drive.range().amplitude_m();
         let ask = wire_mapping::experiment(set_up, experiment, self.task.points.clone(), drive_m);

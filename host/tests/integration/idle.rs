@@ -108,15 +108,27 @@ fn a_ringing_rig_is_waited_for_beyond_the_links_timeout_and_the_user_is_informed
     let (mut session, is_held) = tripped();
     let mut told = Vec::new();
     session
-        .bring_to_idle(|what| {
-            told.push(what.to_string());
-            // The structure is stopped by hand.
-            is_held.store(true, Ordering::Relaxed);
-        })
+        .bring_to_idle(
+            |what| {
+                told.push(what.to_string());
+                // The structure is stopped by hand.
+                is_held.store(true, Ordering::Relaxed);
+            },
+            &AtomicBool::new(false),
+        )
         .expect("the rig becomes idle");
     assert_eq!(told.len(), 1, "{told:?}");
     assert!(told[0].contains("wait for rest"), "{told:?}");
     assert_eq!(session.status().unwrap().0.state, State::Idle);
+}
+
+#[test]
+fn the_wait_for_a_ringing_rig_ends_with_control_c() {
+    let (mut session, _) = tripped();
+    let stop = AtomicBool::new(false);
+    // The rig would ring for minutes.
+    let waited = session.bring_to_idle(|_| stop.store(true, Ordering::Relaxed), &stop);
+    assert!(matches!(waited, Err(SessionError::Interrupted)), "{waited:?}");
 }
 
 #[test]

@@ -52,6 +52,50 @@ fn the_page_of_an_interrupted_run_says_why_and_is_complete_after_resuming() {
 }
 
 #[test]
+fn two_experiments_on_one_set_up_have_a_row_and_a_curve_each() {
+    let second = "\n[[experiment]]\nname = \"slowly\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.45, 2.55]\n\
+                  start = \"from_rest\"\nsettle_s = 2.0\ndwell_s = 4.0\nset_ups = [\"bare\"]\n";
+    let folder = folder_with(&(short() + second));
+    let said = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
+    // Each row has the points of its experiment alone.
+    let rows: Vec<&str> = said.lines().filter(|line| line.contains("sweep") || line.contains("slowly")).collect();
+    assert_eq!(rows.len(), 3, "{said}");
+    assert!(rows[0].contains("bare") && rows[1].contains("slowly") && rows[2].contains("hybrid"), "{said}");
+    let page = page(&folder.path().join("out"));
+    assert!(page.contains("Bare structure: sweep") && page.contains("Bare structure: slowly"));
+    assert!(!page.contains("Hybrid (SPID + FD): sweep"));
+}
+
+#[test]
+fn the_report_of_a_run_under_way_can_be_repeated() {
+    let folder = folder_with(&short());
+    let mut run = std::process::Command::new(assert_cmd::cargo::cargo_bin("damprig"));
+    run.current_dir(folder.path()).args([
+        "run",
+        "test.toml",
+        "--out",
+        "out",
+        "--rig",
+        "virtual:realtime",
+        "--speed",
+        "5",
+    ]);
+    let mut run = run.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let journal = folder.path().join("out/journal.jsonl");
+    let begun = std::time::Instant::now();
+    while !std::fs::read_to_string(&journal).is_ok_and(|text| text.contains("\"entry\":\"result\"")) {
+        assert!(begun.elapsed() < std::time::Duration::from_secs(60));
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    damprig(&folder).args(["runs", "report", "out"]).assert().success();
+    assert!(std::fs::read_to_string(folder.path().join("out.html")).unwrap().contains("still running"));
+    damprig(&folder).args(["runs", "report", "out", "--force"]).assert().success();
+    assert!(run.wait().unwrap().success());
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success();
+}
+
+#[test]
 fn lost_samples_are_reported_with_their_place() {
     let folder = folder_with(&short());
     let mut telemetry = 0;

@@ -331,3 +331,32 @@ fn every_shipped_campaign_is_valid() {
         damprig(&folder).arg("run").arg(&file).arg("--dry-run").assert().success();
     }
 }
+
+#[test]
+fn a_quiet_run_prints_only_its_folder_and_logs_the_rest() {
+    let folder = folder_with(&short());
+    let said =
+        damprig(&folder).args(["run", "test.toml", "--out", "out", "--quiet", "--log", "log.txt"]).assert().success();
+    assert_eq!(String::from_utf8_lossy(&said.get_output().stdout), "Run folder: out\n");
+    assert!(said.get_output().stderr.is_empty());
+    let log = std::fs::read_to_string(folder.path().join("log.txt")).unwrap();
+    assert_eq!(log.matches("experiment sweep starts").count(), 2, "{log}");
+    assert!(log.contains("point 6 of 6: set-up hybrid, 2.6 Hz: X/Z "), "{log}");
+    // A log is continued.
+    damprig(&folder).args(["run", "test.toml", "--out", "again", "--quiet", "--log", "log.txt"]).assert().success();
+    assert_eq!(std::fs::read_to_string(folder.path().join("log.txt")).unwrap().matches("point 6 of 6").count(), 2);
+}
+
+#[test]
+fn a_log_that_cannot_be_written_is_refused_before_the_run_and_does_not_end_it_later() {
+    let folder = folder_with(&short());
+    let refused = ["run", "test.toml", "--out", "out", "--log", "nowhere/log.txt"];
+    damprig(&folder)
+        .args(refused)
+        .assert()
+        .code(2)
+        .stderr(predicates::str::contains("--log nowhere/log.txt: cannot write"));
+    assert!(!folder.path().join("out").exists());
+    let full = ["run", "test.toml", "--out", "out", "--log", "/dev/full"];
+    damprig(&folder).args(full).assert().success().stderr(predicates::str::contains("--log /dev/full: cannot write"));
+}

@@ -1,5 +1,6 @@
 //! Brings a rig to idle before a run, and turns its drive off after one.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use damprig_core::control::safety::SafeStage;
@@ -19,11 +20,14 @@ impl Session {
     /// come to rest. `notify` gets the device's reason when that takes longer than the timeout.
     ///
     /// # Errors
-    /// The link; a drive that is not off within the timeout; a rig that is not safe after five minutes.
-    pub fn bring_to_idle(&mut self, mut notify: impl FnMut(&str)) -> Result<(), SessionError> {
+    /// The link; a drive that is not off within the timeout; a rig that is not safe after five minutes; `stop` was set.
+    pub fn bring_to_idle(&mut self, mut notify: impl FnMut(&str), stop: &AtomicBool) -> Result<(), SessionError> {
         let begun = Instant::now();
         let mut advised = None;
         loop {
+            if stop.load(Ordering::Relaxed) {
+                return Err(SessionError::Interrupted);
+            }
             let (status, _) = self.status()?;
             let rings = status.state == State::Faulted && status.safe != SafeStage::Fading;
             let longest = if rings || advised.is_some() { LONGEST_REST } else { self.timeout };
