@@ -15,9 +15,13 @@ const LONG: [&str; 2] = ["closed-loop", "hybrid"];
 
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 
+/// Longest silence of the emulator on a busy machine, s.
+const PATIENCE_S: &str = "120";
+
 /// Runs the campaign on `rig` with its results in `folder`.
 fn run(campaign: &Path, rig: &str, folder: &Path) {
-    let output = damprig().arg("run").arg(campaign).args(["--rig", rig, "--out"]).arg(folder).output().unwrap();
+    let arguments = ["--rig", rig, "--timeout", PATIENCE_S, "--out"];
+    let output = damprig().arg("run").arg(campaign).args(arguments).arg(folder).output().unwrap();
     assert!(output.status.success(), "--rig {rig}: {}", told(&output));
 }
 
