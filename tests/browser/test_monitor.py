@@ -91,6 +91,43 @@ def test_a_run_is_watched_from_the_first_sample_to_the_stop(tmp_path, open_page)
         expect(page.locator("#badge")).to_have_text(re.compile("Stopping|Ended|Offline"))
 
 
+def test_the_end_of_a_run_is_no_lost_connection(tmp_path, open_page):
+    with run(tmp_path / "run", "--control", "--speed", "20") as damprig:
+        page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+        assert damprig.process.wait(60) == 0
+        expect(page.locator("#badge")).to_have_text("Ended")
+        expect(page.locator("#headline")).to_contain_text("The run is complete.")
+        expect(page.locator("#points")).to_contain_text("6 of 6 points")
+
+
+def test_a_resumed_run_shows_what_was_measured_before(tmp_path, open_page):
+    folder = tmp_path / "run"
+    with run(folder, "--control", "--speed", "4") as damprig:
+        page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+        expect(page.locator("#points")).to_contain_text("2 of 6 points")
+        page.locator("#stop").click()
+        assert damprig.process.wait(60) == 130
+    assert '"stopped on the live page"' in (folder / "journal.jsonl").read_text()
+    resumed = Damprig("run", "--resume", folder, "--speed", "10", "--monitor", "--listen", "127.0.0.1:0")
+    with resumed as damprig:
+        page = ready(open_page(damprig.address, is_loss_expected=True))
+        expect(page.locator("#response-legend")).to_contain_text(re.compile("[2-5] points"))
+        assert damprig.process.wait(60) == 0
+        expect(page.locator("#points")).to_contain_text("6 of 6 points")
+
+
+def test_an_idle_rig_answers_at_once(tmp_path, open_page):
+    with Damprig("monitor", "--rig", "virtual:realtime", "--listen", "127.0.0.1:0", "--control") as damprig:
+        page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
+        page.get_by_role("button", name="Press", exact=True).click()
+        expect(page.locator("#badge")).to_have_text("Fault")
+        begun = time.monotonic()
+        damprig.process.send_signal(signal.SIGINT)
+        assert damprig.process.wait(30) == 0
+        # The farewell to the viewer included.
+        assert time.monotonic() - begun < 5
+
+
 def test_an_injected_fault_shows(tmp_path, open_page):
     with run(tmp_path / "run", "--control") as damprig:
         page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))

@@ -16,6 +16,7 @@ use crate::client::link::{Address, Cable, cable};
 use crate::client::session::Session;
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Handles, Monitor, Permissions, Serving, Token, folder, rig};
+use crate::run_folder::RunFolder;
 use crate::run_folder::read::folder::find;
 
 /// Where the page is served and who may control.
@@ -23,12 +24,17 @@ use crate::run_folder::read::folder::find;
 pub(super) struct PageArgs {
     /// Address and port of the page; port 0 for any free port. An address other than 127.0.0.1 lets other machines watch
     /// [default: 127.0.0.1:8421, or a free port if that is in use]
-    #[arg(long, value_name = "ADDR:PORT")]
+    #[arg(long, value_name = "ADDR:PORT", value_parser = address)]
     listen: Option<SocketAddr>,
 
     /// Let the page act: stop, pause, hold, set the spring, clear a fault. It needs the token in the printed address
     #[arg(long)]
     control: bool,
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    let hint = "write an address and a port, as 127.0.0.1:8421 or [::1]:8421; port 0 for any free one";
+    text.parse().map_err(|_| hint.into())
 }
 
 impl PageArgs {
@@ -64,12 +70,21 @@ impl PageArgs {
 /// What viewers may do besides asking the session: pull the cable of a rig in this process.
 pub(super) fn handles(rig: &Address) -> Handles {
     let pull = |cable: Cable| Box::new(move |on| if on { cable.pull() } else { cable.plug() }) as Box<_>;
-    Handles { stop: None, cable: cable(rig).map(pull) }
+    Handles { cable: cable(rig).map(pull), ..Handles::default() }
 }
 
 /// Where a run can be stopped, for viewers who cannot.
 pub(super) fn where_to_stop() -> String {
     format!("Stop: Ctrl-C in the terminal that runs damprig on {}.", host_name())
+}
+
+/// Refuses `--tui` without a terminal.
+pub(super) fn check_terminal(is_wanted: bool) -> Outcome {
+    if !is_wanted || std::io::stdout().is_terminal() && std::io::stdin().is_terminal() {
+        return Ok(());
+    }
+    let message = "--tui: it needs a terminal for input and output; leave it out, or use --monitor for a page";
+    Err(Failure::Input(message.into()))
 }
 
 /// Opens the terminal view.
@@ -79,10 +94,6 @@ pub(super) fn open_terminal(
     owns_run: bool,
     mount_without_asking: bool,
 ) -> Result<(TerminalView, TerminalWatcher), Failure> {
-    if !std::io::stdout().is_terminal() || !std::io::stdin().is_terminal() {
-        let message = "--tui: it needs a terminal for input and output; leave it out, or use --monitor for a page";
-        return Err(Failure::Input(message.into()));
-    }
     TerminalView::open(&monitor.feed(), stop, owns_run, mount_without_asking)
         .map_err(|e| Failure::Failed(format!("--tui: the terminal cannot be used: {e}")))
 }
@@ -145,6 +156,7 @@ Exit codes:
 /// # Errors
 /// A rig that does not answer, a folder without a run, an address in use.
 pub fn run(args: &Args) -> Outcome {
+    check_terminal(args.tui)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     match (&args.run, &args.rig) {
@@ -170,7 +182,9 @@ fn watch_folder(args: &Args, wanted: &std::path::Path, stop: &Arc<AtomicBool>) -
         return Err(Failure::Input(message.into()));
     }
     let path = find(wanted).map_err(Failure::input)?;
-    let mut monitor = args.page.start(&Address::VIRTUAL, ABOUT_FOLDERS.into(), Handles::default())?;
+    RunFolder::open(&path).map_err(Failure::failed)?;
+    let mut monitor =
+        args.page.start(&Address::VIRTUAL, ABOUT_FOLDERS.into(), Handles { can_replay: true, ..Handles::default() })?;
     let terminal = args.tui.then(|| open_terminal(&monitor, stop, false, true)).transpose()?;
     let (feed, actions) = (monitor.feed(), monitor.take_actions());
     let watched = match actions {

@@ -9,7 +9,7 @@ use clap::Args as ClapArgs;
 use damprig_protocol::ClockSource;
 
 use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
-use super::monitor::PageArgs;
+use super::monitor::{PageArgs, check_terminal};
 use super::outcome::{Failure, Outcome};
 use super::run_job::{Job, LiveViews, begin_entry};
 use super::run_progress::Log;
@@ -137,6 +137,7 @@ pub fn run(args: &Args) -> Outcome {
     if args.page.is_given() && !args.monitor {
         return Err(Failure::Input("--listen and --control are options of the live page: give --monitor too".into()));
     }
+    check_terminal(args.tui)?;
     if args.quiet {
         super::output::be_quiet();
     }

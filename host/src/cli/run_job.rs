@@ -163,6 +163,7 @@ impl Job<'_> {
                     session,
                     predicted: self.predicted,
                     folder: self.folder.path().display().to_string(),
+                    taken: &taken,
                 };
                 let (view, mut keys) = terminal.unzip();
                 let own: &mut dyn Watcher = match &mut keys {
@@ -170,7 +171,7 @@ impl Job<'_> {
                     None => &mut progress,
                 };
                 let mut watched = MonitoredRun::new(&facts, monitor.feed(), actions, own);
-                let run = Run::new(self.campaign, session, &mut recorder, &mut watched, stop, selection, taken);
+                let run = Run::new(self.campaign, session, &mut recorder, &mut watched, stop, selection, taken.clone());
                 let ended = run.with_reconnect(self.reconnect()).carry_out();
                 watched.ended(&ended.1);
                 monitor.end();

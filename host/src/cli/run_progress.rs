@@ -28,6 +28,9 @@ const STEPS_PER_S: f64 = 10.0;
 /// Time from line to line without a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
+/// Longest time between two advances of rig time in a run that goes on.
+const LONGEST_STEP: Duration = Duration::from_secs(5);
+
 /// Shows the progress of a run.
 pub struct RunProgress {
     bar: ProgressBar,
@@ -37,8 +40,11 @@ pub struct RunProgress {
     places: Places,
     expected_s: f64,
     rig_s: f64,
-    /// Rig time at which this program began to measure, s, and when that was.
-    began: Option<(f64, Instant)>,
+    /// Rig time at which this program began to measure, s.
+    began_s: Option<f64>,
+    /// Host time in which rig time passed, and the last moment at which it did.
+    moving: Duration,
+    moved_at: Instant,
     points: (usize, usize),
     mount_without_asking: bool,
     set_ups: Vec<String>,
@@ -78,6 +84,9 @@ impl Log {
     /// When it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let shown = path.display().to_string();
+        if is_pipe(path) {
+            return Err(Failure::Input(format!("--log {shown}: it is a pipe; give a file")));
+        }
         let file = OpenOptions::new().create(true).append(true).open(path);
         let file = file.map_err(|e| Failure::Input(format!("--log {shown}: cannot write this file: {e}")))?;
         Ok(Self { file, path: shown, has_failed: false })
@@ -93,6 +102,18 @@ impl Log {
             warn!("warning: --log {}: cannot write: {error}; the run goes on without it", self.path);
         }
     }
+}
+
+/// Opening a pipe would wait for its reader.
+#[cfg(unix)]
+fn is_pipe(path: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    path.metadata().is_ok_and(|there| there.file_type().is_fifo())
+}
+
+#[cfg(not(unix))]
+fn is_pipe(_: &Path) -> bool {
+    false
 }
 
 /// What is shown, and how.
@@ -125,7 +146,9 @@ impl RunProgress {
             },
             expected_s,
             rig_s: 0.0,
-            began: None,
+            began_s: None,
+            moving: Duration::ZERO,
+            moved_at: Instant::now(),
             points: (taken, campaign.points()),
             mount_without_asking: display.mount_without_asking,
             set_ups: used.map(|i| campaign.set_ups[i].name.clone()).collect(),
@@ -160,11 +183,11 @@ impl RunProgress {
 
     /// Host time left, estimated from the pace so far.
     fn left(&self) -> Option<String> {
-        let (from_s, at) = self.began?;
-        let passed_s = self.rig_s - from_s;
-        let wall_s = at.elapsed().as_secs_f64();
+        let passed_s = self.rig_s - self.began_s?;
+        let wall_s = self.moving.as_secs_f64();
         let left_s = wall_s * (self.expected_s - self.rig_s).max(0.0) / passed_s;
-        (passed_s > 0.0 && wall_s > 1.0).then(|| duration(left_s))
+        let stands = self.moved_at.elapsed() > LONGEST_STEP;
+        (passed_s > 0.0 && wall_s > 1.0 && !stands).then(|| duration(left_s))
     }
 
     /// The present numbers on the bar, or on a line now and then.
@@ -211,8 +234,13 @@ impl Watcher for RunProgress {
     }
 
     fn progress(&mut self, rig_s: f64) {
+        self.began_s.get_or_insert(rig_s);
+        if rig_s > self.rig_s {
+            // Not the time of a pause or of a lost link.
+            self.moving += self.moved_at.elapsed().min(LONGEST_STEP);
+            self.moved_at = Instant::now();
+        }
         self.rig_s = rig_s;
-        self.began.get_or_insert((rig_s, Instant::now()));
         // A structure that comes to rest slowly makes the run longer than expected.
         self.bar.set_position((rig_s.min(self.expected_s) * STEPS_PER_S) as u64);
     }

@@ -40,7 +40,7 @@ pub fn check_origin(origin: Option<&str>, host: Option<&str>, bound: IpAddr) -> 
     let host = host.ok_or("the request names no host")?;
     let name = host.rsplit_once(':').map_or(host, |(name, port)| if port.contains(']') { host } else { name });
     let address: Option<IpAddr> = name.trim_matches(['[', ']']).parse().ok();
-    let is_loopback = name == "localhost" || address.is_some_and(|address| address.is_loopback());
+    let is_loopback = name.eq_ignore_ascii_case("localhost") || address.is_some_and(|address| address.is_loopback());
     if bound.is_loopback() && !is_loopback {
         return Err(format!("the monitor is served on this machine only, not as {host:?}"));
     }

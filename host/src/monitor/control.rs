@@ -1,19 +1,23 @@
 //! Actions of viewers on their way to the source: checked for the token, queued, and answered.
 
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
 use super::access::Token;
 use super::feed::Feed;
 use super::message::{Action, Answer, Injection, Level, Request};
+use crate::report::numbers::significant;
 
 /// Actions that wait for the source.
 const MOST_ACTIONS: usize = 8;
+
+/// Time between two lines of the log about wrong tokens.
+const WARN_EVERY: Duration = Duration::from_secs(60);
 
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -41,6 +45,8 @@ pub struct Handles {
     pub stop: Option<Arc<AtomicBool>>,
     /// Pulls (true) or plugs in the cable of a simulated rig.
     pub cable: Option<Box<dyn Fn(bool) + Send + Sync>>,
+    /// Viewers may move a replay.
+    pub can_replay: bool,
 }
 
 impl fmt::Debug for Handles {
@@ -57,6 +63,7 @@ pub(super) struct Control {
     actions: SyncSender<Asked>,
     feed: Feed,
     where_to_stop: String,
+    wrong_token_at: Mutex<Option<Instant>>,
 }
 
 impl Control {
@@ -68,7 +75,7 @@ impl Control {
         where_to_stop: String,
     ) -> (Self, Receiver<Asked>) {
         let (actions, queue) = sync_channel(MOST_ACTIONS);
-        (Self { token, handles, actions, feed, where_to_stop }, queue)
+        (Self { token, handles, actions, feed, where_to_stop, wrong_token_at: Mutex::default() }, queue)
     }
 
     /// Carries out a viewer's message.
@@ -84,8 +91,26 @@ impl Control {
         }
     }
 
+    /// Tells the source what was done already, so that it is noted; nobody waits for an answer.
+    fn tell(&self, action: Action) {
+        let (answer, _) = oneshot::channel();
+        let _ = self.actions.try_send(Asked { action, answer });
+    }
+
+    /// Logs a wrong token, once a minute at most: anybody can send one.
+    fn warn_of_wrong_token(&self) {
+        let mut last = self.wrong_token_at.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.is_none_or(|at| at.elapsed() > WARN_EVERY) {
+            *last = Some(Instant::now());
+            self.feed.log(Level::Warning, "A viewer tried to act with a wrong token.");
+        }
+    }
+
     async fn act(&self, request: Request) -> Result<String, String> {
         // Moving a replay moves no rig.
+        if matches!(request.action, Action::Replay { .. }) && !self.handles.can_replay {
+            return Err("nothing is replayed here".into());
+        }
         if !matches!(request.action, Action::Replay { .. }) {
             let Some(token) = &self.token else {
                 return Err(format!("this monitor is view only. {}", self.where_to_stop));
@@ -94,7 +119,7 @@ impl Control {
                 return Err("this needs the token: open the address that damprig printed at its start".into());
             }
             if !token.is(&request.token) {
-                self.feed.log(Level::Warning, "A viewer tried to act with a wrong token.");
+                self.warn_of_wrong_token();
                 return Err("wrong token: open the address that damprig printed at its start".into());
             }
             if let Some(what) = in_words(&request.action) {
@@ -103,12 +128,16 @@ impl Control {
         }
         match (&request.action, &self.handles) {
             (Action::Stop, Handles { stop: Some(stop), .. }) => {
+                // It is noted first: the run may end at once.
+                self.tell(request.action);
                 stop.store(true, Ordering::Relaxed);
                 return Ok("The run stops; what was measured is kept.".into());
             }
             (Action::Inject { fault: Injection::Cable { on } }, Handles { cable: Some(cable), .. }) => {
                 cable(*on);
-                return Ok(if *on { "The cable is pulled." } else { "The cable is plugged in." }.into());
+                let done = if *on { "The cable is pulled." } else { "The cable is plugged in." };
+                self.tell(request.action);
+                return Ok(done.into());
             }
             _ => {}
         }
@@ -135,7 +164,9 @@ fn in_words(action: &Action) -> Option<String> {
         Action::Hold => "Hold was pressed on the page.".into(),
         Action::Release => "Release was pressed on the page.".into(),
         Action::ClearFault => "Clear fault was pressed on the page.".into(),
-        Action::SetSpring { force_n } => format!("The page asks for a spring force of {force_n} N."),
+        Action::SetSpring { force_n } => {
+            format!("The page asks for a spring force of {} N.", significant(f64::from(*force_n), 3))
+        }
         Action::Inject { fault } => match fault.in_words() {
             (what, Some(fault)) => format!("The page injects a fault: {what} is {fault}."),
             (what, None) => format!("The page ends an injected fault of {what}."),

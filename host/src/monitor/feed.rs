@@ -39,6 +39,8 @@ pub struct Watched {
 pub enum Update {
     /// What is watched.
     Watch(Box<Watched>),
+    /// Points and transients so far are out of date: a replay begins again.
+    Forget,
     /// The time axis has jumped.
     Restart,
     /// What the source does.

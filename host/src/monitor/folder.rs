@@ -16,14 +16,11 @@ use damprig_core::measure::running::{DriveReference, RunningLockIn};
 
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
-use super::message::{
-    Action, Activity, Impact, Level, Limits, LinkState, ReplayState, SignalName, Source, SourceKind, Transient,
-};
-use super::run::{curves, point};
+use super::message::{Action, Activity, Impact, Level, Limits, LinkState, ReplayState, SignalName, Source, SourceKind};
+use super::run::{curves, point, transient};
 use super::words;
 use crate::campaign::Campaign;
 use crate::prediction::Predicted;
-use crate::report::terminal::transients::in_words;
 use crate::run_folder::journal::{self, Entry};
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::read::sample_files::{read_samples, sample_files};
@@ -41,6 +38,9 @@ const STEP: Duration = Duration::from_millis(40);
 
 /// Rig time shown before the present when a replay is moved, s.
 const BEFORE_S: f64 = 20.0;
+
+/// Longest run that is replayed: ten years.
+const LONGEST_S: f64 = 3.2e8;
 
 /// Slowest and fastest replay, rig seconds per second.
 pub const REPLAY_SPEEDS: (f64, f64) = (0.01, 1000.0);
@@ -247,6 +247,9 @@ impl Reader {
                 if over {
                     self.tell_end();
                 }
+            } else if journal::is_being_written(&self.path) == Some(true) {
+                // The run is resumed.
+                over = false;
             }
             while looked.elapsed() < LOOK_EVERY && !stop.load(Ordering::Relaxed) {
                 std::thread::sleep(STEP);
@@ -257,7 +260,10 @@ impl Reader {
 
     /// Replays a folder that no longer changes, until `stop`.
     fn replay(&mut self, speed: f64, actions: &Receiver<Asked>, stop: &AtomicBool) -> Result<(), ReadError> {
-        let mut state = ReplayState { t_s: 0.0, end_s: self.manifest.clock.rig_s, speed, paused: false };
+        // A manifest may state anything.
+        let rig_s = self.manifest.clock.rig_s;
+        let end_s = if rig_s.is_finite() { rig_s.clamp(0.0, LONGEST_S) } else { 0.0 };
+        let mut state = ReplayState { t_s: 0.0, end_s, speed, paused: false };
         let mut batches = self.start_over()?;
         let mut batch: Option<RecordBatch> = None;
         let mut then = Instant::now();
@@ -301,7 +307,7 @@ impl Reader {
             format!(": set-up {}, experiment {}", place.id.set_up, place.id.experiment)
         });
         match (is_over, state.paused) {
-            (true, _) => format!("Replay at its end. The run is {}.", self.manifest.ending_text()),
+            (true, _) => format!("Replay at its end. State of the run: {}.", self.manifest.ending_text()),
             (false, true) => format!("Replay stands{what}"),
             (false, false) => format!("Replay{what}"),
         }
@@ -312,8 +318,15 @@ impl Reader {
         (self.last, self.base_s, self.entries) = (None, 0.0, 0);
         self.segments.clear();
         self.waiting = self.new_entries()?.into();
+        self.feed.send(Update::Forget);
         self.feed.send(Update::Link(self.link.clone()));
         let files = sample_files(&self.path);
+        if files.is_empty() {
+            self.feed.log(Level::Warning, "The folder has no samples that can be read: only results are shown.");
+        }
+        if !journal::is_in(&self.path) {
+            self.feed.log(Level::Warning, "journal.jsonl is missing: results, impacts and events are not shown.");
+        }
         Ok(Box::new(files.into_iter().flat_map(|file| -> Box<dyn Iterator<Item = _>> {
             match read_samples(&file) {
                 Ok(batches) => batches,
@@ -452,10 +465,7 @@ impl Reader {
     fn tell(&mut self, entry: &Entry) {
         match entry {
             Entry::Result(row) => self.feed.send(Update::Point(point(row))),
-            Entry::Transient(row) => {
-                let (set_up, experiment) = (row.set_up.clone(), row.experiment.clone());
-                self.feed.send(Update::Transient(Transient { set_up, experiment, text: in_words(row) }));
-            }
+            Entry::Transient(row) => self.feed.send(Update::Transient(transient(row))),
             Entry::Impacts(some) if self.last.as_ref().is_some_and(|(last, _)| last.id == some.id) => {
                 for impact in &some.impacts {
                     let ticks = f64::from(impact.tick) + f64::from(impact.centre_ticks);
@@ -492,8 +502,8 @@ impl Reader {
 
     fn tell_end(&self) {
         let text = match RunFolder::open(&self.path) {
-            Ok(run) => format!("The run is {}.", run.manifest().ending_text()),
-            Err(error) => words::sentence(&error.to_string()),
+            Ok(run) => format!("State of the run: {}.", run.manifest().ending_text()),
+            Err(error) => format!("The run can no longer be read: {error}"),
         };
         self.feed.send(Update::Activity(Activity::Over, text));
     }

@@ -191,6 +191,11 @@ impl Live {
                 self.watch(*watched);
                 return true;
             }
+            Update::Forget => {
+                self.points.clear();
+                self.transients.clear();
+                self.state.points_taken = 0;
+            }
             Update::Restart => self.restart(),
             Update::Activity(activity, headline) => {
                 (self.state.activity, self.state.headline) = (activity, headline);
@@ -229,9 +234,6 @@ impl Live {
         self.row_names = watched.signals.iter().map(|signal| signal.name.clone()).collect();
         let at = |(name, _): &(&str, &str)| watched.table.iter().position(|known| known == name);
         self.slow_at = SLOW.iter().map(at).collect();
-        self.points.clear();
-        self.transients.clear();
-        self.state.points_taken = 0;
         self.state.points_planned = watched.points_planned;
         self.state.limits = watched.limits;
         self.watched = watched;

@@ -12,10 +12,13 @@ use damprig_simulator::messages::ToSimulator;
 
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
-use super::message::{Action, Activity, FaultText, Impact, Level, Limits, LinkState, SignalName, Source, SourceKind};
+use super::message::{
+    Action, Activity, FaultText, Impact, Injection, Level, Limits, LinkState, SignalName, Source, SourceKind,
+};
 use super::words;
 use crate::client::controller::Controller;
 use crate::client::session::{Report, Session, SessionError};
+use crate::report::numbers::significant;
 
 /// The signals that are streamed at the tick rate, as far as the device has them.
 const SIGNALS: [&str; 8] = ["x", "z", "drive", "frequency", "x_velocity", "spring_force", "wall_low", "wall_high"];
@@ -41,24 +44,18 @@ pub fn watch(
     stop: &AtomicBool,
 ) -> Result<(), SessionError> {
     let mut session = open()?;
-    let mut interruptions = 0;
+    let mut link = LinkState { name: session.name().to_string(), ..LinkState::default() };
     loop {
-        let ended = RigWatch::new(&mut session, feed, actions, interruptions).and_then(|mut watch| watch.follow(stop));
-        match ended {
+        match RigWatch::new(&mut session, feed, actions, &mut link).and_then(|mut watch| watch.follow(stop)) {
             Ok(()) => return Ok(()),
             Err(error) => {
                 session.close();
-                interruptions += 1;
+                link.interruptions += 1;
+                link.state = "lost; trying to connect".into();
                 let what = words::sentence(&error.to_string());
                 feed.log(Level::Warning, what.clone());
                 feed.send(Update::Activity(Activity::Lost, what));
-                let link = LinkState {
-                    name: session.name().to_string(),
-                    state: "lost; trying to connect".into(),
-                    interruptions,
-                    ..LinkState::default()
-                };
-                feed.send(Update::Link(link));
+                feed.send(Update::Link(link.clone()));
             }
         }
         match reopen(open, actions, stop) {
@@ -97,16 +94,19 @@ struct RigWatch<'a> {
     session: &'a mut Session,
     feed: &'a Feed,
     actions: &'a Receiver<Asked>,
-    link: LinkState,
+    /// Its counts go on over interruptions.
+    link: &'a mut LinkState,
     /// Values in a row of telemetry.
     width: usize,
-    /// The last tick of any row.
+    /// The last tick of any row, and whether there was a row since the link was opened.
     tick: u32,
+    has_rows: bool,
     values_at: Instant,
     status_at: Instant,
     /// The force that the spring is to be set to once it is ready, N.
     spring_goal_n: Option<f32>,
     spring_stage: Option<SpringStage>,
+    is_faulted: bool,
     lost_sensors: String,
     injected: Vec<(&'static str, &'static str)>,
 }
@@ -116,7 +116,7 @@ impl<'a> RigWatch<'a> {
         session: &'a mut Session,
         feed: &'a Feed,
         actions: &'a Receiver<Asked>,
-        interruptions: u64,
+        link: &'a mut LinkState,
     ) -> Result<Self, SessionError> {
         let places: Vec<usize> =
             SIGNALS.iter().filter_map(|name| session.signals.iter().position(|signal| signal.name == *name)).collect();
@@ -124,12 +124,7 @@ impl<'a> RigWatch<'a> {
             let signal = &session.signals[*place];
             SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() }
         };
-        let link = LinkState {
-            name: session.name().to_string(),
-            state: "connected".into(),
-            interruptions,
-            ..LinkState::default()
-        };
+        link.state = "connected".into();
         let safety = &session.settings.safety;
         let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
         let watched = Watched {
@@ -177,10 +172,12 @@ impl<'a> RigWatch<'a> {
             link,
             width: places.len(),
             tick: status.tick,
+            has_rows: false,
             values_at: now,
             status_at: now.checked_sub(STATUS_EVERY).unwrap_or(now),
             spring_goal_n: None,
             spring_stage: None,
+            is_faulted: false,
             lost_sensors: String::new(),
             injected: Vec::new(),
         })
@@ -188,7 +185,11 @@ impl<'a> RigWatch<'a> {
 
     fn follow(&mut self, stop: &AtomicBool) -> Result<(), SessionError> {
         while !stop.load(Ordering::Relaxed) {
-            while let Some(report) = self.session.next_report()? {
+            // Reports never pause on a rig at its work: the rest has its turn too.
+            let turn = Instant::now();
+            while turn.elapsed() < TURN
+                && let Some(report) = self.session.next_report()?
+            {
                 self.show(report)?;
             }
             if self.values_at.elapsed() >= VALUES_EVERY {
@@ -233,9 +234,10 @@ impl<'a> RigWatch<'a> {
         if message.first_tick < self.tick {
             // The board was reset, or counts from 0 again.
             self.feed.send(Update::Restart);
-        } else {
+        } else if self.has_rows {
             self.link.lost_rows += u64::from(message.first_tick - self.tick).saturating_sub(1);
         }
+        self.has_rows = true;
         self.tick = message.first_tick.saturating_add((rows as u32).saturating_sub(1));
         let t_s = (0..rows as u32).map(|row| time_s(message.first_tick.saturating_add(row))).collect();
         let longest_step_s = 1.5 / f64::from(TICK_HZ);
@@ -246,6 +248,7 @@ impl<'a> RigWatch<'a> {
     fn show_status(&mut self) -> Result<(), SessionError> {
         let (status, counters) = self.session.status()?;
         self.spring_stage = Some(status.spring.stage);
+        self.is_faulted = status.fault.is_some() || status.spring.fault.is_some();
         let counted = Controller::between(&Default::default(), &counters);
         self.link.dropped_rows = counted.rows_dropped;
         self.link.bad_frames = counted.bad_frames + self.session.bad_frames();
@@ -261,10 +264,8 @@ impl<'a> RigWatch<'a> {
             self.lost_sensors = lost;
         }
         self.feed.send(activity(&status, &self.lost_sensors));
-        let fault = status.fault.or(status.spring.fault).map(|fault| FaultText {
-            what: format!("{} (value {}, limit {})", words::sentence(fault.cause.text()), fault.value, fault.limit),
-            advice: advice(&status).into(),
-        });
+        let fault = status.fault.or(status.spring.fault);
+        let fault = fault.map(|fault| FaultText { what: words::fault(&fault), advice: advice(&status).into() });
         self.feed.send(Update::Fault(fault));
         self.advance_spring(&status)
     }
@@ -300,18 +301,33 @@ impl<'a> RigWatch<'a> {
                 self.spring_goal_n = None;
                 (Request::Stop, "The rig is stopped.")
             }
+            Action::ClearFault if !self.is_faulted => {
+                asked.answer(Err("There is no fault to clear.".into()));
+                return Ok(());
+            }
             Action::ClearFault => (self.clear_fault(), "The fault is cleared."),
+            Action::SetSpring { .. } if self.is_faulted => {
+                asked.answer(Err("Clear the fault first.".into()));
+                return Ok(());
+            }
             Action::SetSpring { force_n } if *force_n == 0.0 => {
                 self.spring_goal_n = None;
                 (Request::Spring(SpringCommand::Release), "The spring is released.")
             }
-            Action::SetSpring { force_n } if force_n.is_finite() && *force_n > 0.0 => {
+            Action::SetSpring { force_n } if (0.0..=self.most_force_n()).contains(force_n) => {
                 self.spring_goal_n = Some(*force_n);
                 let text = match self.spring_stage {
                     Some(SpringStage::Unhomed) => "The spring is homed first, then touches off, then presses.",
                     _ => "The spring moves to its force.",
                 };
                 asked.answer(Ok(text.into()));
+                return Ok(());
+            }
+            // The cable was pulled or plugged in already: it is no part of the rig.
+            Action::Inject { fault: fault @ Injection::Cable { .. } } => {
+                words::note_injection(&mut self.injected, fault);
+                self.feed.send(Update::Injected(words::injected(&self.injected)));
+                asked.answer(Ok("Done.".into()));
                 return Ok(());
             }
             Action::Inject { fault } => match fault.to_simulator() {
@@ -326,7 +342,8 @@ impl<'a> RigWatch<'a> {
                 }
             },
             Action::SetSpring { .. } => {
-                asked.answer(Err("the force must be 0 or greater".into()));
+                let most_n = significant(self.most_force_n().into(), 3);
+                asked.answer(Err(format!("The force must be from 0 to {most_n} N: 0.9 of spring.largest_force_n.")));
                 return Ok(());
             }
             Action::Pause | Action::Resume | Action::Hold | Action::Release | Action::Replay { .. } => {
@@ -345,6 +362,11 @@ impl<'a> RigWatch<'a> {
         self.show_status()
     }
 
+    /// Largest force that the spring may be set to, N; the rest is for the regulation.
+    fn most_force_n(&self) -> f32 {
+        0.9 * self.session.settings.spring.largest_force_n
+    }
+
     fn clear_fault(&self) -> Request {
         if self.spring_stage == Some(SpringStage::Faulted) {
             Request::Spring(SpringCommand::ClearFault)
@@ -360,7 +382,10 @@ fn time_s(tick: u32) -> f64 {
 
 fn activity(status: &Status, lost_sensors: &str) -> Update {
     let (activity, mut headline) = match status.state {
-        State::Idle => (Activity::Idle, "The rig is idle.".to_string()),
+        State::Idle if status.spring.fault.is_some() => {
+            (Activity::Faulted, "The rig is idle; its spring has a fault.".to_string())
+        }
+        State::Idle => (Activity::Idle, "The rig is idle.".into()),
         State::Running(_) => (Activity::Running, "The rig runs an experiment.".into()),
         State::Stopping => (Activity::Stopping, "The drive fades out.".into()),
         State::Faulted => (Activity::Faulted, words::sentence(status.safe.text())),

@@ -9,8 +9,8 @@ use damprig_core::measure::impacts::ImpactRecord;
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
 use super::message::{
-    Action, Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind,
-    Transient,
+    Action, Activity, Curve, FaultText, Impact, Injection, Level, Limits, LinkState, Point, SignalName, Source,
+    SourceKind, Transient,
 };
 use super::words;
 use crate::campaign::{Campaign, CampaignSetUp};
@@ -19,6 +19,7 @@ use crate::prediction::Predicted;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunAction, RunError, WatchedStart, Watcher};
 
@@ -32,6 +33,8 @@ pub struct RunFacts<'a> {
     pub predicted: &'a Predicted,
     /// The run folder, as people are told.
     pub folder: String,
+    /// What was measured before the run was resumed.
+    pub taken: &'a JournalState,
 }
 
 /// Watches a run for the monitor and for another watcher, the terminal's.
@@ -62,7 +65,7 @@ struct Present {
 impl<'a> MonitoredRun<'a> {
     /// Watches a run; `actions` are those of the monitor's viewers.
     pub fn new(facts: &RunFacts, feed: Feed, actions: Receiver<Asked>, terminal: &'a mut dyn Watcher) -> Self {
-        let RunFacts { campaign, session, predicted, folder } = facts;
+        let RunFacts { campaign, session, predicted, folder, taken } = facts;
         let table: Vec<SignalName> = session
             .signals
             .iter()
@@ -93,6 +96,9 @@ impl<'a> MonitoredRun<'a> {
         feed.send(Update::Watch(Box::new(watched.clone())));
         feed.send(Update::Link(link.clone()));
         feed.send(Update::Activity(Activity::Waiting, "The run begins.".into()));
+        taken.rows().iter().for_each(|row| feed.send(Update::Point(point(row))));
+        taken.transients().iter().for_each(|row| feed.send(Update::Transient(transient(row))));
+        feed.send(Update::Progress(taken.ticks() as f64 / f64::from(TICK_HZ)));
         Self {
             terminal,
             feed,
@@ -137,6 +143,13 @@ impl<'a> MonitoredRun<'a> {
             Action::Resume => RunAction::Resume,
             Action::Hold => RunAction::Hold(true),
             Action::Release => RunAction::Hold(false),
+            // These were done already: the run only notes them.
+            Action::Stop => RunAction::Noted("stopped on the live page"),
+            Action::Inject { fault: fault @ Injection::Cable { on } } => {
+                words::note_injection(&mut self.injected, fault);
+                self.feed.send(Update::Injected(words::injected(&self.injected)));
+                RunAction::Noted(if *on { "the cable was pulled" } else { "the cable was plugged in" })
+            }
             Action::Inject { fault } => match fault.to_simulator() {
                 Some(injected) => {
                     let (what, how) = fault.in_words();
@@ -155,7 +168,7 @@ impl<'a> MonitoredRun<'a> {
                 asked.answer(Err("the run sets the spring itself, from the campaign".into()));
                 return None;
             }
-            Action::Stop | Action::Replay { .. } => {
+            Action::Replay { .. } => {
                 asked.answer(Err("a run cannot do this".into()));
                 return None;
             }
@@ -178,6 +191,7 @@ impl<'a> MonitoredRun<'a> {
                 self.is_held = on;
                 self.running();
             }
+            RunAction::Noted(_) => {}
             RunAction::Inject { .. } => self.feed.send(Update::Injected(words::injected(&self.injected))),
         }
     }
@@ -279,8 +293,7 @@ impl Watcher for MonitoredRun<'_> {
     }
 
     fn transient(&mut self, row: &TransientRow) {
-        let (set_up, experiment) = (row.set_up.clone(), row.experiment.clone());
-        self.feed.send(Update::Transient(Transient { set_up, experiment, text: in_words(row) }));
+        self.feed.send(Update::Transient(transient(row)));
         self.terminal.transient(row);
     }
 
@@ -325,6 +338,11 @@ pub(super) fn point(row: &ResultRow) -> Point {
         impacts_per_cycle: None,
         steady: row.steady,
     }
+}
+
+/// The result of a playback, an impulse or a free vibration as viewers get it.
+pub(super) fn transient(row: &TransientRow) -> Transient {
+    Transient { set_up: row.set_up.clone(), experiment: row.experiment.clone(), text: in_words(row) }
 }
 
 /// The predicted responses of a campaign.

@@ -1,5 +1,6 @@
 //! Texts for people that several sources share.
 
+use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringEvent;
 
 use super::message::Injection;
@@ -22,6 +23,16 @@ pub fn spring(event: &SpringEvent) -> String {
         SpringEvent::OnTarget { force_n } => format!("The spring is on target: {force_n:.2} N."),
         SpringEvent::Fault(fault) => sentence(fault.cause.text()),
     }
+}
+
+/// A fault of the rig, with its value and limit if it has them.
+pub(super) fn fault(fault: &Fault) -> String {
+    let values = if fault.value == 0.0 && fault.limit == 0.0 {
+        String::new()
+    } else {
+        format!(" (value {}, limit {})", fault.value, fault.limit)
+    };
+    sentence(&format!("{}{values}", fault.cause.text()))
 }
 
 /// Adds an injected fault to the list of what is injected, or removes it.

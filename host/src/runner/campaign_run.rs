@@ -16,6 +16,7 @@ impl Run<'_> {
     /// Runs all experiments. On an error, too, the tally is valid, and the rig has been told to stop.
     pub fn carry_out(mut self) -> (Tally, Result<(), RunError>) {
         let result = self.all().and_then(|()| Ok(self.recorder.check()?));
+        self.note_last_actions();
         if result.is_err() {
             self.end_drive(&result);
         }

@@ -88,6 +88,7 @@ pub(super) struct Segment<'r, 'a, 'c> {
     impacts: Vec<ImpactRecord>,
     impacts_noted: usize,
     impacts_noted_at: Instant,
+    is_held: bool,
 }
 
 impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
@@ -124,6 +125,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             impacts: Vec::new(),
             impacts_noted: 0,
             impacts_noted_at: Instant::now(),
+            is_held: false,
         };
         let end = segment.start().and_then(|()| segment.follow());
         segment.note_impacts();
@@ -265,10 +267,15 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     return Ok(Some(End::Paused));
                 }
                 RunAction::Resume => self.run.watcher.answer(Err("the run is not paused")),
+                RunAction::Hold(on) if on == self.is_held => {
+                    self.run.watcher.answer(Err(if on { "the run is held already" } else { "the run is not held" }));
+                }
                 RunAction::Hold(on) => {
                     let done = self.run.session.execute("hold", Request::Hold(on));
+                    self.is_held = if done.is_ok() { on } else { self.is_held };
                     self.run.answer(done, if on { "held at the present point" } else { "released from the hold" })?;
                 }
+                RunAction::Noted(what) => self.run.answer(Ok(()), what)?,
                 RunAction::Inject { fault, what, how } => self.run.inject(fault, what, how)?,
             }
         }

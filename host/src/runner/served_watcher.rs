@@ -57,6 +57,16 @@ impl Run<'_> {
         self.answer(done, &text)
     }
 
+    /// Notes what was done just before the run ended; everything else comes too late.
+    pub(super) fn note_last_actions(&mut self) {
+        while let Some(action) = self.watcher.action() {
+            match action {
+                RunAction::Noted(what) => self.note_action(what),
+                _ => self.watcher.answer(Err("the run has ended")),
+            }
+        }
+    }
+
     /// Notes in the journal what a person did.
     pub(super) fn note_action(&mut self, what: &str) {
         self.note(Entry::Action { what: what.to_string(), at: host_time::now().to_string() });
@@ -80,6 +90,7 @@ impl Run<'_> {
                     self.watcher.answer(Ok("resumed"));
                     return Ok(self.make_ready()?);
                 }
+                Some(RunAction::Noted(what)) => self.answer(Ok(()), what)?,
                 Some(RunAction::Inject { fault, what, how }) => self.inject(fault, what, how)?,
                 Some(RunAction::Pause) => self.watcher.answer(Err("the run is paused already")),
                 Some(RunAction::Hold(_)) => self.watcher.answer(Err("the run is paused: resume it first")),

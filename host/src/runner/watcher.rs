@@ -19,6 +19,8 @@ pub enum RunAction {
     Resume,
     /// Stay at the present point, or go on.
     Hold(bool),
+    /// Nothing is left to do but to note in the journal what was done.
+    Noted(&'static str),
     /// Inject a fault into the simulated rig, or end it.
     Inject {
         /// The fault.

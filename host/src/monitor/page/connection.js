@@ -6,6 +6,8 @@ const WAITS_S = [0.5, 1, 2, 3, 5];
 // damprig sends at least one message a second.
 const SILENT_MS = 10000;
 const OPENING_MS = 30000;
+// damprig has ended: it told everything before it closed the connection.
+const ENDED = 1001;
 
 // Takes the token out of the address (#token=…) and keeps it for this tab.
 export function takeToken() {
@@ -70,24 +72,26 @@ export class Connection {
       else if (message.kind === "answer") this.#answer(message.id, { ok: message.ok === true, text: text(message.text) });
       else this.#hand(message);
     };
-    socket.onclose = () => this.#closed(socket);
+    socket.onclose = (event) => this.#closed(socket, event.code === ENDED);
   }
 
   #hand(message) {
     if (message.kind === "snapshot") {
       this.#attempt = 0;
+      this.hasEnded = false;
       this.on.state({ isOpen: true, retryAt: null });
     }
     this.on.message(message);
   }
 
-  #closed(socket) {
+  #closed(socket, hasEnded = false) {
     if (socket !== this.#socket || this.timer !== undefined) return;
     for (const id of [...this.#waiting.keys()]) this.#answer(id, { ok: false, text: "The connection was lost." });
     const wait_s = WAITS_S[Math.min(this.#attempt, WAITS_S.length - 1)] * (0.9 + 0.2 * Math.random());
     this.#attempt += 1;
     this.timer = setTimeout(() => this.#open(), wait_s * 1000);
-    this.on.state({ isOpen: false, retryAt: performance.now() + wait_s * 1000 });
+    this.hasEnded ||= hasEnded;
+    this.on.state({ isOpen: false, hasEnded: this.hasEnded, retryAt: performance.now() + wait_s * 1000 });
   }
 
   #openNow() {

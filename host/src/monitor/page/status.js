@@ -38,6 +38,11 @@ export function strip(model, connection, now) {
       announce(`Fault. ${state.fault.what} The connection to damprig was lost.`);
       return;
     }
+    if (connection.hasEnded && state !== null) {
+      set("quiet", "Ended", state.headline, "damprig has ended. The page shows what it told last.");
+      announce(`${state.headline} damprig has ended.`);
+      return;
+    }
     set("bad", "Offline", isFirst ? "damprig cannot be reached." : "The connection to damprig was lost.",
       isFirst ? again : `${again} The numbers below are the last ones received.`);
     announce(isFirst ? "" : "The connection to damprig was lost.");

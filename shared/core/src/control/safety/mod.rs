@@ -67,7 +67,7 @@ impl SafeStage {
         match self {
             Self::Clear => "clear",
             Self::Fading => "the drive fades out",
-            Self::Ringing => "the drive is off, the structure still rings",
+            Self::Ringing => "the drive is off; the structure rings, or the emergency stop is pressed",
             Self::Safe => "safe: the fault can be cleared",
         }
     }
