@@ -28,6 +28,8 @@ export function strip(model, connection, now) {
   const state = model.state;
   lamp(connection, isStale, now, state);
   document.body.classList.toggle("stale", model.source !== null && (!connection.isOpen || isStale));
+  // Also what came just before the connection closed.
+  if (state !== null) progress(state);
   if (!connection.isOpen) {
     const retry = connection.retryAt === null ? 0 : Math.max(0, Math.ceil((connection.retryAt - now) / 1000));
     const again = retry > 0 ? `Trying again in ${retry} s.` : "Trying again now.";
@@ -67,7 +69,6 @@ export function strip(model, connection, now) {
     set(tone, word, state.headline, state.injected.length > 0 ? `Practice: ${state.injected.join(", ")}.` : about);
     announce("");
   }
-  progress(state);
 }
 
 function set(tone, word, headline, advice) {
