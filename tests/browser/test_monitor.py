@@ -92,7 +92,7 @@ def test_a_run_is_watched_from_the_first_sample_to_the_stop(tmp_path, open_page)
 
 
 def test_the_end_of_a_run_is_no_lost_connection(tmp_path, open_page):
-    with run(tmp_path / "run", "--control", "--speed", "20") as damprig:
+    with run(tmp_path / "run", "--control", "--speed", "2") as damprig:
         page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
         assert damprig.process.wait(60) == 0
         expect(page.locator("#badge")).to_have_text("Ended")
@@ -108,7 +108,8 @@ def test_a_resumed_run_shows_what_was_measured_before(tmp_path, open_page):
         page.locator("#stop").click()
         assert damprig.process.wait(60) == 130
     assert '"stopped on the live page"' in (folder / "journal.jsonl").read_text()
-    resumed = Damprig("run", "--resume", folder, "--speed", "10", "--monitor", "--listen", "127.0.0.1:0")
+    page.close()
+    resumed = Damprig("run", "--resume", folder, "--speed", "2", "--monitor", "--listen", "127.0.0.1:0")
     with resumed as damprig:
         page = ready(open_page(damprig.address, is_loss_expected=True))
         expect(page.locator("#response-legend")).to_contain_text(re.compile("[1-5] points"))

@@ -36,6 +36,8 @@ pub struct RunProgress {
     bar: ProgressBar,
     /// Lines are printed: there is no bar.
     has_lines: bool,
+    /// The rig has its own clock: a run takes long enough to ask for its controller's values.
+    is_real_time: bool,
     log: Option<Log>,
     places: Places,
     expected_s: f64,
@@ -136,6 +138,7 @@ impl RunProgress {
         let at = |name: &str| session.signals.iter().position(|signal| signal.name == name);
         Self {
             has_lines: !display.is_hidden && bar.is_hidden(),
+            is_real_time: !session.is_granted(),
             bar,
             log: display.log,
             places: Places {
@@ -250,7 +253,7 @@ impl Watcher for RunProgress {
     }
 
     fn wants_values(&self) -> bool {
-        self.has_lines || !self.bar.is_hidden()
+        self.has_lines && self.is_real_time || !self.bar.is_hidden()
     }
 
     fn values(&mut self, _: f64, values: &[f32], _: &Losses) {
@@ -275,6 +278,8 @@ impl Watcher for RunProgress {
     fn point(&mut self, row: &ResultRow) {
         self.points.0 += 1;
         let (taken, planned) = self.points;
+        self.numbers = format!("  {} Hz  X/Z {:.2}", row.frequency_hz, row.x_over_z());
+        self.show();
         let steady = if row.steady { "steady" } else { "not steady" };
         let (x_mm, z_mm) = (row.x_mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
         self.log(&format!(

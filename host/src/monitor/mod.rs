@@ -1,7 +1,7 @@
 //! The live monitor: a page on this machine, or in the lab's network, that shows a run, an idle rig or a run folder as it moves.
 //!
-//! A source (`run`, `rig`, `folder`) tells what happens through a [`Feed`], which never waits. The monitor's own thread ([`hub`])
-//! keeps the recent past and makes frames of what is new; the web server's thread ([`server`]) hands the same frames to every
+//! A source (`run`, `rig`, `folder`) tells what happens through a [`Feed`], which never waits. The monitor's own thread (`hub`)
+//! keeps the recent past and makes frames of what is new; the web server's thread (`server`) hands the same frames to every
 //! viewer. So a slow, sleeping or dead viewer can delay neither the recorder nor the link. The terminal view ([`terminal`]) is a
 //! viewer too.
 

@@ -203,9 +203,9 @@ fn a_viewer_that_reads_nothing_delays_nobody_and_catches_up_with_a_snapshot() {
         settle(&feed, &mut viewer, &format!("block {block}"));
     }
     let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 150.0));
-    // The first one, that of the wide rows, and at least one after it was too slow.
+    // Those of its start, and at least one after it was too slow.
     let snapshots = all.iter().filter(|message| message["kind"] == "snapshot").count();
-    assert!(snapshots >= 3 && all.len() < 150, "{snapshots} snapshots among {} messages", all.len());
+    assert!(snapshots >= 2 && all.len() < 150, "{snapshots} snapshots among {} messages", all.len());
 }
 
 #[test]
