@@ -132,6 +132,11 @@ impl SegmentProgress {
         self.end_tick.is_some()
     }
 
+    /// Whether a tick is after the end that the device has reported.
+    pub(super) fn is_after_end(&self, tick: u32) -> bool {
+        self.end_tick.is_some_and(|end| tick > end)
+    }
+
     /// Stores the last tick of the segment; returns whether this is new.
     pub(super) fn finished(&mut self, tick: u32) -> bool {
         if self.end_tick.is_some() {

@@ -321,11 +321,12 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                 Ok(is_new)
             }
             Report::Event { event: Event::Fault(fault), .. } => Err(fault_error(self.task.set_up, fault)),
+            // The structure may still ring: how many ticks follow the end depends on the host.
+            Report::Event { event: Event::Impact(impact), .. } if self.progress.is_after_end(impact.tick) => Ok(false),
             Report::Event { event: Event::Impact(impact), .. } => {
-                self.run.watcher.impact(&impact);
                 // A message may arrive twice.
-                let is_new = !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact);
-                if is_new {
+                if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
+                    self.run.watcher.impact(&impact);
                     self.impacts.push(impact);
                 }
                 if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {

@@ -3,7 +3,8 @@
 use crate::common::{
     Fate, Served, damprig, folder_with, is_point, manifest, read_parquet, result_rows, rows, sample_rows, short,
 };
-use damprig_protocol::{FromDevice, Request, ToDevice};
+use damprig_core::measure::impacts::ImpactRecord;
+use damprig_protocol::{Event, FromDevice, Request, ToDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
@@ -359,4 +360,29 @@ fn a_log_that_cannot_be_written_is_refused_before_the_run_and_does_not_end_it_la
     assert!(!folder.path().join("out").exists());
     let full = ["run", "test.toml", "--out", "out", "--log", "/dev/full"];
     damprig(&folder).args(full).assert().success().stderr(predicates::str::contains("--log /dev/full: cannot write"));
+}
+
+#[test]
+fn an_impact_after_the_end_of_an_experiment_is_not_recorded() {
+    let folder = folder_with(&short());
+    let board = Served::start(|message| match message {
+        FromDevice::Event { seq, tick, event: Event::Finished { .. } } => {
+            let late = ImpactRecord {
+                tick: tick + 1,
+                centre_ticks: 0.0,
+                side: 1,
+                peak_n: 40.0,
+                impulse_n_s: 0.05,
+                contact_s: 2e-3,
+                clipped: false,
+                held: false,
+            };
+            Fate::Also(vec![FromDevice::Event { seq: seq.wrapping_add(1), tick: tick + 1, event: Event::Impact(late) }])
+        }
+        _ => Fate::Pass,
+    });
+    damprig(&folder).args(["run", "test.toml", "--rig", &board.rig, "--out", "out"]).assert().success();
+    let impacts = rows(folder.path().join("out/impacts.parquet"));
+    damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "undisturbed"]).assert().success();
+    assert_eq!(impacts, rows(folder.path().join("undisturbed/impacts.parquet")));
 }
