@@ -67,19 +67,22 @@ def open_page(browser):
     assert errors == []
 
 
+def warm(pace):
+    """A server with 3 s of history."""
+    server = Server(pace=pace)
+    server.warm_up(3)
+    return server
+
+
 @pytest.fixture
 def still():
-    """A server that sends only what the test tells it to, with 3 s of history."""
-    server = Server(pace=0)
-    server.warm_up(3)
-    with server:
+    """Sends only what the test tells it to."""
+    with warm(pace=0) as server:
         yield server
 
 
 @pytest.fixture
 def live():
-    """A server that streams at real-time pace, with 3 s of history."""
-    server = Server(pace=1)
-    server.warm_up(3)
-    with server:
+    """Streams at real-time pace."""
+    with warm(pace=1) as server:
         yield server
