@@ -100,15 +100,14 @@ class Rig:
                 self.pulse[0 if side < 0 else 1] = peak
                 self.impacts_seen += 1
                 self.in_cycle += 1
-                found.append({"t_s": round(self.t_s, 4), "side": side, "peak_n": round(peak, 2),
-                              "speed_m_per_s": round(approach, 4)})
+                found.append({"t_s": round(self.t_s, 4), "side": side, "peak_n": round(peak, 2)})
         return found
 
     def _point(self):
         ratio = self.cycle_high / self.z_m
         return {"set_up": self.set_up, "experiment": "sweep", "frequency_hz": self.frequency_hz, "x_over_z": ratio,
                 "x_over_z_lock_in": ratio * 0.99, "x_m": self.cycle_high, "z_m": self.z_m,
-                "impacts_per_cycle": float(self.last_cycle), "steady": abs(self.frequency_hz - 2.5) > 0.08}
+                "steady": abs(self.frequency_hz - 2.5) > 0.08}
 
     def slow(self):
         """The controller's numbers now, as one row."""

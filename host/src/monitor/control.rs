@@ -9,8 +9,9 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 use super::access::Token;
+use super::action::{Action, Injection, Request};
 use super::feed::Feed;
-use super::message::{Action, Answer, Injection, Level, Request};
+use super::message::{Answer, Level};
 use crate::report::numbers::significant;
 
 /// Actions that wait for the source.

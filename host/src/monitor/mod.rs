@@ -6,6 +6,7 @@
 //! viewer too.
 
 mod access;
+pub mod action;
 mod control;
 pub mod feed;
 pub mod folder;

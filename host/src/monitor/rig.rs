@@ -10,11 +10,10 @@ use damprig_core::rig::{State, Status};
 use damprig_protocol::{Event, PlantKind, Request, Telemetry};
 use damprig_simulator::messages::ToSimulator;
 
+use super::action::{Action, Injection};
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
-use super::message::{
-    Action, Activity, FaultText, Impact, Injection, Level, Limits, LinkState, SignalName, Source, SourceKind,
-};
+use super::message::{Activity, FaultText, Impact, Level, Limits, LinkState, SignalName, Source, SourceKind};
 use super::words;
 use crate::client::controller::Controller;
 use crate::client::session::{Report, Session, SessionError};
@@ -214,9 +213,7 @@ impl<'a> RigWatch<'a> {
         match report {
             Report::Telemetry(message) => self.show_rows(&message)?,
             Report::Event { event: Event::Impact(impact), .. } => {
-                let ticks = f64::from(impact.tick) + f64::from(impact.centre_ticks);
-                let peak_n = impact.peak_n.is_finite().then_some(f64::from(impact.peak_n));
-                self.feed.send(Update::Impact(Impact { t_s: ticks / f64::from(TICK_HZ), side: impact.side, peak_n }));
+                self.feed.send(Update::Impact(Impact::of(&impact, 0.0)));
             }
             Report::Event { event: Event::Spring(event), .. } => self.feed.log(Level::Info, words::spring(&event)),
             Report::Event { event: Event::Fault(_), .. } => self.show_status()?,

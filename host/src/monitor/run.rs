@@ -6,11 +6,11 @@ use damprig_core::control::friction_spring::SpringEvent;
 use damprig_core::io::TICK_HZ;
 use damprig_core::measure::impacts::ImpactRecord;
 
+use super::action::{Action, Injection};
 use super::control::Asked;
 use super::feed::{Feed, Update, Watched};
 use super::message::{
-    Action, Activity, Curve, FaultText, Impact, Injection, Level, Limits, LinkState, Point, SignalName, Source,
-    SourceKind, Transient,
+    Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind, Transient,
 };
 use super::words;
 use crate::campaign::{Campaign, CampaignSetUp};
@@ -59,7 +59,9 @@ struct Present {
     set_up: String,
     experiment: String,
     from_s: f64,
-    longest_step_s: f64,
+    every_ticks: u32,
+    /// Tick that the next row has if none is lost.
+    next_tick: Option<u32>,
 }
 
 impl<'a> MonitoredRun<'a> {
@@ -226,17 +228,23 @@ impl Watcher for MonitoredRun<'_> {
             experiment: experiment.clone(),
             clearance_m: start.set_up.model().particle.map(|particle| particle.clearance_m),
         });
-        let longest_step_s = 1.5 * f64::from(start.every_ticks.max(1)) / f64::from(TICK_HZ);
-        self.present = Some(Present { set_up, experiment, from_s: start.from_s, longest_step_s });
+        let every_ticks = u32::from(start.every_ticks.max(1));
+        self.present = Some(Present { set_up, experiment, from_s: start.from_s, every_ticks, next_tick: None });
         self.is_held = false;
         self.running();
         self.terminal.started(start);
     }
 
     fn rows(&mut self, ticks: &[u32], values: &[f32]) {
-        if let Some(present) = &self.present {
-            let t_s = ticks.iter().map(|tick| present.from_s + f64::from(*tick) / f64::from(TICK_HZ)).collect();
-            let longest_step_s = present.longest_step_s;
+        if let Some(present) = &mut self.present {
+            let seconds = |ticks: u32| f64::from(ticks) / f64::from(TICK_HZ);
+            for tick in ticks {
+                let missing = present.next_tick.map_or(0, |next| tick.saturating_sub(next)) / present.every_ticks;
+                self.link.lost_rows += u64::from(missing);
+                present.next_tick = Some(tick.saturating_add(present.every_ticks));
+            }
+            let t_s = ticks.iter().map(|tick| present.from_s + seconds(*tick)).collect();
+            let longest_step_s = 1.5 * seconds(present.every_ticks);
             self.feed.send(Update::Rows { t_s, values: values.to_vec(), longest_step_s });
         }
         self.terminal.rows(ticks, values);
@@ -249,7 +257,6 @@ impl Watcher for MonitoredRun<'_> {
     fn values(&mut self, rig_s: f64, values: &[f32], losses: &Losses) {
         let tick = self.present.as_ref().map_or(0.0, |present| (rig_s - present.from_s) * f64::from(TICK_HZ)) as u32;
         self.feed.send(Update::Values { rig_s, tick, values: values.to_vec() });
-        self.link.lost_rows = losses.dropped_records;
         self.link.dropped_rows = losses.dropped_rows_host;
         self.link.bad_frames = losses.bad_frames_host.saturating_add(losses.bad_frames_device);
         self.link.interruptions = losses.interruptions;
@@ -299,9 +306,7 @@ impl Watcher for MonitoredRun<'_> {
 
     fn impact(&mut self, impact: &ImpactRecord) {
         if let Some(present) = &self.present {
-            let t_s = present.from_s + (f64::from(impact.tick) + f64::from(impact.centre_ticks)) / f64::from(TICK_HZ);
-            let peak_n = impact.peak_n.is_finite().then_some(f64::from(impact.peak_n));
-            self.feed.send(Update::Impact(Impact { t_s, side: impact.side, peak_n }));
+            self.feed.send(Update::Impact(Impact::of(impact, present.from_s)));
         }
         self.terminal.impact(impact);
     }
@@ -335,7 +340,6 @@ pub(super) fn point(row: &ResultRow) -> Point {
         x_over_z_lock_in: known(f64::from(row.x_amplitude_m) / f64::from(row.z_amplitude_m)),
         x_m: known(row.x_mean_cycle_max_m.into()),
         z_m: known(row.z_amplitude_m.into()),
-        impacts_per_cycle: None,
         steady: row.steady,
     }
 }

@@ -3,7 +3,7 @@
 use damprig_core::control::fault::Fault;
 use damprig_core::control::friction_spring::SpringEvent;
 
-use super::message::Injection;
+use super::action::Injection;
 
 /// A text as a sentence: with a capital and a full stop.
 #[must_use]

@@ -209,6 +209,24 @@ pub fn read(folder: &Path) -> Result<Lines, StorageError> {
     Ok(lines)
 }
 
+/// Reads the entries after the first `bytes` of the journal of a run that is being recorded, up to the last whole line, and moves
+/// `bytes` there. Lines that are not entries are passed over.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn read_after(folder: &Path, bytes: &mut u64) -> Result<Vec<Entry>, StorageError> {
+    let path = folder.join(JOURNAL);
+    let failed = |e: std::io::Error| StorageError::new("read", &path, e);
+    let mut file = regular::open(&path).map_err(failed)?;
+    file.seek(SeekFrom::Start(*bytes)).map_err(failed)?;
+    let mut new = Vec::new();
+    file.read_to_end(&mut new).map_err(failed)?;
+    let whole = new.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+    *bytes += whole as u64;
+    let entries = new[..whole].split(|b| *b == b'\n').filter_map(|line| serde_json::from_slice::<Entry>(line).ok());
+    Ok(entries.filter(Entry::is_consistent).collect())
+}
+
 /// Whether a program is appending to the journal of a folder now; none without a journal, or when the system cannot tell.
 #[must_use]
 pub fn is_being_written(folder: &Path) -> Option<bool> {
@@ -274,6 +292,26 @@ mod tests {
         assert_eq!(of(&[&begin, torn, joined, &begin]), (vec![], vec![2]));
         assert_eq!(of(&[&begin, "no JSON", &begin]), (vec![], vec![2]));
         assert_eq!(of(&[&begin, torn, torn, &begin, torn]), (vec![3, 5], vec![2]));
+    }
+
+    #[test]
+    fn a_growing_journal_is_read_line_by_whole_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(JOURNAL);
+        let mut journal = Journal::open(folder.path()).unwrap();
+        let mut bytes = 0;
+        (1..=2).for_each(|n| journal.append(&joined(n)).unwrap());
+        assert_eq!(read_after(folder.path(), &mut bytes).unwrap(), [joined(1), joined(2)]);
+        assert_eq!(read_after(folder.path(), &mut bytes).unwrap(), []);
+        journal.append(&joined(3)).unwrap();
+        drop(journal);
+        let text = std::fs::read(&path).unwrap();
+        // The end of a line that is still being written.
+        std::fs::write(&path, &text[..text.len() - 4]).unwrap();
+        assert_eq!(read_after(folder.path(), &mut bytes).unwrap(), []);
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(read_after(folder.path(), &mut bytes).unwrap(), [joined(3)]);
+        assert_eq!(bytes, text.len() as u64);
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod hostile_text;
 mod idle;
 mod limits;
 mod monitor;
+mod monitor_folder;
 mod mutations;
 mod not_files;
 mod output;

@@ -16,7 +16,7 @@ use tungstenite::{Message, WebSocket};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn monitor(token: Option<Token>, handles: Handles) -> Monitor {
+pub fn monitor(token: Option<Token>, handles: Handles) -> Monitor {
     let listen = Some(SocketAddr::from(([127, 0, 0, 1], 0)));
     let permissions =
         Permissions { can_control: token.is_some(), where_to_stop: "Stop: here.".into(), ..Permissions::default() };
@@ -64,7 +64,6 @@ fn point(frequency_hz: f64) -> Update {
         x_over_z_lock_in: None,
         x_m: None,
         z_m: None,
-        impacts_per_cycle: None,
         steady: true,
     })
 }
@@ -75,10 +74,10 @@ fn address(monitor: &Monitor) -> String {
 }
 
 /// A viewer's connection.
-struct Viewer(WebSocket<TcpStream>);
+pub struct Viewer(WebSocket<TcpStream>);
 
 impl Viewer {
-    fn join(monitor: &Monitor) -> Self {
+    pub fn join(monitor: &Monitor) -> Self {
         Self::connect(&address(monitor), None).expect("the monitor accepts a viewer")
     }
 
@@ -111,7 +110,7 @@ impl Viewer {
     }
 
     /// Messages up to the one of which `is_it` says so.
-    fn until(&mut self, is_it: impl Fn(&Value) -> bool) -> Vec<Value> {
+    pub fn until(&mut self, is_it: impl Fn(&Value) -> bool) -> Vec<Value> {
         let begun = Instant::now();
         let mut all = Vec::new();
         while begun.elapsed() < PATIENCE {
@@ -131,7 +130,7 @@ impl Viewer {
         }
     }
 
-    fn ask(&mut self, action: Value) -> Value {
+    pub fn ask(&mut self, action: Value) -> Value {
         self.0.send(Message::text(action.to_string())).expect("a connection");
         self.until(|message| message["kind"] == "answer").pop().expect("an answer")
     }

@@ -44,7 +44,6 @@ export function pointOf(raw) {
     x_over_z: number(raw.x_over_z),
     x_m: number(raw.x_m),
     z_m: number(raw.z_m),
-    impacts_per_cycle: number(raw.impacts_per_cycle),
     steady: raw.steady === true,
   };
 }
@@ -59,7 +58,7 @@ export function curveOf(raw) {
 
 export function impactOf(raw) {
   if (!isObject(raw) || number(raw.t_s) === null || (raw.side !== 1 && raw.side !== -1)) return null;
-  return { t_s: raw.t_s, side: raw.side, peak_n: number(raw.peak_n), speed_m_per_s: number(raw.speed_m_per_s) };
+  return { t_s: raw.t_s, side: raw.side, peak_n: number(raw.peak_n) };
 }
 
 export function sectionOf(raw) {

@@ -68,7 +68,7 @@ export class Response {
 
   #note() {
     const running = this.#running();
-    put($("response-note"), running === null ? "" : `now ${fixed(running[0], 3)} Hz: X/Z ${fixed(running[1], 2)}`);
+    put($("response-note"), running === null ? "" : `now ${fixed(running[0], 3)} Hz: X/Z ${fixed(running[1], 2)} (lock-in)`);
   }
 
   // Reads out the measured point nearest in frequency.
@@ -85,7 +85,7 @@ export class Response {
     if (nearest === null) return this.#note();
     const { p } = nearest;
     const steady = p.steady ? "" : ", not steady";
-    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)}${steady}`);
+    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima)${steady}`);
   }
 
   #legend() {

@@ -78,8 +78,7 @@ export class Impacts {
   #last() {
     const last = this.model.impacts.at(-1);
     if (last === undefined) return "";
-    const speed = last.speed_m_per_s === null ? "" : ` at ${fixed(last.speed_m_per_s, 2)} m/s`;
-    return `last: ${last.side > 0 ? "+d" : "−d"}, ${fixed(last.peak_n, 0)} N${speed}`;
+    return `last: ${last.side > 0 ? "+d" : "−d"}, ${fixed(last.peak_n, 0)} N`;
   }
 
   #limits(pen) {
