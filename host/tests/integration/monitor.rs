@@ -103,6 +103,8 @@ impl Viewer {
                 Ok(Message::Close(_)) | Err(tungstenite::Error::ConnectionClosed) => return None,
                 Err(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::ConnectionReset => return None,
                 Err(tungstenite::Error::Protocol(_)) => return None,
+                // The process has children; one that ends may interrupt a read.
+                Err(tungstenite::Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
                 Ok(_) => {}
                 Err(error) => panic!("{error}"),
             }
