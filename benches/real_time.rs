@@ -10,7 +10,7 @@ use damprig::client::link::{Address, Speed};
 use damprig::client::session::{Report, Session, SessionError};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::TICK_HZ;
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_protocol::Request;
 
 /// Host time of a measurement, s.

@@ -8,7 +8,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target}
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_device::board::DeviceInfo;

@@ -13,7 +13,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target}
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, MOST_POINTS, Start, SteppedSine};
 use damprig_core::io::{Actuators, SUBSAMPLES, Sensors, SlowBlock};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{Rejected, Rig, State};
 use damprig_core::settings::Settings;

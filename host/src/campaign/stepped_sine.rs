@@ -3,7 +3,7 @@
 use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
 use damprig_core::control::stepped_sine::{DriveMode, FEWEST_CYCLES, FEWEST_TICKS_PER_CYCLE, MOST_POINTS};
 use damprig_core::io::TICK_HZ;
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_simulator::plant::Shaker;
 
 use crate::input::{Number, Problem, Section};

@@ -22,7 +22,7 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::SafeStage;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::rig::State;
 use damprig_protocol::{Clock, Event, PlantKind, Request};
 use damprig_simulator::messages::ToSimulator;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, Target};
 use damprig_core::control::safety::ExperimentLimits;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{FrictionDamper, Particle, SetUp, Structure, Wall};
 use damprig_core::twin::TwinConfig;
 use damprig_protocol::frame::LONGEST_BODY;

@@ -192,10 +192,10 @@ impl BaseLoop {
 
     /// Closes a cycle of the phase that the samples belong to.
     pub fn end_cycle(&mut self, target_m: f32) {
-        self.lock_in.end_cycle();
+        self.lock_in.end_cycle(0.0);
         // The nominal length: with z in phase with the sine, one tick more or less at the cycle's end adds nothing.
         let samples = self.ticks_per_cycle;
-        self.amplitude = Scalar::sqrt(self.lock_in.squared_amplitude(1)) / samples;
+        self.amplitude = Scalar::sqrt(self.lock_in.squared_amplitude(1.0)) / samples;
         self.lock_in = LockIn::default();
         self.half_travel = self.travel.take().map_or(0.0, |(low, high)| (high - low) * 0.5);
         let within = (self.amplitude - target_m).abs() <= self.tolerance * target_m;

@@ -1,27 +1,16 @@
 //! Measurement of one point, that is one frequency of a stepped sine: amplitudes, phase, RMS, maxima and steadiness.
 
+use super::approach::{Approach, Limit};
+use super::batches::Batches;
 use super::lock_in::LockIn;
+use super::noise::{NoiseMeter, raised_maximum};
+use super::steadiness::{Evidence, Steadiness, SteadyLimits};
 use super::sum::Sum;
 use super::trend::Trend;
-use crate::io::{Readings, SensorSet};
+use crate::io::{Readings, SensorSet, TICK_HZ};
 use crate::scalar::Scalar;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
-
-/// Limits for a point to count as steady.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct SteadyLimits {
-    /// Largest relative change of the cycle maxima per cycle, over the second half of the dwell.
-    pub change_per_cycle: f32,
-    /// Largest relative RMS scatter of the cycle maxima about that trend.
-    pub scatter: f32,
-}
-
-impl Default for SteadyLimits {
-    fn default() -> Self {
-        Self { change_per_cycle: 2e-4, scatter: 1e-2 }
-    }
-}
 
 /// The result of one frequency. Lengths in m, angles in rad; every value is over the dwell's whole cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -48,20 +37,29 @@ pub struct PointResult {
     pub phase_rad: f32,
     /// RMS of x, m.
     pub x_rms_m: f32,
-    /// Mean over the cycles of max |x| in each, m: the source document's "average maximum displacement".
+    /// Mean over the cycles of max |x| in each, m: the source document's "average maximum displacement". |x| is a tick's
+    /// mean; by how much the sensor's noise raises its maxima is subtracted.
     pub x_mean_cycle_max_m: f32,
-    /// max |x|, m.
+    /// max |x| of all samples, m, noise included.
     pub x_max_m: f32,
-    /// max |x| in the last cycle, m.
+    /// max |x| in the last cycle, m, as in the mean.
     pub x_last_cycle_max_m: f32,
+    /// RMS noise of a tick's x, m.
+    pub x_noise_rms_m: f32,
     /// Relative change of the cycle maxima per cycle over the second half of the dwell.
     pub change_per_cycle: f32,
     /// Relative RMS scatter of the cycle maxima about that trend.
     pub scatter: f32,
     /// Whole cycles measured.
     pub cycles: u32,
-    /// Both limits of [`SteadyLimits`] are met.
-    pub steady: bool,
+    /// Relative deviation of X/Z from its limit, extrapolated from the amplitudes of x and z; X is the mean cycle maximum.
+    pub deviation: f32,
+    /// Uncertainty of that deviation (95 %), relative to X/Z.
+    pub deviation_uncertainty: f32,
+    /// Half-width of the 95 % interval of X/Z as a mean over cycles, relative.
+    pub interval: f32,
+    /// The verdict on all of these.
+    pub steadiness: Steadiness,
     /// Measured impacts on both walls, per cycle.
     pub impacts_per_cycle: f32,
     /// Tick of the first measured sample.
@@ -79,28 +77,41 @@ pub struct PointMeter {
     z_harmonics: [LockIn; 4],
     cycle_squares: f32,
     squares: Sum,
+    last_square: f32,
     cycle_max: f32,
     sum_of_maxima: Sum,
     max: f32,
     last_max: f32,
+    spread: Trend,
     trend: Trend,
     trend_from: u32,
+    maxima: Batches,
+    x_approach: Approach,
+    z_approach: Approach,
+    x_noise: NoiseMeter,
     cycles: u32,
-    cycle_samples: u32,
-    samples: u32,
+    cycle_samples: f32,
+    samples: f32,
+    /// Fraction of a sample by which the first cycle began before its first sample.
+    missing: f32,
 }
 
 impl PointMeter {
-    /// A meter for a dwell of `cycles` whole cycles. The trend is taken over the second half.
+    /// A meter for a dwell of `cycles` whole cycles, which began a fraction `missing` of a sample (0 to 1) before the
+    /// first sample. The trend is taken over the second half.
     #[must_use]
-    pub fn new(cycles: u32) -> Self {
-        Self { trend_from: cycles / 2, ..Self::default() }
+    pub fn new(cycles: u32, missing: f32) -> Self {
+        Self { trend_from: cycles / 2, missing, ..Self::default() }
     }
 
     /// Whole cycles so far.
     #[must_use]
     pub fn cycles(&self) -> u32 {
         self.cycles
+    }
+
+    fn lock_ins(&mut self) -> impl Iterator<Item = &mut LockIn> {
+        [&mut self.x, &mut self.z, &mut self.drive].into_iter().chain(&mut self.z_harmonics)
     }
 
     /// Takes one tick's readings and drive (m) with the drive's sine and cosine at that tick.
@@ -118,29 +129,45 @@ impl PointMeter {
             );
             lock_in.push(z, harmonic);
         }
-        self.cycle_squares += x * x;
-        self.cycle_max = readings.x.peak_m.max(self.cycle_max);
-        self.cycle_samples += 1;
+        self.x_noise.push(x);
+        self.last_square = x * x;
+        self.cycle_squares += self.last_square;
+        self.cycle_max = x.abs().max(self.cycle_max);
+        self.max = readings.x.peak_m.max(self.max);
+        self.cycle_samples += 1.0;
+        if self.missing > 0.0 {
+            let missing = core::mem::take(&mut self.missing);
+            self.lock_ins().for_each(|lock_in| lock_in.extend_last(missing));
+            self.cycle_squares += missing * self.last_square;
+            self.cycle_samples += missing;
+        }
     }
 
-    /// Closes a cycle.
-    pub fn end_cycle(&mut self) {
-        self.x.end_cycle();
-        self.z.end_cycle();
-        self.drive.end_cycle();
-        self.z_harmonics.iter_mut().for_each(LockIn::end_cycle);
-        self.squares.push(self.cycle_squares);
+    /// Closes a cycle, of which `over`, a fraction of the last sample (0 to 1), belongs to the next one.
+    pub fn end_cycle(&mut self, over: f32) {
+        let samples = self.cycle_samples - over;
+        let scaled = |(sine, cosine): (f32, f32)| (2.0 / samples * sine, 2.0 / samples * cosine);
+        let x = self.x.end_cycle(over);
+        self.x_approach.push(scaled(x));
+        let z = self.z.end_cycle(over);
+        self.z_approach.push(scaled(z));
+        self.drive.end_cycle(over);
+        for lock_in in &mut self.z_harmonics {
+            lock_in.end_cycle(over);
+        }
+        self.squares.push(self.cycle_squares - over * self.last_square);
         self.sum_of_maxima.push(self.cycle_max);
-        self.max = self.max.max(self.cycle_max);
         self.last_max = self.cycle_max;
+        self.spread.push(self.cycle_max);
+        self.maxima.push(self.cycle_max);
         if self.cycles >= self.trend_from {
             self.trend.push(self.cycle_max);
         }
-        self.samples += self.cycle_samples;
+        self.samples += samples;
         self.cycles += 1;
-        self.cycle_squares = 0.0;
+        self.cycle_squares = over * self.last_square;
         self.cycle_max = 0.0;
-        self.cycle_samples = 0;
+        self.cycle_samples = over;
     }
 
     /// The result over the closed cycles.
@@ -154,6 +181,10 @@ impl PointMeter {
         }
         let distortion = if z_amplitude > 0.0 { Scalar::sqrt(harmonics) / z_amplitude } else { 0.0 };
         let (change, scatter) = self.trend.slope_and_scatter().unwrap_or((f32::MAX, f32::MAX));
+        let noise = self.x_noise.rms();
+        let raised = raised_maximum(noise, x_amplitude, core::f32::consts::TAU * place.frequency_hz / TICK_HZ);
+        let mean_max = (self.sum_of_maxima.value() / self.cycles.max(1) as f32 - raised).max(0.0);
+        let evidence = self.evidence(mean_max, noise, raised, z_amplitude, scatter);
         PointResult {
             index: place.index,
             frequency_hz: place.frequency_hz,
@@ -164,20 +195,58 @@ impl PointMeter {
             clipped: place.clipped,
             x_amplitude_m: x_amplitude,
             phase_rad: wrapped(x_phase - z_phase),
-            x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1) as f32),
-            x_mean_cycle_max_m: self.sum_of_maxima.value() / self.cycles.max(1) as f32,
+            x_rms_m: Scalar::sqrt(self.squares.value() / self.samples.max(1.0)),
+            x_mean_cycle_max_m: mean_max,
             x_max_m: self.max,
-            x_last_cycle_max_m: self.last_max,
+            x_last_cycle_max_m: (self.last_max - raised).max(0.0),
+            x_noise_rms_m: noise,
             change_per_cycle: change,
             scatter,
             cycles: self.cycles,
-            steady: libm::fabsf(change) <= limits.change_per_cycle && scatter <= limits.scatter,
+            deviation: evidence.deviation,
+            deviation_uncertainty: evidence.uncertainty,
+            interval: evidence.interval,
+            steadiness: evidence.verdict(limits),
             impacts_per_cycle: place.impacts as f32 / self.cycles.max(1) as f32,
             start_tick: place.start_tick,
             end_tick: place.end_tick,
         }
     }
+
+    /// What the dwell says about the limit of X/Z. `raised` is the noise's share in the cycle maxima.
+    fn evidence(&self, mean_max: f32, noise: f32, raised: f32, z_amplitude: f32, scatter: f32) -> Evidence {
+        let unknown = Limit { amplitude: 0.0, uncertainty: f32::MAX, converges: false, unexplained: 0.0 };
+        let limit = |approach: &Approach| approach.limit().filter(|limit| limit.amplitude > 0.0).unwrap_or(unknown);
+        let (x, z) = (limit(&self.x_approach), limit(&self.z_approach));
+        let is_known = x.amplitude > 0.0 && z.amplitude > 0.0 && z_amplitude > 0.0 && mean_max > 0.0;
+        let (deviation, uncertainty) = if is_known {
+            let moved = self.x_approach.mean_modulus() / x.amplitude * (z.amplitude / z_amplitude) - 1.0;
+            let (of_x, of_z) = (x.uncertainty / x.amplitude, z.uncertainty / z.amplitude);
+            let of_limits = Scalar::sqrt(of_x * of_x + of_z * of_z);
+            (moved, 2.0 * of_limits + UNCERTAINTY_OF_RAISED * raised / mean_max)
+        } else {
+            (f32::MAX, f32::MAX)
+        };
+        let relative = |value: f32| if mean_max > 0.0 { value / mean_max } else { f32::MAX };
+        Evidence {
+            deviation,
+            uncertainty,
+            converges: x.converges,
+            unexplained: x.unexplained,
+            spread: relative(self.spread.deviation_from_mean()),
+            scatter,
+            noise: relative(MAXIMUM_SCATTER * noise),
+            interval: self.maxima.half_width().map_or(f32::MAX, relative),
+            drifts: self.maxima.drifts(),
+        }
+    }
 }
+
+/// Relative uncertainty of [`raised_maximum`] (95 %): the noise is known to about a tenth.
+const UNCERTAINTY_OF_RAISED: f32 = 0.1;
+
+/// RMS scatter of a cycle's maximum over the RMS noise of a tick.
+const MAXIMUM_SCATTER: f32 = 0.5;
 
 /// Index, time and counts of a measured point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -219,7 +288,7 @@ mod tests {
     #[test]
     fn the_distortion_of_a_known_wave_is_measured() {
         let increment = Phase::increment(2.5, 1000.0);
-        let (mut phase, mut meter) = (Phase::default(), PointMeter::new(20));
+        let (mut phase, mut meter) = (Phase::default(), PointMeter::new(20, 0.0));
         while meter.cycles() < 20 {
             let multiple = |n: u32| Phase(phase.0.wrapping_mul(n)).sin_cos();
             let (first, second, fifth) = (multiple(1), multiple(2), multiple(5));
@@ -227,7 +296,7 @@ mod tests {
             let readings = Readings { z: Reading::still(z), ..Readings::default() };
             meter.push(&readings, 2e-3 * first.1, first);
             if phase.advance(increment) {
-                meter.end_cycle();
+                meter.end_cycle(0.0);
             }
         }
         let result = meter.result(&Place::default(), &SteadyLimits::default());

@@ -55,9 +55,10 @@ impl RunningLockIn {
         self.z.push(z_m, wave);
         self.samples += 1;
         if cycle_ended {
-            self.x.end_cycle();
-            self.z.end_cycle();
-            let motion = motion(self.x.components(self.samples), self.z.components(self.samples));
+            self.x.end_cycle(0.0);
+            self.z.end_cycle(0.0);
+            let samples = self.samples as f32;
+            let motion = motion(self.x.components(samples), self.z.components(samples));
             *self = Self { motion, ..Self::default() };
         }
     }

@@ -4,7 +4,7 @@ use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, SteppedSinePlan};
 use damprig_core::io::{Sensors, WALL_SUBSAMPLES, WallCounts};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::rig::{Command, Event, Rig};
 
 fn running() -> Rig {

@@ -7,7 +7,8 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, Stepped
 use damprig_core::control::transient::FreeVibration;
 use damprig_core::control::transient::free_vibration::FreeVibrationPlan;
 use damprig_core::io::{Reading, Sensors};
-use damprig_core::measure::point::{PointResult, SteadyLimits};
+use damprig_core::measure::point::PointResult;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::rig::{Command, Event, Rejected, Rig, State};
 
 /// Ten cycles at 5 Hz, twelve at 6 Hz.

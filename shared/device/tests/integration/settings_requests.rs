@@ -2,7 +2,7 @@
 
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Sensors};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::rig::{Rejected, Rig};
 use damprig_core::settings::{Settings, Source};
 use damprig_device::board::{DeviceInfo, Saving};

@@ -5,7 +5,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Sprin
 use damprig_core::control::safety::{SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::measure::impacts::ImpactRecord;
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::{SIGNALS, State};
 use damprig_core::settings::Settings;

@@ -3,7 +3,7 @@
 use damprig_core::control::fault::FaultCause;
 use damprig_core::control::safety::{Limits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
 use damprig_core::settings::Settings;

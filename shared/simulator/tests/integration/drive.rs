@@ -6,7 +6,7 @@ use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::Playback;
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::io::{Calibration, DriveScale};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;

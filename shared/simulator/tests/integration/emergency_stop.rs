@@ -4,7 +4,7 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage, Target};
 use damprig_core::control::safety::{Limits, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::{Brake, State};
 use damprig_core::settings::Settings;

@@ -5,7 +5,7 @@ use damprig_core::control::friction_spring::{SpringCommand, SpringSetUp, SpringS
 use damprig_core::control::safety::{ExperimentLimits, Limits, SafeStage, SafetyConfig};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::{Actuators, Reading, Sensors};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::{Rig, State, Status};
 use damprig_core::settings::{Settings, Source};

@@ -4,7 +4,7 @@ use damprig_core::control::fault::{FaultCause, SpringFaultCause};
 use damprig_core::control::friction_spring::{SpringCommand, SpringEvent as Spring, SpringStage};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::io::Sensor;
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{Particle, SetUp, Structure, Wall};
 use damprig_core::rig::State;
 use damprig_protocol::{Event, Request};

@@ -3,7 +3,7 @@
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::control::transient::{FreeVibration, Playback};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::model::{SetUp, Structure};
 use damprig_device::board::DeviceInfo;

@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 use damprig_board::peripherals::flash::Bank2;
 use damprig_board::{Board, Config, Image, Output, Time, link};
 use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
-use damprig_core::measure::point::SteadyLimits;
+use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::Status;
 use damprig_protocol::frame::{self, LONGEST, Reader};

@@ -13,7 +13,7 @@ mod runner;
 use crate::control::base_loop::ClosedLoop;
 use crate::control::rest::REST_HOLD_S;
 use crate::io::{Invalid, TICK_HZ, not_negative, positive, require};
-use crate::measure::point::SteadyLimits;
+use crate::measure::steadiness::SteadyLimits;
 use heapless::Vec;
 use postcard_schema::Schema;
 pub use runner::SteppedSineRunner;
@@ -71,7 +71,7 @@ pub struct SteppedSine {
     pub settle_s: f32,
     /// Time of the measurement at each frequency, s. The whole cycles in it are used.
     pub dwell_s: f32,
-    /// Limits for a point to count as steady.
+    /// When a point counts as steady, and how long the measurement may wait for that.
     pub steady: SteadyLimits,
     /// Index of the first frequency in the whole experiment: above 0 when an interrupted experiment is resumed. Results
     /// and the virtual rig's noise depend on the index in the whole experiment, so both are the same as without the
@@ -108,8 +108,12 @@ impl SteppedSine {
         if let Start::FromRest { level_m } = self.start {
             positive("rest_level_m", f64::from(level_m))?;
         }
-        positive("steady.change_per_cycle", f64::from(self.steady.change_per_cycle))?;
+        positive("steady.tolerance", f64::from(self.steady.tolerance))?;
         positive("steady.scatter", f64::from(self.steady.scatter))?;
+        let longest = f64::from(self.steady.longest_dwell_s);
+        let allowed = "0, or from dwell_s to 10⁹ ticks";
+        let is_allowed = longest == 0.0 || (longest >= f64::from(self.dwell_s) && longest <= longest_s);
+        require(is_allowed, "steady.longest_dwell_s", longest, allowed)?;
         require(
             usize::from(self.first_index) + self.frequencies_hz.len() <= usize::from(u16::MAX),
             "first_index",
@@ -155,6 +159,8 @@ pub struct SteppedSinePlan {
     settle_ticks: u32,
     /// Settling time plus the longest wait for a closed loop.
     held_by_ticks: u32,
+    /// Time of all dwells of a point in which another may begin.
+    dwell_until_ticks: u32,
     /// Changes of the ramp's position per tick while driving, and while fading.
     rise: f32,
     fall: f32,
@@ -176,6 +182,7 @@ impl SteppedSinePlan {
         Ok(Self {
             settle_ticks: ticks(sine.settle_s),
             held_by_ticks: ticks(sine.settle_s + wait_s),
+            dwell_until_ticks: ticks((sine.steady.longest_dwell_s - sine.dwell_s).max(0.0)),
             rise: per_tick(sine.ramp_s),
             fall: per_tick(sine.ramp_s.max(FADE_S)),
             sine,

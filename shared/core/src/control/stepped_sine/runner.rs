@@ -9,6 +9,7 @@ use crate::control::rest::{RestWait, Waited};
 use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
 use crate::measure::running::DriveReference;
+use crate::measure::steadiness::Steadiness;
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
@@ -47,6 +48,8 @@ pub struct SteppedSineRunner {
     cycles: u32,
     cycle_ended: bool,
     start_tick: u32,
+    /// Tick of the point's first dwell, once it has begun.
+    first_dwell: Option<u32>,
     impacts_before: u32,
     put_back: Option<u16>,
 }
@@ -79,6 +82,7 @@ impl SteppedSineRunner {
             cycles: 0,
             cycle_ended: false,
             start_tick: 0,
+            first_dwell: None,
             impacts_before: 0,
             put_back: None,
         };
@@ -197,6 +201,7 @@ impl SteppedSineRunner {
         self.cycles = (self.plan.sine.dwell_s * frequency) as u32;
         self.stage = ExperimentStage::Settle;
         self.driven_ticks = 0;
+        self.first_dwell = None;
         self.driving = true;
         if let DriveMode::ClosedLoop(parameters) = &self.plan.sine.drive {
             if self.gain == 0.0 {
@@ -224,11 +229,17 @@ impl SteppedSineRunner {
             }
     }
 
+    /// Fraction of the last tick, at whose end a cycle ended, that belongs to the present cycle.
+    fn over(&self) -> f32 {
+        self.phase.0 as f32 / self.increment as f32
+    }
+
     fn begin_dwelling(&mut self, now: &TickInputs) {
         self.stage = ExperimentStage::Dwell;
         self.start_tick = now.tick;
         self.impacts_before = now.impacts;
-        self.meter = PointMeter::new(self.cycles);
+        self.first_dwell.get_or_insert(now.tick);
+        self.meter = PointMeter::new(self.cycles, self.over());
         (self.was_saturated, self.clipped) = (false, SensorSet::default());
     }
 
@@ -323,12 +334,12 @@ impl SteppedSineRunner {
         }
         self.cycle_ended = self.phase.advance(self.increment);
         if self.cycle_ended && measuring {
-            self.meter.end_cycle();
+            self.meter.end_cycle(self.over());
             if self.base_slipped() {
                 self.stage = ExperimentStage::Settle;
             }
             if self.meter.cycles() == self.cycles && fault.is_none() {
-                return (drive, self.end_point(now));
+                return (drive, self.end_dwell(now));
             }
         }
         (drive, fault.map_or(Outcome::Running, Outcome::Failed))
@@ -361,7 +372,8 @@ impl SteppedSineRunner {
         None
     }
 
-    fn end_point(&mut self, now: &TickInputs) -> Outcome {
+    /// Ends a dwell: the point has its result, or begins another dwell.
+    fn end_dwell(&mut self, now: &TickInputs) -> Outcome {
         let place = Place {
             index: self.place(),
             frequency_hz: self.frequency_hz,
@@ -372,6 +384,11 @@ impl SteppedSineRunner {
             impacts: now.impacts.wrapping_sub(self.impacts_before),
         };
         let result = self.meter.result(&place, &self.plan.sine.steady);
+        let dwelled = now.tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick));
+        if result.steadiness == Steadiness::NotSteady && dwelled < self.plan.dwell_until_ticks {
+            self.stage = ExperimentStage::Settle;
+            return Outcome::Running;
+        }
         self.index += 1;
         if self.index == self.plan.sine.frequencies_hz.len() {
             self.end_driving();
@@ -389,7 +406,7 @@ mod tests {
     use crate::control::base_loop::ClosedLoop;
     use crate::control::stepped_sine::SteppedSine;
     use crate::io::{DriveScale, Readings};
-    use crate::measure::point::SteadyLimits;
+    use crate::measure::steadiness::SteadyLimits;
 
     #[test]
     fn the_stored_wave_of_the_drive_is_older_by_the_delay_of_a_reading() {

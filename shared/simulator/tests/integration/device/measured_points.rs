@@ -2,6 +2,7 @@
 
 use damprig_core::control::stepped_sine::SteppedSine;
 use damprig_core::measure::point::PointResult;
+use damprig_core::measure::steadiness::Steadiness;
 use damprig_core::model::{Particle, Wall};
 use damprig_protocol::{Event, FromDevice, Reply, Request};
 use damprig_simulator::messages::set_plant;
@@ -31,7 +32,7 @@ fn the_bare_structure_measures_its_transmissibility_within_the_sensors_resolutio
     assert!((f64::from(result.x_amplitude_m) - exact).abs() < 1e-5, "{result:?}");
     // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
     assert!((f64::from(result.x_max_m) - exact).abs() < 2.3e-5, "{result:?}");
-    assert!(result.steady);
+    assert_eq!(result.steadiness, Steadiness::Steady);
 }
 
 /// A point's figures without its times.
@@ -84,5 +85,5 @@ fn the_impact_damper_measures_its_closed_form_within_the_sensors_resolution() {
     let exact = 3.753_385 * z_m;
     // A reading is rounded by up to half of 10 µm after noise of up to 3.5 · 5 µm.
     assert!((result.x_mean_cycle_max_m - exact).abs() < 2.3e-5, "{result:?}");
-    assert!(result.steady, "{result:?}");
+    assert_eq!(result.steadiness, Steadiness::Steady, "{result:?}");
 }
