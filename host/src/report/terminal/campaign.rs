@@ -35,7 +35,7 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     table
 }
 
-/// Peak of X/Z and X/Z at fn, a row for each experiment on each set-up.
+/// Peak of X/Z (cycle maxima) with X/Z (lock-in) there, and X/Z at fn, a row for each experiment on each set-up.
 pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
     let has_several = {
         let mut set_ups: Vec<&str> = stepped_sines(campaign).map(|(set_up, _)| set_up.name.as_str()).collect();
@@ -45,7 +45,16 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
     };
     let mut columns = vec!["set-up"];
     columns.extend(has_several.then_some("experiment"));
-    columns.extend(["peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "steady points"]);
+    columns.extend([
+        "peak X/Z\n(cycle maxima)",
+        "X/Z there\n(lock-in)",
+        "at (Hz)",
+        "steady",
+        "X/Z at fn\n(cycle maxima)",
+        "steady",
+        "points",
+        "steady\npoints",
+    ]);
     let mut table = table(&columns);
     for (set_up, experiment) in stepped_sines(campaign) {
         let is_own = |r: &&ResultRow| r.set_up == set_up.name && r.experiment == experiment.name;
@@ -58,6 +67,7 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
         cells.extend(has_several.then(|| experiment.name.clone()));
         cells.extend([
             format!("{:.2}", peak.x_over_z()),
+            format!("{:.2}", peak.x_over_z_lock_in()),
             trimmed(peak.frequency_hz, 4),
             yes_no(peak),
             at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
