@@ -38,3 +38,4 @@ mod simulate_refusals;
 mod slips;
 mod slow_disk;
 mod transients;
+mod unusual;
