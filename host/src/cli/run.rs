@@ -19,6 +19,7 @@ use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
 use crate::prediction::Predicted;
+use crate::report::compared::predicted_and_measured;
 use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
@@ -169,6 +170,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predicted, &session)?;
     if args.dry_run {
+        predicted_and_measured(&campaign).iter().for_each(|note| say!("{note}"));
         say!("All set-ups stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);
         say!("{}", settings_line(args, &session));
         return Ok(());

@@ -138,7 +138,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                     th { "max|x|" small { "mm" } } th { "predicted" small { "mm" } }
                     th { "RMS x" small { "mm" } } th { "max|z|" small { "mm" } }
                     th { "max|x−z|" small { "mm" } } th { "Base error" small { "% of the demand" } }
-                    th { "Impacts" } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
+                    th { "Impacts" } th { "Impacts" small { "predicted" } } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
                     th { "f" small { "Hz" } } th { "Cycles" }
                 } }
                 tbody {
@@ -154,6 +154,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                             td { (mm(row.relative_peak_m)) }
                             td { (number(f64::from(100.0 * row.base_error_rms_m / row.wanted_rms_m), 2)) }
                             td { (row.impacts) }
+                            td { (row.predicted_impacts) }
                             td { (number(row.start_m * 1e3, 3)) }
                             td { (number(row.damping_ratio, 5)) }
                             td { (number(row.frequency_hz, 4)) }
@@ -162,6 +163,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                     }
                 }
             } }
+            p.under { "Predicted and measured are compared in words under the table of set-ups." }
             p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " shows x over time." }
         }
     }
