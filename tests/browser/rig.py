@@ -111,7 +111,7 @@ class Rig:
 
     def slow(self):
         """The controller's numbers now, as one row."""
-        return {"x_over_z": self.cycle_high / self.z_m, "x_amplitude_m": self.cycle_high, "z_amplitude_m": self.z_m,
+        return {"x_over_z_lock_in": self.cycle_high / self.z_m, "x_amplitude_m": self.cycle_high, "z_amplitude_m": self.z_m,
                 "impacts_in_cycle": self.last_cycle, "twin_residual_m": 1.1e-4 * (1 + 0.4 * math.sin(self.t_s / 3)),
                 "spring_force_n": self.force, "spring_target_n": self.target if self.set_up == "hybrid" else 0.0,
                 "wall_low_n": self.pulse[0], "wall_high_n": self.pulse[1]}
@@ -122,7 +122,7 @@ class Rig:
             "set_up": self.set_up, "experiment": "sweep", "points_taken": self.place, "points_planned": self.planned,
             "rig_s": self.t_s, "left_s": (self.planned - self.place) * self.dwell_s, "speed": None, "replay": None,
             "numbers": {
-                "tick": self.tick, "frequency_hz": self.frequency_hz, "x_over_z": self.cycle_high / self.z_m,
+                "tick": self.tick, "frequency_hz": self.frequency_hz, "x_over_z_lock_in": self.cycle_high / self.z_m,
                 "x_amplitude_m": self.cycle_high, "x_phase_rad": -math.atan2(2 * DAMPING * self.frequency_hz / NATURAL_HZ,
                 1 - (self.frequency_hz / NATURAL_HZ) ** 2), "z_amplitude_m": self.z_m, "z_phase_rad": 0.02,
                 "impacts_in_cycle": self.last_cycle, "impacts": self.impacts_seen, "twin_residual_m": self.slow()["twin_residual_m"],

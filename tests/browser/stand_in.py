@@ -175,7 +175,7 @@ class Server:
         for name in ("points", "impacts", "section"):
             self.kept[name].extend(fresh[name])
             del self.kept[name][:-2000]
-        log = [{"at": "14:04:12", "level": "info", "text": f"{p['set_up']}: {p['frequency_hz']} Hz, X/Z {p['x_over_z']:.2f}."}
+        log = [{"at": "14:04:12", "level": "info", "text": f"{p['set_up']}: {p['frequency_hz']} Hz, X/Z {p['x_over_z']:.2f} (cycle maxima)."}
                for p in fresh["points"]]
         self.kept["log"].extend(log)
         del self.kept["log"][:-200]

@@ -52,7 +52,7 @@ def test_damaged_messages_are_counted_and_harmless(still, open_page):
     for broken in (None, [], 5, "x"):
         still.send({"kind": "frame", "state": broken})
     for odd in ({}, {"numbers": [], "limits": "x", "link": 3, "alarms": {}, "fault": 5, "replay": []},
-                {"activity": "constructor", "numbers": {"frequency_hz": "1e9", "x_over_z": [1], "x_amplitude_m": 1e300}}):
+                {"activity": "constructor", "numbers": {"frequency_hz": "1e9", "x_over_z_lock_in": [1], "x_amplitude_m": 1e300}}):
         still.send({"kind": "frame", "state": odd})
     # Cut and damaged copies of real messages.
     random.seed(3)

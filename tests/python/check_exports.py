@@ -84,6 +84,9 @@ def check_mat(path, samples, results, manifest):
     raw = scipy.io.loadmat(path)["samples"]["t_s"][0, 0]
     if raw.shape != (len(samples), 1) or raw.dtype != np.float64:
         sys.exit(f"{path}: t_s is no column of doubles but {raw.dtype} {raw.shape}")
+    for column, words in (("x_over_z", "X/Z (cycle maxima)"), ("x_over_z_lock_in", "X/Z (lock-in)")):
+        if words not in read["descriptions"]["results"][column]:
+            sys.exit(f"{path}: {column} does not say which ratio it is")
     for signal in manifest["signals"]:
         if read["units"]["samples"][signal["name"]] != signal["unit"]:
             sys.exit(f"{path}: unit of {signal['name']}")
@@ -117,8 +120,9 @@ def check_uff(path, samples, results, manifest):
         what = f"{path}: x/z of {set_up}"
         if response["id4"].strip() != f"{set_up}, {experiment}":
             sys.exit(f"{what}: ID line 4 is {response['id4']!r}")
-        ratio = rows["x_amplitude_m"].astype(np.float64) / rows["z_amplitude_m"].astype(np.float64)
-        expected = ratio.to_numpy() * np.exp(1j * rows["phase_rad"].astype(np.float64).to_numpy())
+        if "X/Z (lock-in)" not in response["id5"]:
+            sys.exit(f"{what}: ID line 5 does not say which ratio: {response['id5']!r}")
+        expected = rows["x_over_z_lock_in"].to_numpy() * np.exp(1j * rows["phase_rad"].astype(np.float64).to_numpy())
         same_digits(response["x"], rows["frequency_hz"].to_numpy(), 6, what)
         # Sine and cosine of two libraries may differ in the last bit, so one digit less is compared.
         same_digits(response["data"].real, expected.real, 11, what)

@@ -8,7 +8,7 @@ use damprig_simulator::plant::Shaker;
 
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
-use super::{CampaignSetUp, RigSettings};
+use super::{CampaignSetUp, RigSettings, usual};
 use crate::input::{Problem, Section, Text, listed, near};
 
 /// An experiment on some of the set-ups.
@@ -147,6 +147,7 @@ fn read(
         // Without a kind, the keys of the most frequent one are checked.
         _ => stepped_sine::read(&section, shaker).map(Kind::SteppedSine),
     };
+    section.warn_of_unusual(usual::EXPERIMENT);
     section.finish();
     kind?;
     Some(Experiment { name, set_ups: chosen?, kind: read? })

@@ -12,6 +12,7 @@ mod set_up;
 mod shape;
 mod stepped_sine;
 pub mod transient;
+mod usual;
 
 use std::path::Path;
 

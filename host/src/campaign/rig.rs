@@ -11,6 +11,7 @@ use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
 use super::limits::CampaignLimits;
+use super::usual;
 use crate::input::{Number, Problem, Section, Span, Text, near};
 use crate::settings::{decimal, number_of};
 
@@ -94,7 +95,11 @@ pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
     let limits = CampaignLimits::read(&rig);
     let data_sheet = rig.table("sensors", None).map(read_sensors);
-    let shaker = rig.table("shaker", None).map(|table| read_shaker(&table));
+    let shaker = rig.table("shaker", None).map(|table| {
+        table.warn_of_unusual(usual::SHAKER);
+        read_shaker(&table)
+    });
+    rig.warn_of_unusual(usual::RIG);
     rig.finish();
     Some(RigSettings {
         board,

@@ -6,6 +6,7 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_simulator::plant::Shaker;
 
+use super::usual;
 use crate::input::{Number, Problem, Section};
 
 /// How a point starts.
@@ -112,6 +113,7 @@ fn frequencies(section: &Section, key: &'static str) -> Option<Vec<f64>> {
         (Some(from), Some(to), Some(step)) => spread(&grid, &from, &to, &step),
         _ => None,
     };
+    grid.warn_of_unusual(usual::GRID);
     grid.finish();
     list
 }

@@ -19,6 +19,7 @@ use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
 use crate::prediction::Predicted;
+use crate::report::compared::predicted_and_measured;
 use crate::report::numbers::duration;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
@@ -60,7 +61,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["campaign", "dry_run"])]
     resume: Option<PathBuf>,
 
-    /// Check the campaign and predict the displacements without running it. With --rig the settings of that rig are read
+    /// Check the campaign, print every parameter of its set-ups and predict the displacements, without running it. With --rig the settings of that rig are read
     /// and nothing is changed on it; without, the settings are those of a board as delivered
     #[arg(long)]
     dry_run: bool,
@@ -150,6 +151,7 @@ pub fn run(args: &Args) -> Outcome {
 
 fn begin(args: &Args, file: &Path) -> Outcome {
     let mut campaign = Campaign::read(file).map_err(Failure::input)?;
+    campaign.source.warnings().iter().for_each(|warning| warn!("warning: {warning}"));
     campaign.check_simulable().map_err(Failure::input)?;
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
@@ -158,6 +160,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let plural = if points == 1 { "" } else { "s" };
     say!("Campaign {} ({}): {points} point{plural}, about {time} of rig time", campaign.name, file.display());
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
+    if args.dry_run {
+        terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));
+    }
     let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
     if !predicted.swings.is_empty() {
         say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
@@ -165,6 +170,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predicted, &session)?;
     if args.dry_run {
+        predicted_and_measured(&campaign).iter().for_each(|note| say!("{note}"));
         say!("All set-ups stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);
         say!("{}", settings_line(args, &session));
         return Ok(());

@@ -18,6 +18,7 @@ use crate::monitor::run::{MonitoredRun, RunFacts};
 use crate::monitor::terminal::{TerminalView, TerminalWatcher};
 use crate::monitor::{Asked, Handles, Monitor, Permissions};
 use crate::prediction::Predicted;
+use crate::report::compared::predicted_and_measured;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
 use crate::report::page::page;
 use crate::report::terminal;
@@ -203,7 +204,11 @@ impl Job<'_> {
     }
 
     fn manifest(&self, begin: &Begin) -> Manifest {
-        let record = |(set_up, x_m): (&usize, &f64)| SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m);
+        let record = |(set_up, x_m): (&usize, &f64)| {
+            let own = self.predicted.responses.iter().filter(|response| response.set_up == *set_up);
+            let in_dwells = own.filter_map(|response| response.dwell_max_x_m).fold(f64::NAN, f64::max);
+            SetUpRecord::new(&self.campaign.set_ups[*set_up], *x_m, in_dwells)
+        };
         let started = self.taken.begun.first().map_or(&begin.at, |first| &first.at);
         let mut manifest =
             Manifest::begin(self.campaign, largest_predicted(self.predicted).iter().map(record).collect(), started);
@@ -260,9 +265,10 @@ impl Job<'_> {
         manifest.files = sums.clone().unwrap_or_default();
         let written = noted.and(page_written).and(self.folder.write_manifest(&manifest)).and(sums.map(|_| ()));
         if has_sines {
-            say!("{}", terminal::campaign::results(self.campaign, &rows));
+            say!("{}", terminal::campaign::results(self.campaign, &self.predicted.responses, &rows));
         }
         terminal::transients::results(taken.transients()).iter().for_each(|table| say!("{table}"));
+        predicted_and_measured(self.campaign).iter().for_each(|note| say!("{note}"));
         say!("{}", terminal::campaign::summary(&manifest));
         super::output::print_always(&format!("Run folder: {}", path.display()));
         if let Err(error) = &result {

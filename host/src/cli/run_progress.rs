@@ -60,7 +60,7 @@ pub struct RunProgress {
 /// Places in the device's signal table.
 struct Places {
     frequency: Option<usize>,
-    x_over_z: Option<usize>,
+    x_over_z_lock_in: Option<usize>,
     z_amplitude: Option<usize>,
     impacts_in_cycle: Option<usize>,
 }
@@ -143,7 +143,7 @@ impl RunProgress {
             log: display.log,
             places: Places {
                 frequency: at("frequency"),
-                x_over_z: at("x_over_z"),
+                x_over_z_lock_in: at("x_over_z_lock_in"),
                 z_amplitude: at("z_amplitude"),
                 impacts_in_cycle: at("impacts_in_cycle"),
             },
@@ -178,7 +178,8 @@ impl RunProgress {
     fn print_summary(&mut self) {
         let Some(summary) = self.summary.take() else { return };
         if self.has_lines {
-            let peak = summary.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z {x:.2} at {f} Hz"));
+            let peak =
+                summary.peak.map_or(String::new(), |(x, f)| format!(", peak X/Z (cycle maxima) {x:.2} at {f} Hz"));
             let Summary { label, points, .. } = summary;
             say!("[{}/{}] {label}: {points} points{peak}", self.mounted, self.set_ups.len());
         }
@@ -262,8 +263,8 @@ impl Watcher for RunProgress {
         if let Some(frequency_hz) = value(self.places.frequency).filter(|hz| *hz > 0.0) {
             text += &format!("  {frequency_hz:.3} Hz");
         }
-        if let Some(x_over_z) = value(self.places.x_over_z).filter(|ratio| *ratio > 0.0) {
-            text += &format!("  X/Z {x_over_z:.2}");
+        if let Some(x_over_z) = value(self.places.x_over_z_lock_in).filter(|ratio| *ratio > 0.0) {
+            text += &format!("  X/Z (lock-in) {x_over_z:.2}");
         }
         if let Some(z_m) = value(self.places.z_amplitude).filter(|z| *z > 0.0) {
             text += &format!("  Z {:.3} mm", z_m * 1e3);
@@ -278,15 +279,16 @@ impl Watcher for RunProgress {
     fn point(&mut self, row: &ResultRow) {
         self.points.0 += 1;
         let (taken, planned) = self.points;
-        self.numbers = format!("  {} Hz  X/Z {:.2}", row.frequency_hz, row.x_over_z());
+        self.numbers = format!("  {} Hz  X/Z (cycle maxima) {:.2}", row.frequency_hz, row.x_over_z());
         self.show();
         let steady = if row.steady { "steady" } else { "not steady" };
         let (x_mm, z_mm) = (row.x_mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
         self.log(&format!(
-            "point {taken} of {planned}: set-up {}, {} Hz: X/Z {:.3}, X {x_mm:.3} mm, Z {z_mm:.4} mm, {steady}",
+            "point {taken} of {planned}: set-up {}, {} Hz: X/Z (cycle maxima) {:.3}, X/Z (lock-in) {:.3}, X {x_mm:.3} mm, Z {z_mm:.4} mm, {steady}",
             row.set_up,
             row.frequency_hz,
-            row.x_over_z()
+            row.x_over_z(),
+            row.x_over_z_lock_in()
         ));
         if let Some(summary) = &mut self.summary {
             summary.points += 1;

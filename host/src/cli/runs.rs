@@ -73,7 +73,7 @@ const EXPORT_HELP: &str = "\
 Formats:
   csv  one table (samples unless --what selects another), any length
   mat  structs run, results, samples, units; double column vectors; at most 40 million numbers
-  uff  dataset 58: frequency responses x/z; a time history per signal, point and gap-free stretch
+  uff  dataset 58: frequency responses x/z (lock-in); a time history per signal, point and gap-free stretch
 
 Examples:
   damprig runs export k3x9 --format mat                  writes <run>.mat
@@ -233,13 +233,24 @@ fn show(run: &RunFolder) -> Outcome {
     }
     let signals: Vec<String> = m.signals.iter().map(|s| format!("{} ({})", s.name, s.unit)).collect();
     say!("Signals: {} at {} Hz, {} rows", signals.join(", "), m.telemetry_rate_hz, m.sample_rows);
-    let mut table = table(&["set-up", "experiment", "f (Hz)", "X/Z", "Z (mm)", "phase (rad)", "steady"]);
+    let mut table = table(&[
+        "set-up",
+        "experiment",
+        "f (Hz)",
+        "X/Z\n(cycle maxima)",
+        "X/Z\n(lock-in)",
+        "Z (mm)",
+        "phase (rad)",
+        "steady",
+    ]);
     for batch in run.results().map_err(Failure::failed)? {
         let names =
             (texts(&batch, "set_up").map_err(Failure::failed)?, texts(&batch, "experiment").map_err(Failure::failed)?);
         let get = |name| column(&batch, name).map_err(Failure::failed);
         let (f, xz, z) = (get("frequency_hz")?, get("x_over_z")?, get("z_amplitude_m")?);
-        let (phase, steady) = (get("phase_rad")?, get("steady")?);
+        let (x, phase, steady) = (get("x_amplitude_m")?, get("phase_rad")?, get("steady")?);
+        let ratio =
+            |x: &Value, z: &Value| x.number().zip(z.number()).map_or("–".into(), |(x, z)| format!("{:.3}", x / z));
         let number =
             |v: &Value, scale: f64, digits: usize| format!("{:.digits$}", v.number().unwrap_or(f64::NAN) * scale);
         for i in 0..batch.num_rows() {
@@ -248,6 +259,7 @@ fn show(run: &RunFolder) -> Outcome {
                 names.1[i].clone(),
                 f[i].to_string(),
                 number(&xz[i], 1.0, 3),
+                ratio(&x[i], &z[i]),
                 number(&z[i], 1e3, 4),
                 number(&phase[i], 1.0, 3),
                 if steady[i] == Value::Bool(true) { "yes" } else { "no" }.into(),

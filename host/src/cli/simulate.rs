@@ -109,7 +109,7 @@ fn picture(text: &str) -> Result<PathBuf, String> {
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
 pub fn run(args: &Args) -> Outcome {
-    let case = Case::read(&args.case).map_err(Failure::input)?;
+    let (case, unusual) = Case::read_with_warnings(&args.case).map_err(Failure::input)?;
     super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
     let envelopes = envelopes(args, &case)?;
@@ -117,6 +117,7 @@ pub fn run(args: &Args) -> Outcome {
     let longest_part_s = cost::longest_part_s(&case, rate_hz).map_err(Failure::input)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    unusual.iter().for_each(|warning| warn!("warning: {warning}"));
     for warning in terminal::simulation::warnings(&case, &cost, args.out.as_ref().zip(rate_hz)) {
         warn!("warning: {warning}");
     }

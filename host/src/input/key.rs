@@ -47,6 +47,22 @@ pub struct Key {
     pub kind: Kind,
     /// Its meaning, in one line.
     pub doc: &'static str,
+    /// The least and the largest usual value of a number: others are allowed, with a warning.
+    pub usual: Option<(f64, f64)>,
+}
+
+impl Key {
+    /// The same key with a range of usual values, whose ends are usual.
+    #[must_use]
+    pub const fn usual(self, least: f64, most: f64) -> Self {
+        Self { usual: Some((least, most)), ..self }
+    }
+
+    /// Whether a value is outside the usual range, if the key has one.
+    #[must_use]
+    pub fn is_unusual(&self, value: f64) -> bool {
+        self.usual.is_some_and(|(least, most)| !(least..=most).contains(&value))
+    }
 }
 
 /// The default value of a quantity.
@@ -89,6 +105,12 @@ impl Quantity {
     #[must_use]
     pub const fn required(self) -> Self {
         Self { need: Need::Required, ..self }
+    }
+
+    /// Its key of this name.
+    #[must_use]
+    pub fn key(&self, name: &str) -> Option<&'static Key> {
+        self.keys.iter().find(|key| key.name == name)
     }
 
     /// The name of its first key.
@@ -204,17 +226,17 @@ impl DefaultValue {
 
 /// A key that holds a number.
 pub(crate) const fn number(name: &'static str, range: Range, doc: &'static str) -> Key {
-    Key { name, kind: Kind::Number(range), doc }
+    Key { name, kind: Kind::Number(range), doc, usual: None }
 }
 
 /// A key that holds one of some words.
 pub(crate) const fn word(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Key {
-    Key { name, kind: Kind::Word(words), doc }
+    Key { name, kind: Kind::Word(words), doc, usual: None }
 }
 
 /// A key of another kind.
 pub(crate) const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Key {
-    Key { name, kind, doc }
+    Key { name, kind, doc, usual: None }
 }
 
 /// Declares tables: a module for each, a constant for every quantity, and `TABLES` for all.

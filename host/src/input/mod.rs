@@ -51,6 +51,7 @@ pub struct Source {
     text: String,
     is_recorded: bool,
     problems: Mutex<Vec<Problem>>,
+    warnings: Mutex<Vec<Problem>>,
 }
 
 impl Source {
@@ -80,7 +81,13 @@ impl Source {
     /// A text in memory; `name` is its name in messages.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Self { name: name.into(), text: text.into(), is_recorded: false, problems: Mutex::default() }
+        Self {
+            name: name.into(),
+            text: text.into(),
+            is_recorded: false,
+            problems: Mutex::default(),
+            warnings: Mutex::default(),
+        }
     }
 
     /// The copy in a run folder, which may be older than this program: keys that are refused since then are ignored.
@@ -99,6 +106,31 @@ impl Source {
     fn problems(&self) -> MutexGuard<'_, Vec<Problem>> {
         // The list is valid even if a thread panicked while it held the lock.
         self.problems.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a warning: the file is used as it is.
+    pub fn warn(&self, warning: Problem) {
+        self.warnings.lock().unwrap_or_else(PoisonError::into_inner).push(warning);
+    }
+
+    /// The warnings so far in the order of the file, one for each place: the first 20, and how many there are.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        warnings.sort_by_key(|warning| warning.span.start);
+        // Several set-ups may inherit one value.
+        warnings.dedup_by(|later, first| later.span == first.span && later.allowed == first.allowed);
+        let renderer = Renderer::plain();
+        let mut texts: Vec<String> =
+            warnings.iter().take(MOST_SHOWN).map(|w| self.render(&renderer, &Level::WARNING, w)).collect();
+        if warnings.len() > MOST_SHOWN {
+            texts.push(format!(
+                "{} has {} unusual values; these are the first {MOST_SHOWN}",
+                self.name,
+                warnings.len()
+            ));
+        }
+        texts
     }
 
     /// Its name in messages: the path of a file.
@@ -157,7 +189,8 @@ impl Source {
         problems.sort_by_key(|p| p.span.start);
         problems.dedup();
         let renderer = Renderer::plain();
-        let mut answers: Vec<String> = problems.iter().take(MOST_SHOWN).map(|p| self.render(&renderer, p)).collect();
+        let mut answers: Vec<String> =
+            problems.iter().take(MOST_SHOWN).map(|p| self.render(&renderer, &Level::ERROR, p)).collect();
         if problems.len() > MOST_SHOWN {
             answers.push(format!("{} has {} problems; these are the first {MOST_SHOWN}", self.name, problems.len()));
         }
@@ -165,7 +198,7 @@ impl Source {
         Err(Refusal(answers.join("\n\nerror: ")))
     }
 
-    fn render(&self, renderer: &Renderer, problem: &Problem) -> String {
+    fn render(&self, renderer: &Renderer, level: &Level<'static>, problem: &Problem) -> String {
         let end = problem.span.end.min(self.text.len());
         let start = problem.span.start.min(end);
         // A header or an inline table may span lines; its first line is marked.
@@ -173,12 +206,13 @@ impl Source {
         let snippet = Snippet::source(self.text.as_str())
             .path(self.name.as_str())
             .annotation(AnnotationKind::Primary.span(start..end).label(problem.allowed.as_str()));
-        let mut group = Level::ERROR.primary_title(problem.title.as_str()).element(snippet);
+        let mut group = level.clone().primary_title(problem.title.as_str()).element(snippet);
         if let Some(help) = &problem.help {
             group = group.element(Level::HELP.message(help.as_str()));
         }
         let text = renderer.render(&[group]).to_string();
-        text.strip_prefix("error: ").unwrap_or(&text).to_string()
+        // The command prints the level itself.
+        ["error: ", "warning: "].iter().find_map(|level| text.strip_prefix(level)).unwrap_or(&text).to_string()
     }
 }
 

@@ -38,7 +38,7 @@ const PACE_OVER: Duration = Duration::from_secs(2);
 
 /// The controller's numbers that are shown over time: name in the signal table and name in the message.
 const SLOW: [(&str, &str); 9] = [
-    ("x_over_z", "x_over_z"),
+    ("x_over_z_lock_in", "x_over_z_lock_in"),
     ("x_amplitude", "x_amplitude_m"),
     ("z_amplitude", "z_amplitude_m"),
     ("impacts_in_cycle", "impacts_in_cycle"),
@@ -288,7 +288,7 @@ impl Live {
         self.state.numbers = Numbers {
             tick: Some(tick),
             frequency_hz: value("frequency"),
-            x_over_z: value("x_over_z"),
+            x_over_z_lock_in: value("x_over_z_lock_in"),
             x_amplitude_m: value("x_amplitude"),
             x_phase_rad: value("x_phase"),
             z_amplitude_m: value("z_amplitude"),

@@ -81,9 +81,9 @@ pub struct Point {
     pub experiment: String,
     /// Drive frequency, Hz.
     pub frequency_hz: f64,
-    /// Mean cycle maximum of |x| over the lock-in amplitude of z.
+    /// X/Z (cycle maxima): mean cycle maximum of |x| over the lock-in amplitude of z.
     pub x_over_z: Option<f64>,
-    /// Ratio of the two lock-in amplitudes.
+    /// X/Z (lock-in): ratio of the two lock-in amplitudes.
     pub x_over_z_lock_in: Option<f64>,
     /// Mean cycle maximum of |x|, m.
     pub x_m: Option<f64>,
@@ -201,7 +201,7 @@ pub enum Activity {
 pub struct Numbers {
     pub tick: Option<u32>,
     pub frequency_hz: Option<f32>,
-    pub x_over_z: Option<f32>,
+    pub x_over_z_lock_in: Option<f32>,
     pub x_amplitude_m: Option<f32>,
     pub x_phase_rad: Option<f32>,
     pub z_amplitude_m: Option<f32>,

@@ -337,7 +337,7 @@ pub(super) fn point(row: &ResultRow) -> Point {
         experiment: row.experiment.clone(),
         frequency_hz: row.frequency_hz,
         x_over_z: known(row.x_over_z()),
-        x_over_z_lock_in: known(f64::from(row.x_amplitude_m) / f64::from(row.z_amplitude_m)),
+        x_over_z_lock_in: known(row.x_over_z_lock_in()),
         x_m: known(row.x_mean_cycle_max_m.into()),
         z_m: known(row.z_amplitude_m.into()),
         steady: row.steady,

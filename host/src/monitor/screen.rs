@@ -100,7 +100,7 @@ fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let cells = [
         [
             ("f (Hz)", value(numbers.frequency_hz, 1.0, 3)),
-            ("X/Z", value(numbers.x_over_z, 1.0, 2)),
+            ("X/Z (lock-in)", value(numbers.x_over_z_lock_in, 1.0, 2)),
             ("X (mm)", value(numbers.x_amplitude_m, 1e3, 2)),
             ("Z (mm)", value(numbers.z_amplitude_m, 1e3, 3)),
         ],
@@ -147,7 +147,9 @@ fn histories(frame: &mut Frame, area: Rect, picture: &Picture) {
     } else {
         ("twin residual", &picture.residual_m, "µm", 1e6)
     };
-    for (row, (name, list, unit, factor)) in rows[1..].iter().zip([("X/Z", &picture.x_over_z, "", 1.0), second]) {
+    for (row, (name, list, unit, factor)) in
+        rows[1..].iter().zip([("X/Z (lock-in)", &picture.x_over_z_lock_in, "", 1.0), second])
+    {
         let most = list.iter().copied().fold(0.0f32, f32::max);
         let block = Block::bordered().title(format!("{name}, up to {:.2} {unit}", most * factor));
         let inner = block.inner(*row);
@@ -209,7 +211,7 @@ fn response(frame: &mut Frame, area: Rect, picture: &Picture) {
     });
     let labels = |[low, high]: [f64; 2], text: fn(f64) -> String| vec![text(low), text(0.5 * (low + high)), text(high)];
     let chart = Chart::new(sets.collect())
-        .block(Block::bordered().title("X/Z over frequency (Hz)"))
+        .block(Block::bordered().title("X/Z (cycle maxima) over frequency (Hz)"))
         .x_axis(Axis::default().bounds(x).labels(labels(x, |f| format!("{f:.2}"))))
         .y_axis(Axis::default().bounds(y).labels(labels(y, |log| format!("{:.1}", 10f64.powf(log)))));
     frame.render_widget(chart, area);

@@ -37,7 +37,7 @@ const MOST_POINTS: usize = 2000;
 pub(super) struct Picture {
     pub(super) snapshot: Box<Snapshot>,
     pub(super) x_m: VecDeque<f32>,
-    pub(super) x_over_z: VecDeque<f32>,
+    pub(super) x_over_z_lock_in: VecDeque<f32>,
     pub(super) spring_n: VecDeque<f32>,
     pub(super) residual_m: VecDeque<f32>,
     /// Measured points of the present set-up and experiment: frequency (Hz), X/Z.
@@ -53,7 +53,7 @@ impl Picture {
     fn new(snapshot: Box<Snapshot>, owns_run: bool) -> Self {
         let mut picture = Self {
             x_m: VecDeque::new(),
-            x_over_z: VecDeque::new(),
+            x_over_z_lock_in: VecDeque::new(),
             spring_n: VecDeque::new(),
             residual_m: VecDeque::new(),
             points: VecDeque::new(),
@@ -69,7 +69,7 @@ impl Picture {
 
     fn take(&mut self, frame: &Frame) {
         if frame.restart {
-            for list in [&mut self.x_m, &mut self.x_over_z, &mut self.spring_n, &mut self.residual_m] {
+            for list in [&mut self.x_m, &mut self.x_over_z_lock_in, &mut self.spring_n, &mut self.residual_m] {
                 list.clear();
             }
         }
@@ -83,7 +83,7 @@ impl Picture {
             values.iter().flatten().copied().collect::<Vec<f32>>()
         };
         keep(&mut self.x_m, column(&news.rows, "x"), 4 * MOST_VALUES);
-        keep(&mut self.x_over_z, column(&news.slow, "x_over_z"), MOST_VALUES);
+        keep(&mut self.x_over_z_lock_in, column(&news.slow, "x_over_z_lock_in"), MOST_VALUES);
         keep(&mut self.spring_n, column(&news.slow, "spring_force_n"), MOST_VALUES);
         keep(&mut self.residual_m, column(&news.slow, "twin_residual_m"), MOST_VALUES);
         let points = news.points.iter().filter_map(|p| Some((p.set_up.clone(), p.frequency_hz, p.x_over_z?)));

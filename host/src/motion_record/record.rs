@@ -7,7 +7,9 @@
 //! [`Record::drift_m`] gives the drift of the absolute ones. After its end the acceleration is zero.
 //!
 //! A **displacement** record is joined by cubics with continuous velocity through every sample (Catmull–Rom, as in
-//! [`damprig_core::integrator::base`]). After its end the base stays where it is.
+//! [`damprig_core::integrator::base`]). After its end the base stays where it is. Before its first sample the base rests there:
+//! a record that starts with a velocity, as a sine does, starts with half of it, and the jump is smoothed over the first
+//! interval ([`Record::start_jump_m_per_s`]).
 
 use std::path::PathBuf;
 
@@ -66,6 +68,16 @@ impl Record {
             end = play.next_segment().0.iter().sum();
         }
         end
+    }
+
+    /// Velocity of a displacement record in its first interval, m/s, if it is more than a hundredth of the largest: a jump from
+    /// rest, which the cubic smooths over that interval. `None` for a record that starts at rest.
+    #[must_use]
+    pub fn start_jump_m_per_s(&self) -> Option<f64> {
+        let rise = |pair: &[f64]| (pair[1] - pair[0]) / self.step_s;
+        let largest = self.samples.windows(2).map(|pair| rise(pair).abs()).fold(0.0, f64::max);
+        let first = self.samples.get(..2).map(rise)?;
+        (self.quantity == Quantity::Displacement && first.abs() > 0.01 * largest).then_some(first)
     }
 
     /// The motion, interval by interval from the start.

@@ -1,16 +1,18 @@
 //! Predicts displacements of base and structure for a record, a pulse, or a release, before the rig moves.
 //!
 //! The base motion is the spline that the device plays through the record's counts, in `f64`, each cubic divided into steps
-//! of at most a tick; the measured window is the device's. The base follows exactly. The largest |x| is taken at the steps:
-//! at 2.5 Hz the error of a peak is (Ωh)²/8 = 3·10⁻⁵.
+//! of at most a tick. The base follows exactly. The measured window is the device's: a release is measured from the instant
+//! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them ([`super::watch`]).
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::sampled::Sampled;
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, TICK_HZ};
+use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
 
-use super::{LargestKick, USABLE, tries};
+use super::watch::MotionWatch;
+use super::{USABLE, tries};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, FreeVibration, Kind, Playback};
 use crate::input::{Problem, Refusal};
 
@@ -27,23 +29,29 @@ pub struct Outlook {
     pub relative_peak_m: f64,
     /// RMS of x − z.
     pub relative_rms_m: f64,
-    /// Impacts.
+    /// Impacts that the board would count.
     pub impacts: u32,
+    /// Impacts that it would not: below its threshold, or within the pulse of a stronger one.
+    pub weak_impacts: u32,
     /// Largest impulse of an impact, N·s; 0 without one.
     pub impulse_n_s: f64,
     /// Time that was simulated, s, if that is less than the experiment takes.
     pub predicted_s: Option<f64>,
 }
 
-/// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine.
+/// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine. `detection`: the board's settings.
 ///
 /// # Errors
 /// A parameter that cannot be simulated.
-pub fn outlook(set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Option<Outlook>, Invalid> {
+pub fn outlook(
+    set_up: &CampaignSetUp,
+    experiment: &Experiment,
+    detection: &ImpactConfig,
+) -> Result<Option<Outlook>, Invalid> {
     match &experiment.kind {
         Kind::SteppedSine(_) => Ok(None),
-        Kind::Playback(playback) => played(set_up, playback).map(Some),
-        Kind::FreeVibration(free) => released(set_up, free).map(Some),
+        Kind::Playback(playback) => played(set_up, playback, detection).map(Some),
+        Kind::FreeVibration(free) => released(set_up, free, detection).map(Some),
     }
 }
 
@@ -52,6 +60,9 @@ const STEP_S: f64 = 1.0 / TICK_HZ as f64;
 
 /// Steps of an experiment on a set-up: about a tenth of a second of computing, 400 s of rig time.
 const MOST_STEPS: u64 = 400_000;
+
+/// Share of x0 below which |x| has to fall for the release to be detected (`control::transient::free_vibration`).
+const RELEASED: f64 = 0.9;
 
 /// Sums over the steps of a motion.
 #[derive(Default)]
@@ -63,9 +74,10 @@ struct Watched {
 }
 
 impl Watched {
-    fn see(&mut self, x: f64, z: f64) {
+    /// Takes the end of a step, and the largest |x| in it.
+    fn see(&mut self, x: f64, x_peak_m: f64, z: f64) {
         let out = &mut self.outlook;
-        out.x_peak_m = out.x_peak_m.max(x.abs());
+        out.x_peak_m = out.x_peak_m.max(x_peak_m);
         out.z_peak_m = out.z_peak_m.max(z.abs());
         out.relative_peak_m = out.relative_peak_m.max((x - z).abs());
         self.squares += x * x;
@@ -78,32 +90,19 @@ impl Watched {
         self.steps >= MOST_STEPS
     }
 
-    /// The sums over a motion of `wanted_s` on a structure of this mass, in steps of `step_s`.
-    fn over(self, impacts: &Impacts, mass_kg: f64, step_s: f64, wanted_s: f64) -> Outlook {
+    /// The sums over a motion of `wanted_s` in steps of `step_s`.
+    fn over(self, watch: &MotionWatch, step_s: f64, wanted_s: f64) -> Outlook {
         let rms = |sum: f64| (sum / self.steps.max(1) as f64).sqrt();
         let predicted_s = self.steps as f64 * step_s;
         Outlook {
             x_rms_m: rms(self.squares),
             relative_rms_m: rms(self.relative),
-            impacts: impacts.count,
-            impulse_n_s: impacts.largest.impulse_n_s(mass_kg, step_s),
+            impacts: watch.measurable,
+            weak_impacts: watch.weak,
+            impulse_n_s: watch.largest_impulse_n_s(),
             predicted_s: (self.is_full() && predicted_s < wanted_s).then_some(predicted_s),
             ..self.outlook
         }
-    }
-}
-
-/// Counts impacts and keeps the largest impulse.
-#[derive(Default)]
-struct Impacts {
-    count: u32,
-    largest: LargestKick,
-}
-
-impl Observer<f64> for Impacts {
-    fn impact(&mut self, impact: &Impact<f64>) {
-        self.count = self.count.saturating_add(1);
-        self.largest.impact(impact);
     }
 }
 
@@ -118,7 +117,7 @@ fn at_rest(set_up: &CampaignSetUp, x_m: f64) -> Initial {
     Initial { x_m, y_m: x_m + set_up.particle_start_m(), ..Initial::default() }
 }
 
-fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invalid> {
+fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig) -> Result<Outlook, Invalid> {
     let interval_s = 1.0 / playback.sample_rate_hz;
     let parts = parts(set_up, interval_s)?;
     let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
@@ -135,7 +134,8 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
         gain * gain * (3.0 - 2.0 * gain)
     };
     let at = |n: i64| usize::try_from(n).ok().and_then(|n| counts.get(n)).copied().unwrap_or(0.0);
-    let (mut watched, mut impacts) = (Watched::default(), Impacts::default());
+    let mut watched = Watched::default();
+    let mut watch = MotionWatch::new(detection, set_up.model().structure.mass_kg, step_s);
     for node in -2..=count {
         let rate = |n: i64| 0.5 * (at(n + 1) - at(n - 1));
         let whole = BaseSegment::hermite(at(node), at(node + 1), rate(node), rate(node + 1)).0;
@@ -158,32 +158,44 @@ fn played(set_up: &CampaignSetUp, playback: &Playback) -> Result<Outlook, Invali
             } else {
                 BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
-            motion.step_observed(&segment, &mut impacts);
-            watched.see(motion.state().x, z1);
+            motion.step_observed(&segment, &mut watch);
+            let x_peak_m = watch.end_step();
+            watched.see(motion.state().x, x_peak_m, z1);
         }
     }
-    rest(&mut motion, playback.tail_s / step_s, &mut watched, &mut impacts);
-    Ok(watched.over(&impacts, set_up.model().structure.mass_kg, step_s, length_s + playback.tail_s))
+    rest(&mut motion, playback.tail_s / step_s, &mut watched, &mut watch);
+    Ok(watched.over(&watch, step_s, length_s + playback.tail_s))
 }
 
 /// The motion over a base at rest.
-fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, impacts: &mut Impacts) {
+fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, watch: &mut MotionWatch) {
     for _ in 0..steps.round() as u64 {
         if watched.is_full() {
             break;
         }
-        motion.step_observed(&BaseSegment::at_rest(0.0), impacts);
-        watched.see(motion.state().x, 0.0);
+        motion.step_observed(&BaseSegment::at_rest(0.0), watch);
+        let x_peak_m = watch.end_step();
+        watched.see(motion.state().x, x_peak_m, 0.0);
     }
 }
 
-fn released(set_up: &CampaignSetUp, free: &FreeVibration) -> Result<Outlook, Invalid> {
+fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConfig) -> Result<Outlook, Invalid> {
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
     let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
-    let (mut watched, mut impacts) = (Watched::default(), Impacts::default());
-    rest(&mut motion, free.measure_s / step_s, &mut watched, &mut impacts);
-    let mut outlook = watched.over(&impacts, set_up.model().structure.mass_kg, step_s, free.measure_s);
+    let mut watched = Watched::default();
+    let mut watch = MotionWatch::new(detection, set_up.model().structure.mass_kg, step_s);
+    // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
+    // released.
+    let mut steps_before = 0;
+    while motion.state().x.abs() >= RELEASED * free.start_m.abs() && steps_before < MOST_STEPS {
+        motion.step_observed(&BaseSegment::at_rest(0.0), &mut watch);
+        watch.end_step();
+        steps_before += 1;
+    }
+    watch.restart_count();
+    rest(&mut motion, free.measure_s / step_s, &mut watched, &mut watch);
+    let mut outlook = watched.over(&watch, step_s, free.measure_s);
     outlook.x_peak_m = outlook.x_peak_m.max(free.start_m.abs());
     Ok(outlook)
 }
@@ -207,8 +219,8 @@ pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
     let mut all = Vec::new();
     for (set_up, it) in campaign.set_ups.iter().enumerate() {
         for (experiment, what) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.set_ups.contains(&set_up)) {
-            let outlook =
-                outlook(it, what).map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;
+            let outlook = outlook(it, what, &campaign.rig.board.impacts)
+                .map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;
             all.extend(outlook.map(|outlook| Expected { set_up, experiment, outlook }));
         }
     }
@@ -240,7 +252,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
         };
         let fits = experiment
             .playback()
-            .and_then(|playback| fitting(set_up, playback, stroke.min(USABLE * base_limit), limit));
+            .and_then(|playback| fitting(campaign, set_up, playback, [stroke.min(USABLE * base_limit), limit]));
         campaign.source.report(Problem {
             title: format!(
                 "experiment {:?} on set-up {:?} would leave {what}: predicted max{which} = {}, at most {} may be used",
@@ -261,14 +273,20 @@ pub fn check(campaign: &Campaign, expected: &[Expected]) -> Result<(), Refusal> 
 }
 
 /// The largest peak of two digits at which a record fits. |x| may not be monotonic in it, so candidates are simulated.
-fn fitting(set_up: &CampaignSetUp, playback: &Playback, most_z_m: f64, limit_m: f64) -> Option<f64> {
+fn fitting(
+    campaign: &Campaign,
+    set_up: &CampaignSetUp,
+    playback: &Playback,
+    [most_z_m, limit_m]: [f64; 2],
+) -> Option<f64> {
     let (before, most) = (playback.peak_m(), USABLE * limit_m);
     let mut candidate = before.min(most_z_m);
     for _ in 0..tries(MOST_STEPS) {
         candidate = crate::campaign::transient::two_digits_down(candidate);
         let factor = candidate / before;
         let samples_m = playback.samples_m.iter().map(|z| z * factor).collect();
-        let outlook = played(set_up, &Playback { samples_m, ..playback.clone() }).ok()?;
+        let louder = Playback { samples_m, ..playback.clone() };
+        let outlook = played(set_up, &louder, &campaign.rig.board.impacts).ok()?;
         if outlook.x_peak_m <= most {
             return Some(candidate);
         }

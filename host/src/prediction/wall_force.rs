@@ -1,15 +1,12 @@
 //! Compares the predicted forces on the particle's walls with the limit in force.
 //!
 //! The model's impacts take no time; the force follows from the impulse J and the contact time τ of a half-sine pulse,
-//! F = πJ/(2τ). The simulated rig's contacts last [`WallSensors::contact_s`]. Those of a real wall may be several times longer,
+//! F = πJ/(2τ). The simulated rig's contacts last [`damprig_simulator::plant::walls::WallSensors::contact_s`]. Those of a real wall may be several times longer,
 //! so only a force far beyond the limit is refused; above the limit there is a warning.
-
-use std::f64::consts::PI;
-
-use damprig_simulator::plant::walls::WallSensors;
 
 use super::Prediction;
 use super::transient::Expected;
+use super::watch;
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::input::{Problem, Refusal};
 use crate::settings::number_of;
@@ -26,18 +23,17 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
     let impulses: Vec<(usize, f64)> =
         impulses.chain(expected.iter().map(|e| (e.set_up, e.outlook.impulse_n_s))).collect();
     let limit_n = number_of(campaign.rig.acting.wall_force_n);
-    let contact_s = number_of(WallSensors::default().contact_s);
     let mut warnings = Vec::new();
     for (index, set_up) in campaign.set_ups.iter().enumerate() {
         let largest = impulses.iter().filter(|(of, _)| *of == index).map(|(_, impulse)| *impulse).fold(0.0, f64::max);
-        let force_n = 0.5 * PI * largest / contact_s;
+        let force_n = watch::force_n(largest);
         if force_n <= limit_n {
             continue;
         }
         let what = format!(
             "set-up {:?} would reach the limit of the force on a wall: predicted {force_n:.0} N in a contact of {} ms, limit {limit_n} N",
             set_up.name,
-            contact_s * 1e3
+            watch::contact_s() * 1e3
         );
         if force_n > FAR_BEYOND * limit_n {
             campaign.source.report(problem(set_up, what));

@@ -4,6 +4,7 @@
 //! `numbers` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other.
 
+pub mod compared;
 pub mod describe;
 pub mod exports;
 pub mod figures;

@@ -453,7 +453,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
 
     fn take_transient(&mut self, result: &TransientResult) {
         let Task { set_up, experiment, id, .. } = self.task;
-        let row = transients::row(set_up, experiment, id.segment, result);
+        let row = transients::row(set_up, experiment, id.segment, result, &self.run.campaign.rig.board.impacts);
         self.run.watcher.transient(&row);
         self.run.note(Entry::Transient(Box::new(row)));
     }

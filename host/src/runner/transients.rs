@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::measure::transient::TransientResult;
 
 use crate::campaign::{CampaignSetUp, Experiment, Kind};
@@ -13,9 +14,10 @@ pub(super) fn row(
     experiment: &Experiment,
     segment: u32,
     result: &TransientResult,
+    detection: &ImpactConfig,
 ) -> TransientRow {
     // The campaign was predicted before the start, so every experiment here can be simulated.
-    let predicted = outlook(set_up, experiment).ok().flatten();
+    let predicted = outlook(set_up, experiment, detection).ok().flatten();
     let is_driven = experiment.free_vibration().is_none();
     let of_drive = |value: f32| if is_driven { value } else { f32::NAN };
     let decay = &result.decay;
@@ -51,6 +53,7 @@ pub(super) fn row(
         frequency_hz: of_decay(f64::from(decay.cycles) / f64::from(decay.span_s)),
         predicted_x_peak_m: predicted.map_or(f64::NAN, |p| p.x_peak_m),
         predicted_x_rms_m: predicted.map_or(f64::NAN, |p| p.x_rms_m),
+        predicted_impacts: predicted.map_or(0, |p| p.impacts),
         start_tick: u64::from(result.start_tick),
         end_tick: u64::from(result.end_tick),
         point_index: u32::from(result.index),

@@ -16,10 +16,10 @@ tables! {
     "What is mounted: at the top of a case, and in each `[[set_up]]` of a campaign."
     set_up("") {
         BASE_AMPLITUDE: Optional, [
-            number("base_amplitude_m", Positive, "Z: what a campaign's sine and a case's base move by, and ratios refer to"),
+            number("base_amplitude_m", Positive, "Z: what a campaign's sine and a case's base move by, and ratios refer to").usual(1e-5, 0.05),
         ];
         GRAVITY: Default(Number(GRAVITY_M_PER_S2)), [
-            number("gravity_m_per_s2", NotNegative, "g in the friction between particle and structure"),
+            number("gravity_m_per_s2", NotNegative, "g in the friction between particle and structure").usual(9.7, 9.9),
         ];
         STRUCTURE: Required, [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
         PARTICLE: Optional, [key("particle", Kind::Table, "the impact damper")];
@@ -29,13 +29,13 @@ tables! {
 
     "The structure: a mass on a spring and a viscous damper."
     structure("structure") {
-        MASS: Required, [number("mass_kg", Positive, "M, the structure's mass")];
+        MASS: Required, [number("mass_kg", Positive, "M, the structure's mass").usual(0.05, 1000.0)];
         STIFFNESS: Required, [
-            number("natural_frequency_hz", Positive, "f_n = √(k/M)/2π, the undamped natural frequency"),
+            number("natural_frequency_hz", Positive, "f_n = √(k/M)/2π, the undamped natural frequency").usual(0.2, 50.0),
             number("stiffness_n_per_m", Positive, "k, the spring's stiffness"),
         ];
         DAMPING: Required, [
-            number("damping_ratio", NotNegative, "ζ = c/(2√(kM))"),
+            number("damping_ratio", NotNegative, "ζ = c/(2√(kM))").usual(0.0, 0.05),
             number("damping_n_s_per_m", NotNegative, "c, the viscous damping"),
         ];
     }
@@ -43,15 +43,15 @@ tables! {
     "A single particle that slides between two walls on the structure."
     particle("particle") {
         MASS: Required, [
-            number("mass_kg", Positive, "m, the particle's mass"),
-            number("mass_ratio", Positive, "m/M, the particle's mass over the structure's"),
+            number("mass_kg", Positive, "m, the particle's mass").usual(1e-3, 100.0),
+            number("mass_ratio", Positive, "m/M, the particle's mass over the structure's").usual(0.005, 0.5),
         ];
         CLEARANCE: Required, [
-            number("clearance_m", Positive, "d, half the free travel"),
-            number("clearance_ratio", Positive, "d/Z, half the free travel over the base amplitude"),
+            number("clearance_m", Positive, "d, half the free travel").usual(1e-4, 0.5),
+            number("clearance_ratio", Positive, "d/Z, half the free travel over the base amplitude").usual(0.5, 100.0),
         ];
         FRICTION: Default(Number(0.0)), [
-            number("friction_coefficient", NotNegative, "μi of the dry friction between particle and structure"),
+            number("friction_coefficient", NotNegative, "μi of the dry friction between particle and structure").usual(0.0, 0.6),
         ];
         WALL: Required, [
             key("wall", Kind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
@@ -64,22 +64,24 @@ tables! {
 
     "A hard wall: an impact takes no time."
     wall_restitution("particle.wall", "restitution") {
-        COEFFICIENT: Required, [number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution")];
+        COEFFICIENT: Required, [
+            number("coefficient", Between(0.0, 1.0), "e, the coefficient of restitution").usual(0.05, 0.98),
+        ];
     }
 
     "A soft wall: a spring k1 and a dashpot c1 in parallel (Voigt)."
     wall_voigt("particle.wall", "voigt") {
         STIFFNESS: Required, [
             word("material", names!(Material::ALL, material => material.name()), "a measured pad: gives k1 and the loss factor"),
-            number("stiffness_n_per_m", Positive, "k1, the wall's stiffness"),
-            number("storage_modulus_pa", Positive, "E_s of the pad: k1 = ν·E_s with the shape factor"),
+            number("stiffness_n_per_m", Positive, "k1, the wall's stiffness").usual(10.0, 1e7),
+            number("storage_modulus_pa", Positive, "E_s of the pad: k1 = ν·E_s with the shape factor").usual(1e4, 1e10),
         ];
         SHAPE: If(&STIFFNESS, "storage_modulus_pa", &Required, &Forbidden), [
-            number("shape_factor_m", Positive, "ν of the pad: k1 = ν·E_s needs both"),
+            number("shape_factor_m", Positive, "ν of the pad: k1 = ν·E_s needs both").usual(1e-5, 1.0),
         ];
         DAMPING: If(&STIFFNESS, "material", &Optional, &Required), [
-            number("damping_n_s_per_m", NotNegative, "c1, the wall's viscous damping"),
-            number("loss_factor", NotNegative, "η of the pad: c1 follows by `law`"),
+            number("damping_n_s_per_m", NotNegative, "c1, the wall's viscous damping").usual(0.0, 1e4),
+            number("loss_factor", NotNegative, "η of the pad: c1 follows by `law`").usual(0.005, 2.0),
         ];
         LAW: If(&DAMPING, "damping_n_s_per_m", &Forbidden, &Default(Word(LAW_NAMES[0]))), [
             word("law", LAW_NAMES, "the frequency at which c1 loses what η says: of the structure, or of the contact"),
@@ -93,39 +95,40 @@ tables! {
     friction_damper("friction_damper") {
         FORCE: Required, [
             key("spring", Kind::Table, "a spring that the rig tunes presses the block"),
-            number("force_n", NotNegative, "F, the friction force while slipping"),
-            number("friction_ratio", NotNegative, "γF = F/(kZ), the friction force over stiffness times base amplitude"),
+            number("force_n", NotNegative, "F, the friction force while slipping").usual(0.0, 1000.0),
+            number("friction_ratio", NotNegative, "γF = F/(kZ), the friction force over stiffness times base amplitude")
+                .usual(0.0, 2.0),
         ];
     }
 
     "The friction damper's spring: what it is tuned to, and what is known of it."
     spring("friction_damper.spring") {
         TARGET: Required, [
-            number("friction_ratio", NotNegative, "γF = μe·F_N/(kZ), kept while Z changes"),
-            number("normal_force_n", NotNegative, "F_N, the normal force"),
-            number("deflection_m", NotNegative, "Δs from the zero reading"),
+            number("friction_ratio", NotNegative, "γF = μe·F_N/(kZ), kept while Z changes").usual(0.0, 2.0),
+            number("normal_force_n", NotNegative, "F_N, the normal force").usual(0.0, 500.0),
+            number("deflection_m", NotNegative, "Δs from the zero reading").usual(0.0, 0.05),
         ];
         FRICTION: Default(From(|| f64::from(SpringConfig::default().friction_coefficient))), [
-            number("friction_coefficient", Positive, "μe between block and base"),
+            number("friction_coefficient", Positive, "μe between block and base").usual(0.05, 1.0),
         ];
         STIFFNESS: Default(From(|| f64::from(SpringConfig::default().stiffness_n_per_m))), [
-            number("stiffness_n_per_m", Positive, "k_s as far as known: the rig measures it"),
+            number("stiffness_n_per_m", Positive, "k_s as far as known: the rig measures it").usual(10.0, 1e5),
         ];
     }
 
     "A tuned mass damper: a mass on a spring and a dashpot from the structure."
     tmd("tmd") {
         MASS: Required, [
-            number("mass_kg", Positive, "m, the damper's mass"),
-            number("mass_ratio", Positive, "m/M, the damper's mass over the structure's"),
+            number("mass_kg", Positive, "m, the damper's mass").usual(1e-3, 100.0),
+            number("mass_ratio", Positive, "m/M, the damper's mass over the structure's").usual(0.005, 0.5),
         ];
         SPRING: Required, [
             word("tuning", names!(Tuning::ALL, tuning => tuning.name()), "the rule that gives spring and dashpot"),
             number("stiffness_n_per_m", Positive, "k1, the damper's stiffness"),
-            number("frequency_ratio", Positive, "γ, the damper's own frequency over the structure's"),
+            number("frequency_ratio", Positive, "γ, the damper's own frequency over the structure's").usual(0.5, 2.0),
         ];
         DASHPOT: If(&SPRING, "tuning", &Forbidden, &Required), [
-            number("damping_ratio", NotNegative, "ζ = c1/(2√(k1·m))"),
+            number("damping_ratio", NotNegative, "ζ = c1/(2√(k1·m))").usual(0.0, 0.5),
             number("damping_n_s_per_m", NotNegative, "c1, the damper's viscous damping"),
         ];
     }

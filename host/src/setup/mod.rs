@@ -108,6 +108,9 @@ fn read_structure(s: &Section, sample_s: Option<f64>) -> Option<Structure> {
     };
     let damping_n_s_per_m = damping_of(damping, mass_kg, stiffness_n_per_m);
     let read = Structure { mass_kg, stiffness_n_per_m, damping_n_s_per_m };
+    let natural_hz = read.angular_frequency_rad_per_s() / std::f64::consts::TAU;
+    s.warn_if_it_means(&structure::STIFFNESS, "natural_frequency_hz", natural_hz);
+    s.warn_if_it_means(&structure::DAMPING, "damping_ratio", read.damping_ratio());
     let fits = sample_s.map_or(Ok(0), |sample_s| Sampled::<f64>::steps_per_sample(&SetUp::bare(read), sample_s));
     if let Err(invalid) = fits {
         let is_stiffness = invalid.parameter == "structure.stiffness_n_per_m";
@@ -166,6 +169,12 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         && start.abs() > room
     {
         s.reject("start_m", format!("must be within the clearance, −{room} to {room}"), None);
+    }
+    if let (Some(mass), Some(structure)) = (mass, structure) {
+        s.warn_if_it_means(&particle::MASS, "mass_ratio", mass / structure.mass_kg);
+    }
+    if let (Some(Relative::Absolute(clearance)), BaseAmplitude::Is(z)) = (clearance, base) {
+        s.warn_if_it_means(&particle::CLEARANCE, "clearance_ratio", clearance / z);
     }
     s.finish();
     Some(ParticleSpec {

@@ -50,9 +50,18 @@ impl Case {
     /// # Errors
     /// Lists all problems of the file: file, line, key, value, allowed values, likely fix.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
+        Ok(Self::read_with_warnings(path)?.0)
+    }
+
+    /// Reads a file; also the warnings of unusual values, each with file, line, key, value and usual range.
+    ///
+    /// # Errors
+    /// As [`Case::read`].
+    pub fn read_with_warnings(path: &Path) -> Result<(Self, Vec<String>), Refusal> {
         let source = Source::read(path)?;
         let name = path.file_stem().map_or_else(|| "case".into(), |s| s.to_string_lossy().to_string());
-        Self::parse(&source, &name)
+        let case = Self::parse(&source, &name)?;
+        Ok((case, source.warnings()))
     }
 
     /// Parses a text; `name` is the default name.

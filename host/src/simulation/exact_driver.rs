@@ -64,6 +64,7 @@ pub(super) fn run<V: Viewer>(
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
         unresolved: motion.unresolved(),
+        record_start_jump_m_per_s: None,
         peak_contact_force_n: response.peak_contact_force_n(),
         first_contact_duration_s: contact.map(|c| c.0),
         first_contact_restitution: contact.map(|c| c.1),

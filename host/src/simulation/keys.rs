@@ -5,8 +5,8 @@ use crate::input::key::Need::{Default, Optional, Required};
 use crate::input::key::Range::{Any, NotNegative, Positive, Whole};
 use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables};
 
-const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency");
-const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency");
+const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 630.0);
+const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 100.0);
 
 tables! {
     "All tables of a case other than those of its set-up."
@@ -25,47 +25,47 @@ tables! {
 
     "A sine: z = Z sin(Ωt + φ)."
     base_sine("base", "sine") {
-        AMPLITUDE: Required, [number("amplitude_m", NotNegative, "Z; or `base_amplitude_m` at the top of the case")];
+        AMPLITUDE: Required, [number("amplitude_m", NotNegative, "Z; or `base_amplitude_m` at the top of the case").usual(0.0, 0.05)];
         FREQUENCY: Required, [ANGULAR, HERTZ];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
     }
 
     "A half sine: z = Z sin(πt/T), then 0."
     base_half_sine("base", "half_sine") {
-        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case")];
-        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse")];
+        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
+        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
     "A versine: z = Z/2 (1 − cos 2πt/T), then 0."
     base_versine("base", "versine") {
-        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case")];
-        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse")];
+        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
+        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
     "A harmonic force: P sin(Ωt + φ)."
     force_sine("force", "sine") {
-        AMPLITUDE: Required, [number("amplitude_n", NotNegative, "P")];
+        AMPLITUDE: Required, [number("amplitude_n", NotNegative, "P").usual(0.0, 1000.0)];
         FREQUENCY: Required, [ANGULAR, HERTZ];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
     }
 
     "A pulse of force: P sin(πt/T), then 0."
     force_half_sine("force", "half_sine") {
-        AMPLITUDE: Required, [number("amplitude_n", Any, "P")];
-        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse")];
+        AMPLITUDE: Required, [number("amplitude_n", Any, "P").usual(-1e4, 1e4)];
+        DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
     "Initial state, in the fixed frame."
     initial("initial") {
-        X: Optional, [number("x_m", Any, "x; default: the initial z")];
-        V: Default(Number(0.0)), [number("v_m_per_s", Any, "x′")];
-        Y: Optional, [number("y_m", Any, "y of particle or tuned mass; default: x, for a particle plus its `start`")];
-        U: Optional, [number("u_m_per_s", Any, "y′; default: x′")];
+        X: Optional, [number("x_m", Any, "x; default: the initial z").usual(-0.5, 0.5)];
+        V: Default(Number(0.0)), [number("v_m_per_s", Any, "x′").usual(-10.0, 10.0)];
+        Y: Optional, [number("y_m", Any, "y of particle or tuned mass; default: x, for a particle plus its `start`").usual(-1.0, 1.0)];
+        U: Optional, [number("u_m_per_s", Any, "y′; default: x′").usual(-10.0, 10.0)];
     }
 
     "Duration and requested output of the run."
     run("run") {
-        DURATION: Required, [number("duration_s", Positive, "duration of the run; default with a record: that of the record")];
+        DURATION: Required, [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
         SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers, "times at which the state is output, rising")];
         CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle")];
         STEADY_FROM: Optional, [number("steady_from_cycle", Whole, "first cycle that counts as steady, from 0")];

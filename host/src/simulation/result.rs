@@ -59,6 +59,10 @@ pub struct Summary {
     /// How often the event search was given up because too many events fell on one instant or one step of a record.
     #[serde(skip_serializing_if = "is_zero")]
     pub unresolved: u32,
+    /// Velocity with which a displacement record starts, m/s: the jump from rest is smoothed over its first interval, which
+    /// changes the first moments of the motion. Absent if it starts at rest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record_start_jump_m_per_s: Option<f64>,
     /// Largest force of a soft wall, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub peak_contact_force_n: Option<f64>,

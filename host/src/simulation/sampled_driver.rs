@@ -89,6 +89,7 @@ fn play<V: Viewer, J: Joint<f64>>(
         steady_max_abs_x_m: steady.map(|s| s.0),
         steady_mean_cycle_max_abs_x_m: steady.map(|s| s.1),
         unresolved: motion.unresolved(),
+        record_start_jump_m_per_s: record.start_jump_m_per_s(),
         peak_contact_force_n: at.wall.and_then(|wall| wall.peak_n),
         first_contact_duration_s: contact.map(|c| c.0),
         first_contact_restitution: contact.map(|c| c.1),

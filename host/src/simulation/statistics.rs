@@ -181,6 +181,10 @@ impl Viewer for MotionStatistics {
     }
 }
 
+/// Largest relative difference that counts as none: of the last cycles' maxima from their mean, between the states of a
+/// periodic motion, between a motion and its orbit.
+pub const STEADY: f64 = 1e-3;
+
 /// Cycles averaged at the end of a run; twice as many must agree for a steady motion.
 const COMPARED: usize = 10;
 
@@ -202,6 +206,14 @@ pub struct LastCycles {
     pub spread: f64,
     /// Impacts per cycle in the last ten.
     pub impacts_per_cycle: f64,
+}
+
+impl LastCycles {
+    /// Whether the largest |x| of a cycle is steady.
+    #[must_use]
+    pub fn is_steady(&self) -> bool {
+        self.spread < STEADY
+    }
 }
 
 impl LastCyclesMeter {

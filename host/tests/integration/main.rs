@@ -1,6 +1,7 @@
 //! Tests of the `damprig` command and library, one file for each capability. One binary, so that it links once.
 
 mod analysis;
+mod analysis_account;
 mod common;
 mod controller;
 mod disk;
@@ -38,3 +39,4 @@ mod simulate_refusals;
 mod slips;
 mod slow_disk;
 mod transients;
+mod unusual;

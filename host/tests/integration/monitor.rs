@@ -40,7 +40,7 @@ fn watched_signals(name: &str, signals: &[&str]) -> Update {
             folder: None,
         },
         signals: signals.iter().map(signal).collect(),
-        table: vec!["x_over_z".into()],
+        table: vec!["x_over_z_lock_in".into()],
         curves: Vec::new(),
         points_planned: 3,
         expected_s: Some(10.0),
@@ -233,7 +233,7 @@ fn gaps_and_values_that_are_no_numbers_are_null() {
     let snapshot = Viewer::join(&monitor).next().unwrap();
     assert_eq!(snapshot["rows"]["t_s"], json!([0.001, 0.002, 0.002, 0.5]));
     assert_eq!(snapshot["rows"]["values"]["x"], json!([1.0, 2.0, null, null]));
-    assert_eq!(snapshot["state"]["numbers"]["x_over_z"], Value::Null);
+    assert_eq!(snapshot["state"]["numbers"]["x_over_z_lock_in"], Value::Null);
 }
 
 #[test]

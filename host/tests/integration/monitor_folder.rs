@@ -91,7 +91,7 @@ fn a_finished_run_is_replayed_and_can_be_moved() {
     let first = all.iter().find(|message| message["kind"] == "snapshot" && message["is_replay"] == true);
     assert_eq!(first.expect("a replay")["curves"].as_array().unwrap().len(), 2);
     // Amplitudes are computed again from the samples, points come when their rows have.
-    let ratio = |message: &Value| message["state"]["numbers"]["x_over_z"].as_f64();
+    let ratio = |message: &Value| message["state"]["numbers"]["x_over_z_lock_in"].as_f64();
     assert!(all.iter().filter_map(ratio).any(|ratio| ratio > 1.0));
     assert!(all.iter().any(|message| message["state"]["points_taken"] == 3));
     for (to_s, shown_s) in [(-1e300, 0.0), (12.0, 12.0), (1e300, 34.0)] {

@@ -342,7 +342,7 @@ fn a_quiet_run_prints_only_its_folder_and_logs_the_rest() {
     assert!(said.get_output().stderr.is_empty());
     let log = std::fs::read_to_string(folder.path().join("log.txt")).unwrap();
     assert_eq!(log.matches("experiment sweep starts").count(), 2, "{log}");
-    assert!(log.contains("point 6 of 6: set-up hybrid, 2.6 Hz: X/Z "), "{log}");
+    assert!(log.contains("point 6 of 6: set-up hybrid, 2.6 Hz: X/Z (cycle maxima) "), "{log}");
     // A log is continued.
     damprig(&folder).args(["run", "test.toml", "--out", "again", "--quiet", "--log", "log.txt"]).assert().success();
     assert_eq!(std::fs::read_to_string(folder.path().join("log.txt")).unwrap().matches("point 6 of 6").count(), 2);
@@ -385,4 +385,50 @@ fn an_impact_after_the_end_of_an_experiment_is_not_recorded() {
     let impacts = rows(folder.path().join("out/impacts.parquet"));
     damprig(&folder).args(["run", "test.toml", "--rig", "virtual:f32", "--out", "undisturbed"]).assert().success();
     assert_eq!(impacts, rows(folder.path().join("undisturbed/impacts.parquet")));
+}
+
+#[test]
+fn every_place_says_which_amplitude_ratio_it_shows() {
+    const NAMES: [&str; 2] = ["(cycle maxima)", "(lock-in)"];
+    let folder = folder_with(&short());
+    let ran = damprig(&folder).args(["run", "test.toml", "--out", "out", "--log", "log.txt"]).assert().success();
+    let run = folder.path().join("out");
+    let file = |name: &str| std::fs::read_to_string(run.join(name)).unwrap();
+    let batch = &read_parquet(run.join("results.parquet"))[0];
+    let number = |name: &str| damprig::run_folder::read::columns::numbers(batch, name).unwrap();
+    let of = |ratio: &str, amplitude: &str| {
+        let pairs = number(amplitude).into_iter().zip(number("z_amplitude_m")).map(|(x, z)| x / z);
+        assert_eq!(number(ratio), pairs.collect::<Vec<_>>(), "{ratio}");
+    };
+    of("x_over_z", "x_mean_cycle_max_m");
+    of("x_over_z_lock_in", "x_amplitude_m");
+    for (column, name) in ["x_over_z", "x_over_z_lock_in"].into_iter().zip(NAMES) {
+        let schema = batch.schema();
+        assert!(schema.field_with_name(column).unwrap().metadata()["description"].contains(name), "{column}");
+    }
+    let shown = |args: &[&str]| {
+        let output = damprig(&folder).args(args).assert().success().get_output().stdout.clone();
+        String::from_utf8(output).unwrap()
+    };
+    let printed = String::from_utf8_lossy(&ran.get_output().stdout).into_owned();
+    shown(&["runs", "export", "out", "--format", "uff", "--what", "results", "--out", "run.uff"]);
+    let uff = std::fs::read_to_string(folder.path().join("run.uff")).unwrap();
+    for (place, text, names) in [
+        ("the figure", file("figure.svg"), &NAMES[..1]),
+        (
+            "the page",
+            file("report.html")
+                .replace("<small>cycle maxima</small>", NAMES[0])
+                .replace("<small>lock-in</small>", NAMES[1]),
+            &NAMES[..],
+        ),
+        ("the terminal", printed, &NAMES[..]),
+        ("the log", std::fs::read_to_string(folder.path().join("log.txt")).unwrap(), &NAMES[..]),
+        ("`runs show`", shown(&["runs", "show", "out"]), &NAMES[..]),
+        ("the UFF export", uff, &NAMES[1..]),
+    ] {
+        for name in names {
+            assert!(text.contains(name), "{place} does not say {name}: {text}");
+        }
+    }
 }

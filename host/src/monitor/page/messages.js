@@ -42,6 +42,7 @@ export function pointOf(raw) {
     experiment: text(raw.experiment, 120),
     frequency_hz: raw.frequency_hz,
     x_over_z: number(raw.x_over_z),
+    x_over_z_lock_in: number(raw.x_over_z_lock_in),
     x_m: number(raw.x_m),
     z_m: number(raw.z_m),
     steady: raw.steady === true,
@@ -82,7 +83,7 @@ export function signalOf(raw) {
 }
 
 const NUMBERS = [
-  "frequency_hz", "x_over_z", "x_amplitude_m", "x_phase_rad", "z_amplitude_m", "z_phase_rad", "impacts_in_cycle", "impacts",
+  "frequency_hz", "x_over_z_lock_in", "x_amplitude_m", "x_phase_rad", "z_amplitude_m", "z_phase_rad", "impacts_in_cycle", "impacts",
   "twin_residual_m", "twin_predicted", "twin_detected", "twin_missing", "spring_force_n", "spring_target_n",
   "spring_position_m", "wall_low_n", "wall_high_n",
 ];

@@ -1,4 +1,4 @@
-// Frequency response: X/Z over frequency, a curve per set-up and experiment, the prediction behind it, the running value.
+// Frequency response: X/Z (cycle maxima) over frequency, a curve per set-up and experiment, the prediction behind it, the running value.
 
 import { around } from "./axis.js";
 import { Plot, outline } from "./plot.js";
@@ -15,7 +15,7 @@ export class Response {
     this.ranges = { x: [0, 1], y: [0.5, 2] };
     this.drawn = -1;
     this.plot = new Plot($("plot-response"), {
-      xLabel: "Frequency (Hz)", yLabel: "Vibration amplitude ratio X/Z", isLog: true,
+      xLabel: "Frequency (Hz)", yLabel: "X/Z (cycle maxima)", isLog: true,
       x: () => this.ranges.x, y: () => this.ranges.y,
       behind: (pen) => this.#predictions(pen), before: (pen) => this.#curves(pen),
       onHover: (x, y) => this.#hover(x, y),
@@ -38,11 +38,11 @@ export class Response {
     if (this.hovered !== true) this.#note();
   }
 
-  // Present frequency and running X/Z while the base moves.
+  // Present frequency and running X/Z (lock-in) while the base moves.
   #running() {
     const state = this.model.state;
-    const { frequency_hz, x_over_z } = state?.numbers ?? {};
-    return frequency_hz > 0 && x_over_z > 0 ? [frequency_hz, x_over_z] : null;
+    const { frequency_hz, x_over_z_lock_in } = state?.numbers ?? {};
+    return frequency_hz > 0 && x_over_z_lock_in > 0 ? [frequency_hz, x_over_z_lock_in] : null;
   }
 
   #predictions(pen) {
@@ -68,7 +68,7 @@ export class Response {
 
   #note() {
     const running = this.#running();
-    put($("response-note"), running === null ? "" : `now ${fixed(running[0], 3)} Hz: X/Z ${fixed(running[1], 2)} (lock-in)`);
+    put($("response-note"), running === null ? "" : `now ${fixed(running[0], 3)} Hz: X/Z (lock-in) ${fixed(running[1], 2)}`);
   }
 
   // Reads out the measured point nearest in frequency.
@@ -85,7 +85,7 @@ export class Response {
     if (nearest === null) return this.#note();
     const { p } = nearest;
     const steady = p.steady ? "" : ", not steady";
-    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima)${steady}`);
+    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima), ${fixed(p.x_over_z_lock_in, 2)} (lock-in)${steady}`);
   }
 
   #legend() {
@@ -103,7 +103,7 @@ export class Response {
     const keys = [
       ["predicted", svg("line", { x1: 1, y1: 7, x2: 29, y2: 7, "stroke-dasharray": "2 3", "stroke-width": 1.2 }), "grey"],
       ["not steady", svg("circle", { cx: 15, cy: 7, r: 4, fill: "none", "stroke-width": 2 }), "grey"],
-      ["running", svg("circle", { cx: 15, cy: 7, r: 5.5, fill: "none", "stroke-width": 2.5 }), "curve-5"],
+      ["running (lock-in)", svg("circle", { cx: 15, cy: 7, r: 5.5, fill: "none", "stroke-width": 2.5 }), "curve-5"],
     ];
     for (const [word, shape, tone] of keys) {
       const item = document.createElement("li");

@@ -112,7 +112,7 @@ function progress(state) {
 export function numbers({ state }) {
   const n = state.numbers;
   put($("n-frequency"), n.frequency_hz > 0 ? fixed(n.frequency_hz, 3) : "–");
-  put($("n-ratio"), fixed(n.x_over_z, n.x_over_z >= 100 ? 1 : 2));
+  put($("n-ratio"), fixed(n.x_over_z_lock_in, n.x_over_z_lock_in >= 100 ? 1 : 2));
   put($("n-x"), millimetres(n.x_amplitude_m, 2));
   put($("n-z"), millimetres(n.z_amplitude_m, 3));
   put($("n-phase"), fixed(degrees(n.x_phase_rad), 1));

@@ -3,7 +3,8 @@
 //! Variables: `run` (from the manifest), `samples`, `results` and, if the run has any, `transients`. Each is a struct with a
 //! field per column: numbers as double column vectors, names as cell arrays of char. `samples.set_up` and
 //! `samples.experiment` are indices, from 1, into the cell arrays `samples.set_up_names` and `samples.experiment_names`,
-//! because a char array per row would dominate the file. `units.samples` and `units.results` have the unit of each field.
+//! because a char array per row would dominate the file. `units.samples` and `units.results` have the unit of each field,
+//! `descriptions.results` and `descriptions.transients` its meaning.
 //!
 //! The library keeps the whole file in memory and ignores write errors. Hence the limit on its size, and the check that reads
 //! the file back before it gets its name.
@@ -21,7 +22,7 @@ use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure
 
 use super::atomic_file::{OutFile, to_failure, write_export};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
-use crate::run_folder::read::columns::{Value, unit, values};
+use crate::run_folder::read::columns::{Value, description, unit, values};
 use crate::run_folder::{ReadError, RunFolder};
 
 /// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
@@ -46,7 +47,14 @@ enum MatColumn {
     Places(Vec<f64>, Vec<String>),
 }
 
-type MatColumns = IndexMap<String, (MatColumn, String)>;
+/// Unit and meaning of a column.
+#[derive(Debug)]
+struct Meaning {
+    unit: String,
+    description: String,
+}
+
+type MatColumns = IndexMap<String, (MatColumn, Meaning)>;
 
 impl Exporter for Mat {
     fn usual_tables(&self) -> &'static [RunTable] {
@@ -72,7 +80,7 @@ impl Exporter for Mat {
             let mut exported = ExportSummary::default();
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
-            let (mut units, mut count) = (IndexMap::new(), 0);
+            let (mut units, mut descriptions, mut count) = (IndexMap::new(), IndexMap::new(), 0);
             let mut sums = Vec::new();
             for &table in &part.tables {
                 let mut columns = MatColumns::new();
@@ -90,14 +98,20 @@ impl Exporter for Mat {
                     // Most runs have no transients.
                     continue;
                 }
-                units.insert(
-                    table.name().to_string(),
-                    structure(columns.iter().map(|(n, (_, u))| (n.clone(), text(u)))),
-                );
+                let of_columns = |what: fn(&Meaning) -> &str| {
+                    structure(columns.iter().map(|(name, (_, meaning))| (name.clone(), text(what(meaning)))))
+                };
+                units.insert(table.name().to_string(), of_columns(|meaning| &meaning.unit));
+                if columns.values().any(|(_, meaning)| !meaning.description.is_empty()) {
+                    descriptions.insert(table.name().to_string(), of_columns(|meaning| &meaning.description));
+                }
                 sums.push((table, columns.iter().map(|(n, (c, _))| (n.clone(), c.sum())).collect::<Vec<_>>()));
                 mat.insert(table.name(), to_variable(columns));
             }
             mat.insert("units", structure(units));
+            if !descriptions.is_empty() {
+                mat.insert("descriptions", structure(descriptions));
+            }
             save_matfile_v7(path, mat, false).map_err(|e| failed(&e))?;
             compare(path, &sums).map_err(|e| failed(&e))?;
             Ok(exported)
@@ -132,7 +146,8 @@ fn gather(columns: &mut MatColumns, batch: &RecordBatch, table: RunTable) -> Res
                 (true, RunTable::Samples) => MatColumn::Places(Vec::new(), Vec::new()),
             };
             let name = field_name(field.name(), |n| columns.contains_key(n));
-            columns.insert(name, (column, unit(field).to_string()));
+            let meaning = Meaning { unit: unit(field).to_string(), description: description(field).to_string() };
+            columns.insert(name, (column, meaning));
         }
         let Some((_, (column, _))) = columns.get_index_mut(index) else {
             return Err(ReadError(format!("column `{}` is missing in some files of the run", field.name())));

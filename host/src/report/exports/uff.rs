@@ -3,7 +3,7 @@
 //!
 //! - A **time response** per signal and evenly spaced stretch: one set-up, experiment, segment and point, split where rows are
 //!   missing or a value is not finite. Values have single precision (12 digits are printed).
-//! - A **frequency response** x/z per set-up and experiment, from the results: lock-in amplitudes and the phase of x relative
+//! - A **frequency response** x/z per set-up and experiment, from the results: X/Z (lock-in) and the phase of x relative
 //!   to z, as complex numbers with the abscissa. A sweep is split where its direction changes; a falling branch is written in
 //!   rising order and marked.
 //! - **Degrees of freedom**: structure (x) node 1, base (z) node 2, other signals from node 11 in the order of the manifest,
@@ -192,7 +192,7 @@ impl<W: Write> UffWriter<'_, W> {
             let Some(first) = branch.first() else { continue };
             let values: Vec<(f64, f64, f64)> = branch.iter().map(|p| (p.frequency_hz, p.real, p.imaginary)).collect();
             let direction = if is_falling { ", frequency falling" } else { "" };
-            let detail = format!("{} points{direction}; lock-in amplitudes and phase", values.len());
+            let detail = format!("{} points{direction}; X/Z (lock-in): amplitudes and phase", values.len());
             let id = self.id("x/z".into(), format!("{}, {}", first.set_up, first.experiment), detail);
             self.functions += 1;
             self.rounded += usize::from(values.iter().any(|v| is_rounded(v.0)));

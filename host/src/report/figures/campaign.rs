@@ -24,7 +24,7 @@ pub struct PlottedPoint {
     pub experiment: String,
     /// Drive frequency, Hz.
     pub frequency_hz: f64,
-    /// X/Z.
+    /// X/Z (cycle maxima).
     pub x_over_z: f64,
     /// Phase of x relative to z, rad.
     pub phase_rad: f64,
@@ -45,13 +45,13 @@ impl From<&ResultRow> for PlottedPoint {
     }
 }
 
-/// X/Z over frequency, a curve for each experiment on each set-up.
+/// X/Z (cycle maxima) over frequency, a curve for each experiment on each set-up.
 ///
 /// # Errors
 /// The drawing library's error.
 pub fn response(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, FigureError> {
-    let quantity = Ordinate { label: "Vibration amplitude ratio X/Z", scale: Scale::Log };
-    let about = "X: mean of the cycle maxima of |x|; Z: base amplitude";
+    let quantity = Ordinate { label: "Vibration amplitude ratio X/Z (cycle maxima)", scale: Scale::Log };
+    let about = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
     curves(campaign, points, &quantity, about, |p| p.x_over_z)
 }
 

@@ -20,6 +20,8 @@ use crate::run_folder::{ReadError, RunFolder};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PagePoint {
     pub(super) shown: PlottedPoint,
+    /// X/Z (lock-in).
+    pub(super) x_over_z_lock_in: f64,
     /// Lock-in amplitude of z, m.
     pub(super) z_m: f64,
     /// Mean of the cycle maxima of |x|, m.
@@ -129,6 +131,8 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let number = |name: &str| numbers(batch, name);
     let (f, ratio, phase) = (number("frequency_hz")?, number("x_over_z")?, number("phase_rad")?);
     let (z, x, x_max) = (number("z_amplitude_m")?, number("x_mean_cycle_max_m")?, number("x_max_m")?);
+    // Older runs lack the column of the ratio.
+    let x_amplitude = number("x_amplitude_m")?;
     let (cycles, steady) = (number("cycles")?, column(batch, "steady")?);
     // Older runs lack these columns.
     let saturated = column(batch, "drive_saturated").unwrap_or_default();
@@ -144,6 +148,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
             phase_rad: phase[n],
             steady: is(&steady, n),
         },
+        x_over_z_lock_in: x_amplitude[n] / z[n],
         z_m: z[n],
         x_m: x[n],
         x_max_m: x_max[n],

@@ -85,7 +85,7 @@ fn figures(data: &PageData) -> Markup {
     }
     let points = data.plotted_points();
     let drawings: [(DrawFigure, &str); 2] = [
-        (response, "Amplitude ratio X/Z over frequency. Hollow markers: not steady within the dwell."),
+        (response, "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell."),
         (phase, "Phase of x relative to z over frequency."),
     ];
     html! {

@@ -7,12 +7,17 @@ use maud::{Markup, html};
 use super::data::PageData;
 use super::tables::{label, largest, number, optional, short};
 use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SpringTarget, Start};
+use crate::report::compared::predicted_and_measured;
 
 /// Table of set-ups, a row each.
 pub(super) fn set_ups(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return from_manifest(data) };
     let predicted = |s: &CampaignSetUp| {
         data.manifest.set_ups.iter().find(|record| record.name == s.name).map_or(f64::NAN, |r| r.predicted_max_x_m)
+    };
+    let in_dwell = |s: &CampaignSetUp| {
+        let record = data.manifest.set_ups.iter().find(|record| record.name == s.name);
+        record.map_or(f64::NAN, |record| record.predicted_dwell_max_x_m)
     };
     html! {
         div.wide { table {
@@ -22,7 +27,8 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
                 th { "Particle" small { "kg" } } th { "d" small { "mm" } } th { "d/Z" }
                 th.word { "Walls" } th { "μ" small { "internal" } }
                 th { "Friction" small { "N" } } th { "γF" } th.word { "Spring" }
-                th { "max|x|" small { "mm, predicted" } } th { "max|x|" small { "mm, measured" } }
+                th { "max|x|" small { "mm, predicted, with settling" } } th { "max|x|" small { "mm, predicted, as measured" } }
+                th { "max|x|" small { "mm, measured" } }
             } }
             tbody {
                 @for set_up in &campaign.set_ups {
@@ -42,11 +48,13 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
                         td { (optional(set_up.friction_ratio(), 3)) }
                         td.word { (spring(set_up)) }
                         td { (number(predicted(set_up) * 1e3, 2)) }
+                        td { (number(in_dwell(set_up) * 1e3, 2)) }
                         td { (number(largest(data, &set_up.name) * 1e3, 2)) }
                     }
                 }
             }
         } }
+        @for note in predicted_and_measured(campaign) { p.under { (note) } }
     }
 }
 

@@ -31,14 +31,14 @@ fn yes_no(value: bool) -> &'static str {
     if value { "yes" } else { "no" }
 }
 
-/// Peak of X/Z, a row for each experiment on each set-up.
+/// Peak of X/Z (cycle maxima), a row for each experiment on each set-up.
 pub(super) fn peaks(data: &PageData) -> Markup {
     html! {
         @if !data.points.is_empty() {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" } th.word { "Experiment" }
-                    th { "Peak X/Z" } th { "at" small { "Hz" } } th { "Steady" }
+                    th { "Peak X/Z" small { "cycle maxima" } } th { "X/Z there" small { "lock-in" } } th { "at" small { "Hz" } } th { "Steady" }
                     th { "Largest |x|" small { "mm" } } th { "Points" } th { "Steady points" }
                 } }
                 tbody {
@@ -48,6 +48,7 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                             tr {
                                 td.word { (label(data, set_up)) } td.word { (experiment) }
                                 td { (number(peak.shown.x_over_z, 2)) }
+                                td { (number(peak.x_over_z_lock_in, 2)) }
                                 td { (short(peak.shown.frequency_hz, 4)) }
                                 td.odd[!peak.shown.steady] { (yes_no(peak.shown.steady)) }
                                 td { (number(own().map(|p| p.x_max_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
@@ -96,7 +97,7 @@ pub(super) fn results(data: &PageData) -> Markup {
         div.wide { table {
             thead { tr {
                 th.word { "Set-up" } th.word { "Experiment" }
-                th { "f" small { "Hz" } } th { "X/Z" }
+                th { "f" small { "Hz" } } th { "X/Z" small { "cycle maxima" } } th { "X/Z" small { "lock-in" } }
                 th { "X" small { "mm, mean cycle maximum" } } th { "Z" small { "mm, lock-in" } }
                 th { "Phase" small { "°" } } th { "max|x|" small { "mm" } }
                 th { "Cycles" } th { "Steady" } th { "Segment" }
@@ -108,6 +109,7 @@ pub(super) fn results(data: &PageData) -> Markup {
                         td.word { (point.shown.experiment) }
                         td { (short(point.shown.frequency_hz, 4)) }
                         td { (number(point.shown.x_over_z, 3)) }
+                        td { (number(point.x_over_z_lock_in, 3)) }
                         td { (number(point.x_m * 1e3, 3)) }
                         td.odd[point.saturated] { (number(point.z_m * 1e3, 4)) }
                         td { (number(point.shown.phase_rad.to_degrees(), 1)) }
@@ -136,7 +138,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                     th { "max|x|" small { "mm" } } th { "predicted" small { "mm" } }
                     th { "RMS x" small { "mm" } } th { "max|z|" small { "mm" } }
                     th { "max|x−z|" small { "mm" } } th { "Base error" small { "% of the demand" } }
-                    th { "Impacts" } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
+                    th { "Impacts" } th { "Impacts" small { "predicted" } } th { "x0" small { "mm" } } th { "ζ" small { "from decay" } }
                     th { "f" small { "Hz" } } th { "Cycles" }
                 } }
                 tbody {
@@ -152,6 +154,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                             td { (mm(row.relative_peak_m)) }
                             td { (number(f64::from(100.0 * row.base_error_rms_m / row.wanted_rms_m), 2)) }
                             td { (row.impacts) }
+                            td { (row.predicted_impacts) }
                             td { (number(row.start_m * 1e3, 3)) }
                             td { (number(row.damping_ratio, 5)) }
                             td { (number(row.frequency_hz, 4)) }
@@ -160,6 +163,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                     }
                 }
             } }
+            p.under { "Predicted and measured are compared in words under the table of set-ups." }
             p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " shows x over time." }
         }
     }

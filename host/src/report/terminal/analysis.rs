@@ -1,7 +1,7 @@
 //! Text of `damprig simulate --analyse`: energy balance, steady state, orbit and stability.
 
 use crate::report::numbers::{millimetres, significant};
-use crate::simulation::analysis::{Analysis, ForcedResponse};
+use crate::simulation::analysis::{Analysis, ForcedResponse, MotionKind};
 
 /// The lines below the summary of a simulation.
 pub fn text(analysis: &Analysis) -> String {
@@ -16,7 +16,7 @@ pub fn text(analysis: &Analysis) -> String {
     ];
     let mut lines = vec![
         ("energy input", joule(e.input_j)),
-        ("energy stored", joule(e.stored_j)),
+        ("change of stored energy", format!("{} (end minus start)", joule(e.stored_change_j))),
         ("energy dissipated", joule(by_mechanism.iter().map(|(_, energy_j)| energy_j).sum())),
     ];
     let dissipated = by_mechanism.iter().filter(|(_, energy_j)| *energy_j != 0.0);
@@ -27,9 +27,46 @@ pub fn text(analysis: &Analysis) -> String {
     }
     let mut text = String::from("Analysis");
     for (name, value) in lines {
-        text.push_str(&format!("\n  {name:<23} {value}"));
+        text.push_str(&format!("\n  {name:<24} {value}"));
     }
     text
+}
+
+/// A relative difference in percent.
+fn percent(share: f64) -> String {
+    format!("{} %", significant(100.0 * share, 2))
+}
+
+/// The verdict on the end of the run, with what it rests on.
+fn motion(driven: &ForcedResponse) -> String {
+    let tolerance = percent(driven.tolerance);
+    let plural = |count: usize| if count == 1 { "drive period".to_string() } else { format!("{count} drive periods") };
+    let maxima = match driven.cycle_maxima_spread {
+        Some(spread) if spread < driven.tolerance => format!(" (its largest |x| is steady within {})", percent(spread)),
+        _ => String::new(),
+    };
+    let from_orbit = driven.orbit.as_ref().map(|orbit| percent(orbit.distance)).unwrap_or_default();
+    match (driven.motion, driven.repeats_after) {
+        (MotionKind::Periodic, after) => {
+            let after = after.unwrap_or(1);
+            let varies = if after > 1 { "; its cycles differ from each other within that" } else { "" };
+            format!("periodic: repeats every {} within {}{varies}", plural(after), percent(driven.repeats_within))
+        }
+        (MotionKind::Settling, Some(after)) => format!(
+            "settling: repeats every {} within {}, but the run ends {from_orbit} from the periodic orbit",
+            plural(after),
+            percent(driven.repeats_within)
+        ),
+        (MotionKind::Settling, None) => format!(
+            "settling: the last periods differ by {} or more, and the run ends {from_orbit} from the periodic orbit{maxima}",
+            percent(driven.repeats_within)
+        ),
+        (MotionKind::NotPeriodic, _) => format!(
+            "not periodic: does not repeat within {tolerance} after up to {}, {} at best: transient, long-periodic or chaotic{maxima}",
+            plural(driven.section.len() / 2),
+            percent(driven.repeats_within)
+        ),
+    }
 }
 
 fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
@@ -44,14 +81,7 @@ fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
             ),
         ),
         ("cycle maxima", format!("mean {} over the same periods", millimetres(driven.mean_cycle_max_abs_x_m))),
-        (
-            "period",
-            match driven.repeats_after {
-                Some(1) => "1 drive period".to_string(),
-                Some(k) => format!("{k} drive periods"),
-                None => format!("none up to {} drive periods: transient, long-periodic or chaotic", n / 2),
-            },
-        ),
+        ("motion", motion(driven)),
     ];
     if let Some(orbit) = &driven.two_impact_orbit {
         lines.push((
@@ -78,10 +108,17 @@ fn steady(driven: &ForcedResponse) -> Vec<(&'static str, String)> {
         lines.push((
             "periodic orbit",
             format!(
-                "{} drive period{}, {}; Floquet multipliers {}",
+                "{} drive period{}, {}; the run ends {} from it: {}; Floquet multipliers {}",
                 orbit.periods,
                 if orbit.periods == 1 { "" } else { "s" },
                 orbit.stability,
+                percent(orbit.distance),
+                match (driven.motion, orbit.is_run_on_it) {
+                    (MotionKind::Periodic, _) => "it is on this orbit",
+                    (MotionKind::NotPeriodic, true) => "it passes close to this orbit",
+                    (MotionKind::Settling, _) if orbit.is_near() => "it settles onto this orbit",
+                    _ => "it is not on this orbit",
+                },
                 multipliers.join(", ")
             ),
         ));

@@ -4,7 +4,7 @@ use comfy_table::Table;
 
 use super::table;
 use crate::campaign::Campaign;
-use crate::prediction::Prediction;
+use crate::prediction::{Prediction, Response};
 use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
@@ -35,8 +35,16 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     table
 }
 
-/// Peak of X/Z and X/Z at fn, a row for each experiment on each set-up.
-pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
+/// Largest |x| of the dwells of an experiment on a set-up as predicted, m.
+fn predicted_m(campaign: &Campaign, responses: &[Response], set_up: &str, experiment: &str) -> Option<f64> {
+    let is_own = |r: &&Response| {
+        campaign.set_ups[r.set_up].name == set_up && campaign.experiments[r.experiment].name == experiment
+    };
+    responses.iter().find(is_own)?.dwell_max_x_m
+}
+
+/// Peak of X/Z (cycle maxima) with X/Z (lock-in) there, and X/Z at fn, a row for each experiment on each set-up.
+pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) -> Table {
     let has_several = {
         let mut set_ups: Vec<&str> = stepped_sines(campaign).map(|(set_up, _)| set_up.name.as_str()).collect();
         let all = set_ups.len();
@@ -45,7 +53,18 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
     };
     let mut columns = vec!["set-up"];
     columns.extend(has_several.then_some("experiment"));
-    columns.extend(["peak X/Z", "at (Hz)", "steady", "X/Z at fn", "steady", "points", "steady points"]);
+    columns.extend([
+        "peak X/Z\n(cycle maxima)",
+        "X/Z there\n(lock-in)",
+        "at (Hz)",
+        "steady",
+        "X/Z at fn\n(cycle maxima)",
+        "steady",
+        "max|x|\n(mm)",
+        "predicted\n(mm)",
+        "points",
+        "steady\npoints",
+    ]);
     let mut table = table(&columns);
     for (set_up, experiment) in stepped_sines(campaign) {
         let is_own = |r: &&ResultRow| r.set_up == set_up.name && r.experiment == experiment.name;
@@ -58,10 +77,14 @@ pub fn results(campaign: &Campaign, rows: &[ResultRow]) -> Table {
         cells.extend(has_several.then(|| experiment.name.clone()));
         cells.extend([
             format!("{:.2}", peak.x_over_z()),
+            format!("{:.2}", peak.x_over_z_lock_in()),
             trimmed(peak.frequency_hz, 4),
             yes_no(peak),
             at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
             at_natural.map_or("–".into(), |r| yes_no(r)),
+            format!("{:.2}", own.iter().map(|r| r.x_max_m).fold(f32::NAN, f32::max) * 1e3),
+            predicted_m(campaign, responses, &set_up.name, &experiment.name)
+                .map_or("–".into(), |x_m| format!("{:.2}", x_m * 1e3)),
             own.len().to_string(),
             own.iter().filter(|r| r.steady).count().to_string(),
         ]);

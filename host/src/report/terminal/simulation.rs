@@ -19,9 +19,6 @@ const LONG_S: f64 = 10.0;
 /// Rows of a time history above which a warning is given.
 const MANY_ROWS: f64 = 2e7;
 
-/// Largest relative deviation of the last cycles of a steady motion from their mean.
-const STEADY: f64 = 1e-3;
-
 /// Warnings before the run: stiff walls, long computing time, large files.
 pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) -> Vec<String> {
     let mut warnings = Vec::new();
@@ -177,15 +174,27 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         ));
     }
     if let Some(last_cycles) = last_cycles {
-        let text = if last_cycles.spread < STEADY {
-            format!("steady: the last 20 are within {} % of it", significant(100.0 * last_cycles.spread, 1))
+        let text = if last_cycles.is_steady() {
+            format!("|x| is steady: the last 20 are within {} % of it", significant(100.0 * last_cycles.spread, 1))
         } else {
-            format!("not steady: the last 20 deviate from it by up to {} %", significant(100.0 * last_cycles.spread, 2))
+            format!(
+                "|x| is not steady from cycle to cycle: the last 20 deviate from it by up to {} %",
+                significant(100.0 * last_cycles.spread, 2)
+            )
         };
         let mean = last_cycles.mean_cycle_max_m;
         lines.push((
             "last 10 cycles",
             format!("mean of the largest |x|: {}{}; {text}", millimetres(mean), over(mean, "X")),
+        ));
+    }
+    if let (Some(record), Some(jump)) = (&case.record, s.record_start_jump_m_per_s) {
+        let (jump, step_s) = (significant(jump, 3), significant(record.step_s, 4));
+        lines.push((
+            "record's start",
+            format!(
+                "the record starts with {jump} m/s; the base reaches it smoothly over the first interval of {step_s} s"
+            ),
         ));
     }
     if let Some(record) = case.record.as_ref().filter(|r| r.quantity == Quantity::Acceleration) {

@@ -16,8 +16,15 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
     if expected.is_empty() {
         return None;
     }
-    let mut table =
-        table(&["experiment", "set-up", "peak z (mm)", "predicted max|x| (mm)", "max|x−z| (mm)", "impacts"]);
+    let mut table = table(&[
+        "experiment",
+        "set-up",
+        "peak z (mm)",
+        "predicted max|x| (mm)",
+        "max|x−z| (mm)",
+        "impacts\nto be counted",
+        "weaker\nimpacts",
+    ]);
     for Expected { set_up, experiment, outlook } in expected {
         table.add_row([
             campaign.experiments[*experiment].name.clone(),
@@ -26,6 +33,7 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
             mm(outlook.x_peak_m),
             mm(outlook.relative_peak_m),
             outlook.impacts.to_string(),
+            outlook.weak_impacts.to_string(),
         ]);
     }
     let records = campaign.experiments.iter().filter_map(|experiment| match &experiment.kind {
@@ -72,6 +80,7 @@ pub fn results(rows: &[TransientRow]) -> Option<Table> {
         "RMS x−z (mm)",
         "base error (%)",
         "impacts",
+        "predicted",
         "ζ",
         "f (Hz)",
         "cycles",
@@ -89,6 +98,7 @@ pub fn results(rows: &[TransientRow]) -> Option<Table> {
             mm(f64::from(row.relative_rms_m)),
             share(row.base_error_rms_m, row.wanted_rms_m),
             row.impacts.to_string(),
+            row.predicted_impacts.to_string(),
             digits(row.damping_ratio, 5),
             digits(row.frequency_hz, 4),
             if row.cycles > 0 { row.cycles.to_string() } else { "–".into() },

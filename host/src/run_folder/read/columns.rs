@@ -104,3 +104,9 @@ pub fn numbers(batch: &RecordBatch, name: &str) -> Result<Vec<f64>, ReadError> {
 pub fn unit(field: &Field) -> &str {
     field.metadata().get("unit").map_or("", String::as_str)
 }
+
+/// The meaning of a column; empty if none is recorded.
+#[must_use]
+pub fn description(field: &Field) -> &str {
+    field.metadata().get("description").map_or("", String::as_str)
+}

@@ -68,6 +68,9 @@ pub struct SetUpRecord {
     /// Largest |x| predicted, m; NaN in older runs.
     #[serde(default = "nan")]
     pub predicted_max_x_m: f64,
+    /// Largest |x| predicted for the dwells of its stepped sines, m; NaN without one and in older runs.
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub predicted_dwell_max_x_m: f64,
     #[serde(default, deserialize_with = "or_default")]
     model: Option<damprig_core::model::SetUp>,
 }
@@ -76,10 +79,15 @@ fn nan() -> f64 {
     f64::NAN
 }
 
+/// JSON writes NaN as null.
+fn or_nan<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
 impl SetUpRecord {
-    /// Of a campaign's set-up and its prediction.
+    /// Of a campaign's set-up and its predictions: with the settling time, and in the dwells.
     #[must_use]
-    pub fn new(set_up: &CampaignSetUp, predicted_max_x_m: f64) -> Self {
+    pub fn new(set_up: &CampaignSetUp, predicted_max_x_m: f64, predicted_dwell_max_x_m: f64) -> Self {
         Self {
             name: set_up.name.clone(),
             label: set_up.label.clone(),
@@ -89,6 +97,7 @@ impl SetUpRecord {
             natural_frequency_hz: set_up.natural_frequency_hz(),
             particle_start_m: set_up.particle_start_m(),
             predicted_max_x_m,
+            predicted_dwell_max_x_m,
             model: Some(set_up.model()),
         }
     }

@@ -81,10 +81,17 @@ pub struct ResultRow {
 }
 
 impl ResultRow {
-    /// X/Z as the literature's tables have it: mean cycle maximum over the measured base amplitude.
+    /// X/Z (cycle maxima), as the literature's tables have it: mean cycle maximum over the measured base amplitude.
     #[must_use]
     pub fn x_over_z(&self) -> f64 {
         f64::from(self.x_mean_cycle_max_m) / f64::from(self.z_amplitude_m)
+    }
+
+    /// X/Z (lock-in): the ratio of the amplitudes at the drive frequency. Smaller than that of the cycle maxima where the motion
+    /// has harmonics or is not steady.
+    #[must_use]
+    pub fn x_over_z_lock_in(&self) -> f64 {
+        f64::from(self.x_amplitude_m) / f64::from(self.z_amplitude_m)
     }
 
     /// d/Z with Z as measured; NaN without a particle.
@@ -103,7 +110,8 @@ pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
         .text(("set_up", "", "name of the set-up"), |r| &r.set_up)
         .text(("experiment", "", "name of the experiment"), |r| &r.experiment)
         .f64(("frequency_hz", "Hz", "drive frequency"), |r| r.frequency_hz)
-        .f64(("x_over_z", "1", "x_mean_cycle_max_m / z_amplitude_m"), |r| r.x_over_z())
+        .f64(("x_over_z", "1", "X/Z (cycle maxima): x_mean_cycle_max_m / z_amplitude_m"), |r| r.x_over_z())
+        .f64(("x_over_z_lock_in", "1", "X/Z (lock-in): x_amplitude_m / z_amplitude_m"), |r| r.x_over_z_lock_in())
         .f64(("d_over_z", "1", "clearance over base amplitude as set; NaN without a particle"), |r| r.d_over_z)
         .f64(("actual_d_over_z", "1", "clearance over base amplitude as measured; NaN without a particle"), |r| {
             r.actual_d_over_z()

@@ -76,6 +76,9 @@ pub struct TransientRow {
     /// Predicted RMS of x, m.
     #[serde(with = "json_float")]
     pub predicted_x_rms_m: f64,
+    /// Predicted impacts, of those that are strong enough to be counted; 0 in older runs.
+    #[serde(default)]
+    pub predicted_impacts: u32,
     /// First tick measured.
     pub start_tick: u64,
     /// First tick after the measurement.
@@ -96,7 +99,14 @@ pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
         .text(("experiment", "", "name of the experiment"), |r| &r.experiment)
         .text(("kind", "", "playback, impulse or free_vibration"), |r| &r.kind)
         .f32(("x_peak_m", "m", "structure: largest |x|"), |r| r.x_peak_m)
-        .f32(("x_rms_m", "m", "structure: RMS"), |r| r.x_rms_m)
+        .f32(
+            (
+                "x_rms_m",
+                "m",
+                "structure: RMS over the measured ticks; those of a release begin when |x| has fallen by a tenth of x0",
+            ),
+            |r| r.x_rms_m,
+        )
         .f32(("z_peak_m", "m", "base: largest |z|"), |r| r.z_peak_m)
         .f32(("z_rms_m", "m", "base: RMS"), |r| r.z_rms_m)
         .f32(("relative_peak_m", "m", "largest |x − z|, of the ticks' means"), |r| r.relative_peak_m)
@@ -114,7 +124,10 @@ pub fn table(rows: &[TransientRow]) -> Result<RecordBatch, String> {
         .f64(("damping_ratio", "1", "of the linear structure that would decay so"), |r| r.damping_ratio)
         .f64(("frequency_hz", "Hz", "over these cycles"), |r| r.frequency_hz)
         .f64(("predicted_x_peak_m", "m", "largest |x| of the simulation"), |r| r.predicted_x_peak_m)
-        .f64(("predicted_x_rms_m", "m", "RMS of x of the simulation"), |r| r.predicted_x_rms_m)
+        .f64(("predicted_x_rms_m", "m", "RMS of x of the simulation, over the same window"), |r| r.predicted_x_rms_m)
+        .u32(("predicted_impacts", "1", "impacts of the simulation that are strong enough to be counted"), |r| {
+            r.predicted_impacts
+        })
         .u64(("start_tick", "tick", "first tick measured"), |r| r.start_tick)
         .u64(("end_tick", "tick", "first tick after"), |r| r.end_tick)
         .u32(("point_index", "1", "always 0"), |r| r.point_index)

@@ -5,7 +5,8 @@
 
 mod orbit_events;
 mod periodic_orbit;
+mod repetition;
 mod steady_state;
 
 pub use periodic_orbit::{Multiplier, OrbitError, PeriodicOrbit, Stability};
-pub use steady_state::{Analysis, Energy, ForcedResponse, OrbitSummary, SectionState, TwoImpactOrbit};
+pub use steady_state::{Analysis, Energy, ForcedResponse, MotionKind, OrbitSummary, SectionState, TwoImpactOrbit};

@@ -41,6 +41,9 @@ pub struct PeriodicOrbit {
     pub derivative_error: f64,
     /// Distance between the state and its image, relative to the motion.
     pub residual: f64,
+    /// Distance between the state from which the search started, advanced to the section, and the orbit, relative to the size
+    /// of the motion: small if that motion is on the orbit.
+    pub distance: f64,
 }
 
 /// A Floquet multiplier: the growth of a small disturbance in one period of the orbit.
@@ -215,7 +218,7 @@ impl Map {
             let magnification = 1.0 + derivative.matrix.norm();
             let rounding = ROUNDING * magnification;
             if distance <= rounding {
-                return self.orbit(&at, distance);
+                return self.orbit(&at, distance, guess);
             }
             // Neutral directions have singular values of the size of rounding, which are left out.
             let newton = (&derivative.matrix - DMatrix::identity(self.size, self.size))
@@ -234,7 +237,7 @@ impl Map {
                     (at, image, distance) = (next, image_there, distance_there);
                 }
                 // The residual is as small as rounding allows.
-                None if distance <= 1e3 * rounding => return self.orbit(&at, distance),
+                None if distance <= 1e3 * rounding => return self.orbit(&at, distance, guess),
                 None => return Err(OrbitError::NoConvergence { distance }),
             }
         }
@@ -288,7 +291,7 @@ impl Map {
     }
 
     /// The orbit through `at`, differentiated with the largest step at which the map is smooth.
-    fn orbit(&self, at: &DVector<f64>, residual: f64) -> Result<PeriodicOrbit, OrbitError> {
+    fn orbit(&self, at: &DVector<f64>, residual: f64, guess: &ExactState) -> Result<PeriodicOrbit, OrbitError> {
         let mut step = f64::EPSILON.cbrt();
         for _ in 0..4 {
             let derivative = self.derivative(at, step).ok_or(OrbitError::Resting)?;
@@ -305,6 +308,7 @@ impl Map {
                     multipliers: multipliers(&matrix, error),
                     derivative_error: error,
                     residual,
+                    distance: (self.vector(guess) - at).norm(),
                 });
             }
             step *= 0.1;

@@ -4,20 +4,26 @@ use std::f64::consts::TAU;
 
 use damprig_core::analysis::energy::{Balance, EnergyMeter};
 use damprig_core::analysis::lock_in::LockIn;
-use damprig_core::analysis::section::{Section, period};
+use damprig_core::analysis::section::Section;
 use damprig_core::analysis::symmetric_orbit::SymmetricOrbit;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Impact, Observer};
 use serde::Serialize;
 
 use super::periodic_orbit::{PeriodicOrbit, Stability};
+use super::repetition::Repetition;
 use crate::simulation::Case;
+use crate::simulation::motion::ExactObserver;
+use crate::simulation::statistics::{LastCyclesMeter, STEADY};
 
 /// Most drive periods at the end of the run that are analysed.
 const ANALYSED_PERIODS: u64 = 64;
 
-/// Relative difference below which two states of a section count as equal.
-const SAME: f64 = 1e-6;
+/// Fewest of them, in a run that has as many: the last twenty cycles are what a steady |x| is judged by.
+const FEWEST_PERIODS: u64 = 20;
+
+/// Distance from a stable orbit, relative to the motion, up to which a run counts as settling onto it.
+const SETTLING: f64 = 0.1;
 
 /// Least distance of the section from an impact, as a fraction of the drive period: a small shift of an impact must not
 /// move it across the section.
@@ -37,8 +43,8 @@ pub struct Analysis {
 pub struct Energy {
     /// Work of the base or the force.
     pub input_j: f64,
-    /// Kinetic and elastic energy at the end minus that at the start.
-    pub stored_j: f64,
+    /// Change of the stored (kinetic and elastic) energy: at the end minus at the start. Negative if the run gives off energy.
+    pub stored_change_j: f64,
     /// Dissipated by the structure's dashpot.
     pub structure_damping_j: f64,
     /// Dissipated by impacts on hard walls.
@@ -57,7 +63,7 @@ impl From<Balance> for Energy {
     fn from(b: Balance) -> Self {
         Self {
             input_j: b.input_j,
-            stored_j: b.stored_j,
+            stored_change_j: b.stored_j,
             structure_damping_j: b.structure_damping_j,
             impacts_j: b.impacts_j,
             internal_friction_j: b.internal_friction_j,
@@ -79,8 +85,16 @@ pub struct ForcedResponse {
     pub phase_rad: f64,
     /// Mean over these periods of the largest |x|, m.
     pub mean_cycle_max_abs_x_m: f64,
-    /// Drive periods after which the section repeats within 1e-6; `None` if it does not.
+    /// The verdict on the end of the run, which takes all that follows into account.
+    pub motion: MotionKind,
+    /// Largest relative difference that counts as none, in every statement.
+    pub tolerance: f64,
+    /// Largest relative deviation of the last twenty cycles' largest |x| from the mean of the last ten; `None` in a shorter run.
+    pub cycle_maxima_spread: Option<f64>,
+    /// Drive periods after which states and largest |x| of the last periods repeat within the tolerance; `None` if they do not.
     pub repeats_after: Option<usize>,
+    /// The largest relative difference of those states and maxima; without a repetition, that of the nearest one.
+    pub repeats_within: f64,
     /// Drive phase of the section, rad, 0 to 2π: that of the run's start, or one away from impacts if a periodic motion has
     /// impacts there.
     pub section_phase_rad: f64,
@@ -92,6 +106,31 @@ pub struct ForcedResponse {
     pub orbit: Option<OrbitSummary>,
     /// Why no orbit was found.
     pub no_orbit: Option<String>,
+}
+
+/// What the end of a run under a sine is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionKind {
+    /// It repeats, and is on its periodic orbit where one can be computed.
+    Periodic,
+    /// It approaches a periodic orbit, or still drifts.
+    Settling,
+    /// It does not repeat: a long transient, a long period or chaos.
+    NotPeriodic,
+}
+
+impl MotionKind {
+    fn of(repeats: bool, orbit: Option<&OrbitSummary>) -> Self {
+        match orbit {
+            None if repeats => Self::Periodic,
+            None => Self::NotPeriodic,
+            Some(orbit) if repeats && orbit.is_run_on_it => Self::Periodic,
+            Some(_) if repeats => Self::Settling,
+            Some(orbit) if orbit.is_near() => Self::Settling,
+            Some(_) => Self::NotPeriodic,
+        }
+    }
 }
 
 /// A state at the section.
@@ -141,6 +180,18 @@ pub struct OrbitSummary {
     pub stability: &'static str,
     /// Whether all multipliers lie inside the unit circle.
     pub stable: bool,
+    /// Distance of the run's end from it, relative to the size of the motion.
+    pub distance: f64,
+    /// Whether that is within the tolerance: the run is on this orbit.
+    pub is_run_on_it: bool,
+}
+
+impl OrbitSummary {
+    /// Whether a run that ends at this distance may be settling onto it.
+    #[must_use]
+    pub fn is_near(&self) -> bool {
+        self.distance <= SETTLING && self.stability != Stability::Unstable.name()
+    }
 }
 
 impl From<&PeriodicOrbit> for OrbitSummary {
@@ -154,6 +205,8 @@ impl From<&PeriodicOrbit> for OrbitSummary {
             derivative_error: orbit.derivative_error,
             stability: stability.name(),
             stable: stability == Stability::Stable,
+            distance: orbit.distance,
+            is_run_on_it: orbit.distance <= STEADY,
         }
     }
 }
@@ -222,33 +275,36 @@ impl ForcedResponse {
             motion.run(case.run.duration_s, meter);
             return None;
         }
-        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2));
+        let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(FEWEST_PERIODS).min(whole);
         let start_s = (whole - periods) as f64 * period_s;
         motion.run(start_s, meter);
         let mut lock_in = LockIn::new(turning);
-        let mut response = Response::new(Wanted {
-            cycle_s: Some(period_s),
-            steady_from_cycle: Some(whole - periods),
-            ..Wanted::default()
-        });
-        response.skip_to(whole - periods);
+        let mut last_cycles = ExactObserver(LastCyclesMeter::new(period_s, case.run.duration_s));
         let mut section = Section::new(motion.clone(), period_s);
-        let mut states: Vec<ExactState> =
-            (0..periods).map(|_| section.next(&mut (&mut *meter, (&mut lock_in, &mut response)))).collect();
-        response.finish(whole as f64 * period_s);
-        let mut repeats_after = period(&states, SAME);
+        let (mut states, mut maxima_m) = (Vec::new(), Vec::new());
+        for _ in 0..periods {
+            let mut response = Response::new(Wanted::default());
+            states.push(section.next(&mut ((&mut *meter, &mut lock_in), (&mut response, &mut last_cycles))));
+            maxima_m.push(response.max_abs_x_m());
+        }
+        let mut repetition = Repetition::of(&states, &maxima_m, turning);
         let mut delayed_s = 0.0;
         // Rounding decides on which side of the section an impact falls, so a periodic motion is cut away from impacts.
         if let Some(delay_s) = delay_s(&motion, start_s, periods as f64 * period_s, period_s) {
             motion.run(start_s + delay_s, &mut ());
             let mut later = Section::new(motion, period_s);
             let later: Vec<ExactState> = (1..periods).map(|_| later.next(&mut ())).collect();
-            if let Some(repeats) = period(&later, SAME) {
-                (states, repeats_after, delayed_s) = (later, Some(repeats), delay_s);
+            let repeats = Repetition::of(&later, &maxima_m[1..], turning);
+            if repeats.after.is_some_and(|after| repetition.after.is_none_or(|first| after < first)) {
+                (states, repetition, delayed_s) = (later, repeats, delay_s);
             }
         }
         let mut motion = section.into_motion();
-        motion.run(case.run.duration_s, meter);
+        motion.run(case.run.duration_s, &mut (&mut *meter, &mut last_cycles));
+        let last_cycles = last_cycles.0.as_ref().and_then(LastCyclesMeter::last_cycles);
+        // The summary's word on |x| is part of the verdict.
+        let is_varying = last_cycles.is_some_and(|last| !last.is_steady());
+        let repeats_after = repetition.after.filter(|after| *after > 1 || !is_varying);
         let (phase_of_drive, base_amplitude_m) = match case.excitation {
             Excitation::Sine { phase_rad, amplitude_m, .. } => (phase_rad, Some(amplitude_m)),
             Excitation::ForceSine { phase_rad, .. } => (phase_rad, None),
@@ -275,8 +331,12 @@ impl ForcedResponse {
             periods,
             amplitude_m: lock_in.amplitude_m(),
             phase_rad: phase - TAU * (phase / TAU).round(),
-            mean_cycle_max_abs_x_m: response.steady_m().map_or(0.0, |(_, mean)| mean),
+            mean_cycle_max_abs_x_m: maxima_m.iter().sum::<f64>() / maxima_m.len() as f64,
+            motion: MotionKind::of(repeats_after.is_some(), orbit.as_ref()),
+            tolerance: STEADY,
+            cycle_maxima_spread: last_cycles.map(|last| last.spread),
             repeats_after,
+            repeats_within: repetition.within,
             section_phase_rad: (phase_of_drive + turning * delayed_s).rem_euclid(TAU),
             section: states.iter().map(SectionState::from).collect(),
             two_impact_orbit: base_amplitude_m.and_then(|z| SymmetricOrbit::new(&case.set_up, z, turning)).map(|o| {

@@ -368,7 +368,7 @@ impl Rig {
             x_phase: motion.x_phase_rad,
             z_amplitude: motion.z_amplitude_m,
             z_phase: motion.z_phase_rad,
-            x_over_z: motion.x_over_z,
+            x_over_z_lock_in: motion.x_over_z,
             x_velocity: dampers.x_velocity_m_per_s,
             particle_offset: twin.particle_offset_m,
             particle_velocity: twin.particle_velocity_m_per_s,

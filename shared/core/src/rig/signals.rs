@@ -73,8 +73,8 @@ signals! {
     z_amplitude: "m",
     /// Phase of z relative to the drive in that cycle, −π to π, within 6 mrad.
     z_phase: "rad",
-    /// X/Z in that cycle.
-    x_over_z: "",
+    /// X/Z of the lock-in amplitudes in that cycle. A result's `x_over_z` is of the cycle maxima.
+    x_over_z_lock_in: "",
     /// Measured velocity of the structure: its mean over the last 8 ms.
     x_velocity: "m/s",
     /// Displacement of the particle relative to the structure, y − x, in the tick before as estimated by the twin; 0

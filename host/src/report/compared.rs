@@ -1,0 +1,43 @@
+//! Says in words what predicted and measured numbers are and where they may differ, for tables that show both.
+
+use damprig_core::control::stepped_sine::DriveMode;
+
+use super::numbers::significant;
+use crate::campaign::Campaign;
+use crate::settings::number_of;
+
+/// One sentence or two for each reason that the campaign has.
+#[must_use]
+pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
+    let sines = || campaign.experiments.iter().filter_map(|e| e.stepped_sine());
+    let mut notes =
+        vec!["Predicted: a simulation of the same set-up and times, without noise, on a base that moves exactly as demanded.".to_string()];
+    if sines().any(|sine| sine.settle_s > 0.0) {
+        notes.push(
+            "Before the run max|x| is predicted with the settling time, after it for the dwell alone, as measured."
+                .into(),
+        );
+    }
+    if campaign.rig.shaker.is_some() && sines().any(|sine| sine.drive == DriveMode::Constant) {
+        notes.push(
+            "At constant drive the structure reduces the base amplitude near its resonance, which the prediction leaves out: \
+             less is measured than predicted there."
+                .into(),
+        );
+    }
+    if campaign.experiments.iter().any(|e| e.free_vibration().is_some()) {
+        notes.push(
+            "A release is detected when |x| has fallen by a tenth of x0: RMS and impacts, predicted ones too, begin there; \
+             max|x| has x0."
+                .into(),
+        );
+    }
+    if campaign.set_ups.iter().any(|s| s.model().particle.is_some()) {
+        notes.push(format!(
+            "Impacts are predicted as the board counts them: pulses above {} N in a contact of 2 ms, of a chatter only those \
+             apart. A motion with impacts may be chaotic: then noise changes single maxima and counts, and both may be right.",
+            significant(number_of(campaign.rig.board.impacts.threshold_n), 3)
+        ));
+    }
+    notes
+}
