@@ -41,6 +41,17 @@ pub struct SteppedSine {
     pub steady: SteadyLimits,
 }
 
+impl SteppedSine {
+    /// Longest time of all dwells of a point, s: `dwell_s`, or more if a point is measured again until it is steady.
+    #[must_use]
+    pub fn longest_dwell_s(&self) -> f64 {
+        self.dwell_s.max(f64::from(self.steady.longest_dwell_s))
+    }
+}
+
+/// Longest time of all dwells of a point, s: a day.
+const LONGEST_DWELL_S: f64 = 86_400.0;
+
 /// A tenth of a millimetre.
 pub(super) const REST_LEVEL_M: f64 = 1e-4;
 
@@ -58,7 +69,7 @@ pub(super) fn read(section: &Section, shaker: Option<&Shaker>) -> Option<Stepped
     let dwell = section.required("dwell_s", "the time that is measured at each frequency", Section::positive);
     let rest = section.positive("rest_level_m");
     let frequencies = section.required("frequencies_hz", "a list, or { from_hz, to_hz, step_hz }", frequencies);
-    let steady = read_steady(section);
+    let steady = read_steady(section, dwell.as_ref());
     if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
         let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
         if dwell.value * lowest < f64::from(FEWEST_CYCLES) {
@@ -198,14 +209,18 @@ fn read_drive(section: &Section, shaker: Option<&Shaker>) -> Option<(DriveMode, 
     Some((DriveMode::ClosedLoop(parameters), limit))
 }
 
-fn read_steady(section: &Section) -> SteadyLimits {
+fn read_steady(section: &Section, dwell: Option<&Number>) -> SteadyLimits {
     let default = SteadyLimits::default();
     let Some(table) = section.table("steady", None) else { return default };
-    let change = table.positive("change_per_cycle");
+    let tolerance = table.number_if("tolerance", |v| v > 0.0 && v < 1.0, "greater than 0 and less than 1");
     let scatter = table.positive("scatter");
+    let dwell_s = dwell.map_or(0.0, |dwell| dwell.value);
+    let allowed = format!("from dwell_s = {dwell_s} to {LONGEST_DWELL_S}: the time of all dwells of a point");
+    let longest = table.number_if("longest_dwell_s", |v| (dwell_s..=LONGEST_DWELL_S).contains(&v), &allowed);
     table.finish();
     SteadyLimits {
-        change_per_cycle: change.map_or(default.change_per_cycle, |n| n.value as f32),
+        tolerance: tolerance.map_or(default.tolerance, |n| n.value as f32),
         scatter: scatter.map_or(default.scatter, |n| n.value as f32),
+        longest_dwell_s: longest.map_or(default.longest_dwell_s, |n| n.value as f32),
     }
 }

@@ -19,6 +19,7 @@ use crate::report::numbers::duration;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunError, WatchedStart, Watcher};
 
@@ -281,7 +282,7 @@ impl Watcher for RunProgress {
         let (taken, planned) = self.points;
         self.numbers = format!("  {} Hz  X/Z (cycle maxima) {:.2}", row.frequency_hz, row.x_over_z());
         self.show();
-        let steady = if row.steady { "steady" } else { "not steady" };
+        let steady = steadiness_text(row.steadiness);
         let (x_mm, z_mm) = (row.x_mean_cycle_max_m * 1e3, row.z_amplitude_m * 1e3);
         self.log(&format!(
             "point {taken} of {planned}: set-up {}, {} Hz: X/Z (cycle maxima) {:.3}, X/Z (lock-in) {:.3}, X {x_mm:.3} mm, Z {z_mm:.4} mm, {steady}",

@@ -20,6 +20,7 @@ use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
 use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunAction, RunError, WatchedStart, Watcher};
 
@@ -340,7 +341,8 @@ pub(super) fn point(row: &ResultRow) -> Point {
         x_over_z_lock_in: known(row.x_over_z_lock_in()),
         x_m: known(row.x_mean_cycle_max_m.into()),
         z_m: known(row.z_amplitude_m.into()),
-        steady: row.steady,
+        steady: row.steadiness.is_settled(),
+        steadiness: steadiness_text(row.steadiness).to_string(),
     }
 }
 

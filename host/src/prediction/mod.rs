@@ -75,7 +75,7 @@ pub struct Response {
     /// Position of the experiment in the campaign.
     pub experiment: usize,
     /// Drive frequency (Hz) and X/Z of each point: X is the mean over the cycles of the dwell of max |x|, Z the base amplitude as
-    /// set. A point whose dwell is not predicted is left out.
+    /// set; of a point that is measured until it is steady, in its last possible dwell. A point whose dwell is not predicted is left out.
     pub points: Vec<(f64, f64)>,
     /// Largest |x| in the dwells of its points, as the results measure it, m; `None` if a dwell is not predicted to its end.
     pub dwell_max_x_m: Option<f64>,
@@ -84,8 +84,8 @@ pub struct Response {
 /// Steps in a period of the drive, at least.
 const STEPS_PER_PERIOD: f64 = 64.0;
 
-/// Steps for all points of a campaign together: about half a second of computing.
-const MOST_STEPS: u64 = 1_200_000;
+/// Steps for all points of a campaign together: about a second of computing.
+const MOST_STEPS: u64 = 3_000_000;
 
 /// Steps that every point may have, however many there are: 40 s at 2.5 Hz.
 const STEPS_PER_POINT: u64 = 6_400;
@@ -242,7 +242,7 @@ fn allowance(campaign: &Campaign) -> u64 {
 fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
     let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
-        let steps = move |f: &f64| (sine.settle_s + sine.dwell_s) * f * steps_per_period(&campaign.set_ups[set_up], *f);
+        let steps = move |f: &f64| (sine.settle_s + sine.longest_dwell_s()) * f * steps_per_period(&campaign.set_ups[set_up], *f);
         sine.frequencies_hz.iter().map(steps)
     });
     let most = allowance(campaign);
@@ -329,15 +329,17 @@ fn simulate(
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
         let mut motion = Sampled::<f64>::new(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
-        let wanted = ((experiment.settle_s + experiment.dwell_s) / step_s).ceil() as u64;
+        let wanted = ((experiment.settle_s + experiment.longest_dwell_s()) / step_s).ceil() as u64;
         let count = wanted.min(most_steps);
         if count < wanted {
             let predicted_s = count as f64 * step_s;
             largest.predicted_s = Some(largest.predicted_s.map_or(predicted_s, |least| least.min(predicted_s)));
         }
         let mut watch = MotionWatch::new(detection, model.structure.mass_kg, step_s);
-        let dwell_from = (experiment.settle_s / step_s).floor() as u64;
-        let mut maxima = CycleMaxima::new(experiment.settle_s, step_s, steps);
+        // A point that is measured until it is steady: its last possible dwell.
+        let dwell_from_s = experiment.settle_s + experiment.longest_dwell_s() - experiment.dwell_s;
+        let dwell_from = (dwell_from_s / step_s).floor() as u64;
+        let mut maxima = CycleMaxima::new(dwell_from_s, step_s, steps);
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;
             (base_amplitude_m * angle.sin(), base_amplitude_m * angle.cos() * TAU / steps)

@@ -135,12 +135,13 @@ fn longest_point_s(sine: &SteppedSine) -> f64 {
         DriveMode::ClosedLoop(ClosedLoop { wait_s, .. }) => f64::from(wait_s),
     };
     let lowest_hz = sine.frequencies_hz.iter().copied().fold(f64::INFINITY, f64::min);
-    LONGEST_REST_S + 2.0 * sine.ramp_s + sine.settle_s + wait_s + 2.0 * sine.dwell_s + 4.0 / lowest_hz
+    LONGEST_REST_S + 2.0 * sine.ramp_s + sine.settle_s + wait_s + 2.0 * sine.longest_dwell_s() + 4.0 / lowest_hz
 }
 
 #[cfg(test)]
 mod tests {
     use damprig_core::io::SensorSet;
+    use damprig_core::measure::steadiness::Steadiness;
 
     use super::*;
 
@@ -182,7 +183,11 @@ mod tests {
             change_per_cycle: 0.0,
             scatter: 0.0,
             cycles: 10,
-            steady: true,
+            x_noise_rms_m: 0.0,
+            deviation: 0.0,
+            deviation_uncertainty: 0.0,
+            interval: 0.0,
+            steadiness: Steadiness::Steady,
             impacts_per_cycle: 0.0,
         };
         Report::Event { tick: end_tick.saturating_sub(1), event: Event::Point(result) }

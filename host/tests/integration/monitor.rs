@@ -65,6 +65,7 @@ fn point(frequency_hz: f64) -> Update {
         x_m: None,
         z_m: None,
         steady: true,
+        steadiness: "steady".into(),
     })
 }
 

@@ -46,6 +46,7 @@ export function pointOf(raw) {
     x_m: number(raw.x_m),
     z_m: number(raw.z_m),
     steady: raw.steady === true,
+    steadiness: text(raw.steadiness, 20),
   };
 }
 

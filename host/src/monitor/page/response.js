@@ -84,7 +84,7 @@ export class Response {
     });
     if (nearest === null) return this.#note();
     const { p } = nearest;
-    const steady = p.steady ? "" : ", not steady";
+    const steady = `, ${p.steadiness}`;
     put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima), ${fixed(p.x_over_z_lock_in, 2)} (lock-in)${steady}`);
   }
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use damprig_core::measure::steadiness::Steadiness;
+
 use super::axis::Scale;
 use super::frequency_response::{Ordinate, ResponseCurve, ResponseNotes, ResponsePoint, draw};
 use super::time_histories::{self, HistoryCurve, HistoryPanel};
@@ -28,8 +30,8 @@ pub struct PlottedPoint {
     pub x_over_z: f64,
     /// Phase of x relative to z, rad.
     pub phase_rad: f64,
-    /// Whether the motion was steady.
-    pub steady: bool,
+    /// Whether X/Z is within its tolerance of its limit.
+    pub steadiness: Steadiness,
 }
 
 impl From<&ResultRow> for PlottedPoint {
@@ -40,7 +42,7 @@ impl From<&ResultRow> for PlottedPoint {
             frequency_hz: row.frequency_hz,
             x_over_z: row.x_over_z(),
             phase_rad: f64::from(row.phase_rad),
-            steady: row.steady,
+            steadiness: row.steadiness,
         }
     }
 }
@@ -94,7 +96,7 @@ fn curves(
         points: points
             .iter()
             .filter(|p| p.set_up == set_up.name && p.experiment == experiment.name)
-            .map(|p| ResponsePoint { frequency_hz: p.frequency_hz, value: value(p), steady: p.steady })
+            .map(|p| ResponsePoint { frequency_hz: p.frequency_hz, value: value(p), is_settled: p.steadiness.is_settled() })
             .collect(),
     };
     let curves: Vec<ResponseCurve> = stepped_sines(campaign).map(curve).filter(|c| !c.points.is_empty()).collect();

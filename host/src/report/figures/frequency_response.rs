@@ -14,8 +14,8 @@ pub struct ResponsePoint {
     pub frequency_hz: f64,
     /// The quantity's value.
     pub value: f64,
-    /// Whether the motion was steady.
-    pub steady: bool,
+    /// Whether the value is within its tolerance of its limit: the motion was steady or stationary.
+    pub is_settled: bool,
 }
 
 /// The curve of one experiment on one set-up.
@@ -88,7 +88,7 @@ fn draw_curve(canvas: &Canvas, frame: &Frame, curve: &ResponseCurve, index: usiz
     let at = |p: &ResponsePoint| frame.point(p.frequency_hz, p.value);
     let path = points.iter().map(|p| at(p)).collect::<Vec<_>>();
     canvas.draw(&PathElement::new(path, colour(index).stroke_width(2))).map_err(FigureError::of)?;
-    points.iter().try_for_each(|p| marker(canvas, at(p), index, p.steady))
+    points.iter().try_for_each(|p| marker(canvas, at(p), index, p.is_settled))
 }
 
 /// Draws a marker; curves differ in its shape and colour.
@@ -110,7 +110,7 @@ fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Re
     canvas.draw(&PathElement::new(outline, tint.stroke_width(2))).map_err(FigureError::of)
 }
 
-const STEADY: (&str, bool) = ("steady", true);
+const STEADY: (&str, bool) = ("steady or stationary", true);
 const NOT_STEADY: (&str, bool) = ("not steady within the dwell", false);
 
 fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve]) -> Result<(), FigureError> {

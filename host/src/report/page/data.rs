@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use arrow_array::RecordBatch;
+use damprig_core::measure::steadiness::Steadiness;
 
 use super::gaps::{self, SampleGaps};
 use crate::campaign::Campaign;
@@ -13,7 +14,7 @@ use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::schema::device::BoardSettings;
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::Manifest;
-use crate::run_folder::schema::results;
+use crate::run_folder::schema::results::{self, steadiness_of};
 use crate::run_folder::{ReadError, RunFolder};
 
 /// A measured point, as the page shows it.
@@ -139,6 +140,13 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
     let clipped = texts(batch, "sensors_clipped").unwrap_or_default();
     let segments = number("segment").unwrap_or_default();
     let is = |list: &[Value], n: usize| list.get(n) == Some(&Value::Bool(true));
+    // Older runs lack this column too.
+    let verdicts = texts(batch, "steadiness").unwrap_or_default();
+    let steadiness = |n: usize| match verdicts.get(n) {
+        Some(text) => steadiness_of(text),
+        None if is(&steady, n) => Steadiness::Steady,
+        None => Steadiness::NotSteady,
+    };
     let point = |n: usize| PagePoint {
         shown: PlottedPoint {
             set_up: set_ups[n].clone(),
@@ -146,7 +154,7 @@ fn points(batch: &RecordBatch) -> Result<Vec<PagePoint>, ReadError> {
             frequency_hz: f[n],
             x_over_z: ratio[n],
             phase_rad: phase[n],
-            steady: is(&steady, n),
+            steadiness: steadiness(n),
         },
         x_over_z_lock_in: x_amplitude[n] / z[n],
         z_m: z[n],

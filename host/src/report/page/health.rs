@@ -51,7 +51,7 @@ pub(super) fn warnings(data: &PageData) -> Markup {
     if data.taken.left_parts().next().is_some() {
         list.push("some sample files were damaged when they were joined".into());
     }
-    let unsteady = data.points.iter().filter(|p| !p.shown.steady).count();
+    let unsteady = data.points.iter().filter(|p| !p.shown.steadiness.is_settled()).count();
     if unsteady > 0 {
         list.push(format!("{unsteady} of {} points were not steady within their dwell", data.points.len()));
     }

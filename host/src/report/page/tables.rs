@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::data::{PageData, PagePoint};
 use crate::report::numbers::trimmed;
+use crate::run_folder::schema::results::steadiness_text;
 
 /// Date, time and UTC offset.
 pub(super) fn moment(text: &str) -> String {
@@ -27,10 +28,6 @@ pub(super) fn optional(value: Option<f64>, decimals: usize) -> String {
     value.map_or("–".into(), |v| short(v, decimals))
 }
 
-fn yes_no(value: bool) -> &'static str {
-    if value { "yes" } else { "no" }
-}
-
 /// Peak of X/Z (cycle maxima), a row for each experiment on each set-up.
 pub(super) fn peaks(data: &PageData) -> Markup {
     html! {
@@ -38,8 +35,8 @@ pub(super) fn peaks(data: &PageData) -> Markup {
             div.wide { table {
                 thead { tr {
                     th.word { "Set-up" } th.word { "Experiment" }
-                    th { "Peak X/Z" small { "cycle maxima" } } th { "X/Z there" small { "lock-in" } } th { "at" small { "Hz" } } th { "Steady" }
-                    th { "Largest |x|" small { "mm" } } th { "Points" } th { "Steady points" }
+                    th { "Peak X/Z" small { "cycle maxima" } } th { "X/Z there" small { "lock-in" } } th { "at" small { "Hz" } } th { "Steadiness" }
+                    th { "Largest |x|" small { "mm" } } th { "Points" } th { "Settled points" small { "steady or stationary" } }
                 } }
                 tbody {
                     @for (set_up, experiment) in &curves(data) {
@@ -50,10 +47,10 @@ pub(super) fn peaks(data: &PageData) -> Markup {
                                 td { (number(peak.shown.x_over_z, 2)) }
                                 td { (number(peak.x_over_z_lock_in, 2)) }
                                 td { (short(peak.shown.frequency_hz, 4)) }
-                                td.odd[!peak.shown.steady] { (yes_no(peak.shown.steady)) }
+                                td.odd[!peak.shown.steadiness.is_settled()] { (steadiness_text(peak.shown.steadiness)) }
                                 td { (number(own().map(|p| p.x_max_m).fold(f64::NAN, f64::max) * 1e3, 2)) }
                                 td { (own().count()) }
-                                td { (own().filter(|p| p.shown.steady).count()) }
+                                td { (own().filter(|p| p.shown.steadiness.is_settled()).count()) }
                             }
                         }
                     }
@@ -100,7 +97,7 @@ pub(super) fn results(data: &PageData) -> Markup {
                 th { "f" small { "Hz" } } th { "X/Z" small { "cycle maxima" } } th { "X/Z" small { "lock-in" } }
                 th { "X" small { "mm, mean cycle maximum" } } th { "Z" small { "mm, lock-in" } }
                 th { "Phase" small { "°" } } th { "max|x|" small { "mm" } }
-                th { "Cycles" } th { "Steady" } th { "Segment" }
+                th { "Cycles" } th { "Steadiness" } th { "Segment" }
             } }
             tbody {
                 @for (n, point) in data.points.iter().enumerate() {
@@ -115,7 +112,7 @@ pub(super) fn results(data: &PageData) -> Markup {
                         td { (number(point.shown.phase_rad.to_degrees(), 1)) }
                         td { (number(point.x_max_m * 1e3, 2)) }
                         td { (point.cycles) }
-                        td.odd[!point.shown.steady] { (yes_no(point.shown.steady)) }
+                        td.odd[!point.shown.steadiness.is_settled()] { (steadiness_text(point.shown.steadiness)) }
                         td { (point.segment) }
                     }
                 }

@@ -9,6 +9,7 @@ use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::manifest::Manifest;
+use crate::run_folder::schema::results::steadiness_text;
 
 fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
@@ -57,13 +58,13 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
         "peak X/Z\n(cycle maxima)",
         "X/Z there\n(lock-in)",
         "at (Hz)",
-        "steady",
+        "steadiness",
         "X/Z at fn\n(cycle maxima)",
-        "steady",
+        "steadiness",
         "max|x|\n(mm)",
         "predicted\n(mm)",
         "points",
-        "steady\npoints",
+        "settled\npoints",
     ]);
     let mut table = table(&columns);
     for (set_up, experiment) in stepped_sines(campaign) {
@@ -72,21 +73,21 @@ pub fn results(campaign: &Campaign, responses: &[Response], rows: &[ResultRow]) 
         let Some(peak) = own.iter().max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z())) else { continue };
         let natural = set_up.natural_frequency_hz();
         let at_natural = own.iter().find(|r| (r.frequency_hz - natural).abs() < 1e-4 * natural);
-        let yes_no = |row: &ResultRow| if row.steady { "yes" } else { "no" }.to_string();
+        let verdict = |row: &ResultRow| steadiness_text(row.steadiness).to_string();
         let mut cells = vec![set_up.name.clone()];
         cells.extend(has_several.then(|| experiment.name.clone()));
         cells.extend([
             format!("{:.2}", peak.x_over_z()),
             format!("{:.2}", peak.x_over_z_lock_in()),
             trimmed(peak.frequency_hz, 4),
-            yes_no(peak),
+            verdict(peak),
             at_natural.map_or("–".into(), |r| format!("{:.2}", r.x_over_z())),
-            at_natural.map_or("–".into(), |r| yes_no(r)),
+            at_natural.map_or("–".into(), |r| verdict(r)),
             format!("{:.2}", own.iter().map(|r| r.x_max_m).fold(f32::NAN, f32::max) * 1e3),
             predicted_m(campaign, responses, &set_up.name, &experiment.name)
                 .map_or("–".into(), |x_m| format!("{:.2}", x_m * 1e3)),
             own.len().to_string(),
-            own.iter().filter(|r| r.steady).count().to_string(),
+            own.iter().filter(|r| r.steadiness.is_settled()).count().to_string(),
         ]);
         table.add_row(cells);
     }

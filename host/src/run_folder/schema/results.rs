@@ -3,6 +3,7 @@
 //! [`table`] is the one list of its columns: the Parquet schema and the manifest's `results_columns` follow from it.
 
 use arrow_array::RecordBatch;
+use damprig_core::measure::steadiness::Steadiness;
 use serde::{Deserialize, Serialize};
 
 use super::json_float;
@@ -64,8 +65,21 @@ pub struct ResultRow {
     pub scatter: f32,
     /// Whole cycles in the dwell.
     pub cycles: u32,
-    /// Whether the point counts as steady.
-    pub steady: bool,
+    /// RMS noise of a tick's x, m.
+    #[serde(with = "json_float", default)]
+    pub x_noise_rms_m: f32,
+    /// Deviation of X/Z (cycle maxima) from its extrapolated limit, relative.
+    #[serde(with = "json_float", default)]
+    pub deviation: f32,
+    /// Uncertainty of that deviation (95 %), relative.
+    #[serde(with = "json_float", default)]
+    pub deviation_uncertainty: f32,
+    /// Half-width of the 95 % interval of X/Z as a mean over cycles, relative.
+    #[serde(with = "json_float", default)]
+    pub interval: f32,
+    /// Whether X/Z is within its tolerance of its limit.
+    #[serde(default)]
+    pub steadiness: Steadiness,
     /// First tick of the dwell.
     pub start_tick: u64,
     /// First tick after the dwell.
@@ -101,6 +115,23 @@ impl ResultRow {
     }
 }
 
+/// A verdict as the column `steadiness` has it.
+#[must_use]
+pub fn steadiness_text(steadiness: Steadiness) -> &'static str {
+    match steadiness {
+        Steadiness::NotSteady => "not steady",
+        Steadiness::Stationary => "stationary",
+        Steadiness::Steady => "steady",
+    }
+}
+
+/// The verdict that a text of the column `steadiness` stands for; not steady for any other text.
+#[must_use]
+pub fn steadiness_of(text: &str) -> Steadiness {
+    let all = [Steadiness::Steady, Steadiness::Stationary];
+    all.into_iter().find(|known| steadiness_text(*known) == text).unwrap_or_default()
+}
+
 /// The rows as a table, columns in the order of the file.
 ///
 /// # Errors
@@ -130,7 +161,16 @@ pub fn table(rows: &[ResultRow]) -> Result<RecordBatch, String> {
         .f32(("change_per_cycle", "1", "trend of the cycle maximum, relative, in a cycle"), |r| r.change_per_cycle)
         .f32(("scatter", "1", "scatter of the cycle maxima around the trend, relative"), |r| r.scatter)
         .u32(("cycles", "1", "whole cycles in the dwell"), |r| r.cycles)
-        .bool(("steady", "", "whether the point counts as steady"), |r| r.steady)
+        .f32(("x_noise_rms_m", "m", "RMS noise of a tick's x"), |r| r.x_noise_rms_m)
+        .f32(("deviation", "1", "x_over_z over its extrapolated limit, less 1"), |r| r.deviation)
+        .f32(("deviation_uncertainty", "1", "uncertainty of the deviation (95 %)"), |r| r.deviation_uncertainty)
+        .f32(("interval", "1", "half-width of the 95 % interval of x_over_z as a mean over cycles, relative"), |r| {
+            r.interval
+        })
+        .bool(("steady", "", "whether steadiness is steady"), |r| r.steadiness == Steadiness::Steady)
+        .text(("steadiness", "", "steady, stationary (does not repeat, mean without drift) or not steady"), |r| {
+            steadiness_text(r.steadiness)
+        })
         .u64(("start_tick", "tick", "first tick of the dwell"), |r| r.start_tick)
         .u64(("end_tick", "tick", "first tick after the dwell"), |r| r.end_tick)
         .u32(("point_index", "1", "place in the experiment's frequency list, from 0"), |r| r.point_index)

@@ -64,7 +64,7 @@ pub(super) struct Limit {
     pub(super) amplitude: f32,
     /// Standard uncertainty of that modulus.
     pub(super) uncertainty: f32,
-    /// The fitted exponential decays.
+    /// The fitted exponential decays, or alternates between neighbouring cycles, so that its mean is the limit.
     pub(super) converges: bool,
     /// RMS of what the exponential leaves unexplained, over the RMS of the amplitudes about their mean; 0 to 1.
     pub(super) unexplained: f32,
@@ -127,7 +127,7 @@ impl Approach {
         Some(Limit {
             amplitude: modulus(plus(self.first, limit)),
             uncertainty: Scalar::sqrt(variance),
-            converges: square(lambda) < 1.0,
+            converges: square(lambda) < 1.0 || lambda.0 < 0.0,
             unexplained: Scalar::sqrt(residual / spread_to),
         })
     }

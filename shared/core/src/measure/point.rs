@@ -223,7 +223,8 @@ impl PointMeter {
             let moved = self.x_approach.mean_modulus() / x.amplitude * (z.amplitude / z_amplitude) - 1.0;
             let (of_x, of_z) = (x.uncertainty / x.amplitude, z.uncertainty / z.amplitude);
             let of_limits = Scalar::sqrt(of_x * of_x + of_z * of_z);
-            (moved, 2.0 * of_limits + UNCERTAINTY_OF_RAISED * raised / mean_max)
+            let of_fit = 2.0 * of_limits + UNCERTAINTY_OF_FIT * moved.abs();
+            (moved, of_fit + UNCERTAINTY_OF_RAISED * raised / mean_max)
         } else {
             (f32::MAX, f32::MAX)
         };
@@ -242,8 +243,11 @@ impl PointMeter {
     }
 }
 
+/// Relative uncertainty of an extrapolated deviation (95 %): a nonlinear system does not approach its limit exponentially.
+const UNCERTAINTY_OF_FIT: f32 = 0.3;
+
 /// Relative uncertainty of [`raised_maximum`] (95 %): the noise is known to about a tenth.
-const UNCERTAINTY_OF_RAISED: f32 = 0.1;
+const UNCERTAINTY_OF_RAISED: f32 = 0.15;
 
 /// RMS scatter of a cycle's maximum over the RMS noise of a tick.
 const MAXIMUM_SCATTER: f32 = 0.5;

@@ -34,6 +34,14 @@ pub enum Steadiness {
     Steady,
 }
 
+impl Steadiness {
+    /// X/Z is known: steady or stationary.
+    #[must_use]
+    pub fn is_settled(self) -> bool {
+        self != Self::NotSteady
+    }
+}
+
 /// What a dwell's amplitudes and cycle maxima say about their limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Evidence {

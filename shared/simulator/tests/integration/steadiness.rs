@@ -131,7 +131,6 @@ struct Judged {
     verdict: Steadiness,
     repeats: bool,
     deviation: f64,
-    interval: f64,
     limit_interval: f64,
     result: PointResult,
 }
@@ -144,7 +143,6 @@ fn judge(seed: u64) -> Option<Judged> {
         verdict: result.steadiness,
         repeats: limit.scatter < 2e-3,
         deviation: x_over_z(&result) / x_over_z(&limit) - 1.0,
-        interval: f64::from(result.interval),
         limit_interval: f64::from(limit.interval),
         result,
     })
@@ -159,7 +157,7 @@ fn judge_all(count: u64) -> Vec<Judged> {
             if seed >= count {
                 return done;
             }
-            done.extend(judge(1_000_000 + seed));
+            done.extend(judge(2_000_000 + seed));
         }
     };
     std::thread::scope(|scope| {
@@ -170,22 +168,30 @@ fn judge_all(count: u64) -> Vec<Judged> {
 
 #[test]
 fn a_point_called_steady_is_within_1_percent_of_its_limit_and_most_points_within_are_called_steady() {
-    let count = std::env::var("DAMPRIG_DRAWS").map_or(40, |n| n.parse().unwrap());
-    let judged = judge_all(count);
-    let of = |test: &dyn Fn(&Judged) -> bool| judged.iter().filter(|judged| test(judged)).count();
+    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let judged = judge_all(if is_full { 600 } else { 40 });
+    let count = |test: &dyn Fn(&Judged) -> bool| judged.iter().filter(|judged| test(judged)).count();
     let is_within = |judged: &Judged| judged.deviation.abs() <= 0.01;
-    let is_called = |judged: &Judged| judged.verdict == Steadiness::Steady;
-    let called = of(&|j| j.repeats && is_called(j));
-    let right = of(&|j| j.repeats && is_called(j) && is_within(j));
-    let within = of(&|j| j.repeats && is_within(j));
-    println!("{} points, {} repeat: {called} called steady, {right} of them within 1 %; {within} within 1 %", judged.len(), of(&|j| j.repeats));
-    println!("not repeating: {} steady, {} stationary, {} not steady", of(&|j| !j.repeats && is_called(j)), of(&|j| !j.repeats && j.verdict == Steadiness::Stationary), of(&|j| !j.repeats && j.verdict == Steadiness::NotSteady));
-    println!("stationary: {} repeat, covered {}; not repeating covered {}", of(&|j| j.repeats && j.verdict == Steadiness::Stationary),
-        of(&|j| j.repeats && j.verdict == Steadiness::Stationary && j.deviation.abs() < j.interval + j.limit_interval),
-        of(&|j| !j.repeats && j.verdict == Steadiness::Stationary && j.deviation.abs() < j.interval + j.limit_interval));
-    for j in &judged {
-        if j.repeats && is_called(j) != is_within(j) {
-            println!("{} {:?} true {:.4} est {:.4} u {:.4} scatter {:.4} interval {:.4} noise {:.4} X/Z {:.2}", j.seed, j.verdict, j.deviation, j.result.deviation, j.result.deviation_uncertainty, j.result.scatter, j.result.interval, j.result.x_noise_rms_m/j.result.x_mean_cycle_max_m, x_over_z(&j.result));
-        }
+    let is = |verdict: Steadiness| move |judged: &Judged| judged.verdict == verdict;
+    let called = count(&|j| j.repeats && is(Steadiness::Steady)(j));
+    let right = count(&|j| j.repeats && is(Steadiness::Steady)(j) && is_within(j));
+    let within = count(&|j| j.repeats && is_within(j));
+    println!("repeating: {called} called steady, {right} of them within 1 % of the limit; {within} within 1 %");
+    for judged in judged.iter().filter(|j| j.repeats && is(Steadiness::Steady)(j) && !is_within(j)) {
+        println!("seed {}: {:.4} from its limit: {:?}", judged.seed, judged.deviation, judged.result);
     }
+    let others = |verdict| count(&|j: &Judged| !j.repeats && is(verdict)(j));
+    let (steady, stationary) = (others(Steadiness::Steady), others(Steadiness::Stationary));
+    let covers = |j: &Judged| j.deviation.abs() <= f64::from(j.result.interval) + j.limit_interval;
+    let covered = count(&|j| !j.repeats && is(Steadiness::Stationary)(j) && covers(j));
+    println!("not repeating: {steady} steady, {stationary} stationary, {covered} of these within the intervals");
+    // The aims are 99 % and 90 %. Of 350 points, one standard deviation is 0.5 % and 1.6 %; of 20, 2 % and 7 %.
+    let [least_right, least_found] = if is_full { [0.985, 0.88] } else { [0.95, 0.8] };
+    assert!(right as f64 >= least_right * called as f64 && called > 10, "{right} of {called}");
+    assert!(right as f64 >= least_found * within as f64, "{right} of {within}");
+    // Two intervals of 95 %.
+    assert!(covered as f64 >= 0.85 * stationary as f64, "{covered} of {stationary}");
+    // A scatter of 1 % may hide in a motion that does not repeat; its X/Z is within 1 % then.
+    let wrong = count(&|j| !j.repeats && is(Steadiness::Steady)(j) && j.deviation.abs() > 0.01 + j.limit_interval);
+    assert!(wrong as f64 <= 0.05 * steady.max(20) as f64, "{wrong} of {steady}");
 }

@@ -9,7 +9,6 @@ use crate::control::rest::{RestWait, Waited};
 use crate::io::{DriveRange, Rail, SensorSet, TICK_HZ};
 use crate::measure::point::{Place, PointMeter};
 use crate::measure::running::DriveReference;
-use crate::measure::steadiness::Steadiness;
 use crate::sine::Phase;
 
 const FADE_PER_TICK: f32 = 1.0 / (FADE_S * TICK_HZ);
@@ -385,7 +384,7 @@ impl SteppedSineRunner {
         };
         let result = self.meter.result(&place, &self.plan.sine.steady);
         let dwelled = now.tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick));
-        if result.steadiness == Steadiness::NotSteady && dwelled < self.plan.dwell_until_ticks {
+        if !result.steadiness.is_settled() && dwelled < self.plan.dwell_until_ticks {
             self.stage = ExperimentStage::Settle;
             return Outcome::Running;
         }
