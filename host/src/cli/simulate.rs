@@ -69,6 +69,9 @@ Examples:
   damprig simulate host/cases/record.toml --json
   damprig simulate host/cases/spid.toml --analyse
 
+A displacement record that starts with a velocity reaches it smoothly over its first interval, which
+changes the first moments of the motion; the summary and the JSON state the velocity.
+
 The first Ctrl-C stops the run; the files and figures are complete up to there. The second ends the program at once.
 
 Exit codes:

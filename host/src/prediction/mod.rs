@@ -242,7 +242,7 @@ fn allowance(campaign: &Campaign) -> u64 {
 fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
     let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
-        let steps = move |f: &f64| (sine.settle_s + sine.longest_dwell_s()) * f * steps_per_period(&campaign.set_ups[set_up], *f);
+        let steps = move |f: &f64| whole_cycles(sine, *f).iter().sum::<f64>() * steps_per_period(&campaign.set_ups[set_up], *f);
         sine.frequencies_hz.iter().map(steps)
     });
     let most = allowance(campaign);
@@ -278,8 +278,7 @@ struct CycleMaxima {
 }
 
 impl CycleMaxima {
-    fn new(settle_s: f64, step_s: f64, steps_per_cycle: f64) -> Self {
-        let settle_steps = (settle_s / step_s / steps_per_cycle).ceil() * steps_per_cycle;
+    fn new(settle_steps: f64, steps_per_cycle: f64) -> Self {
         Self { settle_steps, steps_per_cycle, cycle: 0, present_m: 0.0, sum_m: 0.0, cycles: 0 }
     }
 
@@ -301,6 +300,16 @@ impl CycleMaxima {
     fn mean_m(&self) -> Option<f64> {
         (self.cycles > 0).then(|| self.sum_m / f64::from(self.cycles))
     }
+}
+
+/// Cycles before the last possible dwell of a point and in it. The controller begins a dwell at the start of a cycle, the
+/// first after the settling time, and measures as many whole cycles as the dwell holds.
+fn whole_cycles(experiment: &SteppedSine, frequency_hz: f64) -> [f64; 2] {
+    // The rounding of a decimal fraction is no further cycle.
+    let settle = (experiment.settle_s * frequency_hz - 1e-6).ceil().max(0.0);
+    let dwell = (experiment.dwell_s * frequency_hz + 1e-6).floor();
+    let dwells = (experiment.longest_dwell_s() * frequency_hz / dwell + 1e-6).floor().max(1.0);
+    [settle + (dwells - 1.0) * dwell, dwell]
 }
 
 /// A predicted stepped sine.
@@ -329,17 +338,15 @@ fn simulate(
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
         let mut motion = Sampled::<f64>::new(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
-        let wanted = ((experiment.settle_s + experiment.longest_dwell_s()) / step_s).ceil() as u64;
+        let [settle_steps, dwell_steps] = whole_cycles(experiment, frequency_hz).map(|cycles| cycles * steps);
+        let wanted = (settle_steps + dwell_steps) as u64;
         let count = wanted.min(most_steps);
         if count < wanted {
             let predicted_s = count as f64 * step_s;
             largest.predicted_s = Some(largest.predicted_s.map_or(predicted_s, |least| least.min(predicted_s)));
         }
         let mut watch = MotionWatch::new(detection, model.structure.mass_kg, step_s);
-        // A point that is measured until it is steady: its last possible dwell.
-        let dwell_from_s = experiment.settle_s + experiment.longest_dwell_s() - experiment.dwell_s;
-        let dwell_from = (dwell_from_s / step_s).floor() as u64;
-        let mut maxima = CycleMaxima::new(dwell_from_s, step_s, steps);
+        let mut maxima = CycleMaxima::new(settle_steps, steps);
         let at = |step: u64| {
             let angle = TAU * (step as f64 % steps) / steps;
             (base_amplitude_m * angle.sin(), base_amplitude_m * angle.cos() * TAU / steps)
@@ -351,7 +358,7 @@ fn simulate(
             start = end;
             let x = watch.end_step();
             maxima.push(step + 1, x);
-            if step >= dwell_from {
+            if step as f64 >= settle_steps {
                 dwell_max_x_m = dwell_max_x_m.max(x);
             }
             if x > largest.max_x_m {

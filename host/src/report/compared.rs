@@ -25,6 +25,13 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
                 .into(),
         );
     }
+    if sines().any(|sine| sine.drive != DriveMode::Constant) {
+        notes.push(
+            "A closed loop waits until its base is within the tolerance, which the prediction leaves out: a point from rest lasts \
+             longer, so a motion that still grows is measured larger."
+                .into(),
+        );
+    }
     if campaign.experiments.iter().any(|e| e.free_vibration().is_some()) {
         notes.push(
             "A release is detected when |x| has fallen by a tenth of x0: RMS and impacts, predicted ones too, begin there; \

@@ -3,19 +3,24 @@
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_core::model::Wall;
 
 use super::numbers::{millimetres, significant, trimmed};
 use crate::campaign::CampaignSetUp;
 use crate::motion_record::Quantity;
 use crate::simulation::Case;
 
-/// The parameters in which set-ups differ: `d/Z = 10, γF = 0.6, Z = 1.5 mm`.
+/// The parameters in which set-ups and published results differ: `d/Z = 10, e = 0.47, γF = 0.6, Z = 1.5 mm`.
 #[must_use]
 pub fn set_up(set_up: &CampaignSetUp) -> String {
     let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
+    let restitution = set_up.model().particle.and_then(|particle| match particle.wall {
+        Wall::Restitution { coefficient } => Some(format!("e = {}", trimmed(coefficient, 3))),
+        Wall::Voigt { .. } => None,
+    });
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
     let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [clearance, restitution, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.

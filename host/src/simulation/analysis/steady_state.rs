@@ -295,7 +295,7 @@ impl ForcedResponse {
             let mut later = Section::new(motion, period_s);
             let later: Vec<ExactState> = (1..periods).map(|_| later.next(&mut ())).collect();
             let repeats = Repetition::of(&later, &maxima_m[1..], turning);
-            if repeats.after.is_some_and(|after| repetition.after.is_none_or(|first| after < first)) {
+            if repeats.after.is_some_and(|after| repetition.after.is_none_or(|first| after <= first)) {
                 (states, repetition, delayed_s) = (later, repeats, delay_s);
             }
         }

@@ -159,8 +159,8 @@ pub struct SteppedSinePlan {
     settle_ticks: u32,
     /// Settling time plus the longest wait for a closed loop.
     held_by_ticks: u32,
-    /// Time of all dwells of a point in which another may begin.
-    dwell_until_ticks: u32,
+    /// Longest time of all dwells of a point.
+    longest_dwell_ticks: u32,
     /// Changes of the ramp's position per tick while driving, and while fading.
     rise: f32,
     fall: f32,
@@ -182,7 +182,7 @@ impl SteppedSinePlan {
         Ok(Self {
             settle_ticks: ticks(sine.settle_s),
             held_by_ticks: ticks(sine.settle_s + wait_s),
-            dwell_until_ticks: ticks((sine.steady.longest_dwell_s - sine.dwell_s).max(0.0)),
+            longest_dwell_ticks: ticks(sine.steady.longest_dwell_s),
             rise: per_tick(sine.ramp_s),
             fall: per_tick(sine.ramp_s.max(FADE_S)),
             sine,

@@ -383,8 +383,9 @@ impl SteppedSineRunner {
             impacts: now.impacts.wrapping_sub(self.impacts_before),
         };
         let result = self.meter.result(&place, &self.plan.sine.steady);
-        let dwelled = now.tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick));
-        if !result.steadiness.is_settled() && dwelled < self.plan.dwell_until_ticks {
+        let dwell_ticks = place.end_tick.wrapping_sub(self.start_tick);
+        let with_another = place.end_tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick)).saturating_add(dwell_ticks);
+        if !result.steadiness.is_settled() && with_another <= self.plan.longest_dwell_ticks {
             self.stage = ExperimentStage::Settle;
             return Outcome::Running;
         }
