@@ -356,7 +356,7 @@ fn simulate(
             let end = at(step + 1);
             motion.step_observed(&BaseSegment::hermite(start.0, end.0, start.1, end.1), &mut watch);
             start = end;
-            let x = watch.end_step();
+            let x = watch.end_step(motion.state().x);
             maxima.push(step + 1, x);
             if step as f64 >= settle_steps {
                 dwell_max_x_m = dwell_max_x_m.max(x);

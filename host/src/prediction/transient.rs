@@ -159,7 +159,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
                 BaseSegment::hermite(z0, z1, slope(from), slope(to))
             };
             motion.step_observed(&segment, &mut watch);
-            let x_peak_m = watch.end_step();
+            let x_peak_m = watch.end_step(motion.state().x);
             watched.see(motion.state().x, x_peak_m, z1);
         }
     }
@@ -174,7 +174,7 @@ fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, watch: &mu
             break;
         }
         motion.step_observed(&BaseSegment::at_rest(0.0), watch);
-        let x_peak_m = watch.end_step();
+        let x_peak_m = watch.end_step(motion.state().x);
         watched.see(motion.state().x, x_peak_m, 0.0);
     }
 }
@@ -190,7 +190,7 @@ fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConf
     let mut steps_before = 0;
     while motion.state().x.abs() >= RELEASED * free.start_m.abs() && steps_before < MOST_STEPS {
         motion.step_observed(&BaseSegment::at_rest(0.0), &mut watch);
-        watch.end_step();
+        watch.end_step(motion.state().x);
         steps_before += 1;
     }
     watch.restart_count();

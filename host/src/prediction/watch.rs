@@ -73,10 +73,10 @@ impl MotionWatch {
         }
     }
 
-    /// Ends a step; returns the largest |x| in it, m.
-    pub(super) fn end_step(&mut self) -> f64 {
+    /// Ends a step at x (m); returns the largest |x| in it, m.
+    pub(super) fn end_step(&mut self, x_m: f64) -> f64 {
         self.step += 1;
-        std::mem::take(&mut self.x_m)
+        std::mem::take(&mut self.x_m).max(x_m.abs())
     }
 
     /// The largest impulse of an impact, N·s; 0 without one.
@@ -101,7 +101,11 @@ impl MotionWatch {
 
 impl Observer<f64> for MotionWatch {
     fn flight(&mut self, _: f64, length: f64, flight: &Flight<f64>) {
-        self.x_m = self.x_m.max(largest_abs(&flight.x, length));
+        let p = &flight.x;
+        // The first terms of the rate tell whether it changes its sign; a flight ends where the next begins, or with the step.
+        let end_rate = p[1] + length * (2.0 * p[2] + 3.0 * length * p[3]);
+        let has_turning_point = (p[1] > 0.0) != (end_rate > 0.0);
+        self.x_m = self.x_m.max(if has_turning_point { largest_abs(p, length) } else { p[0].abs() });
     }
 
     fn impact(&mut self, impact: &Impact<f64>) {
