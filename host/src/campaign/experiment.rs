@@ -79,7 +79,15 @@ impl Experiment {
         self.stepped_sine().is_some_and(|sine| sine.start == Start::CarryOver)
     }
 
-    /// Rig time on one set-up without waiting for rest or for a closed loop, s.
+    /// Rig time on one set-up if every point is measured again as often as it may be until it is steady, s; otherwise as
+    /// [`Self::expected_s`].
+    #[must_use]
+    pub fn longest_s(&self) -> f64 {
+        let repeated = |sine: &SteppedSine| sine.frequencies_hz.len() as f64 * (sine.longest_dwell_s() - sine.dwell_s);
+        self.expected_s() + self.stepped_sine().map_or(0.0, repeated)
+    }
+
+    /// Rig time on one set-up with one dwell for each point, without waiting for rest or for a closed loop, s.
     #[must_use]
     pub fn expected_s(&self) -> f64 {
         let seconds = |ticks: u64| ticks as f64 / f64::from(TICK_HZ);

@@ -124,6 +124,13 @@ impl Campaign {
         pairs.collect()
     }
 
+    /// Rig time that the whole campaign takes if every point is measured again as often as it may be, s; otherwise as
+    /// [`Self::expected_s`].
+    #[must_use]
+    pub fn longest_s(&self) -> f64 {
+        self.experiments.iter().map(|e| e.set_ups.len() as f64 * e.longest_s()).sum()
+    }
+
     /// Rig time that the whole campaign takes when every rest is immediate, as on a virtual rig, and no closed loop waits
     /// for its base, s.
     #[must_use]

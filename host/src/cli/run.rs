@@ -156,9 +156,11 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let rig = args.speed.apply(args.rig.as_ref().unwrap_or(&Rig::At(Address::VIRTUAL)).find()?)?;
     let mut session = open(&rig, args)?;
     let (selection, warnings) = accept(&mut campaign, &session).map_err(Failure::input)?;
-    let (points, time) = (campaign.points(), duration(campaign.expected_s()));
+    let points = campaign.points();
+    let (shortest, longest) = (duration(campaign.expected_s()), duration(campaign.longest_s()));
+    let time = if shortest == longest { format!("about {shortest}") } else { format!("{shortest} to {longest}") };
     let plural = if points == 1 { "" } else { "s" };
-    say!("Campaign {} ({}): {points} point{plural}, about {time} of rig time", campaign.name, file.display());
+    say!("Campaign {} ({}): {points} point{plural}, {time} of rig time", campaign.name, file.display());
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     if args.dry_run {
         terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));

@@ -42,6 +42,10 @@ pub struct RunProgress {
     log: Option<Log>,
     places: Places,
     expected_s: f64,
+    /// Points may be measured again, so the expected rig time follows from the points so far.
+    repeats_dwells: bool,
+    /// Points measured since the start of the display.
+    measured: u32,
     rig_s: f64,
     /// Rig time at which this program began to measure, s.
     began_s: Option<f64>,
@@ -149,6 +153,8 @@ impl RunProgress {
                 impacts_in_cycle: at("impacts_in_cycle"),
             },
             expected_s,
+            repeats_dwells: campaign.longest_s() > expected_s,
+            measured: 0,
             rig_s: 0.0,
             began_s: None,
             moving: Duration::ZERO,
@@ -279,7 +285,13 @@ impl Watcher for RunProgress {
 
     fn point(&mut self, row: &ResultRow) {
         self.points.0 += 1;
+        self.measured += 1;
         let (taken, planned) = self.points;
+        if self.repeats_dwells {
+            let point_s = (self.rig_s - self.began_s.unwrap_or(0.0)) / f64::from(self.measured);
+            self.expected_s = self.rig_s + planned.saturating_sub(taken) as f64 * point_s;
+            self.bar.set_length((self.expected_s * STEPS_PER_S) as u64);
+        }
         self.numbers = format!("  {} Hz  X/Z (cycle maxima) {:.2}", row.frequency_hz, row.x_over_z());
         self.show();
         let steady = steadiness_text(row.steadiness);
