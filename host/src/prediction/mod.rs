@@ -242,7 +242,8 @@ fn allowance(campaign: &Campaign) -> u64 {
 fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     let own = campaign.experiments.iter().filter(|e| e.set_ups.contains(&set_up));
     let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
-        let steps = move |f: &f64| whole_cycles(sine, *f).iter().sum::<f64>() * steps_per_period(&campaign.set_ups[set_up], *f);
+        let steps =
+            move |f: &f64| whole_cycles(sine, *f).iter().sum::<f64>() * steps_per_period(&campaign.set_ups[set_up], *f);
         sine.frequencies_hz.iter().map(steps)
     });
     let most = allowance(campaign);

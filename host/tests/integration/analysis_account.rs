@@ -28,7 +28,7 @@ fn drawn(n: usize, draw: &mut Draw) -> (String, f64, f64) {
     let zeta = 10_f64.powf(draw.between(-2.7, -1.0));
     let periods = draw.between(15.0, 120.0);
     let (d, e) = (draw.between(0.5, 20.0), draw.between(0.1, 0.9));
-    let (mu, gamma) = (if n % 2 == 0 { 0.0 } else { draw.between(0.0, 0.2) }, draw.between(0.05, 1.0));
+    let (mu, gamma) = (if n.is_multiple_of(2) { 0.0 } else { draw.between(0.0, 0.2) }, draw.between(0.05, 1.0));
     let base = "base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = F }\n";
     let hard = format!("wall = {{ kind = \"restitution\", coefficient = {e} }}");
     let soft = "wall = { kind = \"voigt\", material = \"pu_foam\", law = \"contact\", release = \"zero_force\" }";

@@ -96,7 +96,11 @@ fn curves(
         points: points
             .iter()
             .filter(|p| p.set_up == set_up.name && p.experiment == experiment.name)
-            .map(|p| ResponsePoint { frequency_hz: p.frequency_hz, value: value(p), is_settled: p.steadiness.is_settled() })
+            .map(|p| ResponsePoint {
+                frequency_hz: p.frequency_hz,
+                value: value(p),
+                is_settled: p.steadiness.is_settled(),
+            })
             .collect(),
     };
     let curves: Vec<ResponseCurve> = stepped_sines(campaign).map(curve).filter(|c| !c.points.is_empty()).collect();

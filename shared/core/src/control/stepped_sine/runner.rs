@@ -384,7 +384,8 @@ impl SteppedSineRunner {
         };
         let result = self.meter.result(&place, &self.plan.sine.steady);
         let dwell_ticks = place.end_tick.wrapping_sub(self.start_tick);
-        let with_another = place.end_tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick)).saturating_add(dwell_ticks);
+        let with_another =
+            place.end_tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick)).saturating_add(dwell_ticks);
         if !result.steadiness.is_settled() && with_another <= self.plan.longest_dwell_ticks {
             self.stage = ExperimentStage::Settle;
             return Outcome::Running;
