@@ -1,0 +1,221 @@
+//! `damprig identify`: identifies parameters of the rig and writes them as a set-up file.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args as ClapArgs, Subcommand};
+
+use super::arguments::positive;
+use super::outcome::{Failure, Outcome};
+use crate::identify::decay::{self, Model};
+use crate::identify::table::{Table, X};
+use crate::identify::{CannotIdentify, Choice, FreeVibration, Identification, free_vibration, set_up_file};
+use crate::input::Source;
+use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
+use crate::report::numbers::significant;
+use crate::report::terminal::plain_table;
+use crate::run_folder::read::folder::find;
+
+/// Identifies parameters of the rig from runs and tables: each with its standard uncertainty and its 95 % interval.
+///
+/// docs/IDENTIFY.md describes the methods, the columns of the tables and the measured errors.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig identify decay runs/20260601-101500-release-ab12 --out identified.toml
+  damprig identify decay release.csv --mass-kg 1.6 --json
+
+A campaign or a case reads the written file with set_up_file = \"identified.toml\" at its top.
+
+Exit codes:
+  0    success
+  1    a file could not be written
+  2    the command line or the record is wrong; nothing was written";
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Natural frequency, damping ratio and Coulomb friction from a free vibration
+    Decay(DecayArgs),
+}
+
+/// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
+///
+/// The motion after the release is fitted by least squares; the logarithmic decrement is given for comparison.
+#[derive(Debug, ClapArgs)]
+struct DecayArgs {
+    /// Run with a free vibration, or CSV file with the columns t_s and x_m (or t_ms, x_mm, x_um)
+    #[arg(value_name = "SOURCE")]
+    source: PathBuf,
+
+    #[command(flatten)]
+    choice: ChoiceArgs,
+
+    /// Mass of the structure, for the friction force [default: that of the run's set-up]
+    #[arg(long, value_name = "KG", value_parser = positive)]
+    mass_kg: Option<f64>,
+
+    /// Fit viscous damping alone: all damping counts as viscous
+    #[arg(long)]
+    viscous: bool,
+
+    /// Also fit the third-order error of the displacement sensor, from the third harmonic
+    #[arg(long)]
+    sensor_cubic: bool,
+
+    /// Relative standard uncertainty of the displacement sensor's scale, from its calibration; it acts on the friction
+    #[arg(long, value_name = "SHARE", value_parser = positive)]
+    scale_uncertainty: Option<f64>,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Which experiment of a run.
+#[derive(Debug, ClapArgs)]
+struct ChoiceArgs {
+    /// Set-up of the run, if several have such an experiment
+    #[arg(long, value_name = "NAME")]
+    set_up: Option<String>,
+
+    /// Experiment of the run, if there are several of this kind
+    #[arg(long, value_name = "NAME")]
+    experiment: Option<String>,
+}
+
+impl ChoiceArgs {
+    fn choice(&self) -> Choice {
+        Choice { set_up: self.set_up.clone(), experiment: self.experiment.clone() }
+    }
+}
+
+/// Where the results go.
+#[derive(Debug, ClapArgs)]
+struct OutArgs {
+    /// Print the results as one JSON object
+    #[arg(long)]
+    json: bool,
+
+    /// Write the values as a set-up file (TOML) for campaigns and cases
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+
+    /// Add the values to an existing file of --out; values of the same keys are replaced
+    #[arg(long, requires = "out", conflicts_with = "force")]
+    update: bool,
+
+    /// Replace an existing file of --out
+    #[arg(long, requires = "out")]
+    force: bool,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A record from which nothing can be identified, an unwritable file.
+pub fn run(args: &Args) -> Outcome {
+    match &args.what {
+        What::Decay(args) => finish(&args.out, &args.source, decay(args).map_err(Failure::input)?),
+    }
+}
+
+fn decay(args: &DecayArgs) -> Result<Identification, CannotIdentify> {
+    let record = if args.source.is_file() {
+        let table = Table::read(&args.source)?;
+        let t_s = table.times()?;
+        FreeVibration { taken_from: table.file().into(), x_m: table.column(&X)?, t_s, mass_kg: None }
+    } else {
+        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
+        free_vibration(&run, &args.choice.choice())?
+    };
+    let model = Model {
+        coulomb: !args.viscous,
+        sensor_cubic: args.sensor_cubic,
+        scale_uncertainty: args.scale_uncertainty.unwrap_or(0.0),
+    };
+    let decay = decay::identify(&record.t_s, &record.x_m, model)
+        .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
+    let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
+    identified.remarks = decay.remarks();
+    Ok(identified)
+}
+
+/// Prints the results and writes the set-up file.
+fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome {
+    let text = args.out.as_ref().map(|path| set_up_text(args, path, &identified)).transpose()?;
+    if args.json {
+        say!("{}", serde_json::to_string(&identified).map_err(Failure::failed)?);
+    } else {
+        say!("{}", text_of(&identified));
+    }
+    let (Some(path), Some(text)) = (&args.out, text) else { return Ok(()) };
+    let is_source = path.canonicalize().is_ok_and(|out| source.canonicalize().is_ok_and(|source| source == out));
+    if is_source {
+        let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
+        return Err(Failure::Input(message));
+    }
+    let out = OutFile { path: path.clone(), force: args.force || args.update };
+    let failed = to_failure(path);
+    write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)?;
+    if !args.json {
+        say!(
+            "\nWritten to {}: `set_up_file = {:?}` at the top of a campaign reads it.",
+            path.display(),
+            path.display().to_string()
+        );
+    }
+    Ok(())
+}
+
+/// The text of the set-up file, with what an existing one has.
+fn set_up_text(args: &OutArgs, path: &Path, identified: &Identification) -> Result<String, Failure> {
+    let exists = path.symlink_metadata().is_ok();
+    if exists && !args.update && !args.force {
+        let message = format!(
+            "--out: {} exists\n  add the values to it with --update, replace it with --force, or give another name",
+            path.display()
+        );
+        return Err(Failure::Input(message));
+    }
+    if identified.estimates.iter().all(|estimate| estimate.key.is_none()) {
+        let message = "--out: none of the results is a key of a set-up; print them, or use --json";
+        return Err(Failure::Input(message.into()));
+    }
+    let earlier = if exists && args.update { Some(Source::read(path).map_err(Failure::input)?) } else { None };
+    set_up_file::text(identified, earlier.as_ref().map(Source::text))
+        .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
+}
+
+/// The results as a table.
+fn text_of(identified: &Identification) -> String {
+    let mut table = plain_table(&["quantity", "value", "standard uncertainty", "95 % interval", "unit", "method"]);
+    for estimate in &identified.estimates {
+        // Two digits of the uncertainty decide how many of the value are shown.
+        let digits = digits_of(estimate.value, estimate.standard_uncertainty);
+        let [low, high] = estimate.interval_95;
+        table.add_row(vec![
+            estimate.quantity.to_string(),
+            significant(estimate.value, digits),
+            significant(estimate.standard_uncertainty, 2),
+            format!("{} to {}", significant(low, digits), significant(high, digits)),
+            estimate.unit.to_string(),
+            estimate.method.to_string(),
+        ]);
+    }
+    let remarks: Vec<String> = identified.remarks.iter().map(|remark| format!("\n{remark}")).collect();
+    format!("Taken from {}\n{table}{}", identified.taken_from, remarks.concat())
+}
+
+/// Significant digits that show a value down to the second digit of its uncertainty.
+fn digits_of(value: f64, uncertainty: f64) -> usize {
+    if !(uncertainty > 0.0 && value != 0.0) {
+        return 6;
+    }
+    let digits = value.abs().log10().floor() - uncertainty.log10().floor() + 2.0;
+    digits.clamp(2.0, 12.0) as usize
+}
