@@ -8,8 +8,13 @@ use clap::{Args as ClapArgs, Subcommand};
 use super::arguments::positive;
 use super::outcome::{Failure, Outcome};
 use crate::identify::decay::{self, Model};
+use crate::identify::restitution::Approach;
 use crate::identify::table::{Table, X};
-use crate::identify::{CannotIdentify, Choice, FreeVibration, Identification, free_vibration, set_up_file};
+use crate::identify::wall::Pad;
+use crate::identify::{
+    CannotIdentify, Choice, Estimate, FreeVibration, Identification, free_vibration, friction, response, restitution,
+    set_up_file, stepped_sine, wall,
+};
 use crate::input::Source;
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::report::numbers::significant;
@@ -30,6 +35,10 @@ const AFTER_HELP: &str = "\
 Examples:
   damprig identify decay runs/20260601-101500-release-ab12 --out identified.toml
   damprig identify decay release.csv --mass-kg 1.6 --json
+  damprig identify response sweep.csv
+  damprig identify restitution drops.csv --out identified.toml --update
+  damprig identify friction incline.csv --out identified.toml --update
+  damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
 
 A campaign or a case reads the written file with set_up_file = \"identified.toml\" at its top.
 
@@ -42,6 +51,14 @@ Exit codes:
 enum What {
     /// Natural frequency, damping ratio and Coulomb friction from a free vibration
     Decay(DecayArgs),
+    /// Natural frequency and damping ratio from a stepped sine
+    Response(ResponseArgs),
+    /// Coefficient of restitution and contact time from drop tests and force records
+    Restitution(RestitutionArgs),
+    /// Friction coefficient from an incline, or friction force per deflection of a spring
+    Friction(FrictionArgs),
+    /// Stiffness and loss factor of a soft wall from a DMA table
+    Wall(WallArgs),
 }
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -71,6 +88,83 @@ struct DecayArgs {
     /// Relative standard uncertainty of the displacement sensor's scale, from its calibration; it acts on the friction
     #[arg(long, value_name = "SHARE", value_parser = positive)]
     scale_uncertainty: Option<f64>,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Natural frequency and damping ratio of the bare structure from its frequency response.
+#[derive(Debug, ClapArgs)]
+struct ResponseArgs {
+    /// Run with a stepped sine, or CSV file with the columns frequency_hz, x_m, z_m (amplitudes) and phase_rad or phase_deg if
+    /// known
+    #[arg(value_name = "SOURCE")]
+    source: PathBuf,
+
+    #[command(flatten)]
+    choice: ChoiceArgs,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Coefficient of restitution and contact time.
+///
+/// The columns say which test it is. Impact times: t_s, with several drops also drop (their number). Heights: drop_height_m and
+/// rebound_height_m. Force on the wall: t_s and force_n.
+#[derive(Debug, ClapArgs)]
+struct RestitutionArgs {
+    /// CSV file
+    #[arg(value_name = "FILE")]
+    source: PathBuf,
+
+    /// Mass of the body that hits the force sensor
+    #[arg(long, value_name = "KG", value_parser = positive, requires = "approach_m_per_s")]
+    mass_kg: Option<f64>,
+
+    /// Its velocity before each impact
+    #[arg(long, value_name = "M/S", value_parser = positive, requires = "mass_kg")]
+    approach_m_per_s: Option<f64>,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Friction coefficient of the particle from an incline, or friction force per deflection of the damper's spring.
+///
+/// The columns say which test it is. Angle at which the particle just slides on: angle_deg. Slide from rest: angle_deg,
+/// distance_m and duration_s. Spring: deflection_m and force_n.
+#[derive(Debug, ClapArgs)]
+struct FrictionArgs {
+    /// CSV file
+    #[arg(value_name = "FILE")]
+    source: PathBuf,
+
+    /// Acceleration of gravity
+    #[arg(long, value_name = "M/S2", value_parser = positive, default_value_t = damprig_core::model::GRAVITY_M_PER_S2)]
+    gravity: f64,
+
+    #[command(flatten)]
+    out: OutArgs,
+}
+
+/// Stiffness and loss factor of a soft wall from a table of dynamic mechanical analysis (DMA).
+///
+/// Columns: storage_modulus_pa (or kpa, mpa) with loss_modulus_pa or loss_factor, or stiffness_n_per_m with loss_factor; with
+/// several frequencies also frequency_hz.
+#[derive(Debug, ClapArgs)]
+struct WallArgs {
+    /// CSV file
+    #[arg(value_name = "FILE")]
+    source: PathBuf,
+
+    /// Shape factor of the pad: stiffness over storage modulus
+    #[arg(long, value_name = "M", value_parser = positive)]
+    shape_factor_m: Option<f64>,
+
+    /// Frequency of the contact [default: the middle of the table's]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    frequency_hz: Option<f64>,
 
     #[command(flatten)]
     out: OutArgs,
@@ -121,6 +215,13 @@ struct OutArgs {
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Decay(args) => finish(&args.out, &args.source, decay(args).map_err(Failure::input)?),
+        What::Response(args) => finish(&args.out, &args.source, response(args).map_err(Failure::input)?),
+        What::Restitution(args) => finish(&args.out, &args.source, restitution(args).map_err(Failure::input)?),
+        What::Friction(args) => {
+            let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
+            finish(&args.out, &args.source, identified.map_err(Failure::input)?)
+        }
+        What::Wall(args) => finish(&args.out, &args.source, wall(args).map_err(Failure::input)?),
     }
 }
 
@@ -142,6 +243,47 @@ fn decay(args: &DecayArgs) -> Result<Identification, CannotIdentify> {
         .map_err(|error| CannotIdentify(format!("{}: {error}", record.taken_from)))?;
     let mut identified = Identification::new(record.taken_from, decay.estimates(args.mass_kg.or(record.mass_kg)));
     identified.remarks = decay.remarks();
+    Ok(identified)
+}
+
+fn response(args: &ResponseArgs) -> Result<Identification, CannotIdentify> {
+    let (taken_from, points, remarks) = if args.source.is_file() {
+        let table = Table::read(&args.source)?;
+        (table.file().to_string(), response::points(&table)?, Vec::new())
+    } else {
+        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
+        stepped_sine(&run, &args.choice.choice())?
+    };
+    let estimates = response::identify(&points).map_err(|error| CannotIdentify(format!("{taken_from}: {error}")))?;
+    Ok(Identification { remarks, ..Identification::new(taken_from, estimates) })
+}
+
+/// Identifies from a table.
+fn of_table(
+    source: &Path,
+    identify: impl FnOnce(&Table) -> Result<Vec<Estimate>, CannotIdentify>,
+) -> Result<Identification, CannotIdentify> {
+    let table = Table::read(source)?;
+    Ok(Identification::new(table.file(), identify(&table)?))
+}
+
+fn restitution(args: &RestitutionArgs) -> Result<Identification, CannotIdentify> {
+    let approach = args.mass_kg.zip(args.approach_m_per_s);
+    let approach = approach.map(|(mass_kg, velocity_m_per_s)| Approach { mass_kg, velocity_m_per_s });
+    let mut identified = of_table(&args.source, |table| restitution::identify(table, approach))?;
+    identified.words = vec![("particle.wall.kind", "restitution")];
+    identified.remarks = vec!["restitution depends on the approach velocity: test at that of the experiment".into()];
+    Ok(identified)
+}
+
+fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
+    let pad = Pad { shape_factor_m: args.shape_factor_m, frequency_hz: args.frequency_hz };
+    let mut identified = of_table(&args.source, |table| wall::identify(table, pad))?;
+    identified.words = vec![("particle.wall.kind", "voigt"), ("particle.wall.release", "zero_force")];
+    if identified.estimates.iter().all(|estimate| estimate.key.is_none()) {
+        let remark = "without --shape-factor-m there is no stiffness, and nothing that a set-up could use";
+        identified.remarks = vec![remark.into()];
+    }
     Ok(identified)
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::CannotIdentify;
+use super::response::Point;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 
@@ -133,6 +134,46 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
         x_m,
         mass_kg: model.map(|model| model.structure.mass_kg),
     })
+}
+
+/// Reads the steady points of a stepped sine on the bare structure: what they were taken from, the points, and remarks.
+///
+/// # Errors
+/// No run, no stepped sine or several of them; a set-up with a damper; too few steady points.
+pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>, Vec<String>), CannotIdentify> {
+    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
+    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+    let mut found: Vec<((String, String), Point, bool)> = Vec::new();
+    for batch in run.results().map_err(|e| failed(&e))? {
+        let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
+        let read = |column: &str| numbers(&batch, column).map_err(|e| failed(&e));
+        let (set_ups, experiments, steady) = (names("set_up")?, names("experiment")?, read("steady")?);
+        let (f, x, z) = (read("frequency_hz")?, read("x_amplitude_m")?, read("z_amplitude_m")?);
+        let phase = read("phase_rad")?;
+        for n in 0..f.len() {
+            let point = Point { frequency_hz: f[n], ratio: x[n] / z[n], phase_rad: Some(phase[n]) };
+            found.push(((set_ups[n].clone(), experiments[n].clone()), point, steady[n] != 0.0));
+        }
+    }
+    let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
+    let (set_up, experiment) = pairs[choice.only(&run, &pairs, "stepped sine")?].clone();
+    let model = run.manifest().set_ups.iter().find(|s| s.name == set_up).and_then(|s| s.model());
+    if model.is_some_and(|m| m.particle.is_some() || m.tmd.is_some() || m.friction_damper.is_some()) {
+        return Err(failed(&format!(
+            "set-up {set_up:?} has a damper: its response is not that of the structure\n  measure one of the bare structure"
+        )));
+    }
+    let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));
+    let points: Vec<Point> = own().filter(|f| f.2 && f.1.ratio.is_finite()).map(|f| f.1).collect();
+    let (all, steady) = (own().count(), points.len());
+    if steady < 5 {
+        return Err(failed(&format!(
+            "{steady} of {all} points of {set_up:?} are steady; at least 5 are needed\n  settle longer, or measure a free vibration \
+             for `damprig identify decay`"
+        )));
+    }
+    let remarks = if steady < all { vec![format!("{steady} of {all} points are steady and used")] } else { vec![] };
+    Ok((format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()), points, remarks))
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.

@@ -6,14 +6,18 @@
 pub mod decay;
 pub mod decay_motion;
 mod decay_record;
+pub mod friction;
 mod from_run;
+pub mod response;
+pub mod restitution;
 pub mod set_up_file;
 pub mod statistics;
 pub mod table;
+pub mod wall;
 
 use serde::Serialize;
 
-pub use from_run::{Choice, FreeVibration, free_vibration};
+pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
 pub use statistics::Value;
 
 /// Why nothing could be identified: file, place, value, what is allowed, and what to do.

@@ -6,6 +6,7 @@
 mod decay;
 mod refusals;
 mod set_up_file;
+mod tables;
 
 /// Seeds of a claim.
 fn seeds() -> u64 {
