@@ -9,6 +9,7 @@ pub mod campaign;
 pub mod cli;
 pub mod client;
 pub mod host_time;
+pub mod identify;
 pub mod input;
 pub mod monitor;
 pub mod motion_record;

@@ -21,6 +21,8 @@ use damprig_core::settings::Settings;
 
 use crate::input::{Problem, Refusal, Section, Source};
 
+use crate::setup::{SetUpFile, set_up_file};
+
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
 pub use difference::differences;
 pub use experiment::{Experiment, Kind};
@@ -43,6 +45,8 @@ pub struct Campaign {
     pub set_ups: Vec<CampaignSetUp>,
     /// The experiments, in the order of the file.
     pub experiments: Vec<Experiment>,
+    /// The set-up file that completes the set-ups, if the campaign names one.
+    pub set_up_file: Option<SetUpFile>,
     /// The file, to copy into the run folder and to point into.
     pub source: Source,
 }
@@ -63,10 +67,10 @@ impl Campaign {
     pub fn parse(source: Source) -> Result<Self, Refusal> {
         let parts = source.read_toml(source.text(), "this is not TOML", parts);
         source.verdict()?;
-        let Some((name, rig, telemetry, set_ups, experiments)) = parts else {
+        let Some((name, rig, telemetry, set_ups, experiments, set_up_file)) = parts else {
             return Err(Refusal("the campaign is incomplete".into()));
         };
-        Ok(Self { name, rig, telemetry, set_ups, experiments, source })
+        Ok(Self { name, rig, telemetry, set_ups, experiments, set_up_file, source })
     }
 
     /// Applies a board's settings: they are the base of every limit, and complete the spring properties that set-ups leave out.
@@ -139,16 +143,20 @@ impl Campaign {
     }
 }
 
-type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>);
+type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>, Option<SetUpFile>);
 
 /// Reads all parts; `None` only after a problem has been reported.
 fn parts(root: &Section) -> Option<Parts> {
     let name = name(root);
     let rig = rig::read_rig(root);
     let telemetry = rig::read_telemetry(root);
-    let set_ups = set_up::read_all(root);
+    let source = root.source();
+    let file = set_up_file::attach(root, Some(transient::RECORDS));
+    let document = file.as_ref().and_then(|file| file.parse(source));
+    let set_up_file = file.as_ref().zip(document.as_ref()).and_then(|(file, document)| file.check(source, document));
+    let set_ups = set_up::read_all(root, document.as_ref().map(|document| document.get_ref()));
     let experiments = experiment::read_all(root, set_ups.as_deref(), rig.as_ref());
-    Some((name?, rig?, telemetry?, set_ups?, experiments?))
+    Some((name?, rig?, telemetry?, set_ups?, experiments?, set_up_file))
 }
 
 /// The campaign's name goes into a folder's name.

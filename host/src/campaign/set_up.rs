@@ -2,6 +2,7 @@
 
 use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
+use toml::de::DeTable;
 
 use crate::input::{Problem, Section, Span};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
@@ -60,9 +61,9 @@ impl CampaignSetUp {
     }
 }
 
-/// All `[[set_up]]` tables; `None` when any has a problem.
-pub(super) fn read_all(root: &Section) -> Option<Vec<CampaignSetUp>> {
-    let shared = Shared::of(root);
+/// All `[[set_up]]` tables, completed by those of a set-up file; `None` when any has a problem.
+pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Option<Vec<CampaignSetUp>> {
+    let shared = Shared::of(root, file);
     let sections = root.tables("set_up");
     if sections.is_empty() && root.source().is_clean() {
         root.source().report(Problem {
@@ -89,7 +90,7 @@ pub(super) fn read_all(root: &Section) -> Option<Vec<CampaignSetUp>> {
     read.into_iter().collect()
 }
 
-fn read<'a>(section: &Section<'a>, shared: &Shared<'a>) -> Option<CampaignSetUp> {
+fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSetUp> {
     let name = section.required("name", "a name for experiments to call it by", Section::text);
     let label = section.text("label");
     let amplitude = section.scalar(&BASE_AMPLITUDE.required());

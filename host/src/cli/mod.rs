@@ -22,6 +22,7 @@ mod devices;
 mod documents;
 #[cfg(feature = "probe")]
 mod flash;
+mod identify;
 #[cfg(feature = "probe")]
 mod log;
 mod monitor;
@@ -83,6 +84,8 @@ enum Command {
     Settings(settings::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
+    /// Identify parameters of the rig from runs and tables, with their uncertainty
+    Identify(identify::Args),
     /// Print the completions of a shell
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
@@ -128,6 +131,7 @@ pub fn main() -> ExitCode {
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Identify(args) => identify::run(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };

@@ -191,6 +191,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     let journal = folder.claim().map_err(Failure::failed)?;
     // A folder with a campaign can be resumed, so it has the records by then.
     folder.keep_records(&campaign).map_err(Failure::failed)?;
+    folder.keep_set_up_file(&campaign).map_err(Failure::failed)?;
     folder.write_campaign(campaign.source.text()).map_err(Failure::failed)?;
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(&campaign, &session, &selection, records, &now);

@@ -13,7 +13,7 @@ mod suggest;
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use toml::de::DeTable;
@@ -52,6 +52,15 @@ pub struct Source {
     is_recorded: bool,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
+    attached: OnceLock<Attached>,
+}
+
+/// A file that this one names; its places begin after the end of this one.
+#[derive(Debug)]
+struct Attached {
+    name: String,
+    text: String,
+    offset: usize,
 }
 
 impl Source {
@@ -87,6 +96,7 @@ impl Source {
             is_recorded: false,
             problems: Mutex::default(),
             warnings: Mutex::default(),
+            attached: OnceLock::new(),
         }
     }
 
@@ -145,6 +155,30 @@ impl Source {
         &self.text
     }
 
+    /// Attaches a file that this one names, so that problems in it are shown with its own name and lines. Returns its text
+    /// after as many blanks as this text has bytes: parse that. One file can be attached.
+    #[must_use]
+    pub fn attach(&self, name: &str, text: &str) -> String {
+        let offset = self.text.len() + 1;
+        let _ = self.attached.set(Attached { name: name.to_string(), text: text.to_string(), offset });
+        " ".repeat(offset) + text
+    }
+
+    /// The name and text of the file that a place is in, and the place in that text.
+    fn place(&self, span: &Span) -> (&str, &str, Span) {
+        match self.attached.get().filter(|attached| span.start >= attached.offset) {
+            Some(file) => (&file.name, &file.text, span.start - file.offset..span.end.saturating_sub(file.offset)),
+            None => (&self.name, &self.text, span.clone()),
+        }
+    }
+
+    /// The text at a place, in this file or in the attached one.
+    #[must_use]
+    pub fn written(&self, span: &Span) -> Option<&str> {
+        let (_, text, span) = self.place(span);
+        text.get(span)
+    }
+
     /// Parses `text` as TOML in place of the source's own; `title` is the problem's title when it is not TOML.
     pub fn read_toml<T>(&self, text: &str, title: &str, read: impl FnOnce(&Section) -> Option<T>) -> Option<T> {
         match DeTable::parse(text) {
@@ -199,12 +233,13 @@ impl Source {
     }
 
     fn render(&self, renderer: &Renderer, level: &Level<'static>, problem: &Problem) -> String {
-        let end = problem.span.end.min(self.text.len());
-        let start = problem.span.start.min(end);
+        let (name, text, span) = self.place(&problem.span);
+        let end = span.end.min(text.len());
+        let start = span.start.min(end);
         // A header or an inline table may span lines; its first line is marked.
-        let end = self.text[start..end].find('\n').map_or(end, |n| start + n);
-        let snippet = Snippet::source(self.text.as_str())
-            .path(self.name.as_str())
+        let end = text[start..end].find('\n').map_or(end, |n| start + n);
+        let snippet = Snippet::source(text)
+            .path(name)
             .annotation(AnnotationKind::Primary.span(start..end).label(problem.allowed.as_str()));
         let mut group = level.clone().primary_title(problem.title.as_str()).element(snippet);
         if let Some(help) = &problem.help {

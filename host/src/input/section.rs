@@ -106,7 +106,7 @@ impl<'a> Section<'a> {
 
     /// Reports that the value of `key`, written at `span`, is not allowed.
     pub fn refuse(&self, key: &str, span: &Span, allowed: impl Into<String>, help: Option<String>) {
-        let value = self.source.text().get(span.clone()).and_then(|t| t.lines().next()).unwrap_or_default();
+        let value = self.source.written(span).and_then(|t| t.lines().next()).unwrap_or_default();
         // An inherited value is reported once, under the name of its own table.
         let name = match self.inherited {
             Some((table, keys)) if !self.own.contains_key(key) && keys.contains_key(key) => format!("{table}.{key}"),
@@ -500,6 +500,26 @@ impl<'a> Section<'a> {
             Some(Section::new(self.source, path, item.span(), own, None))
         };
         items.iter().enumerate().filter_map(section).collect()
+    }
+
+    /// As [`tables`](Self::tables); nothing is reported when the key is absent.
+    #[must_use]
+    pub fn tables_if_any(&self, key: &'static str) -> Vec<Section<'a>> {
+        if self.value(key).is_some() { self.tables(key) } else { Vec::new() }
+    }
+
+    /// Checks every key of a declared table that is written, each for itself; returns the tables inside it. Nothing is required:
+    /// the table completes others.
+    pub fn check_keys(&self, table: &Table) -> Vec<(&'static str, Section<'a>)> {
+        let mut inner = Vec::new();
+        for key in table.quantities.iter().flat_map(|quantity| quantity.keys) {
+            if self.value(key.name).is_some()
+                && let Some(Given::Table(section)) = self.read(key)
+            {
+                inner.push((key.name, section));
+            }
+        }
+        inner
     }
 
     /// Ends the reading: reports unknown and missing keys.

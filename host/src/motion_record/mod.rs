@@ -9,4 +9,5 @@ mod units;
 pub use keys::TABLES;
 pub(crate) use keys::{BASE_RECORD, read_record};
 pub use read::resolve;
+pub(crate) use read::{Rows, rows};
 pub use record::{Play, Quantity, Record};

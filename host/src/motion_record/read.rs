@@ -100,13 +100,13 @@ fn beside(path: &Path) -> String {
     if found.is_empty() { String::new() } else { format!("\n  did you mean {}?", found.join(" or ")) }
 }
 
-/// The rows of a table: the line and its fields.
-struct Rows {
-    header: Option<Vec<String>>,
-    rows: Vec<(u64, Vec<String>)>,
+/// The rows of a table, each its line and its fields, after an optional header.
+pub(crate) struct Rows {
+    pub(crate) header: Option<Vec<String>>,
+    pub(crate) rows: Vec<(u64, Vec<String>)>,
 }
 
-fn rows(text: &str) -> Result<Rows, String> {
+pub(crate) fn rows(text: &str) -> Result<Rows, String> {
     let sample = text.lines().find(|l| !l.trim().is_empty() && !l.starts_with('#')).unwrap_or_default();
     let delimiter = [',', ';', '\t'].into_iter().find(|d| sample.contains(*d)).unwrap_or(' ');
     let mut reader = csv::ReaderBuilder::new()

@@ -4,6 +4,7 @@
 //! ([`damprig_core::model`]); the base motion is not part of a set-up.
 
 mod keys;
+pub mod set_up_file;
 mod spec;
 
 use damprig_core::integrator::sampled::Sampled;
@@ -18,6 +19,7 @@ use spec::{Friction, ParticleSpec, Place, Relative};
 
 pub use keys::TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
+pub use set_up_file::{IDENTIFIED, Identified, SetUpFile};
 pub use spec::{SetUpSpec, SpringSpec, SpringTarget};
 
 /// The base amplitude Z that ratios refer to.
@@ -31,24 +33,42 @@ pub enum BaseAmplitude {
     Unread,
 }
 
-/// Keys at the top of a file, for all its set-ups.
+/// Keys at the top of a file, for all its set-ups, completed by those of its set-up file.
 #[derive(Clone, Debug, Default)]
 pub struct Shared<'a> {
-    tables: Vec<(&'static str, &'a DeTable<'a>)>,
+    tables: Vec<(&'static str, DeTable<'a>)>,
     gravity_m_per_s2: Option<f64>,
 }
 
 impl<'a> Shared<'a> {
     /// The tables at the top of a file, to be inherited from key by key, and its gravity.
     #[must_use]
-    pub fn of(root: &Section<'a>) -> Self {
-        let tables = [set_up::STRUCTURE, set_up::PARTICLE, set_up::FRICTION_DAMPER, set_up::TMD];
-        let tables = tables.iter().filter_map(|table| Some((table.name(), root.raw_table(table.name())?))).collect();
-        Self { tables, gravity_m_per_s2: root.scalar(&set_up::GRAVITY) }
+    pub fn of(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Self {
+        Self { gravity_m_per_s2: root.scalar(&set_up::GRAVITY), ..Self::completed(|name| root.raw_table(name), file) }
     }
 
-    fn table(&self, quantity: &Quantity) -> Option<&'a DeTable<'a>> {
-        self.tables.iter().find(|(name, _)| *name == quantity.name()).map(|(_, table)| *table)
+    /// Of a case, whose own top is its set-up: the tables of its set-up file.
+    #[must_use]
+    pub fn of_file(file: Option<&DeTable<'a>>) -> Self {
+        Self::completed(|_| None, file)
+    }
+
+    fn completed(own: impl Fn(&'static str) -> Option<&'a DeTable<'a>>, file: Option<&DeTable<'a>>) -> Self {
+        let names =
+            [set_up::STRUCTURE, set_up::PARTICLE, set_up::FRICTION_DAMPER, set_up::TMD].map(|table| table.name());
+        let table = |name: &'static str| {
+            let own = own(name);
+            match file.and_then(|file| file.get(name)?.get_ref().as_table()) {
+                Some(file) => Some(set_up_file::completed(name, own, file)),
+                None => own.cloned(),
+            }
+        };
+        let tables = names.into_iter().filter_map(|name| Some((name, table(name)?))).collect();
+        Self { tables, gravity_m_per_s2: None }
+    }
+
+    fn table(&self, quantity: &Quantity) -> Option<&DeTable<'a>> {
+        self.tables.iter().find(|(name, _)| *name == quantity.name()).map(|(_, table)| table)
     }
 }
 
@@ -58,7 +78,7 @@ impl<'a> Shared<'a> {
 /// `sample_s` is the sample interval of a recorded base motion, s: a structure too fast for it is refused.
 pub fn read<'a>(
     section: &Section<'a>,
-    shared: &Shared<'a>,
+    shared: &'a Shared<'a>,
     base: BaseAmplitude,
     sample_s: Option<f64>,
 ) -> Option<SetUpSpec> {
@@ -85,7 +105,7 @@ pub fn read<'a>(
 /// A table that may be left out: `Some(None)` then, `None` after a problem.
 fn part<'a, T>(
     section: &Section<'a>,
-    shared: &Shared<'a>,
+    shared: &'a Shared<'a>,
     quantity: &Quantity,
     read: impl FnOnce(&Section<'a>) -> Option<T>,
 ) -> Option<Option<T>> {

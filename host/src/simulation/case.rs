@@ -12,7 +12,7 @@ use super::keys::{case, initial, run};
 use crate::input::section::Given;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared};
+use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
 
 /// A validated case.
 #[derive(Clone, Debug, PartialEq)]
@@ -130,7 +130,14 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         _ => None,
     };
     let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m));
-    let spec = setup::read(root, &Shared::default(), base, record.map(|record| record.step_s));
+    let source = root.source();
+    let file = set_up_file::attach(root, None);
+    let document = file.as_ref().and_then(|file| file.parse(source));
+    if let (Some(file), Some(document)) = (&file, &document) {
+        file.check(source, document);
+    }
+    let shared = Shared::of_file(document.as_ref().map(|document| document.get_ref()));
+    let spec = setup::read(root, &shared, base, record.map(|record| record.step_s));
     let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
     let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
     let initial_section = root.table_of(&case::INITIAL, None);

@@ -14,6 +14,9 @@ tables! {
     "The top level of a case, which also has the keys of its set-up."
     case("") {
         NAME: Optional, [key("name", Kind::Text, "name of the case in figures; the file name when left out")];
+        SET_UP_FILE: Optional, [
+            key("set_up_file", Kind::Text, "a file with tables of a set-up, for the keys that the case leaves out"),
+        ];
         BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
         FORCE: Optional, [key("force", Kind::Table, "force on the structure, over a fixed base")];
         INITIAL: Optional, [key("initial", Kind::Table, "initial displacements and velocities; at rest when left out")];

@@ -16,6 +16,7 @@ mod hold;
 mod hostile_board;
 mod hostile_folder;
 mod hostile_text;
+mod identify;
 mod idle;
 mod limits;
 mod monitor;

@@ -56,6 +56,10 @@ impl<'t> Writer<'t> {
             tables = vec![tables[place]];
         }
         for quantity in tables.iter().flat_map(|table| table.quantities) {
+            // The file would have to exist.
+            if quantity.keys[0].name == "set_up_file" {
+                continue;
+            }
             if let Some(key) = self.choose(quantity, &lines) {
                 lines.push((key.name, self.value(path, key)));
                 self.written.push((path, tables[0].kind, key.name));

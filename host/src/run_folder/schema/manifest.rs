@@ -16,6 +16,7 @@ use super::segment_id::SegmentId;
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::client::controller::Controller;
 use crate::run_folder::checksum::{self, FileRecord};
+use crate::setup::{Identified, SetUpFile};
 
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,6 +100,34 @@ impl SetUpRecord {
             predicted_max_x_m,
             predicted_dwell_max_x_m,
             model: Some(set_up.model()),
+        }
+    }
+
+    /// The set-up in SI units; none in older runs.
+    #[must_use]
+    pub fn model(&self) -> Option<damprig_core::model::SetUp> {
+        self.model
+    }
+}
+
+/// A set-up file that completed a campaign's set-ups.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SetUpFileRecord {
+    /// Its path as the campaign names it.
+    pub file: String,
+    /// SHA-256 of its text.
+    pub sha256: String,
+    /// Where its values come from. A set-up that states a key itself does not use the value of the file.
+    #[serde(default)]
+    pub identified: Vec<Identified>,
+}
+
+impl SetUpFileRecord {
+    fn new(file: &SetUpFile) -> Self {
+        Self {
+            file: file.file.clone(),
+            sha256: checksum::of_bytes(file.text.as_bytes()),
+            identified: file.identified.clone(),
         }
     }
 }
@@ -185,6 +214,9 @@ pub struct Manifest {
     pub acting_settings: Vec<ActingSetting>,
     /// The set-ups in SI units.
     pub set_ups: Vec<SetUpRecord>,
+    /// The set-up file that completed the set-ups, and where its values come from; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub set_up_file: Option<SetUpFileRecord>,
     /// The other files when the run ended; empty before, and in a run that was killed.
     #[serde(default)]
     pub files: Vec<FileRecord>,
@@ -223,6 +255,7 @@ impl Manifest {
             segments: Vec::new(),
             acting_settings: Vec::new(),
             set_ups,
+            set_up_file: campaign.set_up_file.as_ref().map(SetUpFileRecord::new),
             files: Vec::new(),
             results_columns: results_columns(),
             manifest_sha256: String::new(),

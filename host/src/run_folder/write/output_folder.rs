@@ -9,6 +9,7 @@ use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{JOURNAL, Journal};
 use crate::run_folder::schema::manifest::{MANIFEST, Manifest};
 use crate::run_folder::{StorageError, own_files};
+use crate::setup::set_up_file::kept;
 
 /// The report page of a run folder.
 pub const PAGE: &str = "report.html";
@@ -102,7 +103,18 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// The kept motion records as they are now.
+    /// Copies the campaign's set-up file, so that the run can be resumed and reported wherever the folder is.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn keep_set_up_file(&self, campaign: &Campaign) -> Result<(), StorageError> {
+        let Some(file) = &campaign.set_up_file else { return Ok(()) };
+        let copies = self.path.join(RECORDS);
+        fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e))?;
+        own_files::replace(&kept(&copies, &file.file), file.text.as_bytes())
+    }
+
+    /// The kept motion records and set-up file as they are now.
     ///
     /// # Errors
     /// When one cannot be read.

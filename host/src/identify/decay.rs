@@ -1,0 +1,285 @@
+//! Natural frequency, damping ratio and Coulomb friction from a free vibration.
+//!
+//! [`identify`] fits the closed form of [`decay_motion`](super::decay_motion) to all samples after the release by least squares:
+//! for white noise this is the estimate of least variance. The logarithmic decrement of the turning points is a check by other
+//! means; it sees viscous and Coulomb damping together.
+
+use std::f64::consts::{PI, TAU};
+
+use super::decay_motion::DecayMotion;
+use super::decay_record::{Swings, swings};
+use super::statistics::{Fit, Value, fit, inflation, line};
+use super::{CannotIdentify, Estimate};
+
+/// What is fitted besides the linear motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Model {
+    /// Coulomb friction; without it all damping counts as viscous.
+    pub coulomb: bool,
+    /// The third-order error of the sensor, which changes the scale with the amplitude as damping does.
+    pub sensor_cubic: bool,
+    /// Relative standard uncertainty of the sensor's scale, from its calibration. It acts on F/k and F only.
+    pub scale_uncertainty: f64,
+}
+
+/// Natural frequency and damping ratio by one method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Modal {
+    /// fn = √(k/M)/2π, Hz.
+    pub natural_frequency_hz: Value,
+    /// ζ = c/(2√(kM)).
+    pub damping_ratio: Value,
+}
+
+/// What a free vibration shows.
+#[derive(Clone, Debug)]
+pub struct Decay {
+    /// By least squares.
+    pub fitted: Modal,
+    /// By the logarithmic decrement; its damping includes the friction's.
+    pub by_decrement: Modal,
+    /// F/k, m; none if it was not fitted.
+    pub coulomb_m: Option<Value>,
+    /// Third-order error of the sensor, 1/m²; none if it was not fitted.
+    pub cubic_per_m2: Option<Value>,
+    /// Periods used.
+    pub periods: f64,
+    /// First and last swing, m.
+    pub swings_m: [f64; 2],
+    /// RMS of the residuals, m.
+    pub residual_rms_m: f64,
+    /// By how much neighbouring residuals hang together: 1 for white noise. The uncertainties include its square root.
+    pub inflation: f64,
+    /// The fitted motion.
+    pub motion: DecayMotion,
+}
+
+/// Uncertainty of ζ relative to ζ above which a decay is too short.
+const MOST_UNCERTAIN: f64 = 0.5;
+
+/// Identifies a free vibration: displacements at times that rise.
+///
+/// # Errors
+/// A record without release or swings, too short, growing, saturated or frozen: what was seen, and what to do.
+pub fn identify(t_s: &[f64], x_m: &[f64], model: Model) -> Result<Decay, CannotIdentify> {
+    let swings = swings(t_s, x_m)?;
+    let by_decrement = decrement(&swings)?;
+    let used = swings.first..swings.end;
+    let (times, readings) = (&t_s[used.clone()], &x_m[used]);
+    let start = start(&swings, &by_decrement);
+    let friction = friction_start(&swings, 0.0).filter(|_| model.coulomb);
+    let (fitted, indices) = fit_motion(times, readings, &start, model, friction).ok_or_else(|| {
+        CannotIdentify(
+            "the motion cannot be fitted by a free vibration with viscous and Coulomb damping\n  is the particle or another \
+             damper on the structure? the record must be of the structure alone"
+                .into(),
+        )
+    })?;
+    let inflation = inflation(&fitted.residuals, (swings.samples_per_period / 8.0).round() as usize);
+    let variance = fitted.variance() * inflation;
+    let value = |index: usize| fitted.value(index, variance);
+    let omega = value(0);
+    let motion = motion_of(&fitted.parameters, indices);
+    let decay = Decay {
+        fitted: Modal { natural_frequency_hz: omega.mapped(omega.value / TAU, 1.0 / TAU), damping_ratio: value(1) },
+        by_decrement,
+        coulomb_m: indices.0.map(|index| {
+            let fitted = value(index);
+            let by_scale = model.scale_uncertainty * fitted.value;
+            Value { standard_uncertainty: fitted.standard_uncertainty.hypot(by_scale), ..fitted }
+        }),
+        cubic_per_m2: indices.1.map(value),
+        periods: (swings.crossings_s.len() - 1) as f64 / 2.0,
+        swings_m: [swings.turnings[0].1.abs(), swings.turnings[swings.turnings.len() - 1].1.abs()],
+        residual_rms_m: fitted.variance().sqrt(),
+        inflation,
+        motion,
+    };
+    check_result(&decay)?;
+    Ok(decay)
+}
+
+fn check_result(decay: &Decay) -> Result<(), CannotIdentify> {
+    let zeta = &decay.fitted.damping_ratio;
+    if decay.residual_rms_m > 0.1 * decay.swings_m[0] {
+        return Err(CannotIdentify(format!(
+            "the record is not a free vibration of one mass: the fit leaves {:.6} m RMS of a swing of {:.6} m\n  is a damper \
+             mounted, or does the base move? the record must be of the structure alone on a base at rest",
+            decay.residual_rms_m, decay.swings_m[0]
+        )));
+    }
+    if zeta.standard_uncertainty > MOST_UNCERTAIN * zeta.value.abs()
+        && decay.coulomb_m.is_none_or(|c| c.value < 2.0 * c.standard_uncertainty)
+    {
+        return Err(CannotIdentify(format!(
+            "the decay is too short: the swing goes from {:.6} m to {:.6} m in {:.1} periods, and the damping ratio {:.3e} has \
+             the uncertainty {:.3e}\n  record longer or release from farther out; without friction in the structure, fit \
+             viscous damping alone (--viscous)",
+            decay.swings_m[0], decay.swings_m[1], decay.periods, zeta.value, zeta.standard_uncertainty
+        )));
+    }
+    Ok(())
+}
+
+/// By the turning points: ln|x| falls by δ/2 from one to the next, and the crossings are half a period apart.
+fn decrement(swings: &Swings) -> Result<Modal, CannotIdentify> {
+    let all: Vec<f64> = swings.turnings.iter().map(|t| t.1).collect();
+    let offsets: Vec<f64> = all.windows(3).map(|w| 0.25 * (w[0] + 2.0 * w[1] + w[2])).collect();
+    let offset = offsets.iter().sum::<f64>() / offsets.len().max(1) as f64;
+    let sizes: Vec<f64> = all.iter().map(|x| (x - offset).abs()).collect();
+    let places: Vec<f64> = (0..sizes.len()).map(|n| n as f64).collect();
+    let logs: Vec<f64> = sizes.iter().map(|size| size.max(f64::MIN_POSITIVE).ln()).collect();
+    let half_periods: Vec<f64> = (0..swings.crossings_s.len()).map(|n| n as f64).collect();
+    let lines = line(&places, &logs, |n| sizes[n] * sizes[n]).zip(line(&half_periods, &swings.crossings_s, |_| 1.0));
+    let Some((fall, time)) = lines else {
+        return Err(CannotIdentify("too few turning points for a decrement: record longer".into()));
+    };
+    let decrement = -2.0 * fall.slope.value;
+    let length = (TAU * TAU + decrement * decrement).sqrt();
+    let zeta = decrement / length;
+    // dζ/dδ = 4π²/(4π² + δ²)^(3/2), and δ is twice the slope.
+    let damping_ratio = fall.slope.mapped(zeta, 2.0 * TAU * TAU / length.powi(3));
+    let half_s = time.slope.value;
+    let natural = 0.5 / half_s / (1.0 - zeta * zeta).sqrt();
+    Ok(Modal { natural_frequency_hz: time.slope.mapped(natural, natural / half_s), damping_ratio })
+}
+
+/// Where the fit starts.
+fn start(swings: &Swings, modal: &Modal) -> DecayMotion {
+    let (turning_s, turning_m) = swings.turnings[0];
+    DecayMotion {
+        angular_frequency_rad_per_s: TAU * modal.natural_frequency_hz.value,
+        damping_ratio: modal.damping_ratio.value.clamp(-0.5, 0.9),
+        turning_m,
+        turning_s,
+        offset_m: swings.centre_m,
+        coulomb_m: 0.0,
+        cubic_per_m2: 0.0,
+    }
+}
+
+/// Damping ratio and F/k from the sizes of the turning points: each is |x| − 2F/k − … of the one before, in a line.
+fn friction_start(swings: &Swings, offset_m: f64) -> Option<(f64, f64)> {
+    let sizes: Vec<f64> = swings.turnings.iter().map(|turning| (turning.1 - offset_m).abs()).collect();
+    let (before, after) = (&sizes[..sizes.len() - 1], &sizes[1..]);
+    let line = line(before, after, |_| 1.0)?;
+    let decay = line.slope.value.clamp(0.1, 1.0);
+    let exponent = -decay.ln() / PI;
+    Some((exponent / (1.0 + exponent * exponent).sqrt(), -line.intercept.value / (1.0 + decay)))
+}
+
+/// Places of the Coulomb friction and of the sensor's error among the parameters.
+type Indices = (Option<usize>, Option<usize>);
+
+fn motion_of(parameters: &[f64], indices: Indices) -> DecayMotion {
+    DecayMotion {
+        angular_frequency_rad_per_s: parameters[0],
+        damping_ratio: parameters[1].clamp(-0.9, 0.99),
+        turning_m: parameters[2],
+        turning_s: parameters[3],
+        offset_m: parameters[4],
+        coulomb_m: indices.0.map_or(0.0, |index| parameters[index]),
+        cubic_per_m2: indices.1.map_or(0.0, |index| parameters[index]),
+    }
+}
+
+/// Fits the linear motion first, then with the other parameters; damping and friction start from `friction`.
+fn fit_motion(
+    t_s: &[f64],
+    x_m: &[f64],
+    start: &DecayMotion,
+    model: Model,
+    friction: Option<(f64, f64)>,
+) -> Option<(Fit, Indices)> {
+    let size = start.turning_m.abs();
+    let mut parameters =
+        vec![start.angular_frequency_rad_per_s, start.damping_ratio, start.turning_m, start.turning_s, start.offset_m];
+    let mut steps = vec![
+        1e-7 * start.angular_frequency_rad_per_s,
+        1e-6,
+        1e-5 * size,
+        1e-5 * PI / start.angular_frequency_rad_per_s,
+        1e-5 * size,
+    ];
+    let linear = |p: &[f64], out: &mut Vec<f64>| motion_of(p, (None, None)).readings(t_s, out);
+    let first = fit(x_m, &parameters, &steps, linear)?;
+    if !model.coulomb && !model.sensor_cubic {
+        return Some((first, (None, None)));
+    }
+    parameters = first.parameters;
+    let mut indices = (None, None);
+    if model.coulomb {
+        indices.0 = Some(parameters.len());
+        let (damping_ratio, coulomb_m) = friction.unwrap_or((parameters[1], 0.0));
+        (parameters[1], parameters[2]) = (damping_ratio, start.turning_m);
+        parameters.push(coulomb_m);
+        steps.push(1e-6 * size);
+    }
+    if model.sensor_cubic {
+        indices.1 = Some(parameters.len());
+        parameters.push(0.0);
+        steps.push(1e-5 / (size * size));
+    }
+    let whole = fit(x_m, &parameters, &steps, |p, out| motion_of(p, indices).readings(t_s, out))?;
+    Some((whole, indices))
+}
+
+const FITTED: &str = "least-squares fit of the motion";
+const DECREMENT: &str = "logarithmic decrement of the turning points";
+
+impl Decay {
+    /// The estimates: those of the fit are the values of a set-up's keys. `mass_kg` of the structure makes a force of the
+    /// friction.
+    #[must_use]
+    pub fn estimates(&self, mass_kg: Option<f64>) -> Vec<Estimate> {
+        let frequency =
+            |modal: &Modal, method| Estimate::new("natural frequency", "Hz", method, &modal.natural_frequency_hz);
+        let damping = |modal: &Modal, name, method| Estimate::new(name, "", method, &modal.damping_ratio);
+        let viscous = if self.coulomb_m.is_some() { "viscous damping ratio" } else { "damping ratio" };
+        let mut all = vec![
+            frequency(&self.fitted, FITTED).of_key("structure.natural_frequency_hz"),
+            damping(&self.fitted, viscous, FITTED).of_key("structure.damping_ratio"),
+        ];
+        if let Some(coulomb) = &self.coulomb_m {
+            all.push(Estimate::new("Coulomb friction over stiffness, F/k", "m", FITTED, coulomb));
+            if let Some(mass_kg) = mass_kg {
+                let stiffness = mass_kg * self.motion.angular_frequency_rad_per_s.powi(2);
+                let force = coulomb.mapped(coulomb.value * stiffness, stiffness);
+                let estimate = Estimate::new("Coulomb friction force", "N", FITTED, &force);
+                let is_there = force.interval_95()[0] > 0.0;
+                all.push(if is_there { estimate.of_key("friction_damper.force_n") } else { estimate });
+            }
+        }
+        if let Some(cubic) = &self.cubic_per_m2 {
+            all.push(Estimate::new("third-order sensor error", "1/m²", FITTED, cubic));
+        }
+        all.push(frequency(&self.by_decrement, DECREMENT));
+        all.push(damping(&self.by_decrement, "damping ratio, friction included", DECREMENT));
+        all
+    }
+
+    /// What a person has to know about the estimates.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = vec![format!(
+            "{:.1} periods, swing from {:.4} mm to {:.4} mm; the fit leaves {:.2} µm RMS",
+            self.periods,
+            self.swings_m[0] * 1e3,
+            self.swings_m[1] * 1e3,
+            self.residual_rms_m * 1e6
+        )];
+        if self.inflation > 1.5 {
+            remarks.push(format!(
+                "neighbouring residuals hang together: the uncertainties are widened by {:.1}; the motion has something that \
+                 the model does not, or the noise is not white",
+                self.inflation.sqrt()
+            ));
+        }
+        if self.coulomb_m.is_some_and(|c| c.interval_95()[0] <= 0.0 && c.interval_95()[1] >= 0.0) {
+            remarks.push(
+                "the Coulomb friction cannot be told from 0; if there is none, --viscous gives a narrower damping ratio".into(),
+            );
+        }
+        remarks
+    }
+}

@@ -1,0 +1,193 @@
+//! Takes records to identify from a run folder.
+
+use std::path::Path;
+
+use super::CannotIdentify;
+use super::response::Point;
+use crate::run_folder::RunFolder;
+use crate::run_folder::read::columns::{numbers, texts};
+
+/// The record of a free vibration of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeVibration {
+    /// Run, set-up and experiment, in words.
+    pub taken_from: String,
+    /// Times from the release, s.
+    pub t_s: Vec<f64>,
+    /// Displacement of the structure, m.
+    pub x_m: Vec<f64>,
+    /// Mass of the structure as the campaign states it, kg; none in older runs.
+    pub mass_kg: Option<f64>,
+}
+
+/// Which experiment of a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// Name of the set-up.
+    pub set_up: Option<String>,
+    /// Name of the experiment.
+    pub experiment: Option<String>,
+}
+
+impl Choice {
+    /// The one pair of set-up and experiment that fits. `what` names the kind of experiment in messages.
+    fn only(&self, run: &RunFolder, pairs: &[(String, String)], what: &str) -> Result<usize, CannotIdentify> {
+        let is_wanted = |wanted: &Option<String>, name: &String| wanted.as_ref().is_none_or(|wanted| wanted == name);
+        let fitting: Vec<usize> = (0..pairs.len())
+            .filter(|n| is_wanted(&self.set_up, &pairs[*n].0) && is_wanted(&self.experiment, &pairs[*n].1))
+            .collect();
+        let list = || {
+            let mut all: Vec<String> =
+                pairs.iter().map(|(s, e)| format!("--set-up {s:?} --experiment {e:?}")).collect();
+            all.dedup();
+            all.join("\n  ")
+        };
+        match fitting[..] {
+            // A later start of the same experiment supersedes the earlier one.
+            [.., last] if fitting.iter().all(|n| pairs[*n] == pairs[last]) => Ok(last),
+            [] if pairs.is_empty() => Err(CannotIdentify(format!(
+                "{}: the run has no {what}\n  add an experiment of this kind to the campaign",
+                run.path().display()
+            ))),
+            [] => Err(CannotIdentify(format!(
+                "{}: no {what} of the run has these names; it has\n  {}",
+                run.path().display(),
+                list()
+            ))),
+            _ => Err(CannotIdentify(format!(
+                "{}: the run has several experiments of this kind ({what}); choose one\n  {}",
+                run.path().display(),
+                list()
+            ))),
+        }
+    }
+}
+
+/// The samples of a signal in these ticks of an experiment: times from the first tick, s, and values.
+fn signal(
+    run: &RunFolder,
+    (set_up, experiment, segment): (&str, &str, f64),
+    ticks: std::ops::Range<f64>,
+    name: &str,
+) -> Result<(Vec<f64>, Vec<f64>), CannotIdentify> {
+    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", run.path().display()));
+    let (mut times, mut values) = (Vec::new(), Vec::new());
+    let tick_hz = run.manifest().device.as_ref().map_or(f64::from(damprig_core::io::TICK_HZ), |d| d.tick_hz);
+    for batch in run.samples() {
+        let batch = batch.map_err(|e| failed(&e))?;
+        if batch.column_by_name(name).is_none() {
+            let help = format!("add {:?} to `signals` in the campaign's [telemetry]", name.trim_end_matches("_m"));
+            return Err(failed(&format!("the samples have no column {name}\n  {help}")));
+        }
+        let read = |column: &str| numbers(&batch, column).map_err(|e| failed(&e));
+        let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
+        let (set_ups, experiments) = (names("set_up")?, names("experiment")?);
+        let (segments, at, signal) = (read("segment")?, read("tick")?, read(name)?);
+        for n in 0..at.len() {
+            let is_own = set_ups[n] == set_up && experiments[n] == experiment && segments[n] == segment;
+            if is_own && ticks.contains(&at[n]) {
+                times.push((at[n] - ticks.start) / tick_hz);
+                values.push(signal[n]);
+            }
+        }
+    }
+    Ok((times, values))
+}
+
+/// Reads the free vibration of a run.
+///
+/// # Errors
+/// No run, no free vibration or several of them; a damper that is not friction; missing samples.
+pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, CannotIdentify> {
+    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
+    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+    let mut found: Vec<((String, String), [f64; 3])> = Vec::new();
+    for batch in run.transients().map_err(|e| failed(&e))? {
+        let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
+        let read = |column: &str| numbers(&batch, column).map_err(|e| failed(&e));
+        let (set_ups, experiments, kinds) = (names("set_up")?, names("experiment")?, names("kind")?);
+        let (segments, starts, ends) = (read("segment")?, read("start_tick")?, read("end_tick")?);
+        for n in 0..kinds.len() {
+            if kinds[n] == "free_vibration" {
+                found.push(((set_ups[n].clone(), experiments[n].clone()), [segments[n], starts[n], ends[n]]));
+            }
+        }
+    }
+    let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
+    let chosen = choice.only(&run, &pairs, "free vibration")?;
+    let ((set_up, experiment), [segment, start, end]) = &found[chosen];
+    let model = run.manifest().set_ups.iter().find(|s| s.name == *set_up).and_then(|s| s.model());
+    if let Some(model) = &model
+        && let Some(damper) = model.particle.map(|_| "an impact damper").or(model.tmd.map(|_| "a tuned mass damper"))
+    {
+        return Err(CannotIdentify(format!(
+            "{}: set-up {set_up:?} has {damper}: its free vibration is not that of the structure\n  measure one of the bare \
+             structure, or with the friction damper alone",
+            path.display()
+        )));
+    }
+    let (t_s, x_m) = signal(&run, (set_up, experiment, *segment), *start..*end, "x_m")?;
+    check_gaps(&t_s).map_err(|text| failed(&text))?;
+    Ok(FreeVibration {
+        taken_from: format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()),
+        t_s,
+        x_m,
+        mass_kg: model.map(|model| model.structure.mass_kg),
+    })
+}
+
+/// Reads the steady points of a stepped sine on the bare structure: what they were taken from, the points, and remarks.
+///
+/// # Errors
+/// No run, no stepped sine or several of them; a set-up with a damper; too few steady points.
+pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>, Vec<String>), CannotIdentify> {
+    let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
+    let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
+    let mut found: Vec<((String, String), Point, bool)> = Vec::new();
+    for batch in run.results().map_err(|e| failed(&e))? {
+        let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
+        let read = |column: &str| numbers(&batch, column).map_err(|e| failed(&e));
+        let (set_ups, experiments, steady) = (names("set_up")?, names("experiment")?, read("steady")?);
+        let (f, x, z) = (read("frequency_hz")?, read("x_amplitude_m")?, read("z_amplitude_m")?);
+        let phase = read("phase_rad")?;
+        for n in 0..f.len() {
+            let point = Point { frequency_hz: f[n], ratio: x[n] / z[n], phase_rad: Some(phase[n]) };
+            found.push(((set_ups[n].clone(), experiments[n].clone()), point, steady[n] != 0.0));
+        }
+    }
+    let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
+    let (set_up, experiment) = pairs[choice.only(&run, &pairs, "stepped sine")?].clone();
+    let model = run.manifest().set_ups.iter().find(|s| s.name == set_up).and_then(|s| s.model());
+    if model.is_some_and(|m| m.particle.is_some() || m.tmd.is_some() || m.friction_damper.is_some()) {
+        return Err(failed(&format!(
+            "set-up {set_up:?} has a damper: its response is not that of the structure\n  measure one of the bare structure"
+        )));
+    }
+    let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));
+    let points: Vec<Point> = own().filter(|f| f.2 && f.1.ratio.is_finite()).map(|f| f.1).collect();
+    let (all, steady) = (own().count(), points.len());
+    if steady < 5 {
+        return Err(failed(&format!(
+            "{steady} of {all} points of {set_up:?} are steady; at least 5 are needed\n  settle longer, or measure a free vibration \
+             for `damprig identify decay`"
+        )));
+    }
+    let remarks = if steady < all { vec![format!("{steady} of {all} points are steady and used")] } else { vec![] };
+    Ok((format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()), points, remarks))
+}
+
+/// Refuses a record with lost rows: their share of the swings is unknown.
+fn check_gaps(t_s: &[f64]) -> Result<(), String> {
+    let mut steps: Vec<f64> = t_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let all = steps.clone();
+    steps.sort_by(f64::total_cmp);
+    let usual = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+    match all.iter().position(|step| *step > 1.5 * usual) {
+        Some(n) => Err(format!(
+            "samples are missing: {:.4} s after the release there is a gap of {:.4} s\n  run the experiment again; \
+             `damprig runs verify` shows what was lost",
+            t_s[n], all[n]
+        )),
+        None => Ok(()),
+    }
+}

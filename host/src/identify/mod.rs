@@ -1,0 +1,101 @@
+//! Identifies parameters of the rig from run folders and tables: each with its uncertainty and what it was taken from.
+//!
+//! Each method has a file with its equations. [`table`] reads CSV files, [`set_up_file`] writes the results as a set-up file
+//! that campaigns and cases read. docs/IDENTIFY.md describes the methods and their measured errors.
+
+pub mod decay;
+pub mod decay_motion;
+mod decay_record;
+pub mod friction;
+mod from_run;
+pub mod response;
+pub mod restitution;
+pub mod set_up_file;
+pub mod statistics;
+pub mod table;
+pub mod wall;
+
+use serde::Serialize;
+
+pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
+pub use statistics::Value;
+
+/// Why nothing could be identified: file, place, value, what is allowed, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct CannotIdentify(pub String);
+
+/// An identified quantity.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Its name for people.
+    pub quantity: &'static str,
+    /// Its value, in `unit`.
+    pub value: f64,
+    /// Standard uncertainty, in `unit`.
+    pub standard_uncertainty: f64,
+    /// Ends of the 95 % interval, in `unit`.
+    pub interval_95: [f64; 2],
+    /// SI unit; "" for a ratio.
+    pub unit: &'static str,
+    /// How it was found.
+    pub method: &'static str,
+    /// The key of a set-up that it is the value of, if there is one.
+    pub key: Option<&'static str>,
+}
+
+impl Estimate {
+    /// Of a value without a key.
+    #[must_use]
+    pub fn new(quantity: &'static str, unit: &'static str, method: &'static str, value: &Value) -> Self {
+        Self {
+            quantity,
+            value: value.value,
+            standard_uncertainty: value.standard_uncertainty,
+            interval_95: value.interval_95(),
+            unit,
+            method,
+            key: None,
+        }
+    }
+
+    /// The same as the value of a set-up's key.
+    #[must_use]
+    pub fn of_key(mut self, key: &'static str) -> Self {
+        self.key = Some(key);
+        self
+    }
+}
+
+/// The answer of an identification.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Identification {
+    /// What the values were taken from: a file, or a run with its set-up and experiment.
+    pub taken_from: String,
+    /// Name and version of the program.
+    pub damprig: &'static str,
+    /// When it was identified, local time with its zone.
+    pub date: String,
+    /// The quantities; the one to use first.
+    pub estimates: Vec<Estimate>,
+    /// What a person has to know about them.
+    pub remarks: Vec<String>,
+    /// Keys of a set-up with words that go with the values (`particle.wall.kind`).
+    #[serde(skip)]
+    pub words: Vec<(&'static str, &'static str)>,
+}
+
+impl Identification {
+    /// Without remarks.
+    #[must_use]
+    pub fn new(taken_from: impl Into<String>, estimates: Vec<Estimate>) -> Self {
+        Self {
+            taken_from: taken_from.into(),
+            damprig: crate::VERSION_LINE,
+            date: crate::host_time::now().to_string(),
+            estimates,
+            remarks: Vec::new(),
+            words: Vec::new(),
+        }
+    }
+}

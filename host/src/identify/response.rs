@@ -1,0 +1,151 @@
+//! Natural frequency and damping ratio from a frequency response: amplitudes of structure and base, and their phase.
+//!
+//! X/Z = (1 + 2ζrj)/(1 − r² + 2ζrj) with r = f/fn, for absolute displacements of a structure with viscous damping. The relative
+//! deviations are fitted by least squares: of the complex ratio where there is a phase, else of its logarithm.
+
+use std::f64::consts::PI;
+
+use super::statistics::fit;
+use super::table::{METRES, Quantity, Table, X};
+use super::{CannotIdentify, Estimate};
+
+const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
+const Z: Quantity = Quantity { stem: "z", units: METRES, about: "amplitude of the base", most: 0.5 };
+const PHASE: Quantity = Quantity {
+    stem: "phase",
+    units: &[("rad", 1.0), ("deg", PI / 180.0)],
+    about: "phase of x relative to z",
+    most: 10.0,
+};
+
+/// A measured point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Drive frequency, Hz.
+    pub frequency_hz: f64,
+    /// Amplitude of x over that of z.
+    pub ratio: f64,
+    /// Phase of x relative to z, rad.
+    pub phase_rad: Option<f64>,
+}
+
+/// The points of a table.
+///
+/// # Errors
+/// Missing columns; values that are not positive.
+pub fn points(table: &Table) -> Result<Vec<Point>, CannotIdentify> {
+    let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(&Z)?);
+    let phase = if table.has(&PHASE) { Some(table.column(&PHASE)?) } else { None };
+    (0..f.len())
+        .map(|row| {
+            if !(f[row] > 0.0 && x[row] > 0.0 && z[row] > 0.0) {
+                let text = format!("line {}: frequency and amplitudes must be greater than 0", table.line(row));
+                return Err(table.refuse(text));
+            }
+            let phase_rad = phase.as_ref().map(|phase| phase[row]);
+            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad })
+        })
+        .collect()
+}
+
+/// Real and imaginary part of X/Z.
+fn response(frequency_hz: f64, natural_hz: f64, zeta: f64) -> (f64, f64) {
+    let r = frequency_hz / natural_hz;
+    let (stiff, loss) = (1.0 - r * r, 2.0 * zeta * r);
+    let square = stiff * stiff + loss * loss;
+    ((stiff + loss * loss) / square, loss * (stiff - 1.0) / square)
+}
+
+/// Points that a fit needs at least.
+const LEAST: usize = 5;
+
+/// Identifies fn and ζ.
+///
+/// # Errors
+/// Too few points, none near the resonance, a response of another kind.
+pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
+    let refuse = |text: String| Err(CannotIdentify(text));
+    if points.len() < LEAST {
+        return refuse(format!("{} points are too few: at least {LEAST} about the resonance are needed", points.len()));
+    }
+    let Some(peak) = points.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) else {
+        return refuse("there are no points".into());
+    };
+    if peak.ratio < 1.5 {
+        return refuse(format!(
+            "the largest X/Z is {:.3}, at {} Hz: there is no resonance among the points\n  sweep over the natural frequency",
+            peak.ratio, peak.frequency_hz
+        ));
+    }
+    let has_phase = points.iter().all(|point| point.phase_rad.is_some());
+    let mut measured = Vec::new();
+    for point in points {
+        match point.phase_rad.filter(|_| has_phase) {
+            Some(phase) => measured.extend([phase.cos(), phase.sin()]),
+            None => measured.push(point.ratio.ln()),
+        }
+    }
+    let model = |p: &[f64], out: &mut Vec<f64>| {
+        for point in points {
+            let (real, imaginary) = response(point.frequency_hz, p[0], p[1]);
+            if has_phase {
+                out.extend([real / point.ratio, imaginary / point.ratio]);
+            } else {
+                out.push(real.hypot(imaginary).ln());
+            }
+        }
+    };
+    // The peak between two points is missed: several starts, the best fit.
+    let starts = [0.0, -0.02, 0.02, -0.005, 0.005].map(|share| [peak.frequency_hz * (1.0 + share), 0.5 / peak.ratio]);
+    let fits = starts.iter().filter_map(|start| fit(&measured, start, &[1e-7 * start[0], 1e-4 * start[1]], model));
+    let best = fits
+        .filter(|fit| fit.parameters[0] > 0.0 && fit.parameters[1] > 0.0)
+        .min_by(|a, b| a.variance().total_cmp(&b.variance()));
+    let Some(best) = best else {
+        return refuse(
+            "the points cannot be fitted by the response of one mass on a spring with viscous damping".into(),
+        );
+    };
+    let variance = best.variance();
+    if variance.sqrt() > 0.2 {
+        return refuse(format!(
+            "the points are not the response of one mass with viscous damping: they deviate from it by {:.0} %\n  is a damper \
+             mounted, or were the points not steady? the phase is that of x relative to z, negative for a lag",
+            100.0 * variance.sqrt()
+        ));
+    }
+    let (natural, zeta) = (best.value(0, variance), best.value(1, variance));
+    if zeta.standard_uncertainty > 0.5 * zeta.value {
+        return refuse(format!(
+            "the damping ratio {:.3e} has the uncertainty {:.3e}: no point is near enough to the resonance at {:.4} Hz\n  add \
+             points within {:.4} Hz of it",
+            zeta.value,
+            zeta.standard_uncertainty,
+            natural.value,
+            2.0 * zeta.value * natural.value
+        ));
+    }
+    let method = if has_phase { "fit of the complex frequency response" } else { "fit of the amplitude response" };
+    Ok(vec![
+        Estimate::new("natural frequency", "Hz", method, &natural).of_key("structure.natural_frequency_hz"),
+        Estimate::new("damping ratio", "", method, &zeta).of_key("structure.damping_ratio"),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Closed form: |X/Z|² = (1 + (2ζr)²)/((1 − r²)² + (2ζr)²), and x lags.
+    #[test]
+    fn the_response_is_that_of_a_moved_base() {
+        let (real, imaginary) = response(2.6, 2.5, 0.01);
+        let (r, d): (f64, f64) = (2.6 / 2.5, 2.0 * 0.01 * 2.6 / 2.5);
+        let expected = ((1.0 + d * d) / ((1.0 - r * r).powi(2) + d * d)).sqrt();
+        assert!((real.hypot(imaginary) / expected - 1.0).abs() < 1e-12);
+        assert!(imaginary < 0.0);
+        // H·(1 − r² + dj) = 1 + dj.
+        let (a, b) = (1.0 - r * r, d);
+        assert!((real * a - imaginary * b - 1.0).abs() < 1e-12 && (real * b + imaginary * a - d).abs() < 1e-12);
+    }
+}
