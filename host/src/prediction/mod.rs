@@ -84,11 +84,11 @@ pub struct Response {
 /// Steps in a period of the drive, at least.
 const STEPS_PER_PERIOD: f64 = 64.0;
 
-/// Steps for all points of a campaign together: one or two seconds of computing.
-const MOST_STEPS: u64 = 4_000_000;
+/// Steps for all points of a campaign together: about half a second of computing.
+const MOST_STEPS: u64 = 1_200_000;
 
-/// Steps that every point may have, however many there are: 40 s at 2.5 Hz.
-const STEPS_PER_POINT: u64 = 6_400;
+/// Steps that every point may have, however many there are: 175 s at 2.5 Hz, in 10 ms of computing.
+const STEPS_PER_POINT: u64 = 28_000;
 
 /// Simulations of a set-up in search of an amplitude that fits.
 const MOST_TRIES: u64 = 30;

@@ -12,7 +12,7 @@ pub struct SteadyLimits {
     /// the sensor's noise, of a motion that repeats.
     pub scatter: f32,
     /// A point that is neither steady nor stationary is measured again, in another dwell, until all its dwells take this
-    /// long, s; 0 for one dwell only.
+    /// long (to a cycle), s; 0 for one dwell only.
     pub longest_dwell_s: f32,
 }
 
