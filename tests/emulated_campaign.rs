@@ -11,7 +11,7 @@ use damprig_tests::support::images::{find, project};
 use tempfile::TempDir;
 
 /// Shipped campaigns of an hour of rig time, which takes minutes on the emulator: only in `tests/run --full`.
-const LONG: [&str; 2] = ["closed-loop", "hybrid"];
+pub const LONG: [&str; 2] = ["closed-loop", "hybrid"];
 
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 

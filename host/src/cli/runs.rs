@@ -241,7 +241,7 @@ fn show(run: &RunFolder) -> Outcome {
         "X/Z\n(lock-in)",
         "Z (mm)",
         "phase (rad)",
-        "steady",
+        "steadiness",
     ]);
     for batch in run.results().map_err(Failure::failed)? {
         let names =
@@ -249,6 +249,13 @@ fn show(run: &RunFolder) -> Outcome {
         let get = |name| column(&batch, name).map_err(Failure::failed);
         let (f, xz, z) = (get("frequency_hz")?, get("x_over_z")?, get("z_amplitude_m")?);
         let (x, phase, steady) = (get("x_amplitude_m")?, get("phase_rad")?, get("steady")?);
+        // Older runs have only the column `steady`.
+        let verdicts = texts(&batch, "steadiness").unwrap_or_default();
+        let steadiness = |i: usize| match verdicts.get(i) {
+            Some(verdict) => verdict.as_str(),
+            None if steady[i] == Value::Bool(true) => "steady",
+            None => "not steady",
+        };
         let ratio =
             |x: &Value, z: &Value| x.number().zip(z.number()).map_or("–".into(), |(x, z)| format!("{:.3}", x / z));
         let number =
@@ -262,7 +269,7 @@ fn show(run: &RunFolder) -> Outcome {
                 ratio(&x[i], &z[i]),
                 number(&z[i], 1e3, 4),
                 number(&phase[i], 1.0, 3),
-                if steady[i] == Value::Bool(true) { "yes" } else { "no" }.into(),
+                steadiness(i).into(),
             ]);
         }
     }

@@ -112,7 +112,11 @@ fn curves(
         .filter_map(Experiment::stepped_sine)
         .map(|e| {
             let start = if e.start == Start::FromRest { "from rest" } else { "motion carried over" };
-            format!("{} s at each frequency, {start}", trimmed(e.dwell_s, 3))
+            let until = match e.longest_dwell_s() {
+                longest_s if longest_s > e.dwell_s => format!(" until steady, up to {} s", trimmed(longest_s, 3)),
+                _ => String::new(),
+            };
+            format!("{} s at each frequency{until}, {start}", trimmed(e.dwell_s, 3))
         })
         .collect();
     let caption = format!("{about}. {}.", how.join("; "));

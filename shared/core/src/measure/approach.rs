@@ -94,6 +94,13 @@ impl Approach {
         self.moduli.value() / (self.pairs + 1) as f32
     }
 
+    /// Modulus of the mean of the amplitudes. That of an irregular motion is smaller than [`Self::mean_modulus`].
+    pub(super) fn modulus_of_mean(&self) -> f32 {
+        let count = (self.pairs + 1) as f32;
+        let differences = (self.differences.0.value(), self.differences.1.value());
+        modulus(plus(self.first, scaled(plus(differences, self.last), 1.0 / count)))
+    }
+
     /// The limit. `None` with fewer than four pairs, or if the fit has none (λ = 1).
     pub(super) fn limit(&self) -> Option<Limit> {
         if self.pairs < 4 {

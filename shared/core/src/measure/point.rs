@@ -4,7 +4,7 @@ use super::approach::{Approach, Limit};
 use super::batches::Batches;
 use super::lock_in::LockIn;
 use super::noise::{NoiseMeter, raised_maximum};
-use super::steadiness::{Evidence, Steadiness, SteadyLimits};
+use super::steadiness::{Evidence, IRREGULAR, Steadiness, SteadyLimits};
 use super::sum::Sum;
 use super::trend::Trend;
 use crate::io::{Readings, SensorSet, TICK_HZ};
@@ -220,7 +220,12 @@ impl PointMeter {
         let (x, z) = (limit(&self.x_approach), limit(&self.z_approach));
         let is_known = x.amplitude > 0.0 && z.amplitude > 0.0 && z_amplitude > 0.0 && mean_max > 0.0;
         let (deviation, uncertainty) = if is_known {
-            let moved = self.x_approach.mean_modulus() / x.amplitude * (z.amplitude / z_amplitude) - 1.0;
+            let x_amplitude = if x.unexplained >= IRREGULAR {
+                self.x_approach.modulus_of_mean()
+            } else {
+                self.x_approach.mean_modulus()
+            };
+            let moved = x_amplitude / x.amplitude * (z.amplitude / z_amplitude) - 1.0;
             let (of_x, of_z) = (x.uncertainty / x.amplitude, z.uncertainty / z.amplitude);
             let of_limits = Scalar::sqrt(of_x * of_x + of_z * of_z);
             let of_fit = 2.0 * of_limits + UNCERTAINTY_OF_FIT * moved.abs();

@@ -28,7 +28,8 @@ pub enum Steadiness {
     /// X/Z may still be further from its limit than allowed.
     #[default]
     NotSteady,
-    /// The motion does not repeat from cycle to cycle, but its mean does not drift: X/Z is known within its interval.
+    /// The motion does not repeat from cycle to cycle, but its mean does not drift: X/Z is known within its interval. A
+    /// motion with a period of several cycles is stationary too, if its maxima differ.
     Stationary,
     /// X/Z is within the tolerance of its limit, and the motion repeats.
     Steady,
@@ -70,7 +71,7 @@ pub(super) struct Evidence {
 const MOST_SPREAD: f32 = 0.05;
 
 /// Share of the motion's changes that no decaying exponential explains, from which on they count as irregular.
-const IRREGULAR: f32 = 0.5;
+pub(super) const IRREGULAR: f32 = 0.5;
 
 impl Evidence {
     /// The verdict under `limits`.
@@ -81,8 +82,8 @@ impl Evidence {
         let beyond_noise = |scatter: f32| scatter * scatter - self.noise * self.noise;
         let is_near = self.deviation.abs() + self.uncertainty <= limits.tolerance && self.converges;
         let repeats = beyond_noise(self.scatter) <= limits.scatter * limits.scatter;
-        if is_near && repeats && beyond_noise(self.spread) <= MOST_SPREAD * MOST_SPREAD {
-            return Steadiness::Steady;
+        if is_near && beyond_noise(self.spread) <= MOST_SPREAD * MOST_SPREAD {
+            return if repeats { Steadiness::Steady } else { Steadiness::Stationary };
         }
         let is_irregular = self.unexplained >= IRREGULAR;
         if is_irregular && !self.drifts && self.deviation.abs() <= limits.tolerance.max(self.interval) {
