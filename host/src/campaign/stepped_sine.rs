@@ -49,8 +49,8 @@ impl SteppedSine {
     }
 }
 
-/// Longest time of all dwells of a point, s: a day.
-const LONGEST_DWELL_S: f64 = 86_400.0;
+/// Longest time of all dwells of a point, s: the controller counts 10⁹ ticks.
+const LONGEST_DWELL_S: f64 = 1e6;
 
 /// A tenth of a millimetre.
 pub(super) const REST_LEVEL_M: f64 = 1e-4;

@@ -6,6 +6,7 @@ use super::CannotIdentify;
 use super::response::Point;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::results::steadiness_of;
 
 /// The record of a free vibration of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -136,10 +137,11 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
     })
 }
 
-/// Reads the steady points of a stepped sine on the bare structure: what they were taken from, the points, and remarks.
+/// Reads the settled points of a stepped sine on the bare structure: what they were taken from, the points, and remarks. X/Z is
+/// corrected by its deviation from its limit, where the run has it.
 ///
 /// # Errors
-/// No run, no stepped sine or several of them; a set-up with a damper; too few steady points.
+/// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
 pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>, Vec<String>), CannotIdentify> {
     let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
     let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
@@ -148,11 +150,18 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
         let names = |column: &str| texts(&batch, column).map_err(|e| failed(&e));
         let read = |column: &str| numbers(&batch, column).map_err(|e| failed(&e));
         let (set_ups, experiments, steady) = (names("set_up")?, names("experiment")?, read("steady")?);
+        // Older runs have only the column `steady`.
+        let verdicts = names("steadiness").unwrap_or_default();
+        let is_settled = |n: usize| verdicts.get(n).map_or(steady[n] != 0.0, |text| steadiness_of(text).is_settled());
+        let deviations = read("deviation").ok().zip(read("deviation_uncertainty").ok());
         let (f, x, z) = (read("frequency_hz")?, read("x_amplitude_m")?, read("z_amplitude_m")?);
         let phase = read("phase_rad")?;
         for n in 0..f.len() {
-            let point = Point { frequency_hz: f[n], ratio: x[n] / z[n], phase_rad: Some(phase[n]) };
-            found.push(((set_ups[n].clone(), experiments[n].clone()), point, steady[n] != 0.0));
+            let deviation = deviations.as_ref().map(|(deviation, interval)| (deviation[n], 0.5 * interval[n]));
+            let ratio = x[n] / z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
+            let uncertainty = deviation.map(|(_, uncertainty)| uncertainty);
+            let point = Point { frequency_hz: f[n], ratio, phase_rad: Some(phase[n]), uncertainty };
+            found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_settled(n)));
         }
     }
     let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
@@ -168,11 +177,15 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
     let (all, steady) = (own().count(), points.len());
     if steady < 5 {
         return Err(failed(&format!(
-            "{steady} of {all} points of {set_up:?} are steady; at least 5 are needed\n  settle longer, or measure a free vibration \
+            "{steady} of {all} points of {set_up:?} are steady or stationary; at least 5 are needed\n  settle longer, or measure a free vibration \
              for `damprig identify decay`"
         )));
     }
-    let remarks = if steady < all { vec![format!("{steady} of {all} points are steady and used")] } else { vec![] };
+    let remarks = if steady < all {
+        vec![format!("{steady} of {all} points are steady or stationary, and used")]
+    } else {
+        vec![]
+    };
     Ok((format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()), points, remarks))
 }
 

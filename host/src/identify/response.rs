@@ -27,6 +27,9 @@ pub struct Point {
     pub ratio: f64,
     /// Phase of x relative to z, rad.
     pub phase_rad: Option<f64>,
+    /// Standard uncertainty of the ratio, relative, if it is known; only the relation of the points' values counts, and the
+    /// result's uncertainty is not smaller than they make it.
+    pub uncertainty: Option<f64>,
 }
 
 /// The points of a table.
@@ -43,7 +46,7 @@ pub fn points(table: &Table) -> Result<Vec<Point>, CannotIdentify> {
                 return Err(table.refuse(text));
             }
             let phase_rad = phase.as_ref().map(|phase| phase[row]);
-            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad })
+            Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad, uncertainty: None })
         })
         .collect()
 }
@@ -55,6 +58,9 @@ fn response(frequency_hz: f64, natural_hz: f64, zeta: f64) -> (f64, f64) {
     let square = stiff * stiff + loss * loss;
     ((stiff + loss * loss) / square, loss * (stiff - 1.0) / square)
 }
+
+/// Least relative uncertainty of a point: of sensors and calibration.
+const LEAST_UNCERTAINTY: f64 = 1e-4;
 
 /// Points that a fit needs at least.
 const LEAST: usize = 5;
@@ -78,20 +84,24 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
         ));
     }
     let has_phase = points.iter().all(|point| point.phase_rad.is_some());
+    let is_weighted = points.iter().all(|point| point.uncertainty.is_some());
+    let weight = |point: &Point| 1.0 / point.uncertainty.filter(|_| is_weighted).unwrap_or(1.0).max(LEAST_UNCERTAINTY);
     let mut measured = Vec::new();
     for point in points {
+        let w = weight(point);
         match point.phase_rad.filter(|_| has_phase) {
-            Some(phase) => measured.extend([phase.cos(), phase.sin()]),
-            None => measured.push(point.ratio.ln()),
+            Some(phase) => measured.extend([w * phase.cos(), w * phase.sin()]),
+            None => measured.push(w * point.ratio.ln()),
         }
     }
     let model = |p: &[f64], out: &mut Vec<f64>| {
         for point in points {
             let (real, imaginary) = response(point.frequency_hz, p[0], p[1]);
+            let w = weight(point);
             if has_phase {
-                out.extend([real / point.ratio, imaginary / point.ratio]);
+                out.extend([w * real / point.ratio, w * imaginary / point.ratio]);
             } else {
-                out.push(real.hypot(imaginary).ln());
+                out.push(w * real.hypot(imaginary).ln());
             }
         }
     };
@@ -106,12 +116,15 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
             "the points cannot be fitted by the response of one mass on a spring with viscous damping".into(),
         );
     };
-    let variance = best.variance();
-    if variance.sqrt() > 0.2 {
+    let variance = if is_weighted { best.variance().max(1.0) } else { best.variance() };
+    // RMS of the relative deviations.
+    let mean_weight = points.iter().map(weight).sum::<f64>() / points.len() as f64;
+    let deviation = variance.sqrt() / mean_weight;
+    if deviation > 0.2 {
         return refuse(format!(
             "the points are not the response of one mass with viscous damping: they deviate from it by {:.0} %\n  is a damper \
              mounted, or were the points not steady? the phase is that of x relative to z, negative for a lag",
-            100.0 * variance.sqrt()
+            100.0 * deviation
         ));
     }
     let (natural, zeta) = (best.value(0, variance), best.value(1, variance));

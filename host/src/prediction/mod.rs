@@ -5,7 +5,7 @@
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
 //! cubics that match the sine's displacement and velocity at the ends of every step. The error of a cubic over a step h for
 //! a sine of angular frequency Ω is at most (Ωh)⁴/384 of its amplitude: 2.5·10⁻⁷ with at least 64 steps a period. The
-//! largest |x| is found between the steps too ([`watch`]). A period has a whole number of steps, so cycles are cut exactly.
+//! largest |x| is found between the steps too (`watch`). A period has a whole number of steps, so cycles are cut exactly.
 //!
 //! The work is bounded: a point that lasts very long is predicted up to [`Swing::predicted_s`].
 

@@ -2,7 +2,7 @@
 //!
 //! The base motion is the spline that the device plays through the record's counts, in `f64`, each cubic divided into steps
 //! of at most a tick. The base follows exactly. The measured window is the device's: a release is measured from the instant
-//! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them ([`super::watch`]).
+//! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them (`watch`).
 
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::Sampled;
