@@ -186,7 +186,7 @@ def test_a_finished_run_is_replayed(tmp_path, open_page):
     folder = tmp_path / "run"
     done = subprocess.run([COMMAND, "run", str(CAMPAIGN), "--out", str(folder)], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    with Damprig("monitor", "--run", folder, "--listen", "127.0.0.1:0", "--speed", "10") as damprig:
+    with Damprig("monitor", "--run", folder, "--listen", "127.0.0.1:0", "--speed", "2") as damprig:
         page = ready(open_page(damprig.address, is_loss_expected=True))
         expect(page.locator("#replay")).to_be_visible()
         await_change(page, "plot-x", picture(page, "plot-x"))
