@@ -18,7 +18,7 @@ use crate::client::board_check;
 use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
-use crate::prediction::Predicted;
+use crate::prediction::{Predicted, settling};
 use crate::report::compared::predicted_and_measured;
 use crate::report::numbers::duration;
 use crate::report::terminal;
@@ -166,6 +166,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));
     }
     let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
+    settling::advice(&campaign).iter().for_each(|line| say!("{line}"));
     if !predicted.swings.is_empty() {
         say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
     }

@@ -1,5 +1,6 @@
 //! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
-//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], forces on the walls in [`wall_force`],
+//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], the time that a bare
+//! structure needs to settle in [`settling`], forces on the walls in [`wall_force`],
 //! the simulated shaker and sensors in [`simulated_rig`].
 //!
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
@@ -10,6 +11,7 @@
 //! The work is bounded: a point that lasts very long is predicted up to [`Swing::predicted_s`].
 
 pub mod drive;
+pub mod settling;
 pub mod simulated_rig;
 pub mod transient;
 pub mod wall_force;

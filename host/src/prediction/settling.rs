@@ -1,0 +1,99 @@
+//! Says how long a bare structure must settle until X/Z of a point is within its tolerance of its limit.
+//!
+//! From rest the free vibration decays with the time constant τ = 1/(ζω). At resonance the amplitude is 1 − e^(−t/τ) of its limit,
+//! so its mean over a dwell D from t on is τ/D·e^(−t/τ)·(1 − e^(−D/τ)) below it. Off resonance X/Z is nearer to its limit. A damper
+//! makes the decay faster, by an amount that this does not know: only set-ups without one are judged.
+
+use super::{trim, whole_cycles};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Start, SteppedSine};
+
+/// The verdict on a point needs this many times its tolerance, for the uncertainty of the extrapolation.
+const WITH_UNCERTAINTY: f64 = 1.3;
+
+/// Points within this share of the natural frequency count as near resonance.
+const NEAR: f64 = 0.1;
+
+/// Relative deviation of X/Z from its limit at resonance, as the mean over a dwell that begins `start_s` after rest.
+fn deviation(start_s: f64, dwell_s: f64, time_constant_s: f64) -> f64 {
+    time_constant_s / dwell_s * (-start_s / time_constant_s).exp() * (1.0 - (-dwell_s / time_constant_s).exp())
+}
+
+/// Time after rest from which a dwell has at most this relative deviation.
+fn settled_after_s(deviation_of: f64, dwell_s: f64, time_constant_s: f64) -> f64 {
+    (time_constant_s * (deviation(0.0, dwell_s, time_constant_s) / deviation_of).ln()).max(0.0)
+}
+
+/// A line for each experiment on a bare structure whose points near resonance will not be steady, with what would do.
+#[must_use]
+pub fn advice(campaign: &Campaign) -> Vec<String> {
+    let judged = |set_up: &CampaignSetUp, experiment: &Experiment| {
+        let sine = experiment.stepped_sine().filter(|sine| sine.start == Start::FromRest)?;
+        of_experiment(set_up, experiment, sine)
+    };
+    let pairs = campaign.experiments.iter().flat_map(|e| e.set_ups.iter().map(move |i| (&campaign.set_ups[*i], e)));
+    pairs.filter_map(|(set_up, experiment)| judged(set_up, experiment)).collect()
+}
+
+fn of_experiment(set_up: &CampaignSetUp, experiment: &Experiment, sine: &SteppedSine) -> Option<String> {
+    let model = set_up.model();
+    let natural_hz = set_up.natural_frequency_hz();
+    let frequency_hz = sine.frequencies_hz.iter().copied().find(|f| (f / natural_hz - 1.0).abs() < NEAR)?;
+    let rate = model.structure.damping_ratio() * model.structure.angular_frequency_rad_per_s();
+    if model.particle.is_some() || model.friction_damper.is_some() || model.tmd.is_some() || rate <= 0.0 {
+        return None;
+    }
+    let time_constant_s = 1.0 / rate;
+    let [before, dwell] = whole_cycles(sine, frequency_hz).map(|cycles| cycles / frequency_hz);
+    let tolerance = f64::from(sine.steady.tolerance);
+    let left = deviation(before, dwell, time_constant_s);
+    if WITH_UNCERTAINTY * left <= tolerance {
+        return None;
+    }
+    let needed_s = settled_after_s(tolerance / WITH_UNCERTAINTY, dwell, time_constant_s);
+    let longest_s = (1.0 + ((needed_s - sine.settle_s).max(0.0) / sine.dwell_s).ceil()) * sine.dwell_s;
+    Some(format!(
+        "Set-up {:?}, experiment {:?}: near resonance X/Z will be measured {:.0} % below its limit (time constant {} s).\n  For steady \
+         points write steady = {{ longest_dwell_s = {} }}, or settle_s = {}.",
+        set_up.name,
+        experiment.name,
+        100.0 * left,
+        trim(time_constant_s),
+        trim(longest_s),
+        needed_s.ceil(),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::Source;
+
+    fn campaign(damping_ratio: f64, times: &str, damper: &str) -> Campaign {
+        let text = format!(
+            "name = \"t\"\n[structure]\nmass_kg = 1.6\nnatural_frequency_hz = 2.5\ndamping_ratio = {damping_ratio}\n\
+             [[set_up]]\nname = \"bare\"\nbase_amplitude_m = 0.0004\n{damper}\
+             [[experiment]]\nname = \"sweep\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"from_rest\"\n{times}\n"
+        );
+        Campaign::parse(Source::new("t.toml", text)).unwrap()
+    }
+
+    #[test]
+    fn a_dwell_that_ends_before_the_structure_has_settled_is_told_with_what_would_do() {
+        // τ = 16.75 s: 32 s from rest leave τ/32·(1 − e^(−32/τ)) = 44.6 %.
+        let told = advice(&campaign(0.0038, "dwell_s = 32", ""));
+        let [line] = &told[..] else { panic!("{told:?}") };
+        assert!(line.contains("45 % below its limit (time constant 16.753 s)"), "{line}");
+        // Needed: 44.6 % · e^(−t/τ) = 1 %/1.3, t = 68.02 s: three more dwells.
+        assert!(line.contains("longest_dwell_s = 128 }, or settle_s = 69."), "{line}");
+        for enough in ["dwell_s = 32\nsteady = { longest_dwell_s = 128 }", "dwell_s = 32\nsettle_s = 69"] {
+            assert_eq!(advice(&campaign(0.0038, enough, "")), [""; 0], "{enough}");
+        }
+    }
+
+    #[test]
+    fn strong_damping_and_dampers_need_no_advice() {
+        assert_eq!(advice(&campaign(0.1, "dwell_s = 40\nsettle_s = 4", "")), [""; 0]);
+        let damper = "friction_damper = { friction_ratio = 0.6 }\n";
+        assert_eq!(advice(&campaign(0.0038, "dwell_s = 32", damper)), [""; 0]);
+    }
+}
