@@ -69,7 +69,7 @@ def run(folder, *more):
 
 
 def test_a_run_is_watched_from_the_first_sample_to_the_stop(tmp_path, open_page):
-    with run(tmp_path / "run", "--control", "--speed", "4") as damprig:
+    with run(tmp_path / "run", "--control", "--speed", "1") as damprig:
         assert damprig.token
         page = ready(open_page(damprig.address, token=damprig.token, is_loss_expected=True))
         expect(page.locator("#name")).to_contain_text("short")
@@ -77,12 +77,12 @@ def test_a_run_is_watched_from_the_first_sample_to_the_stop(tmp_path, open_page)
         before = picture(page, "plot-x")
         await_change(page, "plot-x", before)
         # X/Z appears point by point.
-        expect(page.locator("#response-legend")).to_contain_text("1 points")
-        expect(page.locator("#points")).to_contain_text("1 of 6 points")
+        expect(page.locator("#response-legend")).to_contain_text(re.compile("[1-3] points"))
+        expect(page.locator("#points")).to_contain_text(re.compile("[1-5] of 6 points"))
         expect(page.locator("#n-frequency")).not_to_have_text("–")
         # A late viewer sees the history.
         late = ready(open_page(damprig.address, is_loss_expected=True))
-        expect(late.locator("#response-legend")).to_contain_text("1 points")
+        expect(late.locator("#response-legend")).to_contain_text(re.compile("[1-3] points"))
         expect(late.locator("#hint")).to_contain_text("View only.")
         assert page.locator("#ignored").text_content() == "0"
         # Stop.
