@@ -59,7 +59,8 @@ fn two_experiments_on_one_set_up_have_a_row_and_a_curve_each() {
     let said = damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
     let said = String::from_utf8_lossy(&said.get_output().stdout).into_owned();
     // Each row has the points of its experiment alone.
-    let rows: Vec<&str> = said.lines().filter(|line| line.contains("sweep") || line.contains("slowly")).collect();
+    let table = said.lines().filter(|line| line.starts_with('│'));
+    let rows: Vec<&str> = table.filter(|line| line.contains("sweep") || line.contains("slowly")).collect();
     assert_eq!(rows.len(), 3, "{said}");
     assert!(rows[0].contains("bare") && rows[1].contains("slowly") && rows[2].contains("hybrid"), "{said}");
     let page = page(&folder.path().join("out"));
