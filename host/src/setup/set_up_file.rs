@@ -118,7 +118,7 @@ impl SetUpText {
                 check_table(&table, part.name());
             }
         }
-        let entries = root.tables_if_any(IDENTIFIED);
+        let entries = root.tables(IDENTIFIED);
         let identified: Vec<Option<Identified>> = entries.iter().map(read_identified).collect();
         root.finish();
         let identified: Option<Vec<Identified>> = identified.into_iter().collect();

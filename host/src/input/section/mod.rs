@@ -1,16 +1,20 @@
 //! One TOML table, read key by key: keys that nothing reads are reported as unknown.
 //!
-//! Declared quantities ([`super::key`]) are read by [`Section::given`] and the methods after it, which apply the
-//! declaration; other keys by name. A section may inherit: a key that it does not have is looked up in the table of the
-//! same name at the top of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the
+//! Keys are read by name here; `quantities` reads those that are declared as quantities, `unusual` warns of unusual values. A
+//! section may inherit: a key that it does not have is looked up in the table of the same name at the top of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the
 //! caller gets all problems at the end.
+
+mod quantities;
+mod unusual;
 
 use std::cell::RefCell;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::key::{DefaultValue, Key, Kind, Need, Quantity, Range, Table, Unit};
+pub use quantities::Given;
+
+use super::key::{Range, Unit};
 use super::{Problem, Source, Span, suggest};
 
 /// A number and its place.
@@ -29,21 +33,6 @@ pub struct Text {
     pub value: String,
     /// Where it was written.
     pub span: Span,
-}
-
-/// The value of a quantity.
-#[derive(Debug)]
-pub enum Given<'a> {
-    /// A number.
-    Number(f64),
-    /// A list of numbers.
-    Numbers(Vec<Number>),
-    /// A word, by its place among the key's words.
-    Word(usize),
-    /// A text.
-    Text(Text),
-    /// A table.
-    Table(Section<'a>),
 }
 
 /// A table of the file, with its name in messages.
@@ -138,197 +127,6 @@ impl<'a> Section<'a> {
     fn absence(&self, key: &str, what: impl Into<String>) -> Problem {
         let title = format!("`{}` is missing", self.full(key));
         Problem { title, span: self.span(), allowed: what.into(), help: None }
-    }
-
-    /// The keys of a quantity that are written, here or in the table that the section inherits from.
-    fn found(&self, quantity: &Quantity) -> Vec<&'static Key> {
-        quantity.keys.iter().filter(|key| self.value(key.name).is_some()).collect()
-    }
-
-    /// Whether a quantity is written, here or in the table that the section inherits from.
-    #[must_use]
-    pub fn is_given(&self, quantity: &Quantity) -> bool {
-        !self.found(quantity).is_empty()
-    }
-
-    /// The key under which a quantity is written; the section's own before an inherited one.
-    pub fn written(&self, quantity: &Quantity) -> Option<&'static Key> {
-        let found = self.found(quantity);
-        let own: Vec<&Key> = found.iter().copied().filter(|key| self.has_own(key.name)).collect();
-        let found = if own.is_empty() { found } else { own };
-        if let [first, second, ..] = found[..] {
-            let help = Some(format!("leave out `{}` or `{}`", first.name, second.name));
-            self.reject(second.name, format!("`{}` is given too, and says the same quantity", first.name), help);
-        }
-        found.first().copied()
-    }
-
-    /// A declared quantity: the place of its key among its keys, and the value; `None` if there is none, or after a problem
-    /// has been reported.
-    pub fn given(&self, quantity: &Quantity) -> Option<(usize, Given<'a>)> {
-        let key = self.written(quantity);
-        let mut need = quantity.need;
-        let mut reason = None;
-        while let Need::If(other, name, then, otherwise) = need {
-            let holds = self.written(other).is_some_and(|key| key.name == name);
-            need = if holds { *then } else { *otherwise };
-            reason = Some((name, holds));
-        }
-        match (key, need) {
-            // The section's own keys override inherited ones.
-            (Some(key), Need::Forbidden) => {
-                if self.has_own(key.name) || !reason.is_some_and(|(other, _)| self.has_own(other)) {
-                    self.forbid(key, reason);
-                }
-                None
-            }
-            (Some(key), _) => Some((quantity.keys.iter().position(|k| k.name == key.name)?, self.read(key)?)),
-            (None, Need::Required) => {
-                // If any of its keys is a number, the message asks for a number.
-                let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
-                let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
-                let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
-                let list: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-                let what = match &list[..] {
-                    [list @ .., last] if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
-                    _ => first.doc.into(),
-                };
-                self.missing.borrow_mut().push((names, self.absence(first.name, what)));
-                None
-            }
-            (None, Need::Default(DefaultValue::Word(word))) => {
-                let Kind::Word(words) = quantity.keys[0].kind else { return None };
-                Some((0, Given::Word(words.iter().position(|w| *w == word)?)))
-            }
-            (None, Need::Default(value)) => Some((0, Given::Number(value.number()?))),
-            (None, _) => None,
-        }
-    }
-
-    /// Reports a key that is not allowed; `reason`: the other key, and whether that is written.
-    fn forbid(&self, key: &'static Key, reason: Option<(&'static str, bool)>) {
-        match reason {
-            Some((other, true)) if key.kind == Kind::Table => self.source.report(Problem {
-                title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(other)),
-                span: self.span_of(key.name),
-                allowed: "one or the other".into(),
-                help: Some(format!("leave out `{}` or `{other}`", key.name)),
-            }),
-            Some((other, true)) => {
-                let help = Some(format!("leave out `{other}` or `{}`", key.name));
-                self.reject(key.name, format!("`{other}` is given too, and says it"), help);
-            }
-            Some((other, false)) => self.reject(key.name, format!("goes with `{other}`, which is not given"), None),
-            None => self.reject(key.name, "must be left out", None),
-        }
-    }
-
-    fn read(&self, key: &'static Key) -> Option<Given<'a>> {
-        match key.kind {
-            Kind::Number(range) => {
-                let number = self.number_in(key.name, range)?;
-                self.warn_if_unusual(key, number.value);
-                Some(Given::Number(number.value))
-            }
-            Kind::Numbers => self.numbers(key.name).map(Given::Numbers),
-            Kind::Word(words) => self.choice(key.name, words).map(Given::Word),
-            Kind::TextOrPlace if !self.is_text(key.name) => {
-                let is_place = |v: f64| v >= 1.0 && v.fract() == 0.0 && v < 1e6;
-                let place = self.number_if(key.name, is_place, "a place from 1 up, or a name in quotes");
-                place.map(|number| Given::Number(number.value))
-            }
-            Kind::Text | Kind::TextOrPlace => self.text(key.name).map(Given::Text),
-            Kind::Table => self.table(key.name, None).map(Given::Table),
-        }
-    }
-
-    /// Warns if the value of a key, which is written here, is outside the key's usual range.
-    pub fn warn_if_unusual(&self, key: &'static Key, value: f64) {
-        if key.is_unusual(value) {
-            let title = format!("`{}` = {} is unusual", self.full(key.name), shown_number(value));
-            self.warn(&self.span_of(key.name), title, key);
-        }
-    }
-
-    /// Warns of each unusual value of these keys that is written in the section itself: a number, or one of a list.
-    pub fn warn_of_unusual(&self, keys: &[Key]) {
-        for key in keys {
-            let Some(written) = self.own.get(key.name) else { continue };
-            let values = written.get_ref().as_array().map_or(std::slice::from_ref(written), |list| &list[..]);
-            let unusual = values.iter().find_map(|v| Some((v.span(), finite(v).filter(|v| key.is_unusual(*v))?)));
-            if let Some((span, value)) = unusual {
-                self.warn(&span, format!("`{}` = {} is unusual", self.full(key.name), shown_number(value)), key);
-            }
-        }
-    }
-
-    /// Warns if a quantity that is written under another key amounts to an unusual value of its key `name`.
-    pub fn warn_if_it_means(&self, quantity: &Quantity, name: &str, value: f64) {
-        let (Some(written), Some(key)) = (self.written(quantity), quantity.key(name)) else { return };
-        if written.name != name && key.is_unusual(value) {
-            let title = format!("`{}` means an unusual {name} = {}", self.full(written.name), shown_number(value));
-            self.warn(&self.span_of(written.name), title, key);
-        }
-    }
-
-    fn warn(&self, span: &Span, title: String, key: &Key) {
-        let Some((least, most)) = key.usual else { return };
-        let symbol = Unit::of(key.name).map_or("", |unit| unit.symbol);
-        let space = if symbol.is_empty() { "" } else { " " };
-        self.source.warn(Problem {
-            title,
-            span: span.clone(),
-            allowed: format!("usually from {least} to {most}{space}{symbol}: {}", key.doc),
-            help: Some("the value is used as it is".into()),
-        });
-    }
-
-    /// A declared quantity that is a number: the place of its key, and the value.
-    pub fn one_of(&self, quantity: &Quantity) -> Option<(usize, f64)> {
-        match self.given(quantity)? {
-            (place, Given::Number(value)) => Some((place, value)),
-            _ => None,
-        }
-    }
-
-    /// A declared number.
-    pub fn scalar(&self, quantity: &Quantity) -> Option<f64> {
-        self.one_of(quantity).map(|(_, value)| value)
-    }
-
-    /// A declared word, by its place among the key's words.
-    pub fn word(&self, quantity: &Quantity) -> Option<usize> {
-        match self.given(quantity)? {
-            (_, Given::Word(place)) => Some(place),
-            _ => None,
-        }
-    }
-
-    /// A declared text.
-    pub fn text_of(&self, quantity: &Quantity) -> Option<Text> {
-        match self.given(quantity)? {
-            (_, Given::Text(text)) => Some(text),
-            _ => None,
-        }
-    }
-
-    /// A declared table, which takes missing keys from `inherited`, as [`table`](Self::table) does.
-    pub fn table_of(&self, quantity: &Quantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
-        match self.given(quantity)? {
-            (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
-            _ => None,
-        }
-    }
-
-    /// Which of `tables` the section is, by its kind. When the kind is unknown the other keys cannot be checked: do not
-    /// [`finish`](Self::finish) it.
-    pub fn variant(&self, tables: &[Table]) -> Option<usize> {
-        let kinds: Vec<&'static str> = tables.iter().filter_map(|table| table.kind).collect();
-        if self.value("kind").is_none() {
-            let list: Vec<String> = kinds.iter().map(|kind| format!("kind = {kind:?}")).collect();
-            self.source.report(self.absence("kind", format!("write {}", list.join(" or "))));
-        }
-        self.choice("kind", &kinds)
     }
 
     /// A finite number within its unit's bounds, if the key is there.
@@ -502,26 +300,6 @@ impl<'a> Section<'a> {
         items.iter().enumerate().filter_map(section).collect()
     }
 
-    /// As [`tables`](Self::tables); nothing is reported when the key is absent.
-    #[must_use]
-    pub fn tables_if_any(&self, key: &'static str) -> Vec<Section<'a>> {
-        if self.value(key).is_some() { self.tables(key) } else { Vec::new() }
-    }
-
-    /// Checks every key of a declared table that is written, each for itself; returns the tables inside it. Nothing is required:
-    /// the table completes others.
-    pub fn check_keys(&self, table: &Table) -> Vec<(&'static str, Section<'a>)> {
-        let mut inner = Vec::new();
-        for key in table.quantities.iter().flat_map(|quantity| quantity.keys) {
-            if self.value(key.name).is_some()
-                && let Some(Given::Table(section)) = self.read(key)
-            {
-                inner.push((key.name, section));
-            }
-        }
-        inner
-    }
-
     /// Ends the reading: reports unknown and missing keys.
     pub fn finish(&self) {
         let mut names: Vec<&str> = self.known.borrow().clone();
@@ -552,11 +330,6 @@ impl<'a> Section<'a> {
             }
         }
     }
-}
-
-/// A number with at most six significant digits.
-fn shown_number(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 fn finite(value: &Spanned<DeValue>) -> Option<f64> {

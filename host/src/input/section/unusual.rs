@@ -1,0 +1,53 @@
+//! Warns of values outside the usual range of their key ([`Key::usual`]). The values are used as they are.
+
+use super::{Section, finite};
+use crate::input::key::{Key, Quantity, Unit};
+use crate::input::{Problem, Span};
+
+impl Section<'_> {
+    /// Warns if the value of a key, which is written here, is outside the key's usual range.
+    pub fn warn_if_unusual(&self, key: &'static Key, value: f64) {
+        if key.is_unusual(value) {
+            let title = format!("`{}` = {} is unusual", self.full(key.name), shown_number(value));
+            self.warn(&self.span_of(key.name), title, key);
+        }
+    }
+
+    /// Warns of each unusual value of these keys that is written in the section itself: a number, or one of a list.
+    pub fn warn_of_unusual(&self, keys: &[Key]) {
+        for key in keys {
+            let Some(written) = self.own.get(key.name) else { continue };
+            let values = written.get_ref().as_array().map_or(std::slice::from_ref(written), |list| &list[..]);
+            let unusual = values.iter().find_map(|v| Some((v.span(), finite(v).filter(|v| key.is_unusual(*v))?)));
+            if let Some((span, value)) = unusual {
+                self.warn(&span, format!("`{}` = {} is unusual", self.full(key.name), shown_number(value)), key);
+            }
+        }
+    }
+
+    /// Warns if a quantity that is written under another key amounts to an unusual value of its key `name`.
+    pub fn warn_if_it_means(&self, quantity: &Quantity, name: &str, value: f64) {
+        let (Some(written), Some(key)) = (self.written(quantity), quantity.key(name)) else { return };
+        if written.name != name && key.is_unusual(value) {
+            let title = format!("`{}` means an unusual {name} = {}", self.full(written.name), shown_number(value));
+            self.warn(&self.span_of(written.name), title, key);
+        }
+    }
+
+    fn warn(&self, span: &Span, title: String, key: &Key) {
+        let Some((least, most)) = key.usual else { return };
+        let symbol = Unit::of(key.name).map_or("", |unit| unit.symbol);
+        let space = if symbol.is_empty() { "" } else { " " };
+        self.source.warn(Problem {
+            title,
+            span: span.clone(),
+            allowed: format!("usually from {least} to {most}{space}{symbol}: {}", key.doc),
+            help: Some("the value is used as it is".into()),
+        });
+    }
+}
+
+/// A number with at most six significant digits.
+fn shown_number(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
