@@ -107,7 +107,7 @@ class Rig:
         ratio = self.cycle_high / self.z_m
         return {"set_up": self.set_up, "experiment": "sweep", "frequency_hz": self.frequency_hz, "x_over_z": ratio,
                 "x_over_z_lock_in": ratio * 0.99, "x_m": self.cycle_high, "z_m": self.z_m,
-                "steady": abs(self.frequency_hz - 2.5) > 0.08}
+                "steadiness": "steady" if abs(self.frequency_hz - 2.5) > 0.08 else "not steady"}
 
     def slow(self):
         """The controller's numbers now, as one row."""

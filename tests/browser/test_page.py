@@ -49,10 +49,10 @@ def test_curves_move_and_points_appear_one_by_one(live, open_page):
         await_change(page, plot, old)
     for number in range(1, 4):
         live.frame(points=[{"set_up": "bare", "experiment": "step", "frequency_hz": 2 + number / 10, "x_over_z": 3.0 * number,
-                            "steady": True}])
+                            "steadiness": "steady"}])
         expect(page.locator("#response-legend")).to_contain_text(f"bare · step{number} points")
     # A point that comes again replaces the earlier one.
-    live.frame(points=[{"set_up": "bare", "experiment": "step", "frequency_hz": 2.3, "x_over_z": 8.0, "steady": False}])
+    live.frame(points=[{"set_up": "bare", "experiment": "step", "frequency_hz": 2.3, "x_over_z": 8.0, "steadiness": "not steady"}])
     live.frame(log=[{"at": "15:00:00", "level": "info", "text": "after the points"}])
     expect(page.locator("#log")).to_contain_text("after the points")
     expect(page.locator("#response-legend")).to_contain_text("bare · step3 points")

@@ -20,7 +20,7 @@ def test_hostile_text_is_shown_as_text(still, open_page):
     still.about = {
         "source": {"kind": "run", "name": text, "rig": text, "board": text, "folder": text}, "version": text, "where_to_stop": text,
         "signals": [{"name": text, "unit": text}], "curves": [{"set_up": text, "experiment": text, "predicted": [[2, 1], [3, 2]]}],
-        "points": [{"set_up": text, "experiment": "__proto__", "frequency_hz": 2.5, "x_over_z": 3, "steady": True}],
+        "points": [{"set_up": text, "experiment": "__proto__", "frequency_hz": 2.5, "x_over_z": 3, "steadiness": "steady"}],
         "transients": [{"set_up": text, "experiment": text, "text": text}], "log": [{"at": text, "level": text, "text": text}]}
     still.state = {"headline": text, "set_up": text, "alarms": [text], "injected": [text],
                    "fault": {"what": text, "advice": text}, "link": {"name": text, "state": text}}
@@ -68,7 +68,7 @@ def test_damaged_messages_are_counted_and_harmless(still, open_page):
 
 def test_a_snapshot_replaces_everything(still, open_page):
     page = ready(open_page(still.address))
-    still.frame(points=[{"set_up": "old", "experiment": "sweep", "frequency_hz": 2.2, "x_over_z": 2, "steady": True}],
+    still.frame(points=[{"set_up": "old", "experiment": "sweep", "frequency_hz": 2.2, "x_over_z": 2, "steadiness": "steady"}],
                 log=[{"at": "1", "level": "info", "text": "old entry"}])
     expect(page.locator("#response-legend")).to_contain_text("old")
     still.send(still.snapshot() | {"curves": [], "points": [], "log": []})
@@ -125,7 +125,7 @@ def test_nothing_is_drawn_while_the_tab_is_hidden(live, open_page):
     }""")
     page.wait_for_timeout(300)
     before = page.evaluate("seen.draws")
-    live.frame(points=[{"set_up": "unseen", "experiment": "sweep", "frequency_hz": 2.2, "x_over_z": 2, "steady": True}])
+    live.frame(points=[{"set_up": "unseen", "experiment": "sweep", "frequency_hz": 2.2, "x_over_z": 2, "steadiness": "steady"}])
     page.wait_for_timeout(1000)
     assert page.evaluate("seen.draws") == before
     assert "unseen" not in page.locator("#response-legend").text_content()

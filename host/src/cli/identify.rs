@@ -289,18 +289,13 @@ fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {
 
 /// Prints the results and writes the set-up file.
 fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome {
-    let text = args.out.as_ref().map(|path| set_up_text(args, path, &identified)).transpose()?;
+    let text = args.out.as_ref().map(|path| set_up_text(args, path, source, &identified)).transpose()?;
     if args.json {
         say!("{}", serde_json::to_string(&identified).map_err(Failure::failed)?);
     } else {
         say!("{}", text_of(&identified));
     }
     let (Some(path), Some(text)) = (&args.out, text) else { return Ok(()) };
-    let is_source = path.canonicalize().is_ok_and(|out| source.canonicalize().is_ok_and(|source| source == out));
-    if is_source {
-        let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
-        return Err(Failure::Input(message));
-    }
     let out = OutFile { path: path.clone(), force: args.force || args.update };
     let failed = to_failure(path);
     write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)?;
@@ -315,7 +310,12 @@ fn finish(args: &OutArgs, source: &Path, identified: Identification) -> Outcome 
 }
 
 /// The text of the set-up file, with what an existing one has.
-fn set_up_text(args: &OutArgs, path: &Path, identified: &Identification) -> Result<String, Failure> {
+fn set_up_text(args: &OutArgs, path: &Path, source: &Path, identified: &Identification) -> Result<String, Failure> {
+    let is_source = path.canonicalize().is_ok_and(|out| source.canonicalize().is_ok_and(|source| source == out));
+    if is_source {
+        let message = format!("--out would overwrite {}, the record\n  give another file name", path.display());
+        return Err(Failure::Input(message));
+    }
     let exists = path.symlink_metadata().is_ok();
     if exists && !args.update && !args.force {
         let message = format!(

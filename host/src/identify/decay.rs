@@ -48,7 +48,7 @@ pub struct Decay {
     pub swings_m: [f64; 2],
     /// RMS of the residuals, m.
     pub residual_rms_m: f64,
-    /// By how much neighbouring residuals hang together: 1 for white noise. The uncertainties include its square root.
+    /// By how much correlation of neighbouring residuals raises the variance of a mean: 1 for white noise. The uncertainties include its square root.
     pub inflation: f64,
     /// The fitted motion.
     pub motion: DecayMotion,
@@ -270,7 +270,7 @@ impl Decay {
         )];
         if self.inflation > 1.5 {
             remarks.push(format!(
-                "neighbouring residuals hang together: the uncertainties are widened by {:.1}; the motion has something that \
+                "neighbouring residuals are correlated: the uncertainties are widened by {:.1}; the motion has something that \
                  the model does not, or the noise is not white",
                 self.inflation.sqrt()
             ));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::CannotIdentify;
-use super::response::Point;
+use super::response::{LEAST, Point};
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::results::steadiness_of;
@@ -137,8 +137,8 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
     })
 }
 
-/// Reads the settled points of a stepped sine on the bare structure: what they were taken from, the points, and remarks. X/Z is
-/// corrected by its deviation from its limit, where the run has it.
+/// Reads the settled points of a stepped sine on the bare structure: what they were taken from, the points, and remarks. X/Z (cycle
+/// maxima) is corrected by its deviation from its limit, where the run has it.
 ///
 /// # Errors
 /// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
@@ -154,13 +154,13 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
         let verdicts = names("steadiness").unwrap_or_default();
         let is_settled = |n: usize| verdicts.get(n).map_or(steady[n] != 0.0, |text| steadiness_of(text).is_settled());
         let deviations = read("deviation").ok().zip(read("deviation_uncertainty").ok());
-        let (f, x, z) = (read("frequency_hz")?, read("x_amplitude_m")?, read("z_amplitude_m")?);
-        let phase = read("phase_rad")?;
+        let (f, x_over_z) = (read("frequency_hz")?, read("x_over_z")?);
         for n in 0..f.len() {
             let deviation = deviations.as_ref().map(|(deviation, interval)| (deviation[n], 0.5 * interval[n]));
-            let ratio = x[n] / z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
+            let ratio = x_over_z[n] / (1.0 + deviation.map_or(0.0, |(deviation, _)| deviation));
             let uncertainty = deviation.map(|(_, uncertainty)| uncertainty);
-            let point = Point { frequency_hz: f[n], ratio, phase_rad: Some(phase[n]), uncertainty };
+            // The deviation is that of the amplitude: the phase of a motion that still settles is not known as well.
+            let point = Point { frequency_hz: f[n], ratio, phase_rad: None, uncertainty };
             found.push(((set_ups[n].clone(), experiments[n].clone()), point, is_settled(n)));
         }
     }
@@ -174,17 +174,16 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
     }
     let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));
     let points: Vec<Point> = own().filter(|f| f.2 && f.1.ratio.is_finite()).map(|f| f.1).collect();
-    let (all, steady) = (own().count(), points.len());
-    if steady < 5 {
+    let (all, settled) = (own().count(), points.len());
+    if settled < LEAST {
         return Err(failed(&format!(
-            "{steady} of {all} points of {set_up:?} are steady or stationary; at least 5 are needed\n  settle longer, or measure a free vibration \
-             for `damprig identify decay`"
+            "{settled} of {all} points of {set_up:?} are steady or stationary; at least {LEAST} are needed\n  settle longer, or \
+             measure a free vibration for `damprig identify decay`"
         )));
     }
-    let remarks = if steady < all {
-        vec![format!("{steady} of {all} points are steady or stationary, and used")]
-    } else {
-        vec![]
+    let remarks = match all - settled {
+        0 => vec![],
+        _ => vec![format!("{settled} of {all} points are steady or stationary, and used")],
     };
     Ok((format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()), points, remarks))
 }

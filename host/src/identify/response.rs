@@ -63,7 +63,7 @@ fn response(frequency_hz: f64, natural_hz: f64, zeta: f64) -> (f64, f64) {
 const LEAST_UNCERTAINTY: f64 = 1e-4;
 
 /// Points that a fit needs at least.
-const LEAST: usize = 5;
+pub(super) const LEAST: usize = 5;
 
 /// Identifies fn and ζ.
 ///

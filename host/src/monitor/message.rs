@@ -89,8 +89,6 @@ pub struct Point {
     pub x_m: Option<f64>,
     /// Lock-in amplitude of z, m.
     pub z_m: Option<f64>,
-    /// Whether X/Z is within its tolerance of its limit: the point is steady or stationary.
-    pub steady: bool,
     /// `steady`, `stationary` or `not steady`.
     pub steadiness: String,
 }

@@ -341,7 +341,6 @@ pub(super) fn point(row: &ResultRow) -> Point {
         x_over_z_lock_in: known(row.x_over_z_lock_in()),
         x_m: known(row.x_mean_cycle_max_m.into()),
         z_m: known(row.z_amplitude_m.into()),
-        steady: row.steadiness.is_settled(),
         steadiness: steadiness_text(row.steadiness).to_string(),
     }
 }

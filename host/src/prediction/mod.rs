@@ -1,7 +1,6 @@
 //! Predicts the largest displacement of each set-up before the rig moves, and refuses those that exceed a limit. Records,
-//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], the time that a bare
-//! structure needs to settle in [`settling`], forces on the walls in [`wall_force`],
-//! the simulated shaker and sensors in [`simulated_rig`].
+//! pulses and free vibrations are in [`transient`], the drive's range in [`drive`], the time that a bare structure needs to settle
+//! in [`settling`], forces on the walls in [`wall_force`], the simulated shaker and sensors in [`simulated_rig`].
 //!
 //! Each set-up is simulated through the campaign's points with the sampled driver in `f64`. The base motion is given as
 //! cubics that match the sine's displacement and velocity at the ends of every step. The error of a cubic over a step h for
@@ -32,6 +31,7 @@ use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use transient::Expected;
 use watch::MotionWatch;
+pub use watch::contact_s;
 
 /// The largest displacement of a set-up.
 #[derive(Clone, Copy, Debug, PartialEq)]

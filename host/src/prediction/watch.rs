@@ -17,7 +17,8 @@ use crate::settings::number_of;
 const HALVINGS: u32 = 50;
 
 /// Contact time that turns an impulse into a force: that of the simulated rig, s.
-pub(super) fn contact_s() -> f64 {
+#[must_use]
+pub fn contact_s() -> f64 {
     number_of(WallSensors::default().contact_s)
 }
 

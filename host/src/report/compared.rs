@@ -4,6 +4,7 @@ use damprig_core::control::stepped_sine::DriveMode;
 
 use super::numbers::significant;
 use crate::campaign::Campaign;
+use crate::prediction::contact_s;
 use crate::settings::number_of;
 
 /// One sentence or two for each reason that the campaign has.
@@ -12,11 +13,14 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     let sines = || campaign.experiments.iter().filter_map(|e| e.stepped_sine());
     let mut notes =
         vec!["Predicted: a simulation of the same set-up and times, without noise, on a base that moves exactly as demanded.".to_string()];
-    if sines().any(|sine| sine.settle_s > 0.0) {
+    if sines().any(|sine| sine.settle_s > 0.0 || sine.longest_dwell_s() > sine.dwell_s) {
         notes.push(
-            "Before the run max|x| is predicted with the settling time, after it for the dwell alone, as measured."
+            "Before the run max|x| is predicted from the start of each point, after it for the dwell alone, as measured."
                 .into(),
         );
+    }
+    if sines().any(|sine| sine.longest_dwell_s() > sine.dwell_s) {
+        notes.push("A point that is measured until it is steady is predicted in its last possible dwell.".into());
     }
     if campaign.rig.shaker.is_some() && sines().any(|sine| sine.drive == DriveMode::Constant) {
         notes.push(
@@ -41,9 +45,10 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     }
     if campaign.set_ups.iter().any(|s| s.model().particle.is_some()) {
         notes.push(format!(
-            "Impacts are predicted as the board counts them: pulses above {} N in a contact of 2 ms, of a chatter only those \
+            "Impacts are predicted as the board counts them: pulses above {} N in a contact of {} ms, of a chatter only those \
              apart. A motion with impacts may be chaotic: then noise changes single maxima and counts, and both may be right.",
-            significant(number_of(campaign.rig.board.impacts.threshold_n), 3)
+            significant(number_of(campaign.rig.board.impacts.threshold_n), 3),
+            significant(contact_s() * 1e3, 3)
         ));
     }
     notes

@@ -64,7 +64,6 @@ fn point(frequency_hz: f64) -> Update {
         x_over_z_lock_in: None,
         x_m: None,
         z_m: None,
-        steady: true,
         steadiness: "steady".into(),
     })
 }

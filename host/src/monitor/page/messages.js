@@ -45,7 +45,6 @@ export function pointOf(raw) {
     x_over_z_lock_in: number(raw.x_over_z_lock_in),
     x_m: number(raw.x_m),
     z_m: number(raw.z_m),
-    steady: raw.steady === true,
     steadiness: text(raw.steadiness, 20),
   };
 }

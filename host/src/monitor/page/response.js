@@ -57,7 +57,7 @@ export class Response {
       const dash = curve.nth > 0 ? [6, 2 + 2 * curve.nth] : [];
       const points = this.sorted[i];
       pen.path(points.map((p) => [p.frequency_hz, p.x_over_z]), name, { width: 2, dash });
-      for (const p of points) pen.marker(p.frequency_hz, p.x_over_z, curve.index, name, p.steady);
+      for (const p of points) pen.marker(p.frequency_hz, p.x_over_z, curve.index, name, p.steadiness !== "not steady");
     });
     const running = this.#running();
     if (running !== null) {
@@ -84,8 +84,7 @@ export class Response {
     });
     if (nearest === null) return this.#note();
     const { p } = nearest;
-    const steady = `, ${p.steadiness}`;
-    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima), ${fixed(p.x_over_z_lock_in, 2)} (lock-in)${steady}`);
+    put($("response-note"), `${p.set_up}: ${significant(p.frequency_hz, 5)} Hz, X/Z ${fixed(p.x_over_z, 2)} (cycle maxima), ${fixed(p.x_over_z_lock_in, 2)} (lock-in), ${p.steadiness}`);
   }
 
   #legend() {

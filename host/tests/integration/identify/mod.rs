@@ -5,6 +5,7 @@
 
 mod decay;
 mod refusals;
+mod response;
 mod set_up_file;
 mod tables;
 

@@ -82,10 +82,13 @@ pub struct PointMeter {
     sum_of_maxima: Sum,
     max: f32,
     last_max: f32,
+    /// Of the cycle maxima: over the dwell, over its second half, and in batches.
     spread: Trend,
     trend: Trend,
+    /// First cycle of the second half.
     trend_from: u32,
     maxima: Batches,
+    /// Of each cycle's amplitudes at the drive frequency.
     x_approach: Approach,
     z_approach: Approach,
     x_noise: NoiseMeter,

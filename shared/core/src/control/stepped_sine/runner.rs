@@ -386,9 +386,9 @@ impl SteppedSineRunner {
         let dwell_ticks = place.end_tick.wrapping_sub(self.start_tick);
         let with_another =
             place.end_tick.wrapping_sub(self.first_dwell.unwrap_or(now.tick)).saturating_add(dwell_ticks);
-        // Whole cycles in ticks are rounded: a cycle more than the longest time is allowed.
+        // Whole cycles in ticks are rounded: a cycle more than the longest time is allowed. A dwell has at least six.
         let longest = self.plan.longest_dwell_ticks.saturating_add(u32::MAX / self.increment.max(1));
-        if self.plan.longest_dwell_ticks > 0 && !result.steadiness.is_settled() && with_another <= longest {
+        if !result.steadiness.is_settled() && with_another <= longest {
             self.stage = ExperimentStage::Settle;
             return Outcome::Running;
         }
