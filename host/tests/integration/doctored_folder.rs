@@ -16,6 +16,7 @@ use damprig::report::page::page;
 use damprig::report::terminal;
 use damprig::run_folder::RunFolder;
 use damprig::run_folder::journal::{JOURNAL, Journal};
+use damprig::run_folder::read::parquet_file;
 use damprig::run_folder::read::verify::verify;
 use damprig::run_folder::write::writer::{Layout, Writer};
 use damprig::runner::resume::EarlierRun;
@@ -305,4 +306,24 @@ fn no_change_of_a_run_folder_makes_a_reader_panic_hang_or_leave_it() {
         std::fs::remove_dir_all(&runs).unwrap();
         std::fs::remove_dir_all(&out).unwrap();
     }
+}
+
+/// The crate that reads these files panics on some of them.
+#[test]
+fn a_table_with_a_changed_byte_is_read_or_refused() {
+    let folder = folder_with(&campaign());
+    let [_, run] = runs(&folder);
+    let table = std::fs::read(run.join("results.parquet")).unwrap();
+    let changed = folder.path().join("changed.parquet");
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut refused = 0;
+    for place in 0..table.len() {
+        let mut bytes = table.clone();
+        bytes[place] = random.u8(..);
+        std::fs::write(&changed, &bytes).unwrap();
+        let outcome =
+            parquet_file::read(&changed).and_then(|mut batches| batches.try_for_each(|batch| batch.map(drop)));
+        refused += u32::from(outcome.is_err());
+    }
+    assert!(refused > 0);
 }

@@ -3,11 +3,9 @@
 use std::path::Path;
 
 use arrow_array::RecordBatch;
-use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
-use crate::input::regular;
 use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::read::parquet_file;
 use crate::run_folder::read::sample_files::{is_open_part, read_samples, sample_files};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ReadError, RunFolder};
@@ -75,12 +73,7 @@ fn batches(file: &Path, mut take: impl FnMut(&RecordBatch) -> Result<(), ReadErr
     if is_open_part(file) {
         return read_samples(file)?.try_for_each(|batch| take(&batch?));
     }
-    let failed = |e: &dyn std::fmt::Display| ReadError(format!("{}: {e}", file.display()));
-    let open = regular::open(file).map_err(|e| failed(&e))?;
-    let builder = ParquetRecordBatchReaderBuilder::try_new(open).map_err(|e| failed(&e))?;
-    let mask = ProjectionMask::columns(builder.parquet_schema(), COLUMNS);
-    let reader = builder.with_projection(mask).build().map_err(|e| failed(&e))?;
-    reader.into_iter().try_for_each(|batch| take(&batch.map_err(|e| failed(&e))?))
+    parquet_file::read_columns(file, &COLUMNS)?.try_for_each(|batch| take(&batch?))
 }
 
 fn gather(batch: &RecordBatch, every_ticks: u64, gaps: &mut SampleGaps) -> Result<(), ReadError> {

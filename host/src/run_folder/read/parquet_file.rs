@@ -1,9 +1,16 @@
 //! Reads one Parquet file, batch by batch.
+//!
+//! The `parquet` crate panics on some damaged files, for example where a page header names an encoding without a dictionary.
+//! Here such a panic is an error of the file, without the panic's own message.
 
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::sync::Once;
 
 use arrow_array::RecordBatch;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
 
 use crate::input::regular;
 use crate::run_folder::ReadError;
@@ -13,16 +20,87 @@ use crate::run_folder::ReadError;
 /// # Errors
 /// When it is missing, or is not a whole Parquet file. A batch that cannot be decoded is an error in its place.
 pub fn read(path: &Path) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+    open(path, None)
+}
+
+/// As [`read`], only some columns: cheap where the others are large.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_columns(
+    path: &Path,
+    names: &[&str],
+) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
+    open(path, Some(names))
+}
+
+fn open(
+    path: &Path,
+    names: Option<&[&str]>,
+) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
     let shown = path.display().to_string();
     let failed = |message: String| ReadError(format!("{shown}: {message}"));
     let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
     let bytes = file.metadata().map_or(0, |m| m.len());
     let damaged = |e| failed(format!("not a whole Parquet file ({bytes} bytes; cut off or damaged): {e}"));
-    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(damaged)?;
-    // A table without rows has its columns all the same.
-    let is_empty = builder.metadata().file_metadata().num_rows() == 0;
-    let columns = is_empty.then(|| Ok(RecordBatch::new_empty(builder.schema().clone())));
-    let batches = builder.build().map_err(damaged)?;
-    let batches = batches.map(move |batch| batch.map_err(|e| ReadError(format!("{shown}: a damaged part: {e}"))));
-    Ok(columns.into_iter().chain(batches))
+    let opened = without_panic(|| {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string())?;
+        let mask = names.map(|names| ProjectionMask::columns(builder.parquet_schema(), names.iter().copied()));
+        let builder = builder.with_projection(mask.unwrap_or_else(ProjectionMask::all));
+        // A table without rows has its columns all the same.
+        let is_empty = builder.metadata().file_metadata().num_rows() == 0;
+        let columns = is_empty.then(|| Ok(RecordBatch::new_empty(builder.schema().clone())));
+        Ok((columns, builder.build().map_err(|e| e.to_string())?))
+    });
+    let (columns, reader) = opened.and_then(|opened| opened).map_err(damaged)?;
+    Ok(columns.into_iter().chain(Batches { shown, reader: Some(reader) }))
+}
+
+/// The batches of a file.
+struct Batches {
+    shown: String,
+    /// `None` after a panic, which leaves it in an unknown state.
+    reader: Option<ParquetRecordBatchReader>,
+}
+
+impl Iterator for Batches {
+    type Item = Result<RecordBatch, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let reader = self.reader.as_mut()?;
+        let batch = match without_panic(|| reader.next()) {
+            Ok(next) => next?.map_err(|e| e.to_string()),
+            Err(said) => {
+                self.reader = None;
+                Err(said)
+            }
+        };
+        Some(batch.map_err(|e| ReadError(format!("{}: a damaged part: {e}", self.shown))))
+    }
+}
+
+thread_local! {
+    /// Whether a panic of this thread is caught and told as an error.
+    static IS_CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs `read`; a panic in it gives its message and is not printed.
+fn without_panic<T>(read: impl FnOnce() -> T) -> Result<T, String> {
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let print = panic::take_hook();
+        panic::set_hook(Box::new(move |panic| {
+            if !IS_CAUGHT.get() {
+                print(panic);
+            }
+        }));
+    });
+    IS_CAUGHT.set(true);
+    // What `read` borrows is dropped or never used again after a panic.
+    let outcome = catch_unwind(AssertUnwindSafe(read));
+    IS_CAUGHT.set(false);
+    outcome.map_err(|panic| {
+        let said = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+        said.unwrap_or("it cannot be decoded").to_string()
+    })
 }
