@@ -16,11 +16,9 @@ mod usual;
 
 use std::path::Path;
 
-use damprig_core::model::Wall;
 use damprig_core::settings::Settings;
 
-use crate::input::{Problem, Refusal, Section, Source};
-
+use crate::input::{Refusal, Section, Source};
 use crate::setup::{SetUpFile, set_up_file};
 
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
@@ -85,29 +83,9 @@ impl Campaign {
         if is_simulated && rig.sensor_resolution_m as f32 > board.safety.resolution_m {
             self.source.report(rig::too_coarse(rig));
         }
-        self.set_ups.iter_mut().for_each(|set_up| set_up.spec.on_board(&board.spring));
-        self.source.verdict()
-    }
-
-    /// Refuses set-ups that cannot be predicted: prediction and virtual rig support hard walls only.
-    ///
-    /// # Errors
-    /// One message for all of them, each with the line of the set-up's base amplitude.
-    pub fn check_simulable(&self) -> Result<(), Refusal> {
-        for set_up in &self.set_ups {
-            let model = set_up.model();
-            let what = match model.particle.map(|particle| particle.wall) {
-                Some(Wall::Voigt { .. }) => "soft walls",
-                _ if model.tmd.is_some() => "a tuned mass damper",
-                _ => continue,
-            };
-            self.source.report(Problem {
-                title: format!("set-up {:?} has {what}, which the prediction does not support yet", set_up.name),
-                span: set_up.base_amplitude_span.clone(),
-                allowed: "in this set-up; a campaign runs hard walls (kind = \"restitution\") and friction dampers"
-                    .into(),
-                help: Some(format!("`damprig simulate` supports {what}, from a case with the same keys")),
-            });
+        for set_up in &mut self.set_ups {
+            set_up.spec.on_board(&board.spring);
+            set_up.is_predicted = is_simulated || !set_up.has_unmodelled_damper;
         }
         self.source.verdict()
     }

@@ -7,6 +7,9 @@ use toml::de::DeTable;
 use crate::input::{Problem, Section, Span};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
 
+/// The key of a damper that damprig has no equations for.
+const UNMODELLED: &str = "damper";
+
 /// One set-up of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CampaignSetUp {
@@ -20,6 +23,10 @@ pub struct CampaignSetUp {
     pub base_amplitude_m: f64,
     /// Where Z is written, for messages.
     pub base_amplitude_span: Span,
+    /// It has a damper that damprig has no equations for (`damper = "unmodelled"`); the model is that of the bare structure.
+    pub has_unmodelled_damper: bool,
+    /// Whether its motion is predicted: not with an unmodelled damper, except on a simulated rig, where the bare structure moves.
+    pub is_predicted: bool,
 }
 
 impl CampaignSetUp {
@@ -96,6 +103,12 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
     let amplitude = section.scalar(&BASE_AMPLITUDE.required());
     let base = amplitude.map_or(BaseAmplitude::Unread, BaseAmplitude::Is);
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
+    let has_unmodelled_damper = section.choice(UNMODELLED, &["unmodelled"]).is_some();
+    if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
+        let help = Some(format!("leave out `{UNMODELLED}` or `{modelled}`"));
+        section.reject(UNMODELLED, format!("means a damper without a model; `{modelled}` gives one"), help);
+        return None;
+    }
     section.finish();
     let name = name?.value;
     Some(CampaignSetUp {
@@ -104,5 +117,7 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         spec: spec?,
         base_amplitude_m: amplitude?,
         base_amplitude_span: section.span_of(BASE_AMPLITUDE.name()),
+        has_unmodelled_damper,
+        is_predicted: !has_unmodelled_damper,
     })
 }

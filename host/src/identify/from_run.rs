@@ -117,10 +117,8 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
     let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
     let chosen = choice.only(&run, &pairs, "free vibration")?;
     let ((set_up, experiment), [segment, start, end]) = &found[chosen];
-    let model = run.manifest().set_ups.iter().find(|s| s.name == *set_up).and_then(|s| s.model());
-    if let Some(model) = &model
-        && let Some(damper) = model.particle.map(|_| "an impact damper").or(model.tmd.map(|_| "a tuned mass damper"))
-    {
+    let record = run.manifest().set_ups.iter().find(|s| s.name == *set_up);
+    if let Some(damper) = record.and_then(|record| record.damper_besides_friction()) {
         return Err(CannotIdentify(format!(
             "{}: set-up {set_up:?} has {damper}: its free vibration is not that of the structure\n  measure one of the bare \
              structure, or with the friction damper alone",
@@ -133,7 +131,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
         taken_from: format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()),
         t_s,
         x_m,
-        mass_kg: model.map(|model| model.structure.mass_kg),
+        mass_kg: record.and_then(|record| record.model()).map(|model| model.structure.mass_kg),
     })
 }
 
@@ -166,10 +164,10 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
     }
     let pairs: Vec<(String, String)> = found.iter().map(|f| f.0.clone()).collect();
     let (set_up, experiment) = pairs[choice.only(&run, &pairs, "stepped sine")?].clone();
-    let model = run.manifest().set_ups.iter().find(|s| s.name == set_up).and_then(|s| s.model());
-    if model.is_some_and(|m| m.particle.is_some() || m.tmd.is_some() || m.friction_damper.is_some()) {
+    let record = run.manifest().set_ups.iter().find(|s| s.name == set_up);
+    if let Some(damper) = record.and_then(|record| record.damper()) {
         return Err(failed(&format!(
-            "set-up {set_up:?} has a damper: its response is not that of the structure\n  measure one of the bare structure"
+            "set-up {set_up:?} has {damper}: its response is not that of the structure\n  measure one of the bare structure"
         )));
     }
     let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));

@@ -19,7 +19,7 @@ mod watch;
 use std::f64::consts::TAU;
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::{LARGEST_RATE_PER_STEP, Sampled};
+use damprig_core::integrator::sampled::{Joined, LARGEST_RATE_PER_STEP};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
 use damprig_core::measure::impacts::ImpactConfig;
@@ -40,20 +40,20 @@ pub struct Swing {
     pub max_x_m: f64,
     /// Drive frequency at which it occurs, Hz.
     pub frequency_hz: f64,
-    /// Largest impulse of an impact on a wall, N·s; 0 without one.
-    pub impulse_n_s: f64,
+    /// Largest force on a wall, N; 0 without an impact.
+    pub wall_force_n: f64,
     /// Time of each point that was simulated, s, if that is less than the point takes.
     pub predicted_s: Option<f64>,
 }
 
 impl Swing {
-    const NOTHING: Self = Self { max_x_m: 0.0, frequency_hz: 0.0, impulse_n_s: 0.0, predicted_s: None };
+    const NOTHING: Self = Self { max_x_m: 0.0, frequency_hz: 0.0, wall_force_n: 0.0, predicted_s: None };
 
     /// The larger of both, in each respect.
     fn or(self, other: Self) -> Self {
         let larger = if other.max_x_m > self.max_x_m { other } else { self };
         Self {
-            impulse_n_s: self.impulse_n_s.max(other.impulse_n_s),
+            wall_force_n: self.wall_force_n.max(other.wall_force_n),
             predicted_s: [self.predicted_s, other.predicted_s].into_iter().flatten().reduce(f64::min),
             ..larger
         }
@@ -138,13 +138,14 @@ impl Predicted {
     }
 }
 
-/// Predicts every set-up that a stepped sine uses, in the order of the campaign.
+/// Predicts every set-up that a stepped sine uses and that has a model, in the order of the campaign.
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Refusal> {
     let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
-    let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
+    let is_predicted = |i: &usize| campaign.set_ups[*i].is_predicted;
+    let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(is_predicted).filter(used).collect();
     let predictions: Result<Vec<(Prediction, Vec<Response>)>, Refusal> = indices
         .into_par_iter()
         .map(|set_up| {
@@ -340,7 +341,7 @@ fn simulate(
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
-        let mut motion = Sampled::<f64>::new(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
+        let mut motion = Joined::<f64>::joined(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
         let [settle_steps, dwell_steps] = whole_cycles(experiment, frequency_hz).map(|cycles| cycles * steps);
         let wanted = (settle_steps + dwell_steps) as u64;
         let count = wanted.min(most_steps);
@@ -369,7 +370,7 @@ fn simulate(
             }
         }
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
-        largest.impulse_n_s = largest.impulse_n_s.max(watch.largest_impulse_n_s());
+        largest.wall_force_n = largest.wall_force_n.max(watch.largest_force_n);
         if experiment.start == Start::CarryOver {
             let state = motion.state();
             let (v, slide) = (state.v / step_s, state.slide / step_s);

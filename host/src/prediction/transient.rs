@@ -5,7 +5,7 @@
 //! at which |x| has fallen below nine tenths of x0. Impacts are counted as the device counts them (`watch`).
 
 use damprig_core::integrator::base::BaseSegment;
-use damprig_core::integrator::sampled::Sampled;
+use damprig_core::integrator::sampled::{Joined, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
@@ -33,8 +33,8 @@ pub struct Outlook {
     pub impacts: u32,
     /// Impacts that it would not: below its threshold, or within the pulse of a stronger one.
     pub weak_impacts: u32,
-    /// Largest impulse of an impact, N·s; 0 without one.
-    pub impulse_n_s: f64,
+    /// Largest force on a wall, N; 0 without an impact.
+    pub wall_force_n: f64,
     /// Time that was simulated, s, if that is less than the experiment takes.
     pub predicted_s: Option<f64>,
 }
@@ -99,7 +99,7 @@ impl Watched {
             relative_rms_m: rms(self.relative),
             impacts: watch.measurable,
             weak_impacts: watch.weak,
-            impulse_n_s: watch.largest_impulse_n_s(),
+            wall_force_n: watch.largest_force_n,
             predicted_s: (self.is_full() && predicted_s < wanted_s).then_some(predicted_s),
             ..self.outlook
         }
@@ -121,7 +121,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
     let interval_s = 1.0 / playback.sample_rate_hz;
     let parts = parts(set_up, interval_s)?;
     let (share, step_s) = (1.0 / f64::from(parts), interval_s / f64::from(parts));
-    let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, 0.0))?;
+    let mut motion = Joined::<f64>::joined(&set_up.model(), Units::metres(step_s), &at_rest(set_up, 0.0))?;
     let scale = f64::from(playback.scale_m());
     let counts: Vec<f64> =
         playback.bytes().as_chunks::<2>().0.iter().map(|two| scale * f64::from(i16::from_le_bytes(*two))).collect();
@@ -168,7 +168,7 @@ fn played(set_up: &CampaignSetUp, playback: &Playback, detection: &ImpactConfig)
 }
 
 /// The motion over a base at rest.
-fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, watch: &mut MotionWatch) {
+fn rest(motion: &mut Joined<f64>, steps: f64, watched: &mut Watched, watch: &mut MotionWatch) {
     for _ in 0..steps.round() as u64 {
         if watched.is_full() {
             break;
@@ -182,7 +182,7 @@ fn rest(motion: &mut Sampled<f64>, steps: f64, watched: &mut Watched, watch: &mu
 fn released(set_up: &CampaignSetUp, free: &FreeVibration, detection: &ImpactConfig) -> Result<Outlook, Invalid> {
     let parts = parts(set_up, STEP_S)?;
     let step_s = STEP_S / f64::from(parts);
-    let mut motion = Sampled::<f64>::new(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
+    let mut motion = Joined::<f64>::joined(&set_up.model(), Units::metres(step_s), &at_rest(set_up, free.start_m))?;
     let mut watched = Watched::default();
     let mut watch = MotionWatch::new(detection, set_up.model().structure.mass_kg, step_s);
     // The release is detected, and the measurement begins, when |x| has fallen this far. A structure that sticks is never
@@ -217,7 +217,7 @@ pub struct Expected {
 /// A parameter that the simulation cannot take, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
     let mut all = Vec::new();
-    for (set_up, it) in campaign.set_ups.iter().enumerate() {
+    for (set_up, it) in campaign.set_ups.iter().enumerate().filter(|(_, it)| it.is_predicted) {
         for (experiment, what) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.set_ups.contains(&set_up)) {
             let outlook = outlook(it, what, &campaign.rig.board.impacts)
                 .map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;

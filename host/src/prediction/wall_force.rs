@@ -1,8 +1,11 @@
 //! Compares the predicted forces on the particle's walls with the limit in force.
 //!
-//! The model's impacts take no time; the force follows from the impulse J and the contact time τ of a half-sine pulse,
-//! F = πJ/(2τ). The simulated rig's contacts last [`damprig_simulator::plant::walls::WallSensors::contact_s`]. Those of a real wall may be several times longer,
-//! so only a force far beyond the limit is refused; above the limit there is a warning.
+//! The model's impacts on hard walls take no time; the force follows from the impulse J and the contact time τ of a half-sine
+//! pulse, F = πJ/(2τ). The simulated rig's contacts last [`damprig_simulator::plant::walls::WallSensors::contact_s`]. Those of a
+//! real wall may be several times longer, so only a force far beyond the limit is refused; above the limit there is a warning.
+//! The force of a soft wall is that of its spring and dashpot: above the limit it is refused.
+
+use damprig_core::model::Wall;
 
 use super::Prediction;
 use super::transient::Expected;
@@ -19,23 +22,26 @@ const FAR_BEYOND: f64 = 4.0;
 /// # Errors
 /// Forces more than four times the limit: one message for all, each with the line of the set-up's base amplitude.
 pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Refusal> {
-    let impulses = predictions.iter().map(|p| (p.set_up, p.swing.impulse_n_s));
-    let impulses: Vec<(usize, f64)> =
-        impulses.chain(expected.iter().map(|e| (e.set_up, e.outlook.impulse_n_s))).collect();
+    let forces = predictions.iter().map(|p| (p.set_up, p.swing.wall_force_n));
+    let forces: Vec<(usize, f64)> = forces.chain(expected.iter().map(|e| (e.set_up, e.outlook.wall_force_n))).collect();
     let limit_n = number_of(campaign.rig.acting.wall_force_n);
     let mut warnings = Vec::new();
     for (index, set_up) in campaign.set_ups.iter().enumerate() {
-        let largest = impulses.iter().filter(|(of, _)| *of == index).map(|(_, impulse)| *impulse).fold(0.0, f64::max);
-        let force_n = watch::force_n(largest);
+        let force_n = forces.iter().filter(|(of, _)| *of == index).map(|(_, force_n)| *force_n).fold(0.0, f64::max);
         if force_n <= limit_n {
             continue;
         }
+        let is_soft = set_up.model().particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }));
+        let (contact, most_n) = if is_soft {
+            (" with the soft wall".into(), limit_n)
+        } else {
+            (format!(" of {} ms", watch::contact_s() * 1e3), FAR_BEYOND * limit_n)
+        };
         let what = format!(
-            "set-up {:?} would reach the limit of the force on a wall: predicted {force_n:.0} N in a contact of {} ms, limit {limit_n} N",
+            "set-up {:?} would reach the limit of the force on a wall: predicted {force_n:.0} N in a contact{contact}, limit {limit_n} N",
             set_up.name,
-            watch::contact_s() * 1e3
         );
-        if force_n > FAR_BEYOND * limit_n {
+        if force_n > most_n {
             campaign.source.report(problem(set_up, what));
         } else {
             warnings.push(format!("{what}; the rig stops there"));
@@ -50,6 +56,6 @@ fn problem(set_up: &CampaignSetUp, title: String) -> Problem {
         title,
         span: set_up.base_amplitude_span.clone(),
         allowed: format!("with this base amplitude and a particle of {} kg", super::trim(mass)),
-        help: Some("write a smaller base amplitude, a lighter particle or a smaller coefficient of restitution".into()),
+        help: Some("write a smaller base amplitude, a lighter particle, or a wall that loses more or is softer".into()),
     }
 }

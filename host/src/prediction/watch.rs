@@ -6,6 +6,7 @@
 
 use std::f64::consts::PI;
 
+use damprig_core::integrator::modes::Sign;
 use damprig_core::integrator::polynomial::{Polynomial, derivative_increment, increment};
 use damprig_core::integrator::sampled::{Flight, Impact, Observer};
 use damprig_core::measure::impacts::ImpactConfig;
@@ -16,61 +17,68 @@ use crate::settings::number_of;
 /// Steps of the search for a turning point: halving brings it to the last bit.
 const HALVINGS: u32 = 50;
 
-/// Contact time that turns an impulse into a force: that of the simulated rig, s.
+/// Contact time with a hard wall, which turns an impulse into a force: that of the simulated rig, s.
 #[must_use]
 pub fn contact_s() -> f64 {
     number_of(WallSensors::default().contact_s)
 }
 
 /// Peak of the half-sine pulse of an impulse, N.
-pub(super) fn force_n(impulse_n_s: f64) -> f64 {
+fn force_n(impulse_n_s: f64) -> f64 {
     0.5 * PI * impulse_n_s / contact_s()
 }
 
-/// An impact that was counted: time in steps, side, impulse in the motion's own unit.
+/// A pulse that was counted, or the present one of a soft wall: from when to when (steps), and its peak.
 #[derive(Clone, Copy)]
-struct Counted {
-    at: f64,
-    side: i8,
-    kick: f64,
+struct Pulse {
+    from: f64,
+    until: f64,
+    peak_n: f64,
 }
 
 /// The observer of a motion.
 pub(super) struct MotionWatch {
     step: u64,
     x_m: f64,
-    least_kick: f64,
-    largest_kick: f64,
-    /// Steps in which a pulse overlaps with the next, and in which a weaker one counts as ringing.
-    overlap: f64,
-    ringing_for: f64,
+    threshold_n: f64,
+    /// Steps after a pulse in which a weaker one counts as ringing.
+    refractory: f64,
     ringing: f64,
-    last: [Option<Counted>; 2],
+    /// Steps of a contact with a hard wall.
+    contact: f64,
+    /// The last pulse that was counted, of the walls at −d and +d.
+    last: [Option<Pulse>; 2],
+    /// The present pulse of a soft wall.
+    pressing: Option<Pulse>,
     /// Impacts that the board would count.
     pub(super) measurable: u32,
     /// The others.
     pub(super) weak: u32,
-    /// Impulse of a unit of `kick`, N·s.
-    impulse_n_s: f64,
+    /// The largest force on a wall, N; 0 without an impact.
+    pub(super) largest_force_n: f64,
+    /// Peak of the pulse of an impact with a unit of `kick`, N.
+    force_per_kick_n: f64,
+    /// Force of a soft wall per unit of the integrator's, N.
+    force_per_unit_n: f64,
 }
 
 impl MotionWatch {
     /// For a structure of `mass_kg` and steps of `step_s`.
     pub(super) fn new(detection: &ImpactConfig, mass_kg: f64, step_s: f64) -> Self {
-        let impulse_n_s = mass_kg / step_s;
-        let pulse_s = contact_s();
         Self {
             step: 0,
             x_m: 0.0,
-            least_kick: number_of(detection.threshold_n) / force_n(impulse_n_s),
-            largest_kick: 0.0,
-            overlap: pulse_s / step_s,
-            ringing_for: (pulse_s + number_of(detection.refractory_s)) / step_s,
+            threshold_n: number_of(detection.threshold_n),
+            refractory: number_of(detection.refractory_s) / step_s,
             ringing: number_of(detection.ringing),
+            contact: contact_s() / step_s,
             last: [None; 2],
+            pressing: None,
             measurable: 0,
             weak: 0,
-            impulse_n_s,
+            largest_force_n: 0.0,
+            force_per_kick_n: force_n(mass_kg / step_s),
+            force_per_unit_n: mass_kg / (step_s * step_s),
         }
     }
 
@@ -80,23 +88,25 @@ impl MotionWatch {
         std::mem::take(&mut self.x_m).max(x_m.abs())
     }
 
-    /// The largest impulse of an impact, N·s; 0 without one.
-    pub(super) fn largest_impulse_n_s(&self) -> f64 {
-        self.largest_kick * self.impulse_n_s
-    }
-
     /// Forgets the impacts counted so far.
     pub(super) fn restart_count(&mut self) {
         (self.measurable, self.weak) = (0, 0);
     }
 
-    fn is_measurable(&self, new: &Counted) -> bool {
-        let last = self.last[usize::from(new.side > 0)];
+    /// Counts a pulse as the board does.
+    fn count(&mut self, side: i8, new: Pulse) {
+        self.largest_force_n = self.largest_force_n.max(new.peak_n);
+        let last = &mut self.last[usize::from(side > 0)];
         let is_own_pulse = last.is_none_or(|last| {
-            let later = new.at - last.at;
-            later >= self.ringing_for || later >= self.overlap && new.kick >= self.ringing * last.kick
+            new.from >= last.until + self.refractory
+                || new.from >= last.until && new.peak_n >= self.ringing * last.peak_n
         });
-        new.kick >= self.least_kick && is_own_pulse
+        if new.peak_n >= self.threshold_n && is_own_pulse {
+            self.measurable = self.measurable.saturating_add(1);
+            *last = Some(new);
+        } else {
+            self.weak = self.weak.saturating_add(1);
+        }
     }
 }
 
@@ -110,13 +120,30 @@ impl Observer<f64> for MotionWatch {
     }
 
     fn impact(&mut self, impact: &Impact<f64>) {
-        let new = Counted { at: self.step as f64 + impact.at, side: impact.side, kick: impact.kick.abs() };
-        self.largest_kick = self.largest_kick.max(new.kick);
-        if self.is_measurable(&new) {
-            self.measurable = self.measurable.saturating_add(1);
-            self.last[usize::from(new.side > 0)] = Some(new);
-        } else {
-            self.weak = self.weak.saturating_add(1);
+        // A soft wall gives no kick, but a force.
+        if impact.kick != 0.0 {
+            let from = self.step as f64 + impact.at;
+            let peak_n = self.force_per_kick_n * impact.kick.abs();
+            self.count(impact.side, Pulse { from, until: from + self.contact, peak_n });
+        }
+    }
+
+    fn contact_start(&mut self, at: f64, _: Sign) {
+        let from = self.step as f64 + at;
+        self.pressing = Some(Pulse { from, until: from, peak_n: 0.0 });
+    }
+
+    fn wall_force(&mut self, _: f64, length: f64, _: Sign, force: &Polynomial<f64>) {
+        // A flight in contact is a twentieth of a radian at most: its ends have its peak within 3e-4.
+        let largest = force[0].max(force[0] + increment(force, length));
+        if let Some(pulse) = &mut self.pressing {
+            pulse.peak_n = pulse.peak_n.max(self.force_per_unit_n * largest);
+        }
+    }
+
+    fn contact_end(&mut self, at: f64, side: Sign, _: f64) {
+        if let Some(pulse) = self.pressing.take() {
+            self.count(side, Pulse { until: self.step as f64 + at, ..pulse });
         }
     }
 }

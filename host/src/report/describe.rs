@@ -19,8 +19,9 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
         Wall::Voigt { .. } => None,
     });
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
+    let unmodelled = set_up.has_unmodelled_damper.then(|| "damper without a model".into());
     let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, restitution, friction, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [clearance, restitution, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.

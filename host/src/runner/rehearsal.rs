@@ -47,7 +47,16 @@ pub fn accept(campaign: &mut Campaign, session: &Session) -> Result<(Selection, 
     let selection = Selection::of(campaign, session).map_err(|error| Refusal(error.to_string()))?;
     let drive_m = f64::from(settings.calibration.drive.range().amplitude_m());
     prediction::drive::check(campaign, &[], drive_m)?;
-    let warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
+    let mut warnings = if is_simulated { prediction::simulated_rig::check(campaign)? } else { Vec::new() };
+    warnings.extend(wire_mapping::without_twin(campaign, &selection));
+    warnings.extend(campaign.set_ups.iter().filter(|set_up| set_up.has_unmodelled_damper).map(|set_up| {
+        let what = if is_simulated {
+            "on a simulated rig the bare structure moves"
+        } else {
+            "nothing is predicted for it, and the board's limits alone stop the rig"
+        };
+        format!("set-up {:?} has a damper without a model: {what}", set_up.name)
+    }));
     rehearse(campaign, &selection, settings, plant)?;
     Ok((selection, warnings))
 }

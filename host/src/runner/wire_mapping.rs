@@ -56,6 +56,25 @@ impl Selection {
         let signals = positions.iter().map(signal).collect();
         Ok(Self { positions, signals })
     }
+
+    /// Whether a signal of the twin is recorded.
+    fn has_twin(&self) -> bool {
+        self.signals.iter().any(|signal| signal.name.starts_with("twin_"))
+    }
+}
+
+/// Warnings on set-ups without a twin, if one of its signals is recorded.
+pub(super) fn without_twin(campaign: &Campaign, selection: &Selection) -> Vec<String> {
+    let without =
+        campaign.set_ups.iter().filter(|set_up| selection.has_twin() && !TwinConfig::follows(&set_up.model()));
+    without
+        .map(|set_up| {
+            format!(
+                "set-up {:?} has no twin: the board has no equations of soft walls and tuned masses; its signals are 0",
+                set_up.name
+            )
+        })
+        .collect()
 }
 
 /// `x` in metres becomes `x_m`.
@@ -117,11 +136,12 @@ pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringSetUp
     }
 }
 
-/// The twin of a set-up, if one of its signals is recorded. No twin during a free vibration: the base is at rest.
+/// The twin of a set-up, if one of its signals is recorded. No twin during a free vibration: the base is at rest. No twin of soft
+/// walls or a tuned mass.
 pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &Experiment) -> Option<TwinConfig> {
     let is_driven = experiment.free_vibration().is_none();
-    let is_wanted = is_driven && selection.signals.iter().any(|signal| signal.name.starts_with("twin_"));
-    is_wanted.then(|| TwinConfig::new(set_up.model()))
+    let model = set_up.model();
+    (is_driven && selection.has_twin() && TwinConfig::follows(&model)).then(|| TwinConfig::new(model))
 }
 
 /// The request that configures these points of an experiment on a rig whose drive delivers ± `drive_m`.

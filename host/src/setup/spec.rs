@@ -156,6 +156,13 @@ impl SetUpSpec {
         })
     }
 
+    /// The table of a damper that it has, if any.
+    #[must_use]
+    pub fn damper(&self) -> Option<&'static str> {
+        let particle = self.particle.map(|_| "particle");
+        particle.or(self.friction.map(|_| "friction_damper")).or(self.tmd.map(|_| "tmd"))
+    }
+
     /// Whether it states where the particle starts.
     #[must_use]
     pub fn places_particle(&self) -> bool {

@@ -4,7 +4,7 @@ use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::Wanted;
 use damprig_core::integrator::modes::{Contact, Grip, Mode, Sign, signed};
 use damprig_core::integrator::polynomial::{Polynomial, derivative, derivative_increment, increment};
-use damprig_core::integrator::sampled::{self, Flight, Joined, Joint, Sampled};
+use damprig_core::integrator::sampled::{self, Flight, Joined, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::Invalid;
 use damprig_core::model::Wall;
@@ -29,22 +29,17 @@ pub(super) fn run<V: Viewer>(
 ) -> Result<(Summary, ExactState), Invalid> {
     let steps = Sampled::<f64>::steps_per_sample(&case.set_up, record.step_s)?;
     let units = Units::metres(record.step_s / f64::from(steps));
-    if case.has_soft_wall() || case.set_up.tmd.is_some() {
-        let motion = Joined::<f64>::joined(&case.set_up, units, &case.initial)?;
-        Ok(play(case, record, (motion, steps), wanted, collector, options))
-    } else {
-        let motion = Sampled::<f64>::new(&case.set_up, units, &case.initial)?;
-        Ok(play(case, record, (motion, steps), wanted, collector, options))
-    }
+    let motion = Joined::<f64>::joined(&case.set_up, units, &case.initial)?;
+    Ok(play(case, record, (motion, steps), wanted, collector, options))
 }
 
 /// Sample intervals between two calls of `go_on`; each has at most 255 steps.
 const INTERVALS_PER_CHECK: u64 = 64;
 
-fn play<V: Viewer, J: Joint<f64>>(
+fn play<V: Viewer>(
     case: &Case,
     record: &Record,
-    (mut motion, steps): (Sampled<f64, J>, u8),
+    (mut motion, steps): (Joined<f64>, u8),
     wanted: Wanted,
     collector: &mut Collector<'_, V>,
     options: RunOptions,

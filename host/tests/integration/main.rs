@@ -7,6 +7,7 @@ mod controller;
 mod disk;
 mod doctored_folder;
 mod dry_run;
+mod every_damper;
 mod exit_codes;
 mod exports;
 mod faulty_link;

@@ -256,7 +256,6 @@ fn session() -> Session {
 /// The dry run of a campaign.
 fn dry_run(path: &Path, text: &str) -> Result<(Campaign, Selection), String> {
     let mut campaign = Campaign::parse(Source::new(path.display().to_string(), text)).map_err(|e| e.to_string())?;
-    campaign.check_simulable().map_err(|e| e.to_string())?;
     let session = session();
     let (selection, _) = accept(&mut campaign, &session).map_err(|e| e.to_string())?;
     let predicted = Predicted::of(&campaign).map_err(|e| e.to_string())?;

@@ -11,8 +11,6 @@ use damprig::simulation::Case;
 use damprig::{motion_record, setup, simulation};
 use fastrand::Rng;
 
-use crate::common::{damprig, folder_with};
-
 /// A change to one table of a generated file.
 #[derive(Clone)]
 struct Edit {
@@ -213,7 +211,7 @@ fn the_parser_reads_the_declared_keys_and_no_others() {
     }
     let answer = campaign("", "zzz = 1\n").expect_err("zzz");
     let mut keys = declared("", None, setup::TABLES);
-    keys.extend(["name".to_string(), "label".into()]);
+    keys.extend(["name".to_string(), "label".into(), "damper".into()]);
     assert_eq!(allowed(&answer), keys, "{answer}");
 }
 
@@ -362,24 +360,5 @@ fn own_keys_of_a_set_up_override_inherited_ones() {
         let inherited = campaign(&shared, &set_up).unwrap().set_ups[0].model();
         let whole = case(&format!("{STRUCTURE}{RUN}tmd = {{ mass_ratio = 0.1, {own} }}\n")).unwrap().set_up;
         assert_eq!(inherited, whole, "{own}");
-    }
-}
-
-#[test]
-fn a_campaign_with_soft_walls_or_a_tuned_mass_is_refused_before_it_is_predicted() {
-    let head = "name = \"t\"\n[[experiment]]\nkind = \"stepped_sine\"\nfrequencies_hz = [2.5]\nstart = \"from_rest\"\ndwell_s = 4\n";
-    let wall = "wall = { kind = \"voigt\", material = \"pu_foam\", release = \"zero_force\" }";
-    for (damper, what) in [
-        (format!("particle = {{ mass_ratio = 0.1, clearance_ratio = 5, {wall} }}"), "soft walls"),
-        ("tmd = { mass_ratio = 0.1, tuning = \"den_hartog\" }".into(), "a tuned mass damper"),
-    ] {
-        let folder =
-            folder_with(&format!("{head}[[set_up]]\nname = \"s\"\nbase_amplitude_m = 0.003\n{STRUCTURE}{damper}\n"));
-        let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
-        let answer = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{answer}");
-        for word in ["test.toml:9:", &format!("set-up \"s\" has {what}"), "`damprig simulate` supports"] {
-            assert!(answer.contains(word), "no {word:?} in:\n{answer}");
-        }
     }
 }

@@ -9,10 +9,12 @@ use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
-use damprig_core::integrator::sampled::{Impact, Observer, Sampled};
+use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::polynomial::{Polynomial, increment};
+use damprig_core::integrator::sampled::{Impact, Joined, Observer};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Calibration, Invalid, Sensor};
-use damprig_core::model::Initial;
+use damprig_core::model::{Initial, Wall};
 use damprig_core::settings::Settings;
 use damprig_simulator::plant::faults::{Faults, Span};
 use damprig_simulator::plant::spring::SimulatedSpring;
@@ -66,6 +68,8 @@ pub struct Truth {
     pub z_m: f64,
     /// Force measured by the spring's sensor, N.
     pub spring_n: f64,
+    /// Force of the soft walls at −d and +d, N; 0 for hard walls, whose impacts are pulses.
+    pub walls_n: [f64; 2],
 }
 
 #[derive(Clone, Debug)]
@@ -123,7 +127,7 @@ pub struct Plant {
     config: PlantConfig,
     calibration: Calibration,
     relay: Relay,
-    motion: Sampled<f64>,
+    motion: Joined<f64>,
     base: Moving,
     spring: Option<Spring>,
     faults: Faults,
@@ -145,6 +149,10 @@ pub struct Plant {
     contact_moves: Time,
     /// Impulse per change of the structure's velocity, N·s per unit of the integrator.
     impulse_per_kick: f64,
+    /// Force of a soft wall per unit of the integrator's, N.
+    force_per_unit_n: f64,
+    /// Whether the walls are soft: their force is that of the contact, without pulses.
+    has_soft_walls: bool,
     impacts: u32,
     limited: u32,
 }
@@ -163,7 +171,7 @@ impl Plant {
             y_m: config.structure_start_m + config.particle_start_m,
             ..Initial::default()
         };
-        let motion = Sampled::new(&config.set_up, units, &initial)?;
+        let motion = Joined::joined(&config.set_up, units, &initial)?;
         let base = match &config.base {
             Base::Prescribed => Moving::Prescribed(BaseTrack::default()),
             Base::Shaker(shaker) => {
@@ -205,6 +213,8 @@ impl Plant {
             contact: false,
             contact_moves: Time::NEVER,
             impulse_per_kick: config.set_up.structure.mass_kg * units.velocity_m_per_s(),
+            force_per_unit_n: config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s,
+            has_soft_walls: config.set_up.particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. })),
             impacts: 0,
             limited: 0,
         };
@@ -328,23 +338,24 @@ impl Plant {
             (self.contact, self.contact_moves) = (self.coil, Time::NEVER);
         }
         let drive = self.demand_m();
-        let mut hits = Hits::default();
+        let mut walls = WallsInStep::default();
         let end = match &mut self.base {
             Moving::Prescribed(track) => {
                 let segment: BaseSegment<f64> = track.push(drive);
-                self.motion.step(&segment, &mut hits);
+                self.motion.step(&segment, &mut walls);
                 segment.end()
             }
             Moving::Shaken(table) => {
-                let end = table.step(&mut self.motion, drive, &mut hits).end();
+                let end = table.step(&mut self.motion, drive, &mut walls).end();
                 self.limited = table.limited();
                 end
             }
         };
         let start_s = self.reached.s();
-        for hit in hits.0 {
+        let walls_n = walls.forces.map(|force| force * self.force_per_unit_n);
+        for hit in walls.impacts {
             self.impacts += 1;
-            if let Some(walls) = &self.walls {
+            if let Some(walls) = self.walls.filter(|_| !self.has_soft_walls) {
                 let contact_s = f64::from(walls.contact_s);
                 let impulse_n_s = (hit.kick * self.impulse_per_kick).abs();
                 self.pulses.push_back(Pulse {
@@ -367,7 +378,7 @@ impl Plant {
             None => 0.0,
         };
         let [x_lags, z_lags] = &mut self.lags;
-        let truth = Truth { x_m: x_lags.next(self.motion.state().x), z_m: z_lags.next(end), spring_n };
+        let truth = Truth { x_m: x_lags.next(self.motion.state().x), z_m: z_lags.next(end), spring_n, walls_n };
         self.history.push_back(truth);
         if self.history.len() > KEPT {
             self.history.pop_front();
@@ -390,23 +401,25 @@ impl Plant {
         let (n, part) = (place as usize, place.fract());
         let (a, b) = (self.history[n], self.history[(n + 1).min(last)]);
         let between = |a: f64, b: f64| a + (b - a) * part;
-        Truth { x_m: between(a.x_m, b.x_m), z_m: between(a.z_m, b.z_m), spring_n: between(a.spring_n, b.spring_n) }
+        let walls_n = [0, 1].map(|wall| between(a.walls_n[wall], b.walls_n[wall]));
+        Truth { x_m: between(a.x_m, b.x_m), z_m: between(a.z_m, b.z_m), spring_n: between(a.spring_n, b.spring_n), walls_n }
     }
 
     /// Force on a wall, N.
-    fn wall_n(&self, time_s: f64, is_high: bool) -> f64 {
+    fn wall_n(&self, time: Time, is_high: bool) -> f64 {
         let Some(walls) = &self.walls else { return 0.0 };
         let contact_s = f64::from(walls.contact_s);
+        let pressed_n = self.truth(time).walls_n[usize::from(is_high)];
         let pulses: f64 = self
             .pulses
             .iter()
             .filter(|pulse| pulse.is_high == is_high)
-            .map(|pulse| (time_s - pulse.start_s) / contact_s)
+            .map(|pulse| (time.s() - pulse.start_s) / contact_s)
             .zip(self.pulses.iter().filter(|pulse| pulse.is_high == is_high))
             .filter(|(since, _)| (0.0..1.0).contains(since))
             .map(|(since, pulse)| pulse.peak_n * (PI * since).sin())
             .sum();
-        (pulses + f64::from(walls.offset_n)).clamp(-f64::from(walls.range_n), f64::from(walls.range_n))
+        (pressed_n + pulses + f64::from(walls.offset_n)).clamp(-f64::from(walls.range_n), f64::from(walls.range_n))
     }
 
     /// The 12-bit code of a sensor at a time: its voltage on the assumed scales with noise, rounded to the nearest code.
@@ -434,7 +447,7 @@ impl Plant {
             }
             Sensor::WallLow | Sensor::WallHigh => {
                 let per_count = f64::from(scale.walls.newtons_per_count);
-                let force_n = self.wall_n(time.s(), sensor == Sensor::WallHigh);
+                let force_n = self.wall_n(time, sensor == Sensor::WallHigh);
                 let rms_n = self.walls.map_or(0.0, |walls| f64::from(walls.noise_rms_n));
                 (force_n / per_count + f64::from(scale.walls.zero_counts), rms_n, 1.0 / per_count)
             }
@@ -457,13 +470,24 @@ impl Plant {
     }
 }
 
-/// Collects the impacts of a step.
+/// Impacts of a step, and the forces of soft walls at its end in the integrator's unit.
 #[derive(Default)]
-struct Hits(Vec<Impact<f64>>);
+struct WallsInStep {
+    impacts: Vec<Impact<f64>>,
+    forces: [f64; 2],
+}
 
-impl Observer<f64> for Hits {
+impl Observer<f64> for WallsInStep {
+    fn wall_force(&mut self, _: f64, length: f64, side: Sign, force: &Polynomial<f64>) {
+        self.forces[usize::from(side > 0)] = force[0] + increment(force, length);
+    }
+
     fn impact(&mut self, impact: &Impact<f64>) {
-        self.0.push(*impact);
+        self.impacts.push(*impact);
+    }
+
+    fn contact_end(&mut self, _: f64, side: Sign, _: f64) {
+        self.forces[usize::from(side > 0)] = 0.0;
     }
 }
 

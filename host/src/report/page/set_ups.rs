@@ -1,7 +1,7 @@
 //! Section of the report page on set-ups, experiments and limits.
 
 use damprig_core::control::stepped_sine::DriveMode;
-use damprig_core::model::Wall;
+use damprig_core::model::{Tmd, Wall};
 use maud::{Markup, html};
 
 use super::data::PageData;
@@ -19,6 +19,7 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
         let record = data.manifest.set_ups.iter().find(|record| record.name == s.name);
         record.map_or(f64::NAN, |record| record.predicted_dwell_max_x_m)
     };
+    let has_tmd = campaign.set_ups.iter().any(|set_up| set_up.model().tmd.is_some());
     html! {
         div.wide { table {
             thead { tr {
@@ -27,6 +28,7 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
                 th { "Particle" small { "kg" } } th { "d" small { "mm" } } th { "d/Z" }
                 th.word { "Walls" } th { "μ" small { "internal" } }
                 th { "Friction" small { "N" } } th { "γF" } th.word { "Spring" }
+                @if has_tmd { th.word { "Tuned mass" } }
                 th { "max|x|" small { "mm, predicted, with settling" } } th { "max|x|" small { "mm, predicted, as measured" } }
                 th { "max|x|" small { "mm, measured" } }
             } }
@@ -34,7 +36,10 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
                 @for set_up in &campaign.set_ups {
                     @let model = set_up.model();
                     tr {
-                        td.word { (label(data, &set_up.name)) }
+                        td.word {
+                            (label(data, &set_up.name))
+                            @if set_up.has_unmodelled_damper { small { "damper without a model" } }
+                        }
                         td { (short(set_up.base_amplitude_m * 1e3, 4)) }
                         td { (short(model.structure.mass_kg, 4)) }
                         td { (short(set_up.natural_frequency_hz(), 4)) }
@@ -47,6 +52,7 @@ pub(super) fn set_ups(data: &PageData) -> Markup {
                         td { (optional(model.friction_damper.map(|d| d.force_n), 4)) }
                         td { (optional(set_up.friction_ratio(), 3)) }
                         td.word { (spring(set_up)) }
+                        @if has_tmd { td.word { (model.tmd.map_or("–".into(), |tmd| tuned_mass(&tmd))) } }
                         td { (number(predicted(set_up) * 1e3, 2)) }
                         td { (number(in_dwell(set_up) * 1e3, 2)) }
                         td { (number(largest(data, &set_up.name) * 1e3, 2)) }
@@ -65,6 +71,11 @@ fn wall(wall: Wall) -> String {
             format!("{} N/m, {} N·s/m", short(stiffness_n_per_m, 1), short(damping_n_s_per_m, 3))
         }
     }
+}
+
+fn tuned_mass(tmd: &Tmd) -> String {
+    let (k1, c1) = (short(tmd.stiffness_n_per_m, 2), short(tmd.damping_n_s_per_m, 3));
+    format!("{} kg, {k1} N/m, {c1} N·s/m", short(tmd.mass_kg, 4))
 }
 
 fn spring(set_up: &CampaignSetUp) -> String {

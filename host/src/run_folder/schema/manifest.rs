@@ -74,6 +74,9 @@ pub struct SetUpRecord {
     pub predicted_dwell_max_x_m: f64,
     #[serde(default, deserialize_with = "or_default")]
     model: Option<damprig_core::model::SetUp>,
+    /// It has a damper without a model; `model` is that of the bare structure.
+    #[serde(default, deserialize_with = "or_default", skip_serializing_if = "std::ops::Not::not")]
+    pub has_unmodelled_damper: bool,
 }
 
 fn nan() -> f64 {
@@ -100,7 +103,24 @@ impl SetUpRecord {
             predicted_max_x_m,
             predicted_dwell_max_x_m,
             model: Some(set_up.model()),
+            has_unmodelled_damper: set_up.has_unmodelled_damper,
         }
+    }
+
+    /// What its damper is, in words; `None` for a bare structure, and in older runs.
+    #[must_use]
+    pub fn damper(&self) -> Option<&'static str> {
+        let friction = self.model?.friction_damper.map(|_| "a friction damper");
+        self.damper_besides_friction().or(friction)
+    }
+
+    /// As [`SetUpRecord::damper`], `None` for a friction damper alone.
+    #[must_use]
+    pub fn damper_besides_friction(&self) -> Option<&'static str> {
+        let model = self.model?;
+        let particle = model.particle.map(|_| "an impact damper");
+        let tmd = model.tmd.map(|_| "a tuned mass damper");
+        particle.or(tmd).or(self.has_unmodelled_damper.then_some("a damper without a model"))
     }
 
     /// The set-up in SI units; none in older runs.

@@ -56,6 +56,6 @@ fn a_run_without_enough_settled_points_or_with_a_damper_is_refused_with_what_to_
     damprig(&folder).args(["identify", "response", "run"]).assert().code(2).stderr(refusal);
     let folder = folder_with(&sweep("dwell_s = 4", "friction_damper = { force_n = 0.1 }"));
     damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
-    let refusal = contains("has a damper: its response is not that of the structure");
+    let refusal = contains("has a friction damper: its response is not that of the structure");
     damprig(&folder).args(["identify", "response", "run"]).assert().code(2).stderr(refusal);
 }

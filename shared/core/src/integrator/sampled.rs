@@ -176,7 +176,7 @@ impl<S: Scalar> Sampled<S> {
     }
 }
 
-impl Sampled<f64> {
+impl Joined<f64> {
     /// As [`Sampled::step`], compiled with this crate: a host built for debugging still runs it fast.
     pub fn step_observed(&mut self, base: &BaseSegment<f64>, observer: &mut dyn Observer<f64>) {
         self.step(base, &mut observer::Borrowed(observer));
@@ -310,6 +310,9 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     fn fly(&mut self, start: S, mode: Mode, flight: &Flight<S>, length: S, observer: &mut impl Observer<S>) {
         observer.mode(mode);
         observer.flight(start, length, flight);
+        if let Some((side, force)) = self.joint.link().and_then(|link| link.wall_force(&flight.offset)) {
+            observer.wall_force(start, length, side, &force);
+        }
         self.advance(mode, flight, length);
         if length > S::ZERO {
             self.slide_released = false;

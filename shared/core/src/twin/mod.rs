@@ -75,6 +75,13 @@ impl TwinConfig {
         Self { set_up, follow_hz: 1.0, residual_s: 1.0, matching: MatcherConfig::default() }
     }
 
+    /// Whether a twin can follow a set-up: not one with soft walls or a tuned mass, whose equations the board does not have.
+    #[must_use]
+    pub fn follows(set_up: &SetUp) -> bool {
+        let has_soft_walls = set_up.particle.is_some_and(|particle| matches!(particle.wall, Wall::Voigt { .. }));
+        set_up.tmd.is_none() && !has_soft_walls
+    }
+
     /// Checks every value.
     ///
     /// # Errors

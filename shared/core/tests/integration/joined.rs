@@ -3,7 +3,7 @@
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::exact::{ContactEnd, Exact, Excitation, Impact, Observer};
 use damprig_core::integrator::modes::Sign;
-use damprig_core::integrator::sampled::{self, Joined};
+use damprig_core::integrator::sampled::{self, Joined, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::model::{
     DampingLaw, FrictionDamper, Initial, Material, Particle, Release, SetUp, Structure, Tmd, Tuning, Wall,
@@ -143,9 +143,39 @@ fn a_tuned_mass_agrees_with_the_exact_driver_even_on_a_sticking_structure() {
 }
 
 #[test]
-fn a_set_up_without_a_joint_is_refused_by_name() {
-    let error = Joined::<f64>::joined(&SetUp::bare(structure()), Units::metres(STEP_S), &Initial::default());
-    assert_eq!(error.unwrap_err().parameter, "structure.mass_kg");
+fn a_joint_too_stiff_for_the_step_is_refused_by_name() {
+    let mut set_up = soft(Material::PuFoam, Release::ZeroForce, 0.0, 0.0);
+    let mut refused = |stiffness_n_per_m, damping_n_s_per_m| {
+        let wall = Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release: Release::ZeroForce };
+        set_up.particle.as_mut().unwrap().wall = wall;
+        Joined::<f32>::joined(&set_up, Units::metres(1e-3), &Initial::default()).err().map(|error| error.parameter)
+    };
+    assert_eq!(refused(1e9, 0.0), None);
+    assert_eq!(refused(1e12, 0.0), Some("particle.wall.stiffness_n_per_m"));
+    assert_eq!(refused(1e3, 1e6), Some("particle.wall.damping_n_s_per_m"));
+}
+
+#[test]
+fn a_set_up_without_a_joint_moves_as_without_the_code_of_joints() {
+    let particle = Particle {
+        mass_kg: 0.16,
+        clearance_m: 4e-3,
+        friction_coefficient: 0.08,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    };
+    let set_up = SetUp {
+        particle: Some(particle),
+        friction_damper: Some(FrictionDamper { force_n: 0.3 }),
+        ..SetUp::bare(structure())
+    };
+    let start = Initial { x_m: 0.035, y_m: 0.035, ..Initial::default() };
+    let mut joined = Joined::<f32>::joined(&set_up, Units::metres(1e-3), &start).unwrap();
+    let mut rigid = Sampled::<f32>::new(&set_up, Units::metres(1e-3), &start).unwrap();
+    for _ in 0..5_000 {
+        joined.step(&BaseSegment::at_rest(0.0), &mut ());
+        rigid.step(&BaseSegment::at_rest(0.0), &mut ());
+        assert_eq!(joined.state(), rigid.state());
+    }
 }
 
 #[test]

@@ -18,13 +18,14 @@ pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
 
 use damprig_core::integrator::base::{BaseSegment, BaseTrack};
-use damprig_core::integrator::polynomial;
-use damprig_core::integrator::sampled::{Flight, Impact, Observer, Sampled};
+use damprig_core::integrator::modes::Sign;
+use damprig_core::integrator::polynomial::{self, Polynomial};
+use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{
-    Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WallCounts,
+    Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES, WallCounts,
 };
-use damprig_core::model::{Initial, SetUp, Structure};
+use damprig_core::model::{Initial, SetUp, Structure, Wall};
 use damprig_core::scalar::Scalar;
 use faults::{Faults, Span};
 use heapless::Vec;
@@ -113,7 +114,7 @@ impl PlantConfig {
 #[derive(Clone, Debug)]
 pub struct Plant<S> {
     config: PlantConfig,
-    motion: Sampled<S>,
+    motion: Joined<S>,
     steps: u8,
     base: Moving<S>,
     channels: [Channel; 2],
@@ -124,6 +125,10 @@ pub struct Plant<S> {
     faults: Faults,
     /// Impulse per unit of the structure's change of velocity, N·s.
     impulse_per_kick: f32,
+    /// Force of a soft wall per unit of the integrator's, N; `None` for hard walls.
+    force_per_unit_n: Option<f32>,
+    /// Forces of soft walls in the last tick, N.
+    pressed_n: Option<[[f32; 2]; WALL_SUBSAMPLES]>,
 }
 
 #[derive(Clone, Debug)]
@@ -151,7 +156,7 @@ impl<S: Scalar> Plant<S> {
             steps = steps.max(Table::<S>::steps_per_sample(shaker, tick_s)?);
         }
         let units = Units::metres(tick_s / f64::from(steps));
-        let motion = Sampled::new(&config.set_up, units, &config.initial())?;
+        let motion = Joined::joined(&config.set_up, units, &config.initial())?;
         let base = match &config.base {
             Base::Prescribed => Moving::Prescribed(BaseTrack::default()),
             Base::Shaker(shaker) => Moving::Shaken(Table::new(shaker, &config.set_up, &units)),
@@ -172,6 +177,12 @@ impl<S: Scalar> Plant<S> {
             spring: config.spring.as_ref().map(SimulatedSpring::new).transpose()?,
             faults: Faults::new(seed),
             impulse_per_kick: (config.set_up.structure.mass_kg * units.velocity_m_per_s()) as f32,
+            pressed_n: None,
+            force_per_unit_n: config
+                .set_up
+                .particle
+                .filter(|particle| matches!(particle.wall, Wall::Voigt { .. }))
+                .map(|_| (config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s) as f32),
         };
         plant.press();
         Ok(plant)
@@ -214,6 +225,7 @@ impl<S: Scalar> Plant<S> {
             walls.restart(self.config.sensors.seed, stream);
         }
         self.impacts = 0;
+        self.pressed_n = None;
     }
 
     /// Number of impacts since the last restart.
@@ -224,7 +236,7 @@ impl<S: Scalar> Plant<S> {
 
     /// The integrator's state, for tests and predictions.
     #[must_use]
-    pub fn motion(&self) -> &Sampled<S> {
+    pub fn motion(&self) -> &Joined<S> {
         &self.motion
     }
 
@@ -251,7 +263,7 @@ impl<S: Scalar> Plant<S> {
             }
         }
         if let Some(walls) = &mut self.walls {
-            sensors.walls = walls.read();
+            sensors.walls = walls.read(self.pressed_n.as_ref());
         }
         let [x_channel, z_channel] = &mut self.channels;
         for n in 0..SUBSAMPLES {
@@ -300,6 +312,7 @@ impl<S: Scalar> Plant<S> {
             steps: S::from_u8(self.steps),
             impacts: 0,
             hits: Vec::new(),
+            pressed: self.force_per_unit_n.map(|_| Pressed { forces: [[S::ZERO; 2]; WALL_SUBSAMPLES], taken: 0 }),
         };
         let z = match &mut self.base {
             Moving::Prescribed(track) => {
@@ -337,6 +350,10 @@ impl<S: Scalar> Plant<S> {
                 let at = (hit.at / sampler.steps).to_f64() as f32;
                 walls.hit(at, hit.side, hit.kick.to_f64() as f32 * self.impulse_per_kick);
             }
+            if let Some((pressed, per_unit_n)) = sampler.pressed.as_ref().zip(self.force_per_unit_n) {
+                let forces = pressed.forces.map(|pair| pair.map(|force| force.to_f64() as f32 * per_unit_n));
+                self.pressed_n = Some(forces);
+            }
         }
         (sampler.x, z)
     }
@@ -354,6 +371,15 @@ struct Sampler<S> {
     steps: S,
     impacts: u32,
     hits: Vec<Impact<S>, MOST_IMPACTS>,
+    /// Forces of soft walls; `None` for hard walls.
+    pressed: Option<Pressed<S>>,
+}
+
+/// Force of the soft walls at −d and +d at the instants of the wall sensors' samples.
+struct Pressed<S> {
+    forces: [[S; 2]; WALL_SUBSAMPLES],
+    /// Instants that the motion has passed.
+    taken: usize,
 }
 
 impl<S: Scalar> Observer<S> for Sampler<S> {
@@ -370,8 +396,27 @@ impl<S: Scalar> Observer<S> for Sampler<S> {
         }
     }
 
+    fn wall_force(&mut self, start: S, length: S, side: Sign, force: &Polynomial<S>) {
+        let Some(pressed) = &mut self.pressed else { return };
+        let part = self.steps / S::from_u8(WALL_SUBSAMPLES as u8);
+        while pressed.taken < WALL_SUBSAMPLES {
+            let since = S::from_u8(pressed.taken as u8 + 1) * part - self.step - start;
+            if since > length {
+                return;
+            }
+            if since > S::ZERO {
+                pressed.forces[pressed.taken][usize::from(side > 0)] = force[0] + polynomial::increment(force, since);
+            }
+            pressed.taken += 1;
+        }
+    }
+
     fn impact(&mut self, impact: &Impact<S>) {
         self.impacts += 1;
+        // A soft wall gives its impulse by a force.
+        if self.pressed.is_some() {
+            return;
+        }
         let _ = self.hits.push(Impact { at: self.step + impact.at, ..*impact });
     }
 }

@@ -5,12 +5,12 @@
 //! table's momentum balance holds over the step:
 //!
 //! ```text
-//! m a h = ∫ (shaker force − c z′ − k z) dt − ΔP,      P = M x′ + m_p y′
+//! m a h = ∫ (shaker force − c z′ − k z) dt − ΔP,      P = M x′ + m y′
 //! ```
-//! The load's reaction enters as the momentum P that structure and particle *gain*. The structure's flights give it
+//! The load's reaction enters as the momentum P that structure and particle (or tuned mass) *gain*. The structure's flights give it
 //! exactly, whatever the forces between base and structure are (spring, dashpot, friction sticking or slipping). So
 //! momentum passes between table and load without loss, and an impact, which does not change P, does not disturb the
-//! balance. P(a) is continuous and rises with a (from almost zero to the full mass M + m_p when the friction damper
+//! balance. P(a) is continuous and rises with a (from almost zero to the full mass M + m when the friction damper
 //! sticks), so the balance has one solution. A secant iteration on copies of the structure finds it.
 //!
 //! # The error
@@ -22,7 +22,7 @@
 use super::shaker::Shaker;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::modes::Grip;
-use damprig_core::integrator::sampled::{Observer, Sampled};
+use damprig_core::integrator::sampled::{Joined, Observer};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::SetUp;
@@ -123,10 +123,10 @@ impl<S: Scalar> Table<S> {
 
     /// Advances one step under a constant drive (the demanded displacement, in units of length): moves the table and
     /// the structure on it; returns the table's motion.
-    pub fn step(&mut self, motion: &mut Sampled<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
+    pub fn step(&mut self, motion: &mut Joined<S>, drive: S, observer: &mut impl Observer<S>) -> BaseSegment<S> {
         let demand = self.force_per_drive * drive;
         let blocked = demand.min(self.voltage_force_limit).max(-self.voltage_force_limit);
-        let before = momentum(motion);
+        let before = motion.momentum();
         let tolerance = S::EPSILON.max(S::from_f64(1e-11)) * (self.v.abs() + before.abs()) * S::from_u8(4);
         let mut share = match motion.mode().map(|mode| mode.grip) {
             Some(Grip::Stuck) => motion.coefficients().moving_mass(mode_contact(motion)),
@@ -137,11 +137,11 @@ impl<S: Scalar> Table<S> {
         for _ in 0..MOST_EVALUATIONS {
             let mut trial = *motion;
             trial.step(&self.segment(a), &mut ());
-            let gained = momentum(&trial) - before;
+            let gained = trial.momentum() - before;
             if let Some((last_a, last_gained)) = last
                 && (a - last_a).abs() > tolerance
             {
-                let total = S::ONE + motion.coefficients().particle_mass;
+                let total = S::ONE + motion.second_mass();
                 share = ((gained - last_gained) / (a - last_a)).max(S::ZERO).min(total);
             }
             last = Some((a, gained));
@@ -211,12 +211,6 @@ impl<S: Scalar> Table<S> {
     }
 }
 
-/// Momentum of structure and particle over the structure's mass.
-fn momentum<S: Scalar>(motion: &Sampled<S>) -> S {
-    let state = motion.state();
-    state.v + motion.coefficients().particle_mass * (state.v + state.slide)
-}
-
-fn mode_contact<S: Scalar>(motion: &Sampled<S>) -> damprig_core::integrator::modes::Contact {
+fn mode_contact<S: Scalar>(motion: &Joined<S>) -> damprig_core::integrator::modes::Contact {
     motion.mode().map_or(damprig_core::integrator::modes::Contact::Absent, |mode| mode.contact)
 }

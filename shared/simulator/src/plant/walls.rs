@@ -1,7 +1,7 @@
-//! Simulated wall-force sensors: each impact gives a half-sine pulse of stated contact time with the impulse of the
-//! impact.
+//! Simulated wall-force sensors: each impact on a hard wall gives a half-sine pulse of stated contact time with the impulse of
+//! the impact; a soft wall gives the force of its spring and dashpot.
 //!
-//! The model's impacts are instantaneous; the pulse begins at the impact. Pulses may overlap.
+//! The model's impacts on hard walls are instantaneous; the pulse begins at the impact. Pulses may overlap.
 
 use super::Noise;
 use core::f32::consts::PI;
@@ -111,14 +111,15 @@ impl Walls {
         self.noise = Noise::new(seed, u16::MAX - stream);
     }
 
-    /// Returns the tick's readings in counts, `N` pairs with the wall at −d first, and ends the tick.
-    pub fn read<const N: usize>(&mut self) -> [WallCounts; N] {
-        let readings = self.look();
+    /// Returns the tick's readings in counts, `N` pairs with the wall at −d first, and ends the tick. `pressed_n`: forces of soft
+    /// walls at the instants of these readings, N.
+    pub fn read<const N: usize>(&mut self, pressed_n: Option<&[[f32; 2]; N]>) -> [WallCounts; N] {
+        let readings = self.look(pressed_n);
         self.pass();
         readings
     }
 
-    fn look<const N: usize>(&mut self) -> [WallCounts; N] {
+    fn look<const N: usize>(&mut self, pressed_n: Option<&[[f32; 2]; N]>) -> [WallCounts; N] {
         let sensors = &self.sensors;
         let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
         let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
@@ -132,6 +133,12 @@ impl Walls {
                 if since > 0.0 && since < 1.0 {
                     forces[pulse.wall] += pulse.peak_n * libm::sinf(PI * since);
                 }
+            }
+        }
+        if let Some(pressed_n) = pressed_n {
+            for (forces, pressed) in forces_n.iter_mut().zip(pressed_n) {
+                forces[0] += pressed[0];
+                forces[1] += pressed[1];
             }
         }
         if sensors.noise_rms_n > 0.0 {

@@ -46,7 +46,7 @@ fn measure<const N: usize>(
         for &(at, side, impulse) in hits.iter().filter(|hit| hit.0 as u32 == tick) {
             walls.hit((at - f64::from(tick)) as f32, side, impulse);
         }
-        meter.push(tick, &walls.read::<N>(), |record| {
+        meter.push(tick, &walls.read::<N>(None), |record| {
             found.push((f64::from(record.tick) + f64::from(record.centre_ticks), *record));
         });
     }
@@ -192,7 +192,7 @@ fn impacts_are_counted_by_cycle() {
         if tick % 400 == 50 || (tick % 400 == 250 && tick > 800) {
             walls.hit(0.5, 1, 0.05);
         }
-        meter.push(tick, &walls.read::<10>(), |_| {});
+        meter.push(tick, &walls.read::<10>(None), |_| {});
         if tick % 400 == 399 {
             by_cycle.push(meter.end_cycle());
         }
@@ -212,7 +212,7 @@ fn a_snippet_holds_the_samples_around_the_next_impact() {
         if [10, 40, 60].contains(&tick) {
             walls.hit(0.25, 1, if tick == 40 { 0.08 } else { 0.03 });
         }
-        let block = walls.read::<50>();
+        let block = walls.read::<50>(None);
         high_side.extend(block.map(|pair| pair.of(1)));
         meter.push(tick, &block, |_| {});
     }

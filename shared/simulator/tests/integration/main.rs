@@ -10,6 +10,7 @@ mod impacts;
 mod limits;
 mod sensors;
 mod shaker;
+mod soft_walls;
 mod steadiness;
 mod support;
 mod transient;

@@ -85,7 +85,7 @@ impl Bench {
             self.sample += 1;
         }
         let Self { meter, twin, heard, .. } = self;
-        meter.push(tick, &self.walls.read::<10>(), |record| {
+        meter.push(tick, &self.walls.read::<10>(None), |record| {
             if *heard {
                 twin.detected(record);
             }

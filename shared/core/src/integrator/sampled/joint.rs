@@ -1,21 +1,25 @@
 //! Spring and dashpot between structure and second mass: the soft walls of a particle, or a tuned mass.
 //!
-//! The joint is a type parameter of [`Sampled`]. With [`Rigid`] (the board's choice) none of this code is compiled in.
-//! With [`Joined`] the flights in which the joint acts are shorter than a step where the joint is stiff, so that their
-//! polynomials stay exact. The joint costs nothing while the particle is away from the walls.
+//! The joint is a type parameter of [`Sampled`]. With [`Rigid`] (the twin's choice) none of this code is compiled in.
+//! [`Joined`] takes every set-up; without soft walls and tuned mass it gives the same bits as `Rigid`. The flights in which
+//! the joint acts are shorter than a step where the joint is stiff, so that their polynomials stay exact. The joint costs
+//! nothing while the particle is away from the walls.
 
 use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
 use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
 use crate::integrator::units::Units;
-use crate::io::Invalid;
+use crate::io::{Invalid, require};
 use crate::model::{Initial, Release, SetUp, Wall};
 use crate::scalar::Scalar;
 
 /// The largest (fastest rate × flight) in which a joint acts: the neglected terms of such a flight are below 0.05⁷/7! =
 /// 2·10⁻¹³ of its amplitude. A contact with a stiff wall takes hundreds of flights.
 const LARGEST_RATE_PER_FLIGHT: f64 = 0.5 * LARGEST_RATE_PER_STEP;
+
+/// The shortest of these flights, steps: the start of each must differ from that of the next in every scalar.
+const SHORTEST_FLIGHT: f64 = 1e-4;
 
 /// Whether a joint connects structure and second mass.
 pub trait Joint<S>: Clone + core::fmt::Debug {
@@ -42,8 +46,8 @@ impl<S> Joint<S> for Rigid {
     }
 }
 
-/// The sampled driver for a set-up with soft walls or a tuned mass.
-pub type Joined<S> = Sampled<S, Link<S>>;
+/// The sampled driver for every set-up, with the joint if it has soft walls or a tuned mass.
+pub type Joined<S> = Sampled<S, Option<Link<S>>>;
 
 /// State of the contact with a soft wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,7 +61,7 @@ pub enum WallTouch {
 }
 
 /// A spring and a dashpot in parallel, in the driver's units.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Link<S> {
     stiffness: S,
     damping: S,
@@ -74,23 +78,21 @@ pub struct Link<S> {
     pub(super) touched: bool,
 }
 
-impl<S> Joint<S> for Link<S>
-where
-    S: Scalar,
-{
+impl<S: Scalar> Joint<S> for Option<Link<S>> {
     #[inline]
     fn link(&self) -> Option<&Link<S>> {
-        Some(self)
+        self.as_ref()
     }
 
     #[inline]
     fn link_mut(&mut self) -> Option<&mut Link<S>> {
-        Some(self)
+        self.as_mut()
     }
 }
 
 impl<S: Scalar> Link<S> {
-    fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Option<Self> {
+    /// The joint of a validated set-up; `None` without one.
+    fn new(set_up: &SetUp, c: &Coefficients<S>, units: &Units) -> Result<Option<Self>, Invalid> {
         let soft = set_up.particle.and_then(|p| match p.wall {
             Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release } => {
                 Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m, Some(release)))
@@ -98,7 +100,7 @@ impl<S: Scalar> Link<S> {
             Wall::Restitution { .. } => None,
         });
         let tuned = set_up.tmd.map(|t| (t.mass_kg, t.stiffness_n_per_m, t.damping_n_s_per_m, None));
-        let (second_kg, k1, c1, release) = soft.or(tuned)?;
+        let Some((second_kg, k1, c1, release)) = soft.or(tuned) else { return Ok(None) };
         let structure = &set_up.structure;
         let mass_kg = structure.mass_kg;
         // In the coordinates (√M x, √m y) the matrices are symmetric; their row sums bound every rate.
@@ -109,7 +111,15 @@ impl<S: Scalar> Link<S> {
         let half = 0.5 * row(structure.damping_n_s_per_m, c1);
         let fastest = half + libm::sqrt(half * half + row(structure.stiffness_n_per_m, k1));
         let longest = LARGEST_RATE_PER_FLIGHT / (fastest * units.step_s);
-        Some(Self {
+        let (name, damper) = match release {
+            Some(_) => ("particle.wall.stiffness_n_per_m", "particle.wall.damping_n_s_per_m"),
+            None => ("tmd.stiffness_n_per_m", "tmd.damping_n_s_per_m"),
+        };
+        let (parameter, value) =
+            if half * half > row(structure.stiffness_n_per_m, k1) { (damper, c1) } else { (name, k1) };
+        let allowed = "low enough for the sampling rate (fastest rate × step at most 500)";
+        require(longest >= SHORTEST_FLIGHT, parameter, value, allowed)?;
+        Ok(Some(Self {
             stiffness: S::from_f64(k1 * (units.step_s * units.step_s) / mass_kg),
             damping: S::from_f64(c1 * units.step_s / mass_kg),
             second_mass: S::from_f64(second_kg / mass_kg),
@@ -118,7 +128,7 @@ impl<S: Scalar> Link<S> {
             release,
             touch: WallTouch::Clear,
             touched: false,
-        })
+        }))
     }
 
     /// Whether the joint connects a tuned mass.
@@ -167,6 +177,12 @@ impl<S: Scalar> Link<S> {
         force
     }
 
+    /// The side of the contact with a soft wall, and its force along a flight: positive pushes the particle inwards.
+    pub(super) fn wall_force(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
+        let WallTouch::Pressing(side) = self.touch else { return None };
+        Some((side, self.force_along(offset).map(|force| signed(side, force))))
+    }
+
     /// The side of the contact and the guard that ends it.
     pub(super) fn contact(&self, offset: &Polynomial<S>) -> Option<(Sign, Polynomial<S>)> {
         let WallTouch::Pressing(side) = self.touch else { return None };
@@ -191,18 +207,30 @@ impl<S: Scalar> Link<S> {
 }
 
 impl<S: Scalar> Joined<S> {
-    /// A set-up with soft walls or a tuned mass in `units`, starting from `initial`; see [`Sampled::new`].
+    /// Any set-up in `units`, starting from `initial`; see [`Sampled::new`].
     ///
     /// # Errors
-    /// Names a value that is not physical, or the structure's mass if there is neither a soft wall nor a tuned mass.
+    /// Names a value that is not physical, or a joint too stiff for the step.
     pub fn joined(set_up: &SetUp, units: Units, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
         set_up.validate_initial(initial)?;
-        let Some(link) = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units) else {
-            let allowed = "joined to a soft wall or a tuned mass; there is none";
-            return Err(Invalid { parameter: "structure.mass_kg", value: set_up.structure.mass_kg, allowed });
-        };
+        let link = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units)?;
         Ok(Self::with_joint(set_up, units, initial, link))
+    }
+
+    /// Momentum of structure and second mass over the structure's mass.
+    #[must_use]
+    pub fn momentum(&self) -> S {
+        self.state.v + self.second_mass() * (self.state.v + self.state.slide)
+    }
+
+    /// Mass of the particle or the tuned mass over the structure's mass; 0 without one.
+    #[must_use]
+    pub fn second_mass(&self) -> S {
+        match &self.joint {
+            Some(link) if link.is_tuned() => link.second_mass,
+            _ => self.c.particle_mass,
+        }
     }
 }
 

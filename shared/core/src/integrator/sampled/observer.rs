@@ -2,6 +2,7 @@
 
 use super::Flight;
 use crate::integrator::modes::{Mode, Sign};
+use crate::integrator::polynomial::Polynomial;
 
 /// An impact on a hard wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +27,12 @@ pub trait Observer<S> {
     /// `flight` is valid from `start` for `length`, both in steps.
     fn flight(&mut self, start: S, length: S, flight: &Flight<S>) {
         let _ = (start, length, flight);
+    }
+
+    /// The force of the soft wall of `side` on the particle during the last flight, from `start` for `length`, per structure mass in
+    /// lengths per step²: positive pushes inwards.
+    fn wall_force(&mut self, start: S, length: S, side: Sign, force: &Polynomial<S>) {
+        let _ = (start, length, side, force);
     }
 
     /// The particle hit a wall at a non-zero speed. A particle that starts from rest to press on a soft wall makes no
@@ -64,6 +71,10 @@ impl Observer<f64> for Borrowed<'_> {
 
     fn flight(&mut self, start: f64, length: f64, flight: &Flight<f64>) {
         self.0.flight(start, length, flight);
+    }
+
+    fn wall_force(&mut self, start: f64, length: f64, side: Sign, force: &Polynomial<f64>) {
+        self.0.wall_force(start, length, side, force);
     }
 
     fn impact(&mut self, impact: &Impact<f64>) {

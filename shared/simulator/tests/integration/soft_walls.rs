@@ -1,0 +1,63 @@
+//! Soft walls in the simulated rig: their force sensors read the force of spring and dashpot.
+
+use damprig_core::io::{Actuators, ForceScale, TICK_HZ, WALL_SUBSAMPLES};
+use damprig_core::model::{Particle, Release, SetUp, Structure, Wall};
+use damprig_simulator::plant::walls::WallSensors;
+use damprig_simulator::plant::{Plant, PlantConfig};
+
+const PARTICLE_KG: f64 = 0.16;
+
+/// 0.5 mN a count.
+const SCALE: ForceScale = ForceScale { newtons_per_count: 5e-4, zero_counts: 8000.0 };
+
+fn plant(stiffness_n_per_m: f64, damping_n_s_per_m: f64, release: Release) -> Plant<f64> {
+    let particle = Particle {
+        mass_kg: PARTICLE_KG,
+        clearance_m: 7.5e-3,
+        friction_coefficient: 0.0,
+        wall: Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release },
+    };
+    let set_up = SetUp { particle: Some(particle), ..SetUp::bare(Structure::from_modal(1.6, 2.5, 0.0038)) };
+    let walls = WallSensors { scale: SCALE, highest_counts: 0x7fff, noise_rms_n: 0.0, ..WallSensors::default() };
+    Plant::new(&PlantConfig { walls: Some(walls), structure_start_m: 0.005, ..PlantConfig::ideal(set_up) }).unwrap()
+}
+
+/// Without internal friction only the walls change the particle's velocity: the sum of the readings is its momentum. The
+/// rectangle rule misses at most one sample where the dashpot's force begins with a jump, and where a force ends.
+#[test]
+fn the_readings_of_a_soft_walls_sensor_sum_up_to_the_particles_momentum() {
+    let sample_s = 1.0 / f64::from(TICK_HZ) / WALL_SUBSAMPLES as f64;
+    for (stiffness, damping, release) in [
+        (1024.9, 14.6, Release::ZeroForce),
+        (43_436.0, 80.0, Release::ZeroForce),
+        (1024.9, 14.6, Release::ZeroPenetration),
+    ] {
+        let mut plant = plant(stiffness, damping, release);
+        let velocity = |plant: &Plant<f64>| {
+            let motion = plant.motion();
+            (motion.state().v + motion.state().slide) * motion.units().velocity_m_per_s()
+        };
+        let (mut impulse_n_s, mut jumps_n, mut last_n, mut contacts, mut largest_n) =
+            (0.0, 0.0_f64, 0.0_f64, 0, 0.0_f64);
+        let start = velocity(&plant);
+        for _ in 0..6_000 {
+            for pair in plant.tick(&Actuators::default()).walls {
+                let [low, high] = [0, 1].map(|wall| f64::from(SCALE.to_force_n(f32::from(pair.of(wall)))));
+                // The wall at +d pushes the particle towards −d.
+                let force_n = low - high;
+                contacts += u32::from(last_n == 0.0 && force_n != 0.0);
+                if (force_n == 0.0) != (last_n == 0.0) {
+                    jumps_n += force_n.abs().max(last_n.abs());
+                }
+                last_n = if force_n.abs() < 1e-3 { 0.0 } else { force_n };
+                largest_n = largest_n.max(force_n.abs());
+                impulse_n_s += force_n * sample_s;
+            }
+            let gained = PARTICLE_KG * (velocity(&plant) - start);
+            let allowed = (jumps_n + largest_n) * sample_s + 1e-4 * largest_n * 6.0;
+            assert!((impulse_n_s - gained).abs() <= allowed, "{impulse_n_s} for {gained} ± {allowed}");
+        }
+        println!("k1 = {stiffness}: {contacts} contacts, largest force {largest_n:.2} N");
+        assert!(contacts > 10, "{contacts} contacts");
+    }
+}
