@@ -42,7 +42,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
             set_up.name,
         );
         if force_n > most_n {
-            campaign.source.report(problem(set_up, what));
+            campaign.source.report(problem(set_up, what, is_soft));
         } else {
             warnings.push(format!("{what}; the rig stops there"));
         }
@@ -50,12 +50,17 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
     campaign.source.verdict().map(|()| warnings)
 }
 
-fn problem(set_up: &CampaignSetUp, title: String) -> Problem {
+fn problem(set_up: &CampaignSetUp, title: String, is_soft: bool) -> Problem {
+    let wall = if is_soft {
+        "or `law = \"contact\"` for the wall, which gives a weaker dashpot"
+    } else {
+        "or a smaller coefficient of restitution"
+    };
     let mass = set_up.model().particle.map_or(0.0, |particle| particle.mass_kg);
     Problem {
         title,
         span: set_up.base_amplitude_span.clone(),
         allowed: format!("with this base amplitude and a particle of {} kg", super::trim(mass)),
-        help: Some("write a smaller base amplitude, a lighter particle, or a wall that loses more or is softer".into()),
+        help: Some(format!("write a smaller base amplitude, a lighter particle, {wall}")),
     }
 }

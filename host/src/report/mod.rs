@@ -1,7 +1,7 @@
 //! Results of runs and simulations for people and other programs: figures, the report page, exports and terminal
 //! text.
 //!
-//! `numbers` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
+//! `numbers`, `parameters` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other.
 
 pub mod compared;
@@ -10,4 +10,5 @@ pub mod exports;
 pub mod figures;
 pub mod numbers;
 pub mod page;
+pub mod parameters;
 pub mod terminal;

@@ -402,7 +402,12 @@ impl Plant {
         let (a, b) = (self.history[n], self.history[(n + 1).min(last)]);
         let between = |a: f64, b: f64| a + (b - a) * part;
         let walls_n = [0, 1].map(|wall| between(a.walls_n[wall], b.walls_n[wall]));
-        Truth { x_m: between(a.x_m, b.x_m), z_m: between(a.z_m, b.z_m), spring_n: between(a.spring_n, b.spring_n), walls_n }
+        Truth {
+            x_m: between(a.x_m, b.x_m),
+            z_m: between(a.z_m, b.z_m),
+            spring_n: between(a.spring_n, b.spring_n),
+            walls_n,
+        }
     }
 
     /// Force on a wall, N.

@@ -1,89 +1,58 @@
 //! Section of the report page on set-ups, experiments and limits.
 
 use damprig_core::control::stepped_sine::DriveMode;
-use damprig_core::model::{Tmd, Wall};
 use maud::{Markup, html};
 
 use super::data::PageData;
-use super::tables::{label, largest, number, optional, short};
-use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, SpringTarget, Start};
+use super::tables::{label, largest, number, short};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind, Start};
 use crate::report::compared::predicted_and_measured;
+use crate::report::parameters::rows;
+use crate::run_folder::schema::manifest::SetUpRecord;
 
-/// Table of set-ups, a row each.
+/// Set-ups side by side in one table.
+const SIDE_BY_SIDE: usize = 10;
+
+/// Tables of set-ups, a column each, with every parameter, and the largest displacements predicted and measured.
 pub(super) fn set_ups(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else { return from_manifest(data) };
-    let predicted = |s: &CampaignSetUp| {
-        data.manifest.set_ups.iter().find(|record| record.name == s.name).map_or(f64::NAN, |r| r.predicted_max_x_m)
-    };
-    let in_dwell = |s: &CampaignSetUp| {
-        let record = data.manifest.set_ups.iter().find(|record| record.name == s.name);
-        record.map_or(f64::NAN, |record| record.predicted_dwell_max_x_m)
-    };
-    let has_tmd = campaign.set_ups.iter().any(|set_up| set_up.model().tmd.is_some());
     html! {
-        div.wide { table {
-            thead { tr {
-                th.word { "Set-up" }
-                th { "Z" small { "mm" } } th { "M" small { "kg" } } th { "fn" small { "Hz" } } th { "ζ" small { "%" } }
-                th { "Particle" small { "kg" } } th { "d" small { "mm" } } th { "d/Z" }
-                th.word { "Walls" } th { "μ" small { "internal" } }
-                th { "Friction" small { "N" } } th { "γF" } th.word { "Spring" }
-                @if has_tmd { th.word { "Tuned mass" } }
-                th { "max|x|" small { "mm, predicted, with settling" } } th { "max|x|" small { "mm, predicted, as measured" } }
-                th { "max|x|" small { "mm, measured" } }
-            } }
-            tbody {
-                @for set_up in &campaign.set_ups {
-                    @let model = set_up.model();
-                    tr {
-                        td.word {
-                            (label(data, &set_up.name))
-                            @if set_up.has_unmodelled_damper { small { "damper without a model" } }
-                        }
-                        td { (short(set_up.base_amplitude_m * 1e3, 4)) }
-                        td { (short(model.structure.mass_kg, 4)) }
-                        td { (short(set_up.natural_frequency_hz(), 4)) }
-                        td { (short(model.structure.damping_ratio() * 100.0, 4)) }
-                        td { (optional(model.particle.map(|p| p.mass_kg), 4)) }
-                        td { (optional(model.particle.map(|p| p.clearance_m * 1e3), 3)) }
-                        td { (optional(set_up.clearance_ratio(), 3)) }
-                        td.word.short { (model.particle.map_or("–".into(), |p| wall(p.wall))) }
-                        td { (optional(model.particle.map(|p| p.friction_coefficient), 4)) }
-                        td { (optional(model.friction_damper.map(|d| d.force_n), 4)) }
-                        td { (optional(set_up.friction_ratio(), 3)) }
-                        td.word { (spring(set_up)) }
-                        @if has_tmd { td.word { (model.tmd.map_or("–".into(), |tmd| tuned_mass(&tmd))) } }
-                        td { (number(predicted(set_up) * 1e3, 2)) }
-                        td { (number(in_dwell(set_up) * 1e3, 2)) }
-                        td { (number(largest(data, &set_up.name) * 1e3, 2)) }
-                    }
-                }
-            }
-        } }
+        @for set_ups in campaign.set_ups.chunks(SIDE_BY_SIDE) { (side_by_side(data, set_ups)) }
         @for note in predicted_and_measured(campaign) { p.under { (note) } }
     }
 }
 
-fn wall(wall: Wall) -> String {
-    match wall {
-        Wall::Restitution { coefficient } => format!("e = {}", short(coefficient, 3)),
-        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
-            format!("{} N/m, {} N·s/m", short(stiffness_n_per_m, 1), short(damping_n_s_per_m, 3))
-        }
-    }
-}
-
-fn tuned_mass(tmd: &Tmd) -> String {
-    let (k1, c1) = (short(tmd.stiffness_n_per_m, 2), short(tmd.damping_n_s_per_m, 3));
-    format!("{} kg, {k1} N/m, {c1} N·s/m", short(tmd.mass_kg, 4))
-}
-
-fn spring(set_up: &CampaignSetUp) -> String {
-    match set_up.spring().map(|spring| spring.target) {
-        None => "–".into(),
-        Some(SpringTarget::FrictionRatio(ratio)) => format!("kept at γF = {}", short(ratio, 3)),
-        Some(SpringTarget::NormalForce(force)) => format!("kept at {} N", short(force, 3)),
-        Some(SpringTarget::Deflection(deflection)) => format!("kept at {} mm", short(deflection * 1e3, 3)),
+fn side_by_side(data: &PageData, set_ups: &[CampaignSetUp]) -> Markup {
+    let recorded = |set_up: &CampaignSetUp, value: fn(&SetUpRecord) -> f64| {
+        data.manifest.set_ups.iter().find(|record| record.name == set_up.name).map_or(f64::NAN, value)
+    };
+    html! {
+        div.wide { table {
+            thead { tr {
+                th.word { "Parameter" }
+                @for set_up in set_ups { th { (label(data, &set_up.name)) } }
+            } }
+            tbody {
+                @for row in rows(set_ups) {
+                    tr {
+                        td.word.short { (row.name) }
+                        @for value in &row.values { td { (value.as_deref().unwrap_or("–")) } }
+                    }
+                }
+                tr.first {
+                    td.word.short { "max|x| predicted, with settling (mm)" }
+                    @for set_up in set_ups { td { (number(recorded(set_up, |r| r.predicted_max_x_m) * 1e3, 2)) } }
+                }
+                tr {
+                    td.word.short { "max|x| predicted, as measured (mm)" }
+                    @for set_up in set_ups { td { (number(recorded(set_up, |r| r.predicted_dwell_max_x_m) * 1e3, 2)) } }
+                }
+                tr {
+                    td.word.short { "max|x| measured (mm)" }
+                    @for set_up in set_ups { td { (number(largest(data, &set_up.name) * 1e3, 2)) } }
+                }
+            }
+        } }
     }
 }
 

@@ -24,10 +24,6 @@ pub(super) fn short(value: f64, decimals: usize) -> String {
     if value.is_finite() { trimmed(value, decimals).replace('-', "−") } else { "–".into() }
 }
 
-pub(super) fn optional(value: Option<f64>, decimals: usize) -> String {
-    value.map_or("–".into(), |v| short(v, decimals))
-}
-
 /// Peak of X/Z (cycle maxima), a row for each experiment on each set-up.
 pub(super) fn peaks(data: &PageData) -> Markup {
     html! {

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use damprig_board::{Board, Config, Output, Time};
-use damprig_core::model::{Particle, SetUp, Structure, Wall};
+use damprig_core::model::{Particle, Release, SetUp, Structure, Tmd, Wall};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
@@ -256,4 +256,53 @@ signals = ["x", "z", "spring_force", "impacts_in_cycle", "twin_residual"]
         position_m / spring.step_m
     );
     assert!((position_m - steps as f32 * spring.step_m).abs() <= 1.5 * spring.step_m, "{position_m} m, step {steps}");
+}
+
+/// A pulse that excites a tuned mass, and a particle between soft walls. The board counts the contacts by the force of the walls.
+#[test]
+fn a_pulse_moves_soft_walls_and_a_tuned_mass_as_on_the_virtual_rig() {
+    let bare = SetUp::bare(structure());
+    let rubber = Wall::Voigt { stiffness_n_per_m: 43_436.0, damping_n_s_per_m: 13.0, release: Release::ZeroForce };
+    let particle = Particle { mass_kg: 0.16, clearance_m: 0.001, friction_coefficient: 0.0, wall: rubber };
+    let tmd = Tmd { mass_kg: 0.16, stiffness_n_per_m: 32.6, damping_n_s_per_m: 0.84 };
+    let soft = "particle = { mass_kg = 0.16, clearance_m = 0.001, wall = { kind = \"voigt\", stiffness_n_per_m = 43436, \
+                damping_n_s_per_m = 13, release = \"zero_force\" } }";
+    let tuned = "tmd = { mass_kg = 0.16, stiffness_n_per_m = 32.6, damping_n_s_per_m = 0.84 }";
+    let with_particle = PlantConfig {
+        set_up: SetUp { particle: Some(particle), ..bare },
+        walls: Some(WallSensors::default()),
+        ..plant()
+    };
+    let with_tmd = PlantConfig { set_up: SetUp { tmd: Some(tmd), ..bare }, ..plant() };
+    for (damper, plant) in [(soft, with_particle), (tuned, with_tmd)] {
+        let text = format!(
+            r#"
+name = "dampers"
+{STRUCTURE}
+[[set_up]]
+name = "damped"
+base_amplitude_m = 0.0015
+{damper}
+
+[[experiment]]
+name = "pulse"
+kind = "impulse"
+shape = "versine"
+amplitude_m = 0.004
+duration_s = 0.2
+rest_level_m = 5e-5
+tail_s = 2
+
+[telemetry]
+rate_hz = 100
+"#
+        );
+        let Some(([virtual_rig, board], _)) = both(&text, "transient", Config::new(plant), |_| {}) else { return };
+        let ([there], [here]) = (&virtual_rig[..], &board[..]) else { panic!("{board:?}") };
+        close("x_peak_m", there, here, PEAK_NOISE_M + REST_LEVEL_M);
+        close("x_rms_m", there, here, 4.0 * BOARD_NOISE_M.hypot(VIRTUAL_NOISE_M) / 10_000f64.sqrt() + REST_LEVEL_M);
+        // A contact whose force is near the threshold may be counted on one of the rigs.
+        close("impacts", there, here, 1.0);
+        assert_eq!(number(here, "impacts") > 3.0, damper == soft);
+    }
 }
