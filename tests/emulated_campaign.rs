@@ -10,8 +10,8 @@ use damprig_tests::support::emulator::Emulator;
 use damprig_tests::support::images::{find, project};
 use tempfile::TempDir;
 
-/// Shipped campaigns of an hour of rig time, which takes minutes on the emulator: only in `tests/run --full`.
-pub const LONG: [&str; 2] = ["closed-loop", "hybrid"];
+/// Shipped campaigns that take long on the emulator: only in `tests/run --full`.
+pub const LONG: [&str; 3] = ["closed-loop", "dampers", "hybrid"];
 
 const TABLES: [&str; 4] = ["results.parquet", "samples.parquet", "impacts.parquet", "transients.parquet"];
 

@@ -81,6 +81,24 @@ def check_mat(path, samples, results, manifest):
                     sys.exit(f"{what} differs")
             if name not in read["units"][word]:
                 sys.exit(f"{what}: no unit")
+    for place, record in enumerate(manifest["set_ups"]):
+        model = record["model"]
+        particle, tmd = model["particle"] or {}, model["tmd"] or {}
+        wall = particle.get("wall", {})
+        expected = {
+            "mass_kg": model["structure"]["mass_kg"],
+            "stiffness_n_per_m": model["structure"]["stiffness_n_per_m"],
+            "particle_mass_kg": particle.get("mass_kg", np.nan),
+            "clearance_m": particle.get("clearance_m", np.nan),
+            "restitution": wall.get("Restitution", {}).get("coefficient", np.nan),
+            "wall_stiffness_n_per_m": wall.get("Voigt", {}).get("stiffness_n_per_m", np.nan),
+            "friction_force_n": (model["friction_damper"] or {}).get("force_n", np.nan),
+            "tuned_mass_kg": tmd.get("mass_kg", np.nan),
+        }
+        for name, value in expected.items():
+            found = np.atleast_1d(read["run"]["set_ups"][name])[place]
+            if not np.array_equal(found, value, equal_nan=True):
+                sys.exit(f"{path}: run.set_ups.{name} of {record['name']} is {found} and not {value}")
     raw = scipy.io.loadmat(path)["samples"]["t_s"][0, 0]
     if raw.shape != (len(samples), 1) or raw.dtype != np.float64:
         sys.exit(f"{path}: t_s is no column of doubles but {raw.dtype} {raw.shape}")

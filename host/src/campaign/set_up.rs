@@ -25,7 +25,8 @@ pub struct CampaignSetUp {
     pub base_amplitude_span: Span,
     /// It has a damper that damprig has no equations for (`damper = "unmodelled"`); the model is that of the bare structure.
     pub has_unmodelled_damper: bool,
-    /// Whether its motion is predicted: not with an unmodelled damper, except on a simulated rig, where the bare structure moves.
+    /// Whether its motion is predicted: not with an unmodelled damper, except on a simulated rig, where the bare structure moves. The
+    /// base's motion always is.
     pub is_predicted: bool,
 }
 
@@ -34,6 +35,12 @@ impl CampaignSetUp {
     #[must_use]
     pub fn model(&self) -> SetUp {
         self.spec.at(self.base_amplitude_m)
+    }
+
+    /// Whether it may have impacts: with a particle, or a damper without a model.
+    #[must_use]
+    pub fn may_have_impacts(&self) -> bool {
+        self.has_unmodelled_damper || self.model().particle.is_some()
     }
 
     /// y − x at the start, m; 0 without a particle.

@@ -173,7 +173,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     check(&campaign, &predicted, &session)?;
     if args.dry_run {
         predicted_and_measured(&campaign).iter().for_each(|note| say!("{note}"));
-        say!("All set-ups stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);
+        let which =
+            if campaign.set_ups.iter().all(|s| s.is_predicted) { "All set-ups" } else { "All set-ups with a model" };
+        say!("{which} stay within ±{} mm. Nothing has moved.", campaign.rig.structure_limit_m() * 1e3);
         say!("{}", settings_line(args, &session));
         return Ok(());
     }

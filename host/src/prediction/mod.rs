@@ -21,9 +21,10 @@ use std::f64::consts::TAU;
 use damprig_core::integrator::base::BaseSegment;
 use damprig_core::integrator::sampled::{Joined, LARGEST_RATE_PER_STEP};
 use damprig_core::integrator::units::Units;
-use damprig_core::io::Invalid;
+use damprig_core::io::{Invalid, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::Initial;
+use damprig_core::twin::TwinConfig;
 use rayon::prelude::*;
 
 use crate::campaign::transient::two_digits_down;
@@ -138,14 +139,14 @@ impl Predicted {
     }
 }
 
-/// Predicts every set-up that a stepped sine uses and that has a model, in the order of the campaign.
+/// Predicts every set-up that a stepped sine uses, in the order of the campaign. Of one without a model max |x| is NaN, and there is
+/// no response.
 ///
 /// # Errors
 /// A parameter that cannot be simulated, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<(Vec<Prediction>, Vec<Response>), Refusal> {
     let used = |i: &usize| campaign.experiments.iter().any(|e| e.stepped_sine().is_some() && e.set_ups.contains(i));
-    let is_predicted = |i: &usize| campaign.set_ups[*i].is_predicted;
-    let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(is_predicted).filter(used).collect();
+    let indices: Vec<usize> = (0..campaign.set_ups.len()).filter(used).collect();
     let predictions: Result<Vec<(Prediction, Vec<Response>)>, Refusal> = indices
         .into_par_iter()
         .map(|set_up| {
@@ -178,7 +179,8 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
             });
             continue;
         }
-        if prediction.swing.max_x_m <= USABLE * limit {
+        let is_beyond = prediction.swing.max_x_m > USABLE * limit;
+        if !is_beyond {
             continue;
         }
         let fix = largest_fitting(campaign, prediction, limit);
@@ -232,7 +234,9 @@ fn tries(steps: u64) -> u64 {
 fn steps_per_period(set_up: &CampaignSetUp, frequency_hz: f64) -> f64 {
     let structure = set_up.model().structure;
     let rate = structure.angular_frequency_rad_per_s().max(structure.damping_n_s_per_m / structure.mass_kg);
-    STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil())
+    // A tick at most where a soft wall or a tuned mass may need shorter flights: what the rig accepts is then predicted too.
+    let by_tick = if TwinConfig::follows(&set_up.model()) { 0.0 } else { f64::from(TICK_HZ) / frequency_hz };
+    STEPS_PER_PERIOD.max((rate / frequency_hz / LARGEST_RATE_PER_STEP).ceil()).max(by_tick.ceil())
 }
 
 /// Steps that each point of the campaign may have.
@@ -266,6 +270,9 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
         let is_whole = simulated.swing.predicted_s.is_none();
         let dwell_max_x_m = is_whole.then_some(simulated.dwell_max_x_m);
         responses.push(Response { set_up, experiment, points: simulated.points, dwell_max_x_m });
+    }
+    if !campaign.set_ups[set_up].is_predicted {
+        return Ok((Swing { max_x_m: f64::NAN, ..Swing::NOTHING }, Vec::new()));
     }
     Ok((largest, responses))
 }
@@ -337,11 +344,15 @@ fn simulate(
     let mut largest = Swing::NOTHING;
     let mut points = Vec::new();
     let mut dwell_max_x_m = 0.0_f64;
-    let mut carried: Option<Initial> = None;
+    let mut carried: Option<Joined<f64>> = None;
     for &frequency_hz in &experiment.frequencies_hz {
         let steps = steps_per_period(set_up, frequency_hz);
         let step_s = 1.0 / (frequency_hz * steps);
-        let mut motion = Joined::<f64>::joined(&model, Units::metres(step_s), &carried.take().unwrap_or(initial))?;
+        let units = Units::metres(step_s);
+        let mut motion = match carried.take() {
+            Some(before) => before.counted_in(&model, units)?,
+            None => Joined::joined(&model, units, &initial)?,
+        };
         let [settle_steps, dwell_steps] = whole_cycles(experiment, frequency_hz).map(|cycles| cycles * steps);
         let wanted = (settle_steps + dwell_steps) as u64;
         let count = wanted.min(most_steps);
@@ -372,10 +383,7 @@ fn simulate(
         points.extend(maxima.mean_m().map(|x_m| (frequency_hz, x_m / base_amplitude_m)));
         largest.wall_force_n = largest.wall_force_n.max(watch.largest_force_n);
         if experiment.start == Start::CarryOver {
-            let state = motion.state();
-            let (v, slide) = (state.v / step_s, state.slide / step_s);
-            let y_m = state.x + state.offset;
-            carried = Some(Initial { x_m: state.x, v_m_per_s: v, y_m, u_m_per_s: v + slide });
+            carried = Some(motion);
         }
     }
     Ok(Simulated { swing: largest, points, dwell_max_x_m })

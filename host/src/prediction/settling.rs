@@ -39,7 +39,7 @@ fn of_experiment(set_up: &CampaignSetUp, experiment: &Experiment, sine: &Stepped
     let natural_hz = set_up.natural_frequency_hz();
     let frequency_hz = sine.frequencies_hz.iter().copied().find(|f| (f / natural_hz - 1.0).abs() < NEAR)?;
     let rate = model.structure.damping_ratio() * model.structure.angular_frequency_rad_per_s();
-    if model.particle.is_some() || model.friction_damper.is_some() || model.tmd.is_some() || rate <= 0.0 {
+    if set_up.has_unmodelled_damper || set_up.spec.damper().is_some() || rate <= 0.0 {
         return None;
     }
     let time_constant_s = 1.0 / rate;

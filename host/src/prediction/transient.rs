@@ -19,7 +19,7 @@ use crate::input::{Problem, Refusal};
 /// The prediction for one experiment on one set-up. Lengths in m.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outlook {
-    /// max |x|.
+    /// max |x|; NaN, as the other values of x, without a model of the damper.
     pub x_peak_m: f64,
     /// RMS of x over the measured window.
     pub x_rms_m: f64,
@@ -39,7 +39,25 @@ pub struct Outlook {
     pub predicted_s: Option<f64>,
 }
 
-/// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine. `detection`: the board's settings.
+impl Outlook {
+    /// What does not depend on the damper: the base's motion.
+    fn of_base(self) -> Self {
+        let (x_peak_m, x_rms_m, relative_peak_m, relative_rms_m) = (f64::NAN, f64::NAN, f64::NAN, f64::NAN);
+        Self {
+            x_peak_m,
+            x_rms_m,
+            relative_peak_m,
+            relative_rms_m,
+            impacts: 0,
+            weak_impacts: 0,
+            wall_force_n: 0.0,
+            ..self
+        }
+    }
+}
+
+/// The prediction for a record, a pulse or a free vibration; `None` for a stepped sine. Of a set-up without a model only z is
+/// predicted. `detection`: the board's settings.
 ///
 /// # Errors
 /// A parameter that cannot be simulated.
@@ -48,11 +66,12 @@ pub fn outlook(
     experiment: &Experiment,
     detection: &ImpactConfig,
 ) -> Result<Option<Outlook>, Invalid> {
-    match &experiment.kind {
-        Kind::SteppedSine(_) => Ok(None),
-        Kind::Playback(playback) => played(set_up, playback, detection).map(Some),
-        Kind::FreeVibration(free) => released(set_up, free, detection).map(Some),
-    }
+    let outlook = match &experiment.kind {
+        Kind::SteppedSine(_) => return Ok(None),
+        Kind::Playback(playback) => played(set_up, playback, detection)?,
+        Kind::FreeVibration(free) => released(set_up, free, detection)?,
+    };
+    Ok(Some(if set_up.is_predicted { outlook } else { outlook.of_base() }))
 }
 
 /// The longest step, s.
@@ -217,7 +236,7 @@ pub struct Expected {
 /// A parameter that the simulation cannot take, with the set-up's name.
 pub fn predict(campaign: &Campaign) -> Result<Vec<Expected>, Refusal> {
     let mut all = Vec::new();
-    for (set_up, it) in campaign.set_ups.iter().enumerate().filter(|(_, it)| it.is_predicted) {
+    for (set_up, it) in campaign.set_ups.iter().enumerate() {
         for (experiment, what) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.set_ups.contains(&set_up)) {
             let outlook = outlook(it, what, &campaign.rig.board.impacts)
                 .map_err(|e| Refusal(format!("set-up {:?}, {:?}: {e}", it.name, what.name)))?;

@@ -10,7 +10,7 @@ use damprig_core::model::Wall;
 use super::Prediction;
 use super::transient::Expected;
 use super::watch;
-use crate::campaign::{Campaign, CampaignSetUp};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment, Kind};
 use crate::input::{Problem, Refusal};
 use crate::settings::number_of;
 
@@ -20,15 +20,19 @@ const FAR_BEYOND: f64 = 4.0;
 /// Warnings on forces above the limit.
 ///
 /// # Errors
-/// Forces more than four times the limit: one message for all, each with the line of the set-up's base amplitude.
+/// Forces on hard walls of more than four times the limit, on soft walls above it: one message for all, each with the line of the
+/// set-up's base amplitude.
 pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expected]) -> Result<Vec<String>, Refusal> {
-    let forces = predictions.iter().map(|p| (p.set_up, p.swing.wall_force_n));
-    let forces: Vec<(usize, f64)> = forces.chain(expected.iter().map(|e| (e.set_up, e.outlook.wall_force_n))).collect();
+    // Forces on the set-ups' walls: in stepped sines, and in other experiments.
+    let sines = predictions.iter().map(|p| (p.set_up, None, p.swing.wall_force_n));
+    let others = expected.iter().map(|e| (e.set_up, Some(&campaign.experiments[e.experiment]), e.outlook.wall_force_n));
+    let forces: Vec<(usize, Option<&Experiment>, f64)> = sines.chain(others).collect();
     let limit_n = number_of(campaign.rig.acting.wall_force_n);
     let mut warnings = Vec::new();
     for (index, set_up) in campaign.set_ups.iter().enumerate() {
-        let force_n = forces.iter().filter(|(of, _)| *of == index).map(|(_, force_n)| *force_n).fold(0.0, f64::max);
-        if force_n <= limit_n {
+        let own = forces.iter().filter(|(of, ..)| *of == index);
+        let Some((_, experiment, force_n)) = own.max_by(|a, b| a.2.total_cmp(&b.2)) else { continue };
+        if *force_n <= limit_n {
             continue;
         }
         let is_soft = set_up.model().particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }));
@@ -37,12 +41,14 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
         } else {
             (format!(" of {} ms", watch::contact_s() * 1e3), FAR_BEYOND * limit_n)
         };
+        let during = experiment.map_or(String::new(), |experiment| format!(" in experiment {:?}", experiment.name));
         let what = format!(
-            "set-up {:?} would reach the limit of the force on a wall: predicted {force_n:.0} N in a contact{contact}, limit {limit_n} N",
+            "set-up {:?} would reach the limit of the force on a wall{during}: predicted {force_n:.0} N in a contact{contact}, \
+             limit {limit_n} N",
             set_up.name,
         );
-        if force_n > most_n {
-            campaign.source.report(problem(set_up, what, is_soft));
+        if *force_n > most_n {
+            campaign.source.report(problem(set_up, *experiment, what, is_soft));
         } else {
             warnings.push(format!("{what}; the rig stops there"));
         }
@@ -50,17 +56,18 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
     campaign.source.verdict().map(|()| warnings)
 }
 
-fn problem(set_up: &CampaignSetUp, title: String, is_soft: bool) -> Problem {
-    let wall = if is_soft {
-        "or `law = \"contact\"` for the wall, which gives a weaker dashpot"
-    } else {
-        "or a smaller coefficient of restitution"
-    };
+fn problem(set_up: &CampaignSetUp, experiment: Option<&Experiment>, title: String, is_soft: bool) -> Problem {
+    let wall = if is_soft { "a wall of smaller stiffness or damping" } else { "a smaller coefficient of restitution" };
     let mass = set_up.model().particle.map_or(0.0, |particle| particle.mass_kg);
+    let (span, key) = match experiment.map(|experiment| &experiment.kind) {
+        Some(Kind::FreeVibration(free)) => (free.span.clone(), "start_m"),
+        Some(Kind::Playback(playback)) => (playback.span.clone(), playback.key),
+        _ => (set_up.base_amplitude_span.clone(), "base_amplitude_m"),
+    };
     Problem {
         title,
-        span: set_up.base_amplitude_span.clone(),
-        allowed: format!("with this base amplitude and a particle of {} kg", super::trim(mass)),
-        help: Some(format!("write a smaller base amplitude, a lighter particle, {wall}")),
+        span,
+        allowed: format!("with this `{key}` and a particle of {} kg", super::trim(mass)),
+        help: Some(format!("write a smaller `{key}`, a lighter particle or {wall}")),
     }
 }

@@ -46,7 +46,8 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     if campaign.set_ups.iter().any(|s| s.model().particle.is_some()) {
         notes.push(format!(
             "Impacts are predicted as the board counts them: pulses above {} N (of a hard wall in a contact of {} ms), of a \
-             chatter only those apart. A motion with impacts may be chaotic: then noise changes single maxima and counts, and both may be right.",
+             chatter only those apart; the sensor's noise lifts a long contact that stays just below. A motion with impacts \
+             may be chaotic: then noise changes single maxima and counts, and both may be right.",
             significant(number_of(campaign.rig.board.impacts.threshold_n), 3),
             significant(contact_s() * 1e3, 3)
         ));

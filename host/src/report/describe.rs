@@ -18,10 +18,29 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
         Wall::Restitution { coefficient } => Some(format!("e = {}", trimmed(coefficient, 3))),
         Wall::Voigt { .. } => None,
     });
+    let model = set_up.model();
+    let soft = model.particle.and_then(|particle| match particle.wall {
+        Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+            let (k1, c1) = (significant(stiffness_n_per_m, 4), significant(damping_n_s_per_m, 3));
+            Some(format!("k1 = {k1} N/m, c1 = {c1} N·s/m"))
+        }
+        Wall::Restitution { .. } => None,
+    });
+    let tuned = model.tmd.map(|tmd| {
+        let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
+        let gamma = own / model.structure.angular_frequency_rad_per_s();
+        let zeta = tmd.damping_n_s_per_m / (2.0 * tmd.mass_kg * own);
+        let ratio = tmd.mass_kg / model.structure.mass_kg;
+        format!("m/M = {}, γ = {}, ζ1 = {}", trimmed(ratio, 3), trimmed(gamma, 4), trimmed(zeta, 4))
+    });
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
     let unmodelled = set_up.has_unmodelled_damper.then(|| "damper without a model".into());
     let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, restitution, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [clearance, restitution, soft, tuned, friction, unmodelled, amplitude]
+        .into_iter()
+        .flatten()
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.

@@ -108,7 +108,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             places.push(place);
         }
         let frequency_at = places.iter().position(|&place| Some(place) == frequency);
-        let has_impacts = task.set_up.model().particle.is_some();
+        let has_impacts = task.set_up.may_have_impacts();
         let check = PlanCheck::new(task.experiment, task.points.clone(), places.len(), run.every_ticks, has_impacts);
         let clock = ClockPairs::default();
         let mut segment = Self {
@@ -193,7 +193,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let ask = Request::SetTelemetry {
             every_ticks: self.run.every_ticks,
             signals: self.places.iter().map(|&place| place as u8).collect(),
-            impacts: self.task.set_up.model().particle.is_some(),
+            impacts: self.task.set_up.may_have_impacts(),
         };
         Ok(self.run.session.execute("send telemetry", ask)?)
     }

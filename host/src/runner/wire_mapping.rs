@@ -65,14 +65,10 @@ impl Selection {
 
 /// Warnings on set-ups without a twin, if one of its signals is recorded.
 pub(super) fn without_twin(campaign: &Campaign, selection: &Selection) -> Vec<String> {
-    let without =
-        campaign.set_ups.iter().filter(|set_up| selection.has_twin() && !TwinConfig::follows(&set_up.model()));
+    let without = campaign.set_ups.iter().filter(|set_up| selection.has_twin() && !is_followed(set_up));
     without
         .map(|set_up| {
-            format!(
-                "set-up {:?} has no twin: the board has no equations of soft walls and tuned masses; its signals are 0",
-                set_up.name
-            )
+            format!("set-up {:?} has no twin: the board has no equations of its damper; the signals are 0", set_up.name)
         })
         .collect()
 }
@@ -136,12 +132,17 @@ pub(super) fn spring(set_up: &CampaignSetUp, spring: &SpringSpec) -> SpringSetUp
     }
 }
 
+/// Whether the board's twin has the equations of a set-up.
+fn is_followed(set_up: &CampaignSetUp) -> bool {
+    set_up.is_predicted && TwinConfig::follows(&set_up.model())
+}
+
 /// The twin of a set-up, if one of its signals is recorded. No twin during a free vibration: the base is at rest. No twin of soft
 /// walls or a tuned mass.
 pub(super) fn twin(selection: &Selection, set_up: &CampaignSetUp, experiment: &Experiment) -> Option<TwinConfig> {
     let is_driven = experiment.free_vibration().is_none();
     let model = set_up.model();
-    (is_driven && selection.has_twin() && TwinConfig::follows(&model)).then(|| TwinConfig::new(model))
+    (is_driven && selection.has_twin() && is_followed(set_up)).then(|| TwinConfig::new(model))
 }
 
 /// The request that configures these points of an experiment on a rig whose drive delivers ± `drive_m`.

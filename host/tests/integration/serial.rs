@@ -218,4 +218,22 @@ mod unix {
         // 17 s of device time in 3.4 s of host time.
         assert!(clock["pairs"].as_u64().unwrap() >= 3 && (rate - FAST).abs() < 0.05 * FAST, "{clock}");
     }
+
+    #[test]
+    fn a_damper_without_a_model_is_not_predicted_on_a_board_but_its_base_is_checked() {
+        let unmodelled = |text: String| text.replace("label = \"Bare structure\"", "damper = \"unmodelled\"");
+        let only_bare =
+            |text: String| text.replace("start = \"from_rest\"", "start = \"from_rest\"\nset_ups = [\"bare\"]");
+        let campaign = unmodelled(only_bare(short()));
+        // The bare structure would leave its limit.
+        let folder = folder_with(&campaign.replace("base_amplitude_m = 0.0004", "base_amplitude_m = 0.004"));
+        let dry = |folder: &tempfile::TempDir| {
+            let rig = with_its_own_clock();
+            damprig(folder).args(["run", "test.toml", "--rig", &rig, "--dry-run"]).assert()
+        };
+        let said = "nothing is predicted for it, and the board's limits alone stop the rig";
+        dry(&folder).success().stderr(contains(said)).stdout(contains("All set-ups with a model stay within"));
+        let folder = folder_with(&campaign.replace("base_amplitude_m = 0.0004", "base_amplitude_m = 0.06"));
+        dry(&folder).code(2).stderr(contains("base_amplitude_m"));
+    }
 }

@@ -181,6 +181,8 @@ fn all_three_kinds_are_measured_recorded_and_reported() {
         assert!(run.join(file).is_file(), "no {file}");
     }
     assert!(!run.join("figure.svg").exists(), "there is no frequency to draw over");
+    let page = std::fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("<svg") && page.contains("x over time of records, pulses and free vibrations"));
     assert_eq!(manifest(&run)["set_ups"].as_array().unwrap().len(), 2);
     damprig(&folder).args(["runs", "verify", "run"]).assert().success();
     damprig(&folder)

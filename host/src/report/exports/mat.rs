@@ -4,12 +4,14 @@
 //! field per column: numbers as double column vectors, names as cell arrays of char. `samples.set_up` and
 //! `samples.experiment` are indices, from 1, into the cell arrays `samples.set_up_names` and `samples.experiment_names`,
 //! because a char array per row would dominate the file. `units.samples` and `units.results` have the unit of each field,
-//! `descriptions.results` and `descriptions.transients` its meaning.
+//! `descriptions.results` and `descriptions.transients` its meaning. `run.set_ups` has the parameters of the set-ups' models, in the order
+//! of `run.set_up_names`.
 //!
 //! The library keeps the whole file in memory and ignores write errors. Hence the limit on its size, and the check that reads
 //! the file back before it gets its name.
 
 use std::collections::hash_map::DefaultHasher;
+use std::f64::consts::TAU;
 use std::fs::File;
 use std::hash::{Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom};
@@ -17,12 +19,14 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use arrow_array::RecordBatch;
 use arrow_schema::DataType;
+use damprig_core::model::{SetUp, Wall};
 use indexmap::IndexMap;
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
 use super::atomic_file::{OutFile, to_failure, write_export};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::read::columns::{Value, description, unit, values};
+use crate::run_folder::schema::manifest::SetUpRecord;
 use crate::run_folder::{ReadError, RunFolder};
 
 /// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
@@ -241,9 +245,8 @@ fn to_variable(columns: MatColumns) -> MatVariable {
 /// The struct `run`, from the manifest.
 fn run_struct(run: &RunFolder) -> MatVariable {
     let m = run.manifest();
-    let set_ups = |get: fn(&crate::run_folder::schema::manifest::SetUpRecord) -> &String| {
-        cells(&m.set_ups.iter().map(|s| get(s).clone()).collect::<Vec<_>>())
-    };
+    let set_ups =
+        |get: fn(&SetUpRecord) -> &String| cells(&m.set_ups.iter().map(|s| get(s).clone()).collect::<Vec<_>>());
     let mut facts = vec![
         ("id", text(&run.id())),
         ("campaign", text(&m.campaign)),
@@ -258,6 +261,7 @@ fn run_struct(run: &RunFolder) -> MatVariable {
         ("set_up_names", set_ups(|s| &s.name)),
         ("set_up_labels", set_ups(|s| &s.label)),
         ("set_up_base_amplitudes_m", numbers(m.set_ups.iter().map(|s| s.base_amplitude_m).collect())),
+        ("set_ups", set_up_struct(&m.set_ups)),
     ];
     if let Some(device) = &m.device {
         facts.extend([
@@ -269,6 +273,48 @@ fn run_struct(run: &RunFolder) -> MatVariable {
         ]);
     }
     structure(facts.into_iter().map(|(name, value)| (name.to_string(), value)))
+}
+
+/// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
+type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
+
+/// The parameters of a set-up's model.
+const PARAMETERS: &[Parameter] = &[
+    ("mass_kg", |s| Some(s.structure.mass_kg)),
+    ("stiffness_n_per_m", |s| Some(s.structure.stiffness_n_per_m)),
+    ("damping_n_s_per_m", |s| Some(s.structure.damping_n_s_per_m)),
+    ("natural_frequency_hz", |s| Some(s.structure.angular_frequency_rad_per_s() / TAU)),
+    ("damping_ratio", |s| Some(s.structure.damping_ratio())),
+    ("gravity_m_per_s2", |s| Some(s.gravity_m_per_s2)),
+    ("particle_mass_kg", |s| s.particle.map(|p| p.mass_kg)),
+    ("clearance_m", |s| s.particle.map(|p| p.clearance_m)),
+    ("internal_friction", |s| s.particle.map(|p| p.friction_coefficient)),
+    ("restitution", |s| match s.particle?.wall {
+        Wall::Restitution { coefficient } => Some(coefficient),
+        Wall::Voigt { .. } => None,
+    }),
+    ("wall_stiffness_n_per_m", |s| match s.particle?.wall {
+        Wall::Voigt { stiffness_n_per_m, .. } => Some(stiffness_n_per_m),
+        Wall::Restitution { .. } => None,
+    }),
+    ("wall_damping_n_s_per_m", |s| match s.particle?.wall {
+        Wall::Voigt { damping_n_s_per_m, .. } => Some(damping_n_s_per_m),
+        Wall::Restitution { .. } => None,
+    }),
+    ("friction_force_n", |s| s.friction_damper.map(|d| d.force_n)),
+    ("tuned_mass_kg", |s| s.tmd.map(|t| t.mass_kg)),
+    ("tuned_stiffness_n_per_m", |s| s.tmd.map(|t| t.stiffness_n_per_m)),
+    ("tuned_damping_n_s_per_m", |s| s.tmd.map(|t| t.damping_n_s_per_m)),
+];
+
+/// The struct `run.set_ups`: a column for each parameter in the order of `run.set_up_names`, NaN where a set-up does not have it.
+fn set_up_struct(set_ups: &[SetUpRecord]) -> MatVariable {
+    let columns = PARAMETERS.iter().map(|(name, value)| {
+        let column = set_ups.iter().map(|s| s.model().as_ref().and_then(value).unwrap_or(f64::NAN)).collect();
+        ((*name).to_string(), numbers(column))
+    });
+    let unmodelled = set_ups.iter().map(|s| f64::from(u8::from(s.has_unmodelled_damper))).collect();
+    structure(columns.chain([("has_unmodelled_damper".to_string(), numbers(unmodelled))]))
 }
 
 type Sums = [(RunTable, Vec<(String, Option<(usize, u64)>)>)];

@@ -13,7 +13,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::campaign::Campaign;
 use crate::input::shown;
-use crate::report::figures::campaign::{PlottedPoint, phase, response};
+use crate::report::figures::campaign::{PlottedPoint, phase, response, transients};
 use crate::report::figures::{FigureError, Picture};
 use crate::run_folder::RunFolder;
 use data::PageData;
@@ -54,7 +54,7 @@ pub fn page(run: &RunFolder) -> Page {
                         (health::state(&data))
                     }
                     (health::warnings(&data))
-                    section { h2 { "Results" } (figures(&data)) (tables::peaks(&data)) (tables::transients(&data)) }
+                    section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (histories(run, &data)) (tables::transients(&data)) }
                     section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
                     @if !data.points.is_empty() {
                         section { h2 { "All points" } (tables::results(&data)) }
@@ -76,7 +76,8 @@ pub fn page(run: &RunFolder) -> Page {
 
 type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;
 
-fn figures(data: &PageData) -> Markup {
+/// The frequency responses.
+fn responses(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else {
         return html! { p.note { "No figure: the campaign cannot be read." } };
     };
@@ -90,11 +91,28 @@ fn figures(data: &PageData) -> Markup {
     ];
     html! {
         @for (draw, caption) in drawings {
-            @match draw(campaign, &points) {
-                // The drawing escapes its own text.
-                Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) figcaption { (caption) } },
-                Err(error) => p.note.bad { (error) },
-            }
+            (drawn(draw(campaign, &points), caption))
+        }
+    }
+}
+
+/// x over time of records, pulses and free vibrations.
+fn histories(run: &RunFolder, data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    let caption = "x over time of records, pulses and free vibrations, from the samples of the measured window.";
+    match transients(campaign, run.path(), data.taken.transients()) {
+        Ok(None) => html! {},
+        Ok(Some(picture)) => drawn(Ok(picture), caption),
+        Err(error) => drawn(Err(error), caption),
+    }
+}
+
+fn drawn(picture: Result<Picture, FigureError>, caption: &str) -> Markup {
+    html! {
+        @match picture {
+            // The drawing escapes its own text.
+            Ok(picture) => figure { (PreEscaped(without_prolog(picture.svg()))) figcaption { (caption) } },
+            Err(error) => p.note.bad { (error) },
         }
     }
 }

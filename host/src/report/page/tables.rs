@@ -147,7 +147,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                             td { (mm(row.relative_peak_m)) }
                             td { (number(f64::from(100.0 * row.base_error_rms_m / row.wanted_rms_m), 2)) }
                             td { (row.impacts) }
-                            td { (row.predicted_impacts) }
+                            td { (if row.predicted_x_peak_m.is_nan() { "–".to_string() } else { row.predicted_impacts.to_string() }) }
                             td { (number(row.start_m * 1e3, 3)) }
                             td { (number(row.damping_ratio, 5)) }
                             td { (number(row.frequency_hz, 4)) }
@@ -157,7 +157,7 @@ pub(super) fn transients(data: &PageData) -> Markup {
                 }
             } }
             p.under { "Predicted and measured are compared in words under the table of set-ups." }
-            p.under { code { "transients.parquet" } " has all columns, " code { "transients.png" } " shows x over time." }
+            p.under { code { "transients.parquet" } " has all columns." }
         }
     }
 }

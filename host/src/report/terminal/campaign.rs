@@ -15,6 +15,11 @@ fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
 }
 
+/// A number, or a dash where nothing is predicted.
+fn known(value: f64, decimals: usize) -> String {
+    if value.is_nan() { "–".into() } else { format!("{value:.decimals$}") }
+}
+
 /// The set-ups with their predicted displacements.
 pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
     let mut table =
@@ -28,9 +33,9 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
             trimmed(set_up.base_amplitude_m * 1e3, 3),
             ratio(set_up.clearance_ratio()),
             ratio(set_up.friction_ratio()),
-            format!("{:.1}", swing.max_x_m * 1e3),
-            trimmed(swing.frequency_hz, 4),
-            format!("{:.0}", 100.0 * swing.max_x_m / range_m),
+            known(swing.max_x_m * 1e3, 1),
+            if swing.max_x_m.is_nan() { "–".into() } else { trimmed(swing.frequency_hz, 4) },
+            known(100.0 * swing.max_x_m / range_m, 0),
         ]);
     }
     table

@@ -11,6 +11,11 @@ fn mm(metres: f64) -> String {
     if metres.is_finite() { format!("{:.3}", metres * 1e3) } else { "–".into() }
 }
 
+/// A predicted count; a dash where x is not predicted either.
+fn predicted(x_peak_m: f64, count: u32) -> String {
+    if x_peak_m.is_nan() { "–".into() } else { count.to_string() }
+}
+
 /// Predicted displacements, and how each record was prepared.
 pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
     if expected.is_empty() {
@@ -32,8 +37,8 @@ pub fn plan(campaign: &Campaign, expected: &[Expected]) -> Option<String> {
             mm(outlook.z_peak_m),
             mm(outlook.x_peak_m),
             mm(outlook.relative_peak_m),
-            outlook.impacts.to_string(),
-            outlook.weak_impacts.to_string(),
+            predicted(outlook.x_peak_m, outlook.impacts),
+            predicted(outlook.x_peak_m, outlook.weak_impacts),
         ]);
     }
     let records = campaign.experiments.iter().filter_map(|experiment| match &experiment.kind {
@@ -98,7 +103,7 @@ pub fn results(rows: &[TransientRow]) -> Option<Table> {
             mm(f64::from(row.relative_rms_m)),
             share(row.base_error_rms_m, row.wanted_rms_m),
             row.impacts.to_string(),
-            row.predicted_impacts.to_string(),
+            predicted(row.predicted_x_peak_m, row.predicted_impacts),
             digits(row.damping_ratio, 5),
             digits(row.frequency_hz, 4),
             if row.cycles > 0 { row.cycles.to_string() } else { "–".into() },

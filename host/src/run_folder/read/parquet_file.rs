@@ -15,7 +15,8 @@ use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchR
 use crate::input::regular;
 use crate::run_folder::ReadError;
 
-/// Batches of a Parquet file.
+/// Batches of a Parquet file. The first call installs a panic hook that passes on every panic but those of the `parquet` crate in
+/// here.
 ///
 /// # Errors
 /// When it is missing, or is not a whole Parquet file. A batch that cannot be decoded is an error in its place.
@@ -103,4 +104,15 @@ fn without_panic<T>(read: impl FnOnce() -> T) -> Result<T, String> {
         let said = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
         said.unwrap_or("it cannot be decoded").to_string()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::without_panic;
+
+    #[test]
+    fn a_panic_becomes_an_error_with_its_words() {
+        assert_eq!(without_panic(|| 3), Ok(3));
+        assert_eq!(without_panic(|| -> u8 { panic!("no {}", "dictionary") }), Err("no dictionary".to_string()));
+    }
 }

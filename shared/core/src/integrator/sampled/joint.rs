@@ -5,7 +5,7 @@
 //! the joint acts are shorter than a step where the joint is stiff, so that their polynomials stay exact. The joint costs
 //! nothing while the particle is away from the walls.
 
-use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled};
+use super::{Flight, Impact, LARGEST_RATE_PER_STEP, Observer, Sampled, SampledState};
 use crate::integrator::base::BaseSegment;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode, Sign, sign, signed};
 use crate::integrator::polynomial::{self, COEFFICIENTS, Polynomial};
@@ -216,6 +216,23 @@ impl<S: Scalar> Joined<S> {
         set_up.validate_initial(initial)?;
         let link = Link::new(set_up, &Coefficients::in_units(set_up, &units), &units)?;
         Ok(Self::with_joint(set_up, units, initial, link))
+    }
+
+    /// The same motion of the same set-up, counted in other `units`: positions, velocities and the contact with a soft wall stay. What
+    /// sticks and what slips is decided anew, because the base may move at another velocity.
+    ///
+    /// # Errors
+    /// As [`Joined::joined`].
+    pub fn counted_in(&self, set_up: &SetUp, units: Units) -> Result<Self, Invalid> {
+        let mut other = Self::joined(set_up, units, &Initial::default())?;
+        let length = S::from_f64(self.units.length_m / units.length_m);
+        let velocity = S::from_f64(self.units.velocity_m_per_s() / units.velocity_m_per_s());
+        let SampledState { x, v, offset, slide } = self.state;
+        other.state = SampledState { x: x * length, v: v * velocity, offset: offset * length, slide: slide * velocity };
+        if let Some((link, before)) = other.joint.link_mut().zip(self.joint.link()) {
+            (link.touch, link.touched) = (before.touch, before.touched);
+        }
+        Ok(other)
     }
 
     /// Momentum of structure and second mass over the structure's mass.
