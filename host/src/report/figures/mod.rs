@@ -54,11 +54,10 @@ pub const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 /// Captions and secondary text.
 pub const GREY: RGBColor = RGBColor(0x66, 0x66, 0x66);
 
-/// Colours that are distinct for colour-blind readers and in print (Okabe & Ito), and three less distinct ones for
-/// figures with more curves; repeated after eleven. `look.css` has the same.
+/// Colours that are distinct for colour-blind readers and in print (Okabe & Ito), repeated after eight.
 #[must_use]
 pub fn colour(index: usize) -> RGBColor {
-    const COLOURS: [(u8, u8, u8); 11] = [
+    const COLOURS: [(u8, u8, u8); 8] = [
         (0x00, 0x00, 0x00),
         (0xe6, 0x9f, 0x00),
         (0x56, 0xb4, 0xe9),
@@ -67,9 +66,6 @@ pub fn colour(index: usize) -> RGBColor {
         (0xd5, 0x5e, 0x00),
         (0x00, 0x9e, 0x73),
         (0x99, 0x99, 0x33),
-        (0x8a, 0x8a, 0x8a),
-        (0x9c, 0x6b, 0x3f),
-        (0xc2, 0x18, 0x5b),
     ];
     let (red, green, blue) = COLOURS[index % COLOURS.len()];
     RGBColor(red, green, blue)
