@@ -92,6 +92,13 @@ def check_mat(path, samples, results, manifest):
             "clearance_m": particle.get("clearance_m", np.nan),
             "restitution": wall.get("Restitution", {}).get("coefficient", np.nan),
             "wall_stiffness_n_per_m": wall.get("Voigt", {}).get("stiffness_n_per_m", np.nan),
+            "wall_damping_n_s_per_m": wall.get("Voigt", {}).get("damping_n_s_per_m", np.nan),
+            "internal_friction": particle.get("friction_coefficient", np.nan),
+            "damping_n_s_per_m": model["structure"]["damping_n_s_per_m"],
+            "gravity_m_per_s2": model["gravity_m_per_s2"],
+            "tuned_stiffness_n_per_m": tmd.get("stiffness_n_per_m", np.nan),
+            "tuned_damping_n_s_per_m": tmd.get("damping_n_s_per_m", np.nan),
+            "has_unmodelled_damper": record.get("has_unmodelled_damper", False),
             "friction_force_n": (model["friction_damper"] or {}).get("force_n", np.nan),
             "tuned_mass_kg": tmd.get("mass_kg", np.nan),
         }

@@ -5,8 +5,6 @@
 //! real wall may be several times longer, so only a force far beyond the limit is refused; above the limit there is a warning.
 //! The force of a soft wall is that of its spring and dashpot: above the limit it is refused.
 
-use damprig_core::model::Wall;
-
 use super::Prediction;
 use super::transient::Expected;
 use super::watch;
@@ -35,7 +33,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction], expected: &[Expect
         if *force_n <= limit_n {
             continue;
         }
-        let is_soft = set_up.model().particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }));
+        let is_soft = set_up.model().has_soft_walls();
         let (contact, most_n) = if is_soft {
             (" with the soft wall".into(), limit_n)
         } else {

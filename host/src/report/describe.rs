@@ -14,17 +14,13 @@ use crate::simulation::Case;
 #[must_use]
 pub fn set_up(set_up: &CampaignSetUp) -> String {
     let clearance = set_up.clearance_ratio().map(|r| format!("d/Z = {}", trimmed(r, 2)));
-    let restitution = set_up.model().particle.and_then(|particle| match particle.wall {
-        Wall::Restitution { coefficient } => Some(format!("e = {}", trimmed(coefficient, 3))),
-        Wall::Voigt { .. } => None,
-    });
     let model = set_up.model();
-    let soft = model.particle.and_then(|particle| match particle.wall {
+    let wall = model.particle.map(|particle| match particle.wall {
+        Wall::Restitution { coefficient } => format!("e = {}", trimmed(coefficient, 3)),
         Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
             let (k1, c1) = (significant(stiffness_n_per_m, 4), significant(damping_n_s_per_m, 3));
-            Some(format!("k1 = {k1} N/m, c1 = {c1} N·s/m"))
+            format!("k1 = {k1} N/m, c1 = {c1} N·s/m")
         }
-        Wall::Restitution { .. } => None,
     });
     let tuned = model.tmd.map(|tmd| {
         let own = (tmd.stiffness_n_per_m / tmd.mass_kg).sqrt();
@@ -36,11 +32,7 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
     let unmodelled = set_up.has_unmodelled_damper.then(|| "damper without a model".into());
     let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
-    [clearance, restitution, soft, tuned, friction, unmodelled, amplitude]
-        .into_iter()
-        .flatten()
-        .collect::<Vec<_>>()
-        .join(", ")
+    [clearance, wall, tuned, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.

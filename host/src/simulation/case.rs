@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
-use damprig_core::model::{Initial, SetUp, Wall};
+use damprig_core::model::{Initial, SetUp};
 
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
@@ -79,12 +79,6 @@ impl Case {
     #[must_use]
     pub fn natural_period_s(&self) -> f64 {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
-    }
-
-    /// Whether the particle has soft walls.
-    #[must_use]
-    pub fn has_soft_wall(&self) -> bool {
-        self.set_up.particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. }))
     }
 
     /// The reference length of displacement ratios and its symbol: Z of a sine or a pulse, x0 of a free vibration. `None`

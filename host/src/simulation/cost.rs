@@ -59,7 +59,7 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     // Stiffness depends on the set-up alone, so this also holds for a case on a record.
     let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let (arc_s, duration_s) = (motion.shortest_arc_s(), case.run.duration_s);
-    let is_stiff = case.has_soft_wall() && arc_s * STIFF < case.natural_period_s();
+    let is_stiff = case.set_up.has_soft_walls() && arc_s * STIFF < case.natural_period_s();
     let stiff_arc_s = is_stiff.then_some(arc_s);
     let least_s = case.record.as_ref().map_or(arc_s, |record| record.step_s.min(arc_s));
     // Impacts may outnumber all other arcs.

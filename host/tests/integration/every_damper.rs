@@ -1,7 +1,10 @@
 //! Campaigns with every damper on the virtual rig: soft walls, a tuned mass, and one without a model.
 
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
+use damprig::campaign::Campaign;
+use damprig::report::describe;
 use damprig::run_folder::read::columns::numbers;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -147,6 +150,15 @@ fn a_damper_is_either_modelled_or_not() {
         .assert()
         .code(2)
         .stderr(contains("did you mean \"unmodelled\"?"));
+}
+
+/// The operator who mounts the next set-up reads this text.
+#[test]
+fn the_set_ups_of_the_shipped_campaign_are_described_by_what_tells_them_apart() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/campaigns/dampers.toml");
+    let campaign = Campaign::read(file.as_ref()).unwrap();
+    let texts: BTreeSet<String> = campaign.set_ups.iter().map(describe::set_up).collect();
+    assert_eq!(texts.len(), campaign.set_ups.len(), "{texts:?}");
 }
 
 #[test]

@@ -95,6 +95,16 @@ fn users_software_reads_the_recorded_values() {
 }
 
 #[test]
+fn the_parameters_of_every_damper_are_those_of_the_manifest() {
+    let text = std::fs::read_to_string(root().join("host/campaigns/dampers.toml")).unwrap();
+    let short = text.replace("[2.3, 2.5, 2.7]", "[2.5]").replace("measure_s = 8.0", "measure_s = 2.0");
+    let folder = folder_with(&short);
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = folder.path().join("out");
+    readers_agree(&folder, &run);
+}
+
+#[test]
 fn a_history_never_spans_a_gap() {
     let (folder, run) = with_run();
     let count = |file: &str| {

@@ -151,6 +151,12 @@ impl SetUp {
         Self { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: GRAVITY_M_PER_S2 }
     }
 
+    /// Whether a particle with soft walls is mounted.
+    #[must_use]
+    pub fn has_soft_walls(&self) -> bool {
+        self.particle.is_some_and(|particle| matches!(particle.wall, Wall::Voigt { .. }))
+    }
+
     /// Checks that every value is physical.
     ///
     /// # Errors

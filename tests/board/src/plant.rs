@@ -14,7 +14,7 @@ use damprig_core::integrator::polynomial::{Polynomial, increment};
 use damprig_core::integrator::sampled::{Impact, Joined, Observer};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{Calibration, Invalid, Sensor};
-use damprig_core::model::{Initial, Wall};
+use damprig_core::model::Initial;
 use damprig_core::settings::Settings;
 use damprig_simulator::plant::faults::{Faults, Span};
 use damprig_simulator::plant::spring::SimulatedSpring;
@@ -214,7 +214,7 @@ impl Plant {
             contact_moves: Time::NEVER,
             impulse_per_kick: config.set_up.structure.mass_kg * units.velocity_m_per_s(),
             force_per_unit_n: config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s,
-            has_soft_walls: config.set_up.particle.is_some_and(|p| matches!(p.wall, Wall::Voigt { .. })),
+            has_soft_walls: config.set_up.has_soft_walls(),
             impacts: 0,
             limited: 0,
         };

@@ -142,7 +142,7 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
     }
     lines.push(("RMS of x", millimetres(s.rms_x_m) + &over(s.rms_x_m, "RMS")));
     if case.set_up.particle.is_some() {
-        let kind = if case.has_soft_wall() { "contacts" } else { "impacts" };
+        let kind = if case.set_up.has_soft_walls() { "contacts" } else { "impacts" };
         let rate = last_cycles
             .map_or(String::new(), |e| format!(", {} per cycle at the end", significant(e.impacts_per_cycle, 3)));
         lines.push((kind, format!("{}{rate}", s.impact_count)));

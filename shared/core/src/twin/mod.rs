@@ -78,8 +78,7 @@ impl TwinConfig {
     /// Whether a twin can follow a set-up: not one with soft walls or a tuned mass, whose equations the board does not have.
     #[must_use]
     pub fn follows(set_up: &SetUp) -> bool {
-        let has_soft_walls = set_up.particle.is_some_and(|particle| matches!(particle.wall, Wall::Voigt { .. }));
-        set_up.tmd.is_none() && !has_soft_walls
+        set_up.tmd.is_none() && !set_up.has_soft_walls()
     }
 
     /// Checks every value.

@@ -25,7 +25,7 @@ use damprig_core::integrator::units::Units;
 use damprig_core::io::{
     Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES, WallCounts,
 };
-use damprig_core::model::{Initial, SetUp, Structure, Wall};
+use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
 use faults::{Faults, Span};
 use heapless::Vec;
@@ -180,9 +180,8 @@ impl<S: Scalar> Plant<S> {
             pressed_n: None,
             force_per_unit_n: config
                 .set_up
-                .particle
-                .filter(|particle| matches!(particle.wall, Wall::Voigt { .. }))
-                .map(|_| (config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s) as f32),
+                .has_soft_walls()
+                .then(|| (config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s) as f32),
         };
         plant.press();
         Ok(plant)

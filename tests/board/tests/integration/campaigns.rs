@@ -24,6 +24,18 @@ damping_ratio = 0.05
 sensor_noise_rms_m = 5e-6
 "#;
 
+/// A pulse of the base that begins when the structure moves less than [`REST_LEVEL_M`].
+const PULSE: &str = r#"
+[[experiment]]
+name = "pulse"
+kind = "impulse"
+shape = "versine"
+amplitude_m = 0.004
+duration_s = 0.2
+rest_level_m = 5e-5
+tail_s = 2
+"#;
+
 /// RMS noise of a sample of x or z: of 16 conversions with 16 times the variance of 5 µm, rounded to 39 µm; and on the virtual
 /// rig with its steps of 10 µm.
 const BOARD_NOISE_M: f64 = 5.8e-6;
@@ -97,15 +109,7 @@ unit = "g"
 target_peak_m = 0.003
 tail_s = 1
 
-[[experiment]]
-name = "pulse"
-kind = "impulse"
-shape = "versine"
-amplitude_m = 0.004
-duration_s = 0.2
-rest_level_m = 5e-5
-tail_s = 2
-
+{PULSE}
 [telemetry]
 rate_hz = 200
 signals = ["x", "z", "drive"]
@@ -284,15 +288,7 @@ name = "damped"
 base_amplitude_m = 0.0015
 {damper}
 
-[[experiment]]
-name = "pulse"
-kind = "impulse"
-shape = "versine"
-amplitude_m = 0.004
-duration_s = 0.2
-rest_level_m = 5e-5
-tail_s = 2
-
+{PULSE}
 [telemetry]
 rate_hz = 100
 "#
