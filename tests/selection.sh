@@ -1,3 +1,6 @@
-# Packages and features that all checks build, so that nothing is built twice. Sourced by tests/run and tests/firmware.
+# Packages and features of the checks. Sourced by tests/run and tests/firmware.
 # shellcheck shell=bash disable=SC2034
-everything=(--locked --quiet --workspace --features damprig-core/fixed-point,damprig/probe)
+# What is built and tested: the command as users build it, without the debug probe.
+everything=(--locked --quiet --workspace --features damprig-core/fixed-point)
+# What is linted and documented: with the debug probe, so that every line of the host is compiled in one of the two.
+with_probe=(--locked --quiet --workspace --features damprig-core/fixed-point,damprig/probe)

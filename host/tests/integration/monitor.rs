@@ -198,12 +198,12 @@ fn a_viewer_that_reads_nothing_delays_nobody_and_catches_up_with_a_snapshot() {
     let names: Vec<String> = (0..40).map(|n| format!("s{n}")).collect();
     feed.send(watched_signals("wide", &names.iter().map(String::as_str).collect::<Vec<_>>()));
     for block in 0..150u32 {
-        let t_s = (1..=1000).map(|row| f64::from(1000 * block + row) * 1e-3).collect();
-        let values = (0..40_000).map(|n| 0.1 + n as f32).collect();
+        let t_s = (1..=500).map(|row| f64::from(500 * block + row) * 1e-3).collect();
+        let values = (0..20_000).map(|n| 0.1 + n as f32).collect();
         feed.send(Update::Rows { t_s, values, longest_step_s: 1.5e-3 });
         settle(&feed, &mut viewer, &format!("block {block}"));
     }
-    let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 150.0));
+    let all = sleeper.until(|message| last_t_s(message).is_some_and(|t_s| t_s >= 75.0));
     // Those of its start, and at least one after it was too slow.
     let snapshots = all.iter().filter(|message| message["kind"] == "snapshot").count();
     assert!(snapshots >= 2 && all.len() < 150, "{snapshots} snapshots among {} messages", all.len());

@@ -99,7 +99,7 @@ fn a_table_that_a_format_cannot_hold_is_refused_and_no_empty_file_is_written() {
         .args(["runs", "export", "out", "--format", "uff", "--what", "transients"])
         .assert()
         .code(2)
-        .stderr(contains("--format uff --what transients").and(contains("use csv or mat")));
+        .stderr(contains("--format uff --what transients").and(contains("use csv, mat or h5")));
     assert!(!folder.path().join("out-transients.uff").exists());
 }
 

@@ -1,68 +1,40 @@
 //! Exports to MATLAB's `.mat` (version 7, readable by MATLAB, Octave and `scipy.io.loadmat`).
 //!
-//! Variables: `run` (from the manifest), `samples`, `results` and, if the run has any, `transients`. Each is a struct with a
-//! field per column: numbers as double column vectors, names as cell arrays of char. `samples.set_up` and
-//! `samples.experiment` are indices, from 1, into the cell arrays `samples.set_up_names` and `samples.experiment_names`,
-//! because a char array per row would dominate the file. `units.samples` and `units.results` have the unit of each field,
-//! `descriptions.results` and `descriptions.transients` its meaning. `run.set_ups` has the parameters of the set-ups' models, in the order
-//! of `run.set_up_names`.
+//! Variables: `run` (from the manifest), `results`, `samples` and, if the run has any, `transients` and `impacts`. Each is a
+//! struct with a field per column: numbers as double column vectors, names as cell arrays of char. In `samples` and `impacts`
+//! the fields `set_up` and `experiment` are indices, from 1, into the cell arrays `set_up_names` and `experiment_names` beside
+//! them. `units` has the unit of each field, `descriptions` its meaning. `run.set_ups` has the parameters of the set-ups'
+//! models, in the order of `run.set_up_names`.
 //!
 //! The library keeps the whole file in memory and ignores write errors. Hence the limit on its size, and the check that reads
 //! the file back before it gets its name.
 
 use std::collections::hash_map::DefaultHasher;
-use std::f64::consts::TAU;
 use std::fs::File;
 use std::hash::{Hash, Hasher};
 use std::io::{Read, Seek, SeekFrom};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use arrow_array::RecordBatch;
-use arrow_schema::DataType;
-use damprig_core::model::{SetUp, Wall};
 use indexmap::IndexMap;
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
 use super::atomic_file::{OutFile, to_failure, write_export};
+use super::columns::{self, Column, Values};
+use super::facts::{self, Fact};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
-use crate::run_folder::read::columns::{Value, description, unit, values};
 use crate::run_folder::schema::manifest::SetUpRecord;
 use crate::run_folder::{ReadError, RunFolder};
 
-/// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
-pub const MAX_NUMBERS: usize = 40_000_000;
-
 /// Beginning of the year 10000, s since 1970.
 const YEAR_10000_S: u64 = 253_402_300_800;
-
-/// Longest field name in MATLAB.
-const LONGEST_NAME: usize = 63;
 
 /// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
 pub struct Mat;
 
-/// A column of the export.
-#[derive(Debug)]
-enum MatColumn {
-    Numbers(Vec<f64>),
-    Texts(Vec<String>),
-    /// Indices from 1 into a list of names.
-    Places(Vec<f64>, Vec<String>),
-}
-
-/// Unit and meaning of a column.
-#[derive(Debug)]
-struct Meaning {
-    unit: String,
-    description: String,
-}
-
-type MatColumns = IndexMap<String, (MatColumn, Meaning)>;
-
 impl Exporter for Mat {
     fn usual_tables(&self) -> &'static [RunTable] {
-        &[RunTable::Results, RunTable::Samples, RunTable::Transients]
+        &RunTable::ALL
     }
 
     fn extension(&self) -> &'static str {
@@ -84,32 +56,16 @@ impl Exporter for Mat {
             let mut exported = ExportSummary::default();
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
-            let (mut units, mut descriptions, mut count) = (IndexMap::new(), IndexMap::new(), 0);
-            let mut sums = Vec::new();
-            for &table in &part.tables {
-                let mut columns = MatColumns::new();
-                part.each(run, table, &mut exported, |batch| {
-                    count += batch.num_rows() * batch.num_columns();
-                    if count > MAX_NUMBERS {
-                        return Err(failed(&format!(
-                            "more than {MAX_NUMBERS} numbers, the limit of a .mat export; select fewer with --set-up, --from-s \
-                             and --to-s, or use --format csv, which has no limit"
-                        )));
-                    }
-                    gather(&mut columns, &batch, table)
-                })?;
-                if table == RunTable::Transients && columns.is_empty() {
-                    // Most runs have no transients.
-                    continue;
-                }
-                let of_columns = |what: fn(&Meaning) -> &str| {
-                    structure(columns.iter().map(|(name, (_, meaning))| (name.clone(), text(what(meaning)))))
+            let (mut units, mut descriptions, mut sums) = (IndexMap::new(), IndexMap::new(), Vec::new());
+            for (table, columns) in columns::tables(run, part, &mut exported).map_err(|e| failed(&e))? {
+                let of_columns = |what: fn(&Column) -> &str| {
+                    structure(columns.iter().map(|column| (column.name.clone(), text(what(column)))))
                 };
-                units.insert(table.name().to_string(), of_columns(|meaning| &meaning.unit));
-                if columns.values().any(|(_, meaning)| !meaning.description.is_empty()) {
-                    descriptions.insert(table.name().to_string(), of_columns(|meaning| &meaning.description));
+                units.insert(table.name().to_string(), of_columns(|column| &column.unit));
+                if columns.iter().any(|column| !column.description.is_empty()) {
+                    descriptions.insert(table.name().to_string(), of_columns(|column| &column.description));
                 }
-                sums.push((table, columns.iter().map(|(n, (c, _))| (n.clone(), c.sum())).collect::<Vec<_>>()));
+                sums.push((table, columns.iter().map(|c| (c.name.clone(), sum_of(&c.values))).collect::<Vec<_>>()));
                 mat.insert(table.name(), to_variable(columns));
             }
             mat.insert("units", structure(units));
@@ -123,66 +79,12 @@ impl Exporter for Mat {
     }
 }
 
-/// A valid MATLAB field name: a letter, then letters, digits and underscores, at most 63 characters.
-fn field_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
-    let mut plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-    if !plain.starts_with(|c: char| c.is_ascii_alphabetic()) {
-        plain.insert_str(0, "x_");
-    }
-    plain.truncate(LONGEST_NAME);
-    let shorter = &plain[..plain.len().min(LONGEST_NAME - 5)];
-    let numbered = (2..).map(|n| format!("{shorter}_{n}"));
-    std::iter::once(plain.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
-}
-
-fn gather(columns: &mut MatColumns, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
-    let schema = batch.schema();
-    let is_first = columns.is_empty();
-    for (index, (field, array)) in schema.fields().iter().zip(batch.columns()).enumerate() {
-        let kind = array.data_type();
-        let read = values(array.as_ref())
-            .ok_or_else(|| ReadError(format!("column `{}` has the unknown type {kind}", field.name())))?;
-        if is_first {
-            let is_text = matches!(kind, DataType::Utf8 | DataType::Dictionary(..));
-            let column = match (is_text, table) {
-                (false, _) => MatColumn::Numbers(Vec::new()),
-                (true, RunTable::Results | RunTable::Transients) => MatColumn::Texts(Vec::new()),
-                (true, RunTable::Samples) => MatColumn::Places(Vec::new(), Vec::new()),
-            };
-            let name = field_name(field.name(), |n| columns.contains_key(n));
-            let meaning = Meaning { unit: unit(field).to_string(), description: description(field).to_string() };
-            columns.insert(name, (column, meaning));
-        }
-        let Some((_, (column, _))) = columns.get_index_mut(index) else {
-            return Err(ReadError(format!("column `{}` is missing in some files of the run", field.name())));
-        };
-        column.extend(read);
-    }
-    Ok(())
-}
-
-impl MatColumn {
-    fn extend(&mut self, read: Vec<Value>) {
-        match self {
-            Self::Numbers(all) => all.extend(read.iter().map(|v| v.number().unwrap_or(f64::NAN))),
-            Self::Texts(all) => all.extend(read.iter().map(Value::to_string)),
-            Self::Places(all, names) => all.extend(read.into_iter().map(|value| {
-                let Value::Text(name) = value else { return f64::NAN };
-                let place = names.iter().rposition(|n| *n == name).unwrap_or_else(|| {
-                    names.push(name);
-                    names.len() - 1
-                });
-                (place + 1) as f64
-            })),
-        }
-    }
-
-    /// Length and digest of the numbers; `None` for names.
-    fn sum(&self) -> Option<(usize, u64)> {
-        match self {
-            Self::Numbers(all) | Self::Places(all, _) => Some(sum(all)),
-            Self::Texts(_) => None,
-        }
+/// Length and digest of the numbers of a column; `None` for names.
+fn sum_of(values: &Values) -> Option<(usize, u64)> {
+    match values {
+        Values::Numbers(all) => Some(sum(all)),
+        Values::Places(all, _) => Some(sum(&from_one(all))),
+        Values::Texts(_) => None,
     }
 }
 
@@ -205,10 +107,6 @@ fn numbers(values: Vec<f64>) -> MatVariable {
     array([values.len(), 1], MatlabType::F64(values))
 }
 
-fn number(value: f64) -> MatVariable {
-    numbers(vec![value])
-}
-
 /// A char array. The library counts characters instead of bytes, so non-ASCII characters are written as `\u{…}`.
 fn text(value: &str) -> MatVariable {
     let plain: Vec<char> = value
@@ -224,16 +122,17 @@ fn cells(values: &[String]) -> MatVariable {
     CellArray::new(vec![values.len(), 1], texts).map_or(MatVariable::Unsupported, MatVariable::CellArray)
 }
 
-fn to_variable(columns: MatColumns) -> MatVariable {
+/// A table as a struct: a field per column, then the lists of names.
+fn to_variable(columns: Vec<Column>) -> MatVariable {
     let mut fields = IndexMap::new();
     let mut lists = Vec::new();
-    for (name, (column, _)) in columns {
-        let value = match column {
-            MatColumn::Numbers(all) => numbers(all),
-            MatColumn::Texts(all) => cells(&all),
-            MatColumn::Places(all, names) => {
+    for Column { name, values, .. } in columns {
+        let value = match values {
+            Values::Numbers(all) => numbers(all),
+            Values::Texts(all) => cells(&all),
+            Values::Places(all, names) => {
                 lists.push((format!("{name}_names"), cells(&names)));
-                numbers(all)
+                numbers(from_one(&all))
             }
         };
         fields.insert(name, value);
@@ -242,79 +141,27 @@ fn to_variable(columns: MatColumns) -> MatVariable {
     structure(fields)
 }
 
-/// The struct `run`, from the manifest.
-fn run_struct(run: &RunFolder) -> MatVariable {
-    let m = run.manifest();
-    let set_ups =
-        |get: fn(&SetUpRecord) -> &String| cells(&m.set_ups.iter().map(|s| get(s).clone()).collect::<Vec<_>>());
-    let mut facts = vec![
-        ("id", text(&run.id())),
-        ("campaign", text(&m.campaign)),
-        ("started", text(&m.started)),
-        ("status", text(&m.ending_text())),
-        ("program", text(&m.damprig)),
-        ("points_planned", number(m.points_planned as f64)),
-        ("points_taken", number(m.points_taken as f64)),
-        ("telemetry_rate_hz", number(m.telemetry_rate_hz)),
-        ("lost_rows", number(m.counters.lost_rows as f64)),
-        ("interruptions", number(m.counters.interruptions as f64)),
-        ("set_up_names", set_ups(|s| &s.name)),
-        ("set_up_labels", set_ups(|s| &s.label)),
-        ("set_up_base_amplitudes_m", numbers(m.set_ups.iter().map(|s| s.base_amplitude_m).collect())),
-        ("set_ups", set_up_struct(&m.set_ups)),
-    ];
-    if let Some(device) = &m.device {
-        facts.extend([
-            ("rig", text(&device.link)),
-            ("board", text(&device.board)),
-            ("firmware", text(&device.firmware)),
-            ("protocol_schema", text(&device.protocol_schema)),
-            ("tick_hz", number(device.tick_hz)),
-        ]);
-    }
-    structure(facts.into_iter().map(|(name, value)| (name.to_string(), value)))
+/// Places in a list as MATLAB counts them, from 1.
+fn from_one(places: &[usize]) -> Vec<f64> {
+    places.iter().map(|place| (place + 1) as f64).collect()
 }
 
-/// A parameter of a set-up: its name with the unit, and its value; `None` where the set-up does not have it.
-type Parameter = (&'static str, fn(&SetUp) -> Option<f64>);
-
-/// The parameters of a set-up's model.
-const PARAMETERS: &[Parameter] = &[
-    ("mass_kg", |s| Some(s.structure.mass_kg)),
-    ("stiffness_n_per_m", |s| Some(s.structure.stiffness_n_per_m)),
-    ("damping_n_s_per_m", |s| Some(s.structure.damping_n_s_per_m)),
-    ("natural_frequency_hz", |s| Some(s.structure.angular_frequency_rad_per_s() / TAU)),
-    ("damping_ratio", |s| Some(s.structure.damping_ratio())),
-    ("gravity_m_per_s2", |s| Some(s.gravity_m_per_s2)),
-    ("particle_mass_kg", |s| s.particle.map(|p| p.mass_kg)),
-    ("clearance_m", |s| s.particle.map(|p| p.clearance_m)),
-    ("internal_friction", |s| s.particle.map(|p| p.friction_coefficient)),
-    ("restitution", |s| match s.particle?.wall {
-        Wall::Restitution { coefficient } => Some(coefficient),
-        Wall::Voigt { .. } => None,
-    }),
-    ("wall_stiffness_n_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { stiffness_n_per_m, .. } => Some(stiffness_n_per_m),
-        Wall::Restitution { .. } => None,
-    }),
-    ("wall_damping_n_s_per_m", |s| match s.particle?.wall {
-        Wall::Voigt { damping_n_s_per_m, .. } => Some(damping_n_s_per_m),
-        Wall::Restitution { .. } => None,
-    }),
-    ("friction_force_n", |s| s.friction_damper.map(|d| d.force_n)),
-    ("tuned_mass_kg", |s| s.tmd.map(|t| t.mass_kg)),
-    ("tuned_stiffness_n_per_m", |s| s.tmd.map(|t| t.stiffness_n_per_m)),
-    ("tuned_damping_n_s_per_m", |s| s.tmd.map(|t| t.damping_n_s_per_m)),
-];
-
-/// The struct `run.set_ups`: a column for each parameter in the order of `run.set_up_names`, NaN where a set-up does not have it.
-fn set_up_struct(set_ups: &[SetUpRecord]) -> MatVariable {
-    let columns = PARAMETERS.iter().map(|(name, value)| {
-        let column = set_ups.iter().map(|s| s.model().as_ref().and_then(value).unwrap_or(f64::NAN)).collect();
-        ((*name).to_string(), numbers(column))
+/// The struct `run`, from the manifest.
+fn run_struct(run: &RunFolder) -> MatVariable {
+    let records = &run.manifest().set_ups;
+    let set_ups = |get: fn(&SetUpRecord) -> &String| cells(&records.iter().map(|s| get(s).clone()).collect::<Vec<_>>());
+    let facts = facts::of_run(run).into_iter().map(|(name, fact)| match fact {
+        Fact::Text(fact) => (name, text(&fact)),
+        Fact::Number(fact) => (name, numbers(vec![fact])),
     });
-    let unmodelled = set_ups.iter().map(|s| f64::from(u8::from(s.has_unmodelled_damper))).collect();
-    structure(columns.chain([("has_unmodelled_damper".to_string(), numbers(unmodelled))]))
+    let parameters = facts::set_up_columns(records).into_iter().map(|(name, all)| (name.to_string(), numbers(all)));
+    let of_set_ups = [
+        ("set_up_names", set_ups(|s| &s.name)),
+        ("set_up_labels", set_ups(|s| &s.label)),
+        ("set_up_base_amplitudes_m", numbers(records.iter().map(|s| s.base_amplitude_m).collect())),
+        ("set_ups", structure(parameters)),
+    ];
+    structure(facts.chain(of_set_ups).map(|(name, value)| (name.to_string(), value)))
 }
 
 type Sums = [(RunTable, Vec<(String, Option<(usize, u64)>)>)];
@@ -367,16 +214,6 @@ fn compare(path: &str, expected: &Sums) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn field_names_are_valid_in_matlab() {
-        assert_eq!(field_name("x_m", |_| false), "x_m");
-        assert_eq!(field_name("2nd force (N)", |_| false), "x_2nd_force__N_");
-        assert_eq!(field_name("", |_| false), "x_");
-        assert_eq!(field_name("x_m", |n| n == "x_m"), "x_m_2");
-        let long = field_name(&"ä".repeat(80), |n| !n.ends_with('3'));
-        assert!(long.len() <= LONGEST_NAME && long.ends_with("_3"), "{long}");
-    }
 
     #[test]
     fn a_truncated_or_changed_file_is_detected() {

@@ -1,11 +1,14 @@
-//! Exports runs to other formats: CSV, MATLAB, UFF. Each format is a file that implements [`Exporter`].
+//! Exports runs to other formats: CSV, MATLAB, HDF5, UFF. Each format is a file that implements [`Exporter`].
 //!
 //! To add a format: implement [`Exporter`] and add it to `Format` in `cli/runs.rs`. An export gets its name only when it is
 //! complete (`atomic_file.rs`). Unreadable parts of a damaged run are listed in [`ExportSummary::missing`]; the rest is
 //! exported.
 
 pub mod atomic_file;
+mod columns;
 pub mod csv;
+mod facts;
+pub mod hdf5;
 pub mod mat;
 pub mod uff;
 mod uff_dataset;
@@ -28,9 +31,14 @@ pub enum RunTable {
     Results,
     /// One row per playback, impulse or free vibration
     Transients,
+    /// One row per impact
+    Impacts,
 }
 
 impl RunTable {
+    /// All tables.
+    pub const ALL: [Self; 4] = [Self::Results, Self::Samples, Self::Transients, Self::Impacts];
+
     /// Name of the table.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -38,6 +46,7 @@ impl RunTable {
             Self::Samples => "samples",
             Self::Results => "results",
             Self::Transients => "transients",
+            Self::Impacts => "impacts",
         }
     }
 }
@@ -49,9 +58,9 @@ pub struct ExportSelection {
     pub tables: Vec<RunTable>,
     /// Only this set-up.
     pub set_up: Option<String>,
-    /// Samples from this time of their experiment on, s.
+    /// Samples and impacts from this time of their experiment on, s.
     pub from_s: f64,
-    /// Samples before this time of their experiment, s.
+    /// Samples and impacts before this time of their experiment, s.
     pub to_s: f64,
 }
 
@@ -85,7 +94,12 @@ impl ExportSelection {
             take(chosen)
         };
         if table != RunTable::Samples {
-            match if table == RunTable::Results { run.results() } else { run.transients() } {
+            let read = match table {
+                RunTable::Transients => run.transients(),
+                RunTable::Impacts => run.impacts(),
+                RunTable::Results | RunTable::Samples => run.results(),
+            };
+            match read {
                 Ok(batches) => batches.iter().try_for_each(|batch| take_chosen(batch, exported))?,
                 Err(error) => exported.missing.push(error.to_string()),
             }
@@ -121,7 +135,7 @@ impl ExportSelection {
         if let Some(wanted) = &self.set_up {
             is_chosen = texts(batch, "set_up")?.iter().map(|s| s == wanted).collect();
         }
-        if table == RunTable::Samples {
+        if matches!(table, RunTable::Samples | RunTable::Impacts) {
             for (chosen, t_s) in is_chosen.iter_mut().zip(numbers(batch, "t_s")?) {
                 *chosen &= t_s >= self.from_s && t_s < self.to_s;
             }

@@ -36,8 +36,13 @@ impl Exporter for Uff {
     }
 
     fn cannot_hold(&self, table: RunTable) -> Option<&'static str> {
-        let why = "the format has no place for results of playbacks and free vibrations; use csv or mat";
-        (table == RunTable::Transients).then_some(why)
+        match table {
+            RunTable::Results | RunTable::Samples => None,
+            RunTable::Transients => {
+                Some("the format has no place for results of playbacks and free vibrations; use csv, mat or h5")
+            }
+            RunTable::Impacts => Some("the format has no place for impacts; use csv, mat or h5"),
+        }
     }
 
     fn export(&self, run: &RunFolder, part: &ExportSelection, out: &OutFile) -> Result<ExportSummary, ReadError> {

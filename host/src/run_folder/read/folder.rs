@@ -18,6 +18,7 @@ use crate::input::{near, regular};
 use crate::run_folder::ReadError;
 use crate::run_folder::journal::{self, JOURNAL};
 use crate::run_folder::own_files::refuse_links;
+use crate::run_folder::schema::impacts::{self, IMPACTS};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::manifest::{Durations, FORMAT, MANIFEST, Manifest};
 use crate::run_folder::schema::results::{self, RESULTS};
@@ -167,6 +168,18 @@ impl RunFolder {
             return Ok(vec![transients::table(state.transients()).map_err(ReadError)?]);
         }
         let path = self.path.join(TRANSIENTS);
+        if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
+    }
+
+    /// The impacts that the device reported; nothing when there are none.
+    ///
+    /// # Errors
+    /// When the file is damaged.
+    pub fn impacts(&self) -> Result<Vec<RecordBatch>, ReadError> {
+        if let Some(state) = self.unfinished() {
+            return Ok(vec![impacts::table(&state.impacts, f64::from(TICK_HZ)).map_err(ReadError)?]);
+        }
+        let path = self.path.join(IMPACTS);
         if path.exists() { read(&path)?.collect() } else { Ok(Vec::new()) }
     }
 

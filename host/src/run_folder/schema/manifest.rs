@@ -339,7 +339,9 @@ impl Manifest {
     pub fn ending_text(&self) -> String {
         match (&self.ending, self.is_recording) {
             (Ending::Running, Some(true)) => "still running".into(),
-            (Ending::Running, Some(false)) => "killed while it was running".into(),
+            (Ending::Running, Some(false)) => {
+                "killed while it was running, or ended by a disk that could not be written".into()
+            }
             (Ending::Running, None) => "still running, or killed".into(),
             (Ending::Complete, _) => "complete".into(),
             (Ending::Incomplete { reason }, _) if reason.is_empty() => "incomplete".into(),

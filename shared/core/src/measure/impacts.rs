@@ -7,8 +7,8 @@
 //!   earlier.
 //! - **impulse**: the sum of the samples. The kinks at the ends of a half-sine of n samples make it wrong by at most
 //!   π²/(12 n²): 0.8 % with ten samples in the contact, 0.03 % with fifty.
-//! - **peak**: the parabola through the three highest samples, unless they are clipped. Of a force that begins with a jump (the
-//!   dashpot of a simulated soft wall) it is up to an eighth too high.
+//! - **peak**: the parabola through the three highest samples, unless they are clipped; the highest sample of a force that
+//!   begins with a jump (the dashpot of a simulated soft wall).
 //!
 //! A hard wall rings. Within the refractory time a new pulse must therefore exceed a part of the last peak. A contact
 //! that does not end is a particle that came to rest on the wall: one impact, marked as held. The channels' slow offset

@@ -93,10 +93,12 @@ impl Pulse {
         self.low = if i32::from(reading) < low { self.low + 1 } else { 0 };
     }
 
-    /// The top of the parabola through the highest sample and its neighbours, counts.
+    /// The top of the parabola through the highest sample and its neighbours, counts; the highest sample where the force
+    /// jumps to it or from it, as at the first moment of a contact with a dashpot.
     fn top(&self) -> f32 {
         let curvature = 2 * self.peak - self.before_peak - self.after_peak;
-        if curvature <= 0 {
+        let jumps = 2 * self.before_peak.min(self.after_peak) < self.peak;
+        if jumps || curvature <= 0 {
             return self.peak as f32;
         }
         let slope = (self.after_peak - self.before_peak) as f32;

@@ -18,7 +18,7 @@ pub struct MatcherConfig {
     pub wait_s: f32,
     /// Impulse below which a predicted impact need not be measured, N·s: its pulse may stay below the threshold.
     pub smallest_impulse_n_s: f32,
-    /// Consecutive missing impacts that raise the alarm; a paired impact clears it.
+    /// Missing impacts that raise the alarm, counted on each wall since the last paired impact there.
     pub alarm_after: u8,
 }
 
@@ -106,7 +106,9 @@ pub struct Matcher {
     alarm_after: u8,
     predicted: Vec<Waiting, MOST_WAITING>,
     detected: Vec<Waiting, MOST_WAITING>,
-    missing_in_a_row: u8,
+    /// Missing impacts since the last paired one, at the wall at −d and at +d: a dead sensor at one wall is told although the
+    /// other measures.
+    missing_in_a_row: [u8; 2],
     counts: MatcherCounts,
 }
 
@@ -121,7 +123,7 @@ impl Matcher {
             alarm_after: config.alarm_after,
             predicted: Vec::new(),
             detected: Vec::new(),
-            missing_in_a_row: 0,
+            missing_in_a_row: [0; 2],
             counts: MatcherCounts::default(),
         }
     }
@@ -130,7 +132,7 @@ impl Matcher {
     pub fn restart(&mut self) {
         self.predicted.clear();
         self.detected.clear();
-        self.missing_in_a_row = 0;
+        self.missing_in_a_row = [0; 2];
         self.counts = MatcherCounts::default();
     }
 
@@ -140,10 +142,11 @@ impl Matcher {
         &self.counts
     }
 
-    /// The alarm is raised: this many consecutive predicted impacts were missing.
+    /// The alarm is raised: this many predicted impacts were missing since the last paired one on their wall.
     #[must_use]
     pub fn alarm(&self) -> bool {
-        self.missing_in_a_row >= self.alarm_after
+        let [low, high] = self.missing_in_a_row;
+        low.saturating_add(high) >= self.alarm_after
     }
 
     /// Takes a predicted impact, `at` ticks from the start of `tick`.
@@ -152,7 +155,7 @@ impl Matcher {
         self.counts.predicted = self.counts.predicted.wrapping_add(u32::from(strong));
         let prediction = Waiting { tick, at, side, impulse_n_s, strong };
         if take_nearest(&mut self.detected, &prediction, self.window).is_some() {
-            self.pair();
+            self.pair(side);
         } else if !self.predicted.is_full() || strong && self.make_room() {
             let _ = self.predicted.push(prediction);
         }
@@ -171,7 +174,7 @@ impl Matcher {
             let _ = self.detected.push(detection);
             return paired;
         };
-        self.pair();
+        self.pair(side);
         paired.take(&nearest);
         paired.late = detection.until(nearest.tick, nearest.at);
         self.predicted.retain(|waiting| {
@@ -184,9 +187,9 @@ impl Matcher {
         paired
     }
 
-    fn pair(&mut self) {
+    fn pair(&mut self, side: i8) {
         self.counts.paired = self.counts.paired.wrapping_add(1);
-        self.missing_in_a_row = 0;
+        self.missing_in_a_row[usize::from(side > 0)] = 0;
     }
 
     /// Drops the oldest prediction. It counts as missing if it was strong.
@@ -199,7 +202,8 @@ impl Matcher {
     fn miss(&mut self, prediction: &Waiting) {
         if prediction.strong {
             self.counts.missing = self.counts.missing.wrapping_add(1);
-            self.missing_in_a_row = self.missing_in_a_row.saturating_add(1);
+            let in_a_row = &mut self.missing_in_a_row[usize::from(prediction.side > 0)];
+            *in_a_row = in_a_row.saturating_add(1);
         }
     }
 
@@ -261,6 +265,22 @@ mod tests {
         assert!(matcher.alarm() && matcher.counts().missing == 3, "weak ones need not come");
         matcher.predict(1000, 0.0, 1, 0.1);
         matcher.detect(1001, 0.0, 1, 2.0);
+        assert!(!matcher.alarm());
+    }
+
+    #[test]
+    fn impacts_missing_at_one_wall_raise_the_alarm_although_the_other_wall_measures() {
+        let mut matcher = matcher();
+        for n in 0..3 {
+            assert!(!matcher.alarm());
+            matcher.predict(400 * n, 0.0, 1, 0.1);
+            matcher.predict(400 * n + 200, 0.0, -1, 0.1);
+            matcher.detect(400 * n + 201, 0.0, -1, 2.0);
+            (400 * n..400 * n + 400).for_each(|tick| matcher.expire(tick));
+        }
+        assert!(matcher.alarm());
+        matcher.predict(1200, 0.0, 1, 0.1);
+        matcher.detect(1201, 0.0, 1, 2.0);
         assert!(!matcher.alarm());
     }
 

@@ -112,7 +112,7 @@ pub struct TwinSignals {
     pub detected: u32,
     /// Predicted impacts that were not measured.
     pub missing: u32,
-    /// The alarm is raised: [`MatcherConfig::alarm_after`] consecutive impacts are missing.
+    /// The alarm is raised: [`MatcherConfig::alarm_after`] impacts are missing since the last paired one on their wall.
     pub alarm: bool,
 }
 

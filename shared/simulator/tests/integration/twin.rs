@@ -32,8 +32,8 @@ struct Bench {
     sample: u64,
     noise: u64,
     z_m: f64,
-    /// Whether the force sensors are connected.
-    heard: bool,
+    /// Whether the force sensors at the walls at −d and at +d are connected.
+    heard: [bool; 2],
 }
 
 struct Strikes<'a> {
@@ -58,7 +58,7 @@ impl Bench {
             sample: 0,
             noise: 1,
             z_m,
-            heard: true,
+            heard: [true; 2],
         }
     }
 
@@ -86,7 +86,7 @@ impl Bench {
         }
         let Self { meter, twin, heard, .. } = self;
         meter.push(tick, &self.walls.read::<10>(None), |record| {
-            if *heard {
+            if heard[usize::from(record.side > 0)] {
                 twin.detected(record);
             }
         });
@@ -172,10 +172,25 @@ fn force_sensors_that_fall_silent_raise_the_alarm() {
     let truth = set_up(15e-3, 0.5, 0.0038);
     let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
     bench.run(30);
-    bench.heard = false;
+    bench.heard = [false; 2];
     assert!(bench.run(1).alarm);
-    bench.heard = true;
+    bench.heard = [true; 2];
     assert!(!bench.run(1).alarm, "a matched impact clears the alarm");
+}
+
+#[test]
+fn a_force_sensor_that_sticks_at_one_wall_raises_the_alarm_although_the_other_measures() {
+    let truth = set_up(15e-3, 0.5, 0.0038);
+    for dead in 0..2 {
+        let mut bench = Bench::new(&truth, &truth, 1.5e-3, &Initial::default());
+        bench.run(30);
+        bench.heard[dead] = false;
+        let raised = (1..=3000).find(|_| bench.tick().alarm);
+        // Three impacts on one wall take three cycles, 1.2 s; the twin waits 100 ms for the last.
+        assert!(raised.is_some_and(|ms| (1000..1700).contains(&ms)), "{raised:?}");
+        bench.heard[dead] = true;
+        assert!(!bench.run(1).alarm, "a matched impact on that wall clears the alarm");
+    }
 }
 
 #[test]

@@ -5,9 +5,10 @@ use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
 use damprig_core::control::safety::SafeStage;
 use damprig_core::io::{Sensor, SensorSet};
-use damprig_core::model::Structure;
-use damprig_core::rig::State;
-use damprig_protocol::{Event, Request};
+use damprig_core::model::{Particle, Structure, Wall};
+use damprig_core::rig::{SIGNALS, State};
+use damprig_core::twin::TwinConfig;
+use damprig_protocol::{Event, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{End, InjectedFault, PlantConfig, SensorFault};
@@ -118,6 +119,51 @@ fn a_force_sensor_that_sticks_at_rest_goes_unnoticed_and_disturbs_nothing() {
     }
     host.pass(Time::from_ms(1_000));
     assert_eq!((host.status().fault, is_driving(host.board)), (None, true));
+}
+
+/// Whether the twin's alarm for missing impacts is raised.
+fn twin_alarm(host: &mut Host) -> bool {
+    let place = SIGNALS.iter().position(|(name, _)| *name == "twin_alarm").unwrap();
+    match host.ask(Request::SignalValues) {
+        Reply::SignalValues(values) => values[place] == 1.0,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The twin foresees the impacts from the measured base motion: three on the stuck wall without a pulse, in three cycles of
+/// 0.4 s, raise its alarm. It stops nothing: the limits of x act as before.
+#[test]
+fn a_wall_sensor_that_sticks_raises_the_twins_alarm_within_two_seconds() {
+    let Some(image) = image() else { return };
+    let mut plant = PlantConfig { walls: Some(WallSensors::default()), ..bare() };
+    plant.set_up.particle = Some(Particle {
+        mass_kg: 0.16,
+        clearance_m: 15e-3,
+        friction_coefficient: 0.0,
+        wall: Wall::Restitution { coefficient: 0.5 },
+    });
+    let mut board = Board::new(image, &Config::new(plant)).unwrap();
+    let mut host = Host::new(&mut board);
+    host.ask(Request::Identify);
+    host.ask(Request::SetTwin(Some(TwinConfig::new(plant.set_up))));
+    host.ask(Request::Configure(sine(1.5e-3, 2.5)));
+    host.ask(Request::Start);
+    for _ in 0..12 {
+        host.pass(Time::from_ms(1_000));
+        // A host that is silent for 10 s ends the drive.
+        assert!(!twin_alarm(&mut host));
+    }
+    assert!(host.board.chip().plant().impacts() > 20, "{} impacts", host.board.chip().plant().impacts());
+    for sensor in [Sensor::WallLow, Sensor::WallHigh] {
+        assert!(!twin_alarm(&mut host), "before {sensor:?}");
+        set(&mut host, sensor, Some(SensorFault::Stuck));
+        host.pass(Time::from_ms(2_000));
+        assert!(twin_alarm(&mut host), "{sensor:?}");
+        assert_eq!((host.status().fault, is_driving(host.board)), (None, true), "{sensor:?}");
+        set(&mut host, sensor, None);
+        host.pass(Time::from_ms(1_000));
+    }
+    assert!(!twin_alarm(&mut host));
 }
 
 /// Noise is a reading: below the limits it is measured like any motion, beyond them it ends the drive.

@@ -1,0 +1,140 @@
+//! The tables of an export in memory, column by column, for formats that are written as a whole.
+
+use std::collections::HashSet;
+
+use arrow_array::RecordBatch;
+use arrow_schema::DataType;
+
+use super::{ExportSelection, ExportSummary, RunTable};
+use crate::run_folder::read::columns::{Value, description, unit, values};
+use crate::run_folder::{ReadError, RunFolder};
+
+/// Most numbers in one file: 320 MB as doubles (400 MB of memory were measured). MATLAB's own limit is 2 GiB per variable.
+pub(super) const MAX_NUMBERS: usize = 40_000_000;
+
+/// Longest name of a field in MATLAB.
+const LONGEST_NAME: usize = 63;
+
+/// The values of a column.
+#[derive(Debug)]
+pub(super) enum Values {
+    Numbers(Vec<f64>),
+    Texts(Vec<String>),
+    /// Places from 0 in a list of names. A name per row would dominate a table with a row per tick or impact.
+    Places(Vec<usize>, Vec<String>),
+}
+
+/// A column of a table.
+#[derive(Debug)]
+pub(super) struct Column {
+    /// A letter, then letters, digits and underscores, at most 63; unique in its table.
+    pub(super) name: String,
+    /// Empty for names and flags.
+    pub(super) unit: String,
+    /// Its meaning; empty if none is recorded.
+    pub(super) description: String,
+    pub(super) values: Values,
+}
+
+/// The selected rows of the selected tables, in their order. A table of transients or impacts that has no columns is left out:
+/// most runs have none.
+///
+/// # Errors
+/// More than [`MAX_NUMBERS`] numbers; a column of an unknown type, or one that only some files of the run have.
+pub(super) fn tables(
+    run: &RunFolder,
+    part: &ExportSelection,
+    exported: &mut ExportSummary,
+) -> Result<Vec<(RunTable, Vec<Column>)>, ReadError> {
+    let (mut tables, mut count) = (Vec::new(), 0);
+    for &table in &part.tables {
+        let mut columns = Vec::new();
+        part.each(run, table, exported, |batch| {
+            count += batch.num_rows() * batch.num_columns();
+            if count > MAX_NUMBERS {
+                return Err(ReadError(format!(
+                    "more than {MAX_NUMBERS} numbers, the limit of this format; select fewer with --set-up, --from-s and \
+                     --to-s, or use --format csv, which has no limit"
+                )));
+            }
+            gather(&mut columns, &batch, table)
+        })?;
+        let may_lack = matches!(table, RunTable::Transients | RunTable::Impacts);
+        if !(may_lack && columns.is_empty()) {
+            tables.push((table, columns));
+        }
+    }
+    Ok(tables)
+}
+
+fn gather(columns: &mut Vec<Column>, batch: &RecordBatch, table: RunTable) -> Result<(), ReadError> {
+    let schema = batch.schema();
+    if columns.is_empty() {
+        let mut taken = HashSet::new();
+        for field in schema.fields() {
+            let is_text = matches!(field.data_type(), DataType::Utf8 | DataType::Dictionary(..));
+            let values = match (is_text, table) {
+                (false, _) => Values::Numbers(Vec::new()),
+                (true, RunTable::Results | RunTable::Transients) => Values::Texts(Vec::new()),
+                (true, RunTable::Samples | RunTable::Impacts) => Values::Places(Vec::new(), Vec::new()),
+            };
+            let name = field_name(field.name(), |name| taken.contains(name));
+            taken.insert(name.clone());
+            let (unit, description) = (unit(field).to_string(), description(field).to_string());
+            columns.push(Column { name, unit, description, values });
+        }
+    }
+    for (index, (field, array)) in schema.fields().iter().zip(batch.columns()).enumerate() {
+        let read = values(array.as_ref()).ok_or_else(|| {
+            ReadError(format!("column `{}` has the unknown type {}", field.name(), array.data_type()))
+        })?;
+        let Some(column) = columns.get_mut(index) else {
+            return Err(ReadError(format!("column `{}` is missing in some files of the run", field.name())));
+        };
+        column.values.extend(read);
+    }
+    Ok(())
+}
+
+impl Values {
+    fn extend(&mut self, read: Vec<Value>) {
+        match self {
+            Self::Numbers(all) => all.extend(read.iter().map(|v| v.number().unwrap_or(f64::NAN))),
+            Self::Texts(all) => all.extend(read.iter().map(Value::to_string)),
+            Self::Places(all, names) => all.extend(read.iter().map(|value| {
+                let name = value.to_string();
+                names.iter().rposition(|n| *n == name).unwrap_or_else(|| {
+                    names.push(name);
+                    names.len() - 1
+                })
+            })),
+        }
+    }
+}
+
+/// A name that every format allows: a letter, then letters, digits and underscores, at most 63 characters.
+fn field_name(name: &str, taken: impl Fn(&str) -> bool) -> String {
+    let mut plain: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if !plain.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        plain.insert_str(0, "x_");
+    }
+    plain.truncate(LONGEST_NAME);
+    let shorter = &plain[..plain.len().min(LONGEST_NAME - 5)];
+    let numbered = (2..).map(|n| format!("{shorter}_{n}"));
+    std::iter::once(plain.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn field_names_are_valid_in_matlab() {
+        assert_eq!(field_name("x_m", |_| false), "x_m");
+        assert_eq!(field_name("2nd force (N)", |_| false), "x_2nd_force__N_");
+        assert_eq!(field_name("", |_| false), "x_");
+        assert_eq!(field_name("x_m", |n| n == "x_m"), "x_m_2");
+        let long = field_name(&"ä".repeat(80), |n| !n.ends_with('3'));
+        assert!(long.len() <= LONGEST_NAME && long.ends_with("_3"), "{long}");
+    }
+}
