@@ -128,17 +128,18 @@ fn thousands_of_problems_are_reported_as_the_first_twenty_in_linear_time() {
         };
         once().min(once()).min(once())
     };
-    let took = time(&keys(10_000), &|answer| {
+    let took = time(&keys(40_000), &|answer| {
         assert!(answer.lines().count() < 200, "{} lines", answer.lines().count());
         // Two of the twenty say what is missing.
         assert_eq!(answer.matches("unknown key `key_").count(), 18, "{answer}");
         assert!(answer.contains("these are the first 20"), "{answer}");
     });
-    assert!(took < Duration::from_secs(2), "{took:?}");
+    // A quadratic search would take minutes.
+    assert!(took < Duration::from_secs(20), "{took:?}");
     // Names long enough to be slow to compare.
     let long: String = (0..70).map(|n| format!("{}{n} = 1\n", "k".repeat(2_000))).collect();
     let took = time(&long, &|answer| assert!(answer.len() < 400_000, "{} bytes", answer.len()));
-    assert!(took < Duration::from_secs(2), "{took:?}");
+    assert!(took < Duration::from_secs(20), "{took:?}");
 }
 
 #[test]
