@@ -86,6 +86,10 @@ enum Command {
     Simulate(simulate::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
+    /// Print the JSON Schema of campaigns, cases or set-up files, for editors
+    Schema(documents::Schema),
+    /// Print the keys of campaigns, cases and set-up files
+    Keys(documents::Keys),
     /// Print the completions of a shell
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
@@ -132,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Schema(args) => documents::schema(&args),
+        Command::Keys(args) => documents::keys(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
@@ -187,7 +193,9 @@ mod tests {
         let quoted = text.split('`').skip(1).step_by(2);
         let lines = text.lines().map(|line| line.split(" # ").next().unwrap_or(line));
         let lines = lines.map(|line| line.split("   ").find(|part| !part.is_empty()).unwrap_or(""));
-        let all = quoted.filter(|span| !span.contains('\n')).chain(lines).map(str::trim);
+        let all = quoted.filter(|span| !span.contains('\n')).chain(lines);
+        // The output of a command may go to a file.
+        let all = all.map(|line| line.split(" > ").next().unwrap_or(line).trim());
         // `a|b` stands for several commands.
         all.filter(|command| command.starts_with("damprig ") && !command.contains(['|', '…'])).collect()
     }

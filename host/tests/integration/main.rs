@@ -12,6 +12,7 @@ mod exit_codes;
 mod exports;
 mod faulty_link;
 mod file_faults;
+mod file_keys;
 mod flash;
 mod hold;
 mod hostile_board;
