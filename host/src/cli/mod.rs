@@ -23,6 +23,7 @@ mod documents;
 #[cfg(feature = "probe")]
 mod flash;
 mod identify;
+mod init;
 #[cfg(feature = "probe")]
 mod log;
 mod monitor;
@@ -82,6 +83,8 @@ enum Command {
     Runs(runs::Args),
     /// Show, change, save and copy the settings of a board
     Settings(settings::Args),
+    /// Write a new campaign or case, with comments
+    Init(init::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
@@ -134,6 +137,7 @@ pub fn main() -> ExitCode {
         Command::Flash(args) => without_probe::run("flash", &args),
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
+        Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Schema(args) => documents::schema(&args),

@@ -1,6 +1,7 @@
 //! The keys of each kind of input file, as its parser declares them: for editors as a JSON Schema ([`schema`]), for people as a
-//! reference ([`mod@reference`]).
+//! reference ([`mod@reference`]) and as a new file with comments ([`new_file`]).
 
+pub mod new_file;
 pub mod reference;
 pub mod schema;
 
