@@ -84,7 +84,7 @@ find_board_tools() {
     [ ${#missing[@]} = 0 ] || install "${missing[@]}"
 }
 
-# A Python in target/python with the packages of tests/python/requirements.txt, which read exports.
+# A Python in target/python with the packages of tests/python/requirements.txt, which read exports and judge files by schemas.
 find_python() {
     local wanted=tests/python/requirements.txt
     if ! cmp -s "$wanted" target/python/requirements.txt; then

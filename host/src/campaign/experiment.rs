@@ -4,11 +4,11 @@
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::control::transient as core_transient;
 use damprig_core::io::TICK_HZ;
-use damprig_simulator::plant::Shaker;
 
+use super::keys::{campaign, experiment};
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
-use super::{CampaignSetUp, RigSettings, usual};
+use super::{CampaignSetUp, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
 
 /// An experiment on some of the set-ups.
@@ -109,7 +109,7 @@ pub(super) fn read_all(
     set_ups: Option<&[CampaignSetUp]>,
     rig: Option<&RigSettings>,
 ) -> Option<Vec<Experiment>> {
-    let sections = root.tables("experiment");
+    let sections = root.tables_of(&campaign::EXPERIMENT);
     if sections.is_empty() && root.source().is_clean() {
         root.source().report(Problem {
             title: "the campaign has no experiment".into(),
@@ -120,10 +120,11 @@ pub(super) fn read_all(
         return None;
     }
     let mut names = Vec::new();
-    sections.into_iter().enumerate().map(|(i, s)| read(s, i, &mut names, set_ups, rig)).collect()
+    // All are read, so that one answer has the problems of all.
+    let read: Vec<Option<Experiment>> =
+        sections.into_iter().enumerate().map(|(i, s)| read(s, i, &mut names, set_ups, rig)).collect();
+    read.into_iter().collect()
 }
-
-const KINDS: [&str; 4] = ["stepped_sine", "playback", "impulse", "free_vibration"];
 
 fn read(
     section: Section,
@@ -132,19 +133,17 @@ fn read(
     set_ups: Option<&[CampaignSetUp]>,
     rig: Option<&RigSettings>,
 ) -> Option<Experiment> {
-    let own = section.text("name");
+    let own = section.text_of(&experiment::NAME);
     let name = own.as_ref().map_or_else(|| format!("experiment {}", index + 1), |t| t.value.clone());
     if names.contains(&name) {
         let help = Some("give each experiment a name of its own: tables and --resume tell them apart by it".into());
         section.refuse("name", &own.map_or(section.span(), |t| t.span), "is the name of an earlier experiment", help);
     }
     names.push(name.clone());
-    let what = "write kind = \"stepped_sine\", \"playback\", \"impulse\" or \"free_vibration\"";
-    let kind = section.required("kind", what, |s, key| s.choice(key, &KINDS));
-    let wanted = section.texts("set_ups");
+    let kind = section.word(&experiment::KIND);
+    let wanted = section.texts_of(&experiment::SET_UPS);
     let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
-    let shaker: Option<&Shaker> = rig.and_then(|rig| rig.shaker.as_ref());
-    if kind.is_none() && section.has_own("kind") {
+    if kind.is_none() && section.is_given(&experiment::KIND) {
         // Its kind, and so its keys, are unknown.
         return None;
     }
@@ -153,9 +152,8 @@ fn read(
         Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
         // Without a kind, the keys of the most frequent one are checked.
-        _ => stepped_sine::read(&section, shaker).map(Kind::SteppedSine),
+        _ => stepped_sine::read(&section, rig).map(Kind::SteppedSine),
     };
-    section.warn_of_unusual(usual::EXPERIMENT);
     section.finish();
     kind?;
     Some(Experiment { name, set_ups: chosen?, kind: read? })
@@ -164,7 +162,7 @@ fn read(
 /// The set-ups that the experiment names; all of them when it names none.
 fn choose(section: &Section, wanted: Option<&[Text]>, set_ups: &[CampaignSetUp]) -> Option<Vec<usize>> {
     let Some(wanted) = wanted else {
-        return (!section.has_own("set_ups")).then(|| (0..set_ups.len()).collect());
+        return (!section.is_given(&experiment::SET_UPS)).then(|| (0..set_ups.len()).collect());
     };
     let names: Vec<&str> = set_ups.iter().map(|s| s.name.as_str()).collect();
     let mut chosen = Vec::new();

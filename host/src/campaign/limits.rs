@@ -1,10 +1,12 @@
 //! Limits of a campaign: keys of `[rig]` that tighten the board's limits while its experiments run.
 //!
 //! The core decides whether a limit is tighter ([`SafetyConfig::tightened`]), for the board and the host alike; this module
-//! has the keys, and reports a looser limit with its place in the file.
+//! says which setting each key tightens, and reports a looser limit with its place in the file.
 
 use damprig_core::control::safety::{ExperimentLimits, LimitsRejected, Looser, SafetyConfig};
 
+use super::keys::rig as keys;
+use crate::input::key::Quantity;
 use crate::input::{Number, Problem, Section, Source};
 use crate::settings::decimal;
 
@@ -32,32 +34,27 @@ const SATURATED: &str = "safety.saturated_s";
 const SILENT: &str = "safety.host_silent_s";
 const BRAKE: &str = "safety.brake_n";
 
+/// Each limit of a campaign, and the settings of the board that it tightens.
+const LIMITS: [(Quantity, &[&str]); 8] = [
+    (keys::STRUCTURE_LIMIT, &[STRUCTURE]),
+    (keys::BASE_LIMIT, &[BASE]),
+    (keys::DISPLACEMENT_LIMIT, &[STRUCTURE, BASE]),
+    (keys::HALF_CYCLES_AHEAD, &[AHEAD]),
+    (keys::WALL_FORCE_LIMIT, &[WALL]),
+    (keys::SATURATED, &[SATURATED]),
+    (keys::HOST_SILENT, &[SILENT]),
+    (keys::BRAKE, &[BRAKE]),
+];
+
 impl CampaignLimits {
     /// The keys of `[rig]`.
     pub(super) fn read(rig: &Section) -> Self {
         let mut stated = Vec::new();
-        let mut add = |key, settings: &[&'static str], number: Option<Number>| {
-            let Some(number) = number else { return };
-            stated.extend(settings.iter().map(|setting| Stated { key, setting, number: number.clone() }));
-        };
-        let both = rig.positive("displacement_limit_m");
-        for (key, setting) in [("structure_limit_m", STRUCTURE), ("base_limit_m", BASE)] {
-            let number = rig.positive(key);
-            if let (Some(number), true) = (&number, both.is_some()) {
-                let help = Some(format!("leave out `displacement_limit_m` or `{key}`"));
-                rig.refuse(key, &number.span, "`displacement_limit_m` is given too, and limits both |x| and |z|", help);
-            }
-            add(key, &[setting], number);
+        for (quantity, settings) in &LIMITS {
+            let Some(number) = rig.placed(quantity) else { continue };
+            let key = quantity.name();
+            stated.extend(settings.iter().map(|&setting| Stated { key, setting, number: number.clone() }));
         }
-        add("displacement_limit_m", &[STRUCTURE, BASE], both);
-        let ahead = rig.number_if("half_cycles_ahead", |v| (0.0..=20.0).contains(&v), "from 0 to 20");
-        add("half_cycles_ahead", &[AHEAD], ahead);
-        add("wall_force_limit_n", &[WALL], rig.positive("wall_force_limit_n"));
-        add("saturated_s", &[SATURATED], rig.positive("saturated_s"));
-        // This program sends a message every second. 0 is compared with the board's settings, which refuse it.
-        let silent = rig.number_if("host_silent_s", |v| v == 0.0 || (5.0..=3600.0).contains(&v), "from 5 to 3600");
-        add("host_silent_s", &[SILENT], silent);
-        add("brake_n", &[BRAKE], rig.not_negative("brake_n"));
         Self { stated }
     }
 

@@ -6,13 +6,13 @@
 
 mod difference;
 mod experiment;
+mod keys;
 mod limits;
 mod rig;
 mod set_up;
 mod shape;
 mod stepped_sine;
 pub mod transient;
-mod usual;
 
 use std::path::Path;
 
@@ -24,6 +24,7 @@ use crate::setup::{SetUpFile, set_up_file};
 pub use crate::setup::{SetUpSpec, SpringSpec, SpringTarget};
 pub use difference::differences;
 pub use experiment::{Experiment, Kind};
+pub use keys::{PLAYED_RECORD, TABLES};
 pub use limits::CampaignLimits;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
@@ -139,7 +140,7 @@ fn parts(root: &Section) -> Option<Parts> {
 
 /// The campaign's name goes into a folder's name.
 fn name(root: &Section) -> Option<String> {
-    let name = root.required("name", "a short name, part of the run folder's name", Section::text)?;
+    let name = root.text_of(&keys::campaign::NAME)?;
     let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if name.value.is_empty() || name.value.len() > 60 || !name.value.chars().all(fits) {
         let help = Some(format!("write name = {:?}", slug(&name.value)));

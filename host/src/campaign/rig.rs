@@ -10,8 +10,8 @@ use damprig_protocol::MOST_SIGNALS;
 use damprig_simulator::plant::table::Table;
 use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
 
+use super::keys::{campaign, rig as rig_keys, sensors_data_sheet, sensors_ideal, shaker, telemetry};
 use super::limits::CampaignLimits;
-use super::usual;
 use crate::input::{Number, Problem, Section, Span, Text, near};
 use crate::settings::{decimal, number_of};
 
@@ -72,52 +72,39 @@ pub struct Telemetry {
 /// Most ticks from row to row in the protocol.
 const MOST_TICKS: f64 = u16::MAX as f64;
 
+/// `[rig]`. All of it has defaults: the source document's rig with ideal sensors.
 pub(super) fn read_rig(root: &Section) -> Option<RigSettings> {
     let board = Settings::default();
-    let Some(rig) = root.table("rig", None) else {
-        // Everything has a default: the source document's rig with ideal sensors.
-        return (!root.has_own("rig")).then_some(RigSettings {
-            board,
-            limits: CampaignLimits::default(),
-            acting: board.safety,
-            sensor_resolution_m: 0.0,
-            sensor_resolution_span: 0..0,
-            sensor_noise_rms_m: 0.0,
-            noise_seed: 1,
-            data_sheet: None,
-            shaker: None,
-        });
-    };
+    let rig = root.part(&campaign::RIG)?;
     refuse_sensor_range(&rig);
-    let resolution = rig.not_negative("sensor_resolution_m");
-    let noise = rig.not_negative("sensor_noise_rms_m");
-    let whole = |v: f64| v >= 0.0 && v <= f64::from(u32::MAX) && v.fract() == 0.0;
-    let seed = rig.number_if("noise_seed", whole, "a whole number from 0 to 4294967295");
+    let resolution = rig.placed(&rig_keys::SENSOR_RESOLUTION);
+    let noise_m = rig.scalar(&rig_keys::SENSOR_NOISE);
+    let seed = rig.scalar(&rig_keys::NOISE_SEED);
     let limits = CampaignLimits::read(&rig);
-    let data_sheet = rig.table("sensors", None).map(read_sensors);
-    let shaker = rig.table("shaker", None).map(|table| {
-        table.warn_of_unusual(usual::SHAKER);
-        read_shaker(&table)
-    });
-    rig.warn_of_unusual(usual::RIG);
+    let data_sheet = rig.table_of(&rig_keys::SENSORS, None).and_then(|table| read_sensors(&table));
+    let shaker = match rig.table_of(&rig_keys::SHAKER, None) {
+        Some(table) => read_shaker(&table).map(Some),
+        None => (!rig.is_given(&rig_keys::SHAKER)).then_some(None),
+    };
     rig.finish();
+    let resolution = resolution?;
     Some(RigSettings {
         board,
         limits,
         acting: board.safety,
-        data_sheet: data_sheet.flatten(),
-        shaker,
-        sensor_resolution_m: resolution.as_ref().map_or(0.0, |n| n.value),
-        sensor_resolution_span: resolution.map_or(0..0, |n| n.span),
-        sensor_noise_rms_m: noise.map_or(0.0, |n| n.value),
-        noise_seed: seed.map_or(1, |n| n.value as u32),
+        data_sheet,
+        shaker: shaker?,
+        sensor_resolution_m: resolution.value,
+        sensor_resolution_span: resolution.span,
+        sensor_noise_rms_m: noise_m?,
+        noise_seed: seed? as u32,
     })
 }
 
 /// The sensors' range belongs to the board's settings. A campaign in a run folder may be older than this rule.
 fn refuse_sensor_range(rig: &Section) {
     const KEY: &str = "sensor_range_m";
-    let Some(range) = rig.positive(KEY).filter(|_| !rig.source().is_recorded()) else { return };
+    let Some(range) = rig.number(KEY).filter(|_| !rig.source().is_recorded()) else { return };
     let per_count = DisplacementScale::over_whole_span(range.value as f32).metres_per_count;
     let help = if per_count == Settings::default().calibration.x.metres_per_count {
         "leave it out: it is the default range of a board".into()
@@ -145,80 +132,67 @@ pub(super) fn too_coarse(rig: &RigSettings) -> Problem {
 }
 
 /// `[rig.sensors]`: none for ideal sensors, or after a problem has been reported.
-fn read_sensors(table: Section) -> Option<DataSheet> {
-    let what = "write kind = \"ideal\" or \"data_sheet\"";
-    let kind = table.required("kind", what, |s, key| s.choice(key, &["ideal", "data_sheet"]));
-    let mut sheet = None;
-    if kind == Some(1) {
-        let default = DataSheet::default();
-        let within = |key, low: f64, high: f64| {
-            table
-                .number_if(key, |v| (low..=high).contains(&v), &format!("from {low} to {high}"))
-                .map(|n| n.value as f32)
-        };
-        let whole = |key, low: u8, high: u8| {
-            let ok = |v: f64| v.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&v);
-            table.number_if(key, ok, &format!("a whole number from {low} to {high}")).map(|n| n.value as u8)
-        };
-        sheet = Some(DataSheet {
-            linearity: within("linearity", 0.0, 0.1).unwrap_or(default.linearity),
-            response_s: within("response_s", 0.0, 1.0).unwrap_or(default.response_s),
-            skew_s: within("skew_s", 0.0, 1e-4).unwrap_or(default.skew_s),
-            anti_alias_hz: within("anti_alias_hz", 1.0, 1e6).unwrap_or(default.anti_alias_hz),
-            bits: whole("bits", 4, 20).unwrap_or(default.bits),
-            oversampling: whole("oversampling", 1, 64).unwrap_or(default.oversampling),
-        });
+fn read_sensors(table: &Section) -> Option<DataSheet> {
+    if table.variant(&[sensors_ideal::TABLE, sensors_data_sheet::TABLE])? == 0 {
+        table.finish();
+        return None;
     }
+    use sensors_data_sheet::{ANTI_ALIAS, BITS, LINEARITY, OVERSAMPLING, RESPONSE, SKEW};
+    let [linearity, response, skew, anti_alias, bits, oversampling] =
+        [&LINEARITY, &RESPONSE, &SKEW, &ANTI_ALIAS, &BITS, &OVERSAMPLING].map(|quantity| table.scalar(quantity));
     table.finish();
-    sheet
+    Some(DataSheet {
+        linearity: linearity? as f32,
+        response_s: response? as f32,
+        skew_s: skew? as f32,
+        anti_alias_hz: anti_alias? as f32,
+        bits: bits? as u8,
+        oversampling: oversampling? as u8,
+    })
 }
 
-/// `[rig.shaker]`: keys left out have the core's defaults.
-fn read_shaker(table: &Section) -> Shaker {
-    let default = Shaker::default();
-    let positive = |key, otherwise: f64| table.positive(key).map_or(otherwise, |n| n.value);
-    let not_negative = |key, otherwise: f64| table.not_negative(key).map_or(otherwise, |n| n.value);
-    let amplifier = if table.choice("amplifier", &["voltage", "current"]) == Some(1) {
-        Amplifier::Current
-    } else {
-        let Amplifier::Voltage { coil_resistance_ohm, limit_v } = default.amplifier else { return default };
-        Amplifier::Voltage {
-            coil_resistance_ohm: positive("coil_resistance_ohm", coil_resistance_ohm),
-            limit_v: positive("limit_v", limit_v),
-        }
+/// `[rig.shaker]`; `None` after a problem has been reported.
+fn read_shaker(table: &Section) -> Option<Shaker> {
+    let amplifier = table.word(&shaker::AMPLIFIER);
+    let coil_resistance_ohm = table.scalar(&shaker::COIL_RESISTANCE);
+    let limit_v = table.scalar(&shaker::VOLTAGE_LIMIT);
+    let moving_mass_kg = table.scalar(&shaker::MOVING_MASS);
+    let suspension_stiffness_n_per_m = table.scalar(&shaker::SUSPENSION_STIFFNESS);
+    let suspension_damping_n_s_per_m = table.scalar(&shaker::SUSPENSION_DAMPING);
+    let force_factor_n_per_a = table.scalar(&shaker::FORCE_FACTOR);
+    let current_limit_a = table.scalar(&shaker::CURRENT_LIMIT);
+    let half_stroke_m = table.scalar(&shaker::HALF_STROKE);
+    let calibrated_at_hz = table.scalar(&shaker::CALIBRATED_AT);
+    table.finish();
+    let read = Shaker {
+        moving_mass_kg: moving_mass_kg?,
+        suspension_stiffness_n_per_m: suspension_stiffness_n_per_m?,
+        suspension_damping_n_s_per_m: suspension_damping_n_s_per_m?,
+        force_factor_n_per_a: force_factor_n_per_a?,
+        amplifier: match amplifier? {
+            0 => Amplifier::Voltage { coil_resistance_ohm: coil_resistance_ohm?, limit_v: limit_v? },
+            _ => Amplifier::Current,
+        },
+        current_limit_a: current_limit_a?,
+        half_stroke_m: half_stroke_m?,
+        calibrated_at_hz: calibrated_at_hz?,
     };
-    let shaker = Shaker {
-        moving_mass_kg: positive("moving_mass_kg", default.moving_mass_kg),
-        suspension_stiffness_n_per_m: not_negative(
-            "suspension_stiffness_n_per_m",
-            default.suspension_stiffness_n_per_m,
-        ),
-        suspension_damping_n_s_per_m: not_negative(
-            "suspension_damping_n_s_per_m",
-            default.suspension_damping_n_s_per_m,
-        ),
-        force_factor_n_per_a: positive("force_factor_n_per_a", default.force_factor_n_per_a),
-        amplifier,
-        current_limit_a: positive("current_limit_a", default.current_limit_a),
-        half_stroke_m: positive("half_stroke_m", default.half_stroke_m),
-        calibrated_at_hz: positive("calibrated_at_hz", default.calibrated_at_hz),
-    };
-    if let Err(invalid) = Table::<f64>::steps_per_sample(&shaker, 1.0 / f64::from(TICK_HZ)) {
+    if let Err(invalid) = Table::<f64>::steps_per_sample(&read, 1.0 / f64::from(TICK_HZ)) {
         let help = Some("(force factor)²/resistance over the mass is the table's fastest rate".into());
-        let span = table.number("moving_mass_kg").map_or(table.span(), |n| n.span);
-        table.refuse("moving_mass_kg", &span, format!("must be {}", invalid.allowed), help);
+        table.reject(shaker::MOVING_MASS.name(), format!("must be {}", invalid.allowed), help);
     }
-    table.finish();
-    shaker
+    Some(read)
 }
 
+/// `[telemetry]`; without it the motion is recorded.
 pub(super) fn read_telemetry(root: &Section) -> Option<Telemetry> {
-    let Some(table) = root.table("telemetry", None) else {
-        return (!root.has_own("telemetry")).then(|| Telemetry { rate_hz: 100.0, signals: Vec::new() });
-    };
-    let rate = table.required("rate_hz", "samples of each signal in a second", Section::not_negative);
+    if !root.is_given(&campaign::TELEMETRY) {
+        return Some(Telemetry { rate_hz: 100.0, signals: Vec::new() });
+    }
+    let table = root.table_of(&campaign::TELEMETRY, None)?;
+    let rate = table.placed(&telemetry::RATE);
     let rate = rate.filter(|rate| is_carried(&table, rate));
-    let signals = table.texts("signals").unwrap_or_default();
+    let signals = table.texts_of(&telemetry::SIGNALS).unwrap_or_default();
     check_signals(&table, &signals);
     table.finish();
     Some(Telemetry { rate_hz: rate?.value, signals })

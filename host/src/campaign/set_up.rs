@@ -4,11 +4,9 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::model::SetUp;
 use toml::de::DeTable;
 
+use super::keys::{campaign, set_up};
 use crate::input::{Problem, Section, Span};
-use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
-
-/// The key of a damper that damprig has no equations for.
-const UNMODELLED: &str = "damper";
+use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
 
 /// One set-up of a campaign.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +76,7 @@ impl CampaignSetUp {
 /// All `[[set_up]]` tables, completed by those of a set-up file; `None` when any has a problem.
 pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Option<Vec<CampaignSetUp>> {
     let shared = Shared::of(root, file);
-    let sections = root.tables("set_up");
+    let sections = root.tables_of(&campaign::SET_UP);
     if sections.is_empty() && root.source().is_clean() {
         root.source().report(Problem {
             title: "the campaign has no set-up".into(),
@@ -105,25 +103,26 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
 }
 
 fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSetUp> {
-    let name = section.required("name", "a name for experiments to call it by", Section::text);
-    let label = section.text("label");
-    let amplitude = section.scalar(&BASE_AMPLITUDE.required());
-    let base = amplitude.map_or(BaseAmplitude::Unread, BaseAmplitude::Is);
+    let name = section.text_of(&set_up::NAME);
+    let label = section.text_of(&set_up::LABEL);
+    let amplitude = section.placed(&set_up::BASE_AMPLITUDE);
+    let base = amplitude.as_ref().map_or(BaseAmplitude::Unread, |amplitude| BaseAmplitude::Is(amplitude.value));
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
-    let has_unmodelled_damper = section.choice(UNMODELLED, &["unmodelled"]).is_some();
+    let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
-        let help = Some(format!("leave out `{UNMODELLED}` or `{modelled}`"));
-        section.reject(UNMODELLED, format!("means a damper without a model; `{modelled}` gives one"), help);
+        let unmodelled = set_up::DAMPER.name();
+        let help = Some(format!("leave out `{unmodelled}` or `{modelled}`"));
+        section.reject(unmodelled, format!("means a damper without a model; `{modelled}` gives one"), help);
         return None;
     }
     section.finish();
-    let name = name?.value;
+    let (name, amplitude) = (name?.value, amplitude?);
     Some(CampaignSetUp {
         label: label.map_or_else(|| name.clone(), |label| label.value),
         name,
         spec: spec?,
-        base_amplitude_m: amplitude?,
-        base_amplitude_span: section.span_of(BASE_AMPLITUDE.name()),
+        base_amplitude_m: amplitude.value,
+        base_amplitude_span: amplitude.span,
         has_unmodelled_damper,
         is_predicted: !has_unmodelled_damper,
     })

@@ -14,10 +14,10 @@ use damprig_core::io::TICK_HZ;
 use damprig_protocol::upload::checksum;
 
 use super::RigSettings;
+use super::keys::{LEAST_RATE_HZ, free_vibration as free_keys, impulse as impulse_keys, playback as playback_keys};
 use super::shape::Shape;
-use super::stepped_sine::REST_LEVEL_M;
 use crate::input::{Number, Section, Span};
-use crate::motion_record::{Quantity, Record, read_record};
+use crate::motion_record::{Quantity, RECORD_FILE, RECORD_SCALE, Record, read_record};
 
 /// Subfolder of a run folder with copies of the records of its campaign.
 pub const RECORDS: &str = "records";
@@ -137,21 +137,18 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
         let kept = kept_record(&folder, index, Path::new(file));
         if kept.is_file() { kept } else { folder.join(file) }
     };
-    let target = section.number_if("target_peak_m", |v| v != 0.0, "a number other than 0");
-    let scale = section.number("scale");
-    let baseline = section.choice("baseline", &["none", "linear"]);
-    let wanted_rate = sample_rate(section);
-    let rest = Ends::read(section);
-    if let (Some(target), Some(_)) = (&target, &scale) {
-        let help = Some("leave out `scale` or `target_peak_m`".into());
-        section.refuse("target_peak_m", &target.span, "`scale` is given too, and says the same", help);
-    }
-    let file = section.text("file").map_or(section.span(), |text| text.span);
+    let target = section.placed(&playback_keys::TARGET);
+    let is_scaled = section.is_given(&RECORD_SCALE);
+    let baseline = section.word(&playback_keys::BASELINE);
+    let wanted_rate = section.placed(&playback_keys::SAMPLE_RATE);
+    let ends = Ends::read(section);
+    let file = section.span_of(RECORD_FILE.name());
     let record = read_record(section, &find)?;
-    let (key, span) = match (&target, &scale) {
-        (Some(target), _) => ("target_peak_m", target.span.clone()),
-        (None, Some(scale)) => ("scale", scale.span.clone()),
-        (None, None) => ("file", file.clone()),
+    let ends = ends?;
+    let (key, span) = match &target {
+        Some(target) => ("target_peak_m", target.span.clone()),
+        None if is_scaled => ("scale", section.span_of("scale")),
+        None => ("file", file.clone()),
     };
     let is_linear = baseline.map_or(record.quantity == Quantity::Acceleration, |word| word == 1);
     let rate_hz = wanted_rate.as_ref().map(|n| n.value).unwrap_or((1.0 / record.step_s).min(f64::from(TICK_HZ)));
@@ -198,9 +195,9 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
         samples_m,
         file: Some(record.file.clone()),
         about,
-        ramp_s: rest.ramp_s,
-        tail_s: rest.tail_s,
-        rest_level_m: rest.level_m,
+        ramp_s: ends.ramp_s,
+        tail_s: ends.tail_s,
+        rest_level_m: ends.level_m,
         key,
         span,
     };
@@ -208,7 +205,7 @@ pub(super) fn playback(section: &Section, index: usize) -> Option<Playback> {
     Some(playback)
 }
 
-/// The keys of a playback's ends.
+/// The keys of the ends of a record or a pulse.
 struct Ends {
     ramp_s: f64,
     tail_s: f64,
@@ -216,25 +213,13 @@ struct Ends {
 }
 
 impl Ends {
-    fn read(section: &Section) -> Self {
-        let within = |key, most: f64| {
-            section.number_if(key, |v| (0.0..=most).contains(&v), &format!("from 0 to {most}")).map_or(0.0, |n| n.value)
-        };
-        Self {
-            ramp_s: within("ramp_s", 3600.0),
-            tail_s: within("tail_s", 3600.0),
-            level_m: section.positive("rest_level_m").map_or(REST_LEVEL_M, |n| n.value),
-        }
+    fn read(section: &Section) -> Option<Self> {
+        // Playback and impulse have the same.
+        let ramp = section.scalar(&playback_keys::RAMP);
+        let tail = section.scalar(&playback_keys::TAIL);
+        let level = section.scalar(&playback_keys::REST_LEVEL);
+        Some(Self { ramp_s: ramp?, tail_s: tail?, level_m: level? })
     }
-}
-
-/// Lowest sample rate of the controller, Hz.
-const LEAST_RATE_HZ: f64 = 0.1;
-
-fn sample_rate(section: &Section) -> Option<Number> {
-    let most = f64::from(TICK_HZ);
-    let allowed = format!("from {LEAST_RATE_HZ} to the controller's tick rate of {most}");
-    section.number_if("sample_rate_hz", |v| (LEAST_RATE_HZ..=most).contains(&v), &allowed)
 }
 
 /// Peak below which a record is no motion, m: a thousandth of what a displacement sensor resolves, and of a light wave.
@@ -343,13 +328,8 @@ fn sound(section: &Section, playback: &Playback) -> Option<()> {
     if let Err(invalid) = playback.order().validate() {
         let known = ["ramp_s", "tail_s", "rest_level_m", "sample_rate_hz"].into_iter();
         let key = known.into_iter().find(|key| *key == invalid.parameter).unwrap_or(playback.key);
-        let span = section.number(key).map_or(playback.span.clone(), |n| n.span);
-        section.refuse(
-            key,
-            &span,
-            format!("{} = {}: must be {}", invalid.parameter, invalid.value, invalid.allowed),
-            None,
-        );
+        let allowed = format!("{} = {}: must be {}", invalid.parameter, invalid.value, invalid.allowed);
+        section.reject(key, allowed, None);
         return None;
     }
     Some(())
@@ -357,25 +337,19 @@ fn sound(section: &Section, playback: &Playback) -> Option<()> {
 
 /// Reads an impulse.
 pub(super) fn impulse(section: &Section) -> Option<Playback> {
-    let what = "write shape = \"half_sine\", \"versine\", \"haversine\" or \"rectangle\"";
-    let shape = section.required("shape", what, |s, key| s.choice(key, &Shape::WORDS));
-    let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
-    let amplitude = section.required("amplitude_m", "the pulse's height, m", not_zero);
-    let duration = section.required("duration_s", "the pulse's length, s", Section::positive);
-    let rise = section.positive("rise_s");
-    let wanted_rate = sample_rate(section);
+    let shape = section.word(&impulse_keys::SHAPE);
+    let amplitude = section.placed(&impulse_keys::AMPLITUDE);
+    let duration = section.placed(&impulse_keys::DURATION);
+    let rise = section.placed(&impulse_keys::RISE);
+    let wanted_rate = section.placed(&impulse_keys::SAMPLE_RATE);
     let ends = Ends::read(section);
-    let (shape, amplitude, duration) = (shape?, amplitude?, duration?);
+    let (shape, amplitude, duration, ends) = (shape?, amplitude?, duration?, ends?);
     let seconds = duration.value;
     let shape = match shape {
         0 => Shape::HalfSine,
         3 => Shape::Rectangle { ramp_s: rise_of(section, rise.as_ref(), seconds)? },
         _ => Shape::Versine,
     };
-    if let (Some(rise), true) = (&rise, !matches!(shape, Shape::Rectangle { .. })) {
-        section.refuse("rise_s", &rise.span, "goes with shape = \"rectangle\" alone", Some("leave it out".into()));
-        return None;
-    }
     let most_hz = (MOST_SAMPLES - 1) as f64 / seconds;
     if most_hz < LEAST_RATE_HZ {
         let most_s = (MOST_SAMPLES - 1) as f64 / LEAST_RATE_HZ;
@@ -445,15 +419,13 @@ fn rise_of(section: &Section, rise: Option<&Number>, duration_s: f64) -> Option<
 
 /// Reads a free vibration.
 pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Option<FreeVibration> {
-    let not_zero = |s: &Section, key| s.number_if(key, |v| v != 0.0, "a number other than 0");
-    let start = section.required("start_m", "x0, where the structure is released, m", not_zero);
-    let measure = section.required("measure_s", "the time that is measured after the release", Section::positive);
-    let level = section.positive("level_m");
-    let hold = section.number_if("hold_s", |v| (0.1..=60.0).contains(&v), "from 0.1 to 60");
-    let timeout = section.number_if("timeout_s", |v| (1.0..=86_400.0).contains(&v), "from 1 to 86400");
-    let whole = |v: f64| (1.0..=1000.0).contains(&v) && v.fract() == 0.0;
-    let cycles = section.number_if("cycles", whole, "a whole number from 1 to 1000");
-    let (start, measure_s) = (start?, measure?.value);
+    let start = section.placed(&free_keys::START);
+    let measure_s = section.scalar(&free_keys::MEASURE);
+    let level = section.placed(&free_keys::LEVEL);
+    let hold_s = section.scalar(&free_keys::HOLD);
+    let timeout_s = section.scalar(&free_keys::TIMEOUT);
+    let cycles = section.scalar(&free_keys::CYCLES);
+    let start = start?;
     let x0 = start.value.abs();
     if let Some(level) = level.as_ref().filter(|level| level.value >= x0) {
         let help = Some(format!("write level_m = {:.3e}", 0.8 * x0));
@@ -469,17 +441,15 @@ pub(super) fn free_vibration(section: &Section, rig: Option<&RigSettings>) -> Op
     let free = FreeVibration {
         start_m: start.value,
         level_m: level.map_or(0.8 * x0, |n| n.value),
-        hold_s: hold.map_or(0.5, |n| n.value),
-        timeout_s: timeout.as_ref().map_or(300.0, |n| n.value),
-        measure_s,
-        cycles: cycles.map_or(10, |n| n.value as u16),
+        hold_s: hold_s?,
+        timeout_s: timeout_s?,
+        measure_s: measure_s?,
+        cycles: cycles? as u16,
         span: start.span,
     };
     if let Err(invalid) = free_vibration::FreeVibrationPlan::new(free.order()) {
         let key = ["timeout_s", "measure_s", "hold_s"].into_iter().find(|key| *key == invalid.parameter);
-        let key = key.unwrap_or("start_m");
-        let span = section.number(key).map_or(section.span(), |n| n.span);
-        section.refuse(key, &span, format!("must be {}", invalid.allowed), None);
+        section.reject(key.unwrap_or("start_m"), format!("must be {}", invalid.allowed), None);
         return None;
     }
     Some(free)

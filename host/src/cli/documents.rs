@@ -1,4 +1,5 @@
 //! `damprig completions` and `damprig man`: shell completions and manual pages, made from the definition of the command line.
+//! `damprig schema` and `damprig keys`: JSON Schemas and the key reference, made from the declarations of the keys.
 
 use clap::Args as ClapArgs;
 use clap::Command;
@@ -6,6 +7,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use super::outcome::{Failure, Outcome};
+use crate::file_keys::{FileKind, reference, schema};
 
 /// Prints the completions of a shell, for its completion folder or start-up file.
 #[derive(Debug, ClapArgs)]
@@ -36,6 +38,61 @@ Examples:
   damprig man | man -l -
   damprig man run > ~/.local/share/man/man1/damprig-run.1
   damprig man runs export > ~/.local/share/man/man1/damprig-runs-export.1";
+
+/// Prints the JSON Schema of a kind of file, with which an editor completes and checks it.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = SCHEMA_HELP)]
+pub struct Schema {
+    /// Kind of file
+    #[arg(value_enum, value_name = "KIND")]
+    kind: KindArg,
+}
+
+/// Kinds of files, as arguments.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum KindArg {
+    /// Campaigns, for damprig run
+    Campaign,
+    /// Cases, for damprig simulate
+    Case,
+    /// Set-up files, which campaigns and cases name
+    SetUp,
+}
+
+const SCHEMA_HELP: &str = "\
+Example:
+  damprig schema campaign > campaign.schema.json
+
+Editors with a TOML extension (Even Better TOML, taplo) then complete and check a campaign beside it whose
+first line is
+  #:schema campaign.schema.json";
+
+/// Prints all keys of campaigns, cases and set-up files, with unit, range, default and meaning (Markdown).
+#[derive(Debug, ClapArgs)]
+pub struct Keys {}
+
+/// Prints a JSON Schema.
+///
+/// # Errors
+/// None.
+pub fn schema(args: &Schema) -> Outcome {
+    let kind = match args.kind {
+        KindArg::Campaign => FileKind::Campaign,
+        KindArg::Case => FileKind::Case,
+        KindArg::SetUp => FileKind::SetUp,
+    };
+    say!("{:#}", schema::schema(kind));
+    Ok(())
+}
+
+/// Prints the key reference.
+///
+/// # Errors
+/// None.
+pub fn keys(_: &Keys) -> Outcome {
+    say!("{}", reference::reference().trim_end());
+    Ok(())
+}
 
 /// Prints completions.
 ///

@@ -23,6 +23,7 @@ mod documents;
 #[cfg(feature = "probe")]
 mod flash;
 mod identify;
+mod init;
 #[cfg(feature = "probe")]
 mod log;
 mod monitor;
@@ -82,10 +83,16 @@ enum Command {
     Runs(runs::Args),
     /// Show, change, save and copy the settings of a board
     Settings(settings::Args),
+    /// Write a new campaign or case, with comments
+    Init(init::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
+    /// Print the JSON Schema of campaigns, cases or set-up files, for editors
+    Schema(documents::Schema),
+    /// Print the keys of campaigns, cases and set-up files
+    Keys(documents::Keys),
     /// Print the completions of a shell
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
@@ -130,8 +137,11 @@ pub fn main() -> ExitCode {
         Command::Flash(args) => without_probe::run("flash", &args),
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
+        Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Schema(args) => documents::schema(&args),
+        Command::Keys(args) => documents::keys(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };
@@ -187,7 +197,9 @@ mod tests {
         let quoted = text.split('`').skip(1).step_by(2);
         let lines = text.lines().map(|line| line.split(" # ").next().unwrap_or(line));
         let lines = lines.map(|line| line.split("   ").find(|part| !part.is_empty()).unwrap_or(""));
-        let all = quoted.filter(|span| !span.contains('\n')).chain(lines).map(str::trim);
+        let all = quoted.filter(|span| !span.contains('\n')).chain(lines);
+        // The output of a command may go to a file.
+        let all = all.map(|line| line.split(" > ").next().unwrap_or(line).trim());
         // `a|b` stands for several commands.
         all.filter(|command| command.starts_with("damprig ") && !command.contains(['|', '…'])).collect()
     }

@@ -39,6 +39,12 @@ pub(super) fn print_always(line: &str) {
     }
 }
 
+/// Prints a question, without ending the line.
+pub(super) fn prompt(question: &str) {
+    // Nobody can answer what is not seen; the reader of the answer notices the closed terminal.
+    let _ = write!(stdout(), "{}", shown(question)).and_then(|()| stdout().flush());
+}
+
 /// Prints a help text, the version, or what is wrong with the command line; gives the exit code.
 pub(super) fn print_help(text: &clap::Error) -> ExitCode {
     match text.print() {

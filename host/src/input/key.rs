@@ -17,25 +17,51 @@ pub enum Range {
     NotNegative,
     /// From the first to the second.
     Between(f64, f64),
-    /// A whole number, 0 or greater, that an `f64` represents exactly.
-    Whole,
+    /// Greater than the first, at most the second.
+    Above(f64, f64),
+    /// Greater than the first, less than the second.
+    Inside(f64, f64),
+    /// 0, or from the first to the second.
+    ZeroOr(f64, f64),
+    /// A whole number from the first to the second.
+    Whole(f64, f64),
 }
+
+/// The largest bound of a whole number: up to 2⁵³ an `f64` represents every one.
+pub const MOST_WHOLE: f64 = 9e15;
 
 /// The type of a key's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// A finite number.
     Number(Range),
-    /// A list of finite numbers.
-    Numbers,
+    /// A list of such numbers.
+    Numbers(Range),
+    /// A list of such numbers, or a table that describes them.
+    NumbersOrTable(Range),
     /// One of these words.
     Word(&'static [&'static str]),
     /// A text.
     Text,
+    /// A list of texts.
+    Texts,
     /// A text, or a place counted from 1.
     TextOrPlace,
     /// A table.
     Table,
+    /// A list of tables.
+    Tables,
+}
+
+impl Kind {
+    /// The range of a number or of the numbers of a list.
+    #[must_use]
+    pub const fn range(self) -> Option<Range> {
+        match self {
+            Self::Number(range) | Self::Numbers(range) | Self::NumbersOrTable(range) => Some(range),
+            _ => None,
+        }
+    }
 }
 
 /// A key.
@@ -49,6 +75,8 @@ pub struct Key {
     pub doc: &'static str,
     /// The least and the largest usual value of a number: others are allowed, with a warning.
     pub usual: Option<(f64, f64)>,
+    /// Why its range is so, or what to write instead: part of the message when a number is out of range.
+    pub note: Option<&'static str>,
 }
 
 impl Key {
@@ -56,6 +84,35 @@ impl Key {
     #[must_use]
     pub const fn usual(self, least: f64, most: f64) -> Self {
         Self { usual: Some((least, most)), ..self }
+    }
+
+    /// The same key with a note on its range.
+    #[must_use]
+    pub const fn note(self, note: &'static str) -> Self {
+        Self { note: Some(note), ..self }
+    }
+
+    /// Its unit.
+    #[must_use]
+    pub fn unit(&self) -> Option<&'static Unit> {
+        Unit::of(self.name)
+    }
+
+    /// Why a number is outside its range, if it is.
+    #[must_use]
+    pub fn refusal(&self, value: f64) -> Option<String> {
+        let range = self.kind.range()?;
+        let mut refusal = range.refusal(value)?;
+        // A bound has a unit; "greater than 0" needs none.
+        if let (Some(unit), [_, Some(_)]) = (self.unit(), range.ends())
+            && !unit.symbol.is_empty()
+        {
+            refusal.push_str(&format!(" {}", unit.symbol));
+        }
+        if let Some(note) = self.note {
+            refusal.push_str(&format!(": {note}"));
+        }
+        Some(refusal)
     }
 
     /// Whether a value is outside the usual range, if the key has one.
@@ -81,6 +138,8 @@ pub enum DefaultValue {
 pub enum Need {
     /// Under one of its keys.
     Required,
+    /// Under one of its keys, unless another table of the file gives it, as the text says.
+    RequiredUnless(&'static str),
     /// It may be left out.
     Optional,
     /// It may be left out and has this value then.
@@ -89,6 +148,8 @@ pub enum Need {
     Forbidden,
     /// The first need if the quantity is written under that key, otherwise the second.
     If(&'static Quantity, &'static str, &'static Need, &'static Need),
+    /// The first need if the quantity is that word, otherwise the second.
+    IfWord(&'static Quantity, &'static str, &'static Need, &'static Need),
 }
 
 /// A quantity and its alternative keys.
@@ -101,10 +162,16 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    /// The same quantity where it must be written.
+    /// The same quantity where it may be left out.
     #[must_use]
-    pub const fn required(self) -> Self {
-        Self { need: Need::Required, ..self }
+    pub const fn optional(self) -> Self {
+        Self { need: Need::Optional, ..self }
+    }
+
+    /// Its default value, if it has one whatever else is written.
+    #[must_use]
+    pub const fn default_value(&self) -> Option<DefaultValue> {
+        if let Need::Default(value) = self.need { Some(value) } else { None }
     }
 
     /// Its key of this name.
@@ -125,7 +192,8 @@ impl Quantity {
 pub struct Table {
     /// Its path (`particle.wall`); empty for the top of a set-up or a file.
     pub path: &'static str,
-    /// The word under `kind` that selects this table; `None` for a table with only one kind.
+    /// The word under `kind` that selects this table; `None` for a table with only one kind, and for the keys that all kinds of a
+    /// table have.
     pub kind: Option<&'static str>,
     /// Meaning of the table, in one line.
     pub doc: &'static str,
@@ -152,12 +220,14 @@ const fn unit(suffix: &'static str, symbol: &'static str, least: f64, most: f64)
 }
 
 /// A suffix that ends with another suffix comes before it.
-const UNITS: [Unit; 17] = [
+const UNITS: [Unit; 22] = [
     unit("_n_s_per_m", "N·s/m", 0.0, 1e18),
+    unit("_n_per_a", "N/A", 0.0, f64::MAX),
     unit("_n_per_m", "N/m", 1e-12, 1e18),
     unit("_rad_per_s", "rad/s", 1e-9, 1e9),
     unit("_m_per_s2", "m/s²", 1e-18, 1e6),
     unit("_m_per_s", "m/s", 1e-18, 1e6),
+    unit("_per_s", "1/s", 1e-12, 1e12),
     unit("phase_rad", "rad", 0.0, 1e6),
     unit("_pa", "Pa", 1e-6, 1e18),
     unit("_kg", "kg", 1e-12, 1e12),
@@ -166,6 +236,9 @@ const UNITS: [Unit; 17] = [
     unit("amplitude_n", "N", 1e-18, 1e12),
     unit("_n", "N", 0.0, 1e12),
     unit("_s", "s", 1e-12, 1e12),
+    unit("_v", "V", 0.0, f64::MAX),
+    unit("_a", "A", 0.0, f64::MAX),
+    unit("_ohm", "Ω", 0.0, f64::MAX),
     unit("coefficient", "", 1e-18, 100.0),
     unit("loss_factor", "", 0.0, 1e6),
     unit("damping_ratio", "", 0.0, 1e6),
@@ -194,21 +267,57 @@ impl Unit {
 }
 
 impl Range {
+    /// What it allows, in words.
+    #[must_use]
+    pub fn allowed(self) -> String {
+        match self {
+            Self::Any => "any number".into(),
+            Self::NotZero => "a number other than 0".into(),
+            Self::Positive => "greater than 0".into(),
+            Self::NotNegative => "0 or greater".into(),
+            Self::Between(low, high) => format!("from {low} to {high}"),
+            Self::Above(low, high) => format!("greater than {low} and at most {high}"),
+            Self::Inside(low, high) => format!("greater than {low} and less than {high}"),
+            Self::ZeroOr(low, high) => format!("0 or from {low} to {high}"),
+            Self::Whole(low, high) if high >= MOST_WHOLE => format!("a whole number from {low} to {high:e}"),
+            Self::Whole(low, high) => format!("a whole number from {low} to {high}"),
+        }
+    }
+
+    /// Whether it allows a number.
+    #[must_use]
+    pub fn allows(self, value: f64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::NotZero => value != 0.0,
+            Self::Positive => value > 0.0,
+            Self::NotNegative => value >= 0.0,
+            Self::Between(low, high) => (low..=high).contains(&value),
+            Self::Above(low, high) => value > low && value <= high,
+            Self::Inside(low, high) => value > low && value < high,
+            Self::ZeroOr(low, high) => value == 0.0 || (low..=high).contains(&value),
+            Self::Whole(low, high) => value.fract() == 0.0 && (low..=high).contains(&value),
+        }
+    }
+
+    /// Its lower and its upper end, each with whether the end itself is excluded.
+    #[must_use]
+    pub fn ends(self) -> [Option<(f64, bool)>; 2] {
+        match self {
+            Self::Any | Self::NotZero => [None, None],
+            Self::Positive => [Some((0.0, true)), None],
+            Self::NotNegative => [Some((0.0, false)), None],
+            Self::Between(low, high) | Self::Whole(low, high) => [Some((low, false)), Some((high, false))],
+            Self::Above(low, high) => [Some((low, true)), Some((high, false))],
+            Self::Inside(low, high) => [Some((low, true)), Some((high, true))],
+            Self::ZeroOr(_, high) => [Some((0.0, false)), Some((high, false))],
+        }
+    }
+
     /// Why `value` is outside the range, if it is.
     #[must_use]
     pub fn refusal(self, value: f64) -> Option<String> {
-        let (is_inside, allowed) = match self {
-            Self::Any => return None,
-            Self::NotZero => (value != 0.0, "a number other than 0".into()),
-            Self::Positive => (value > 0.0, "greater than 0".into()),
-            Self::NotNegative => (value >= 0.0, "0 or greater".into()),
-            Self::Between(low, high) => ((low..=high).contains(&value), format!("from {low} to {high}")),
-            // Beyond 2⁵³ an `f64` does not represent every whole number.
-            Self::Whole => {
-                (value.fract() == 0.0 && (0.0..=9e15).contains(&value), "a whole number from 0 to 9e15".into())
-            }
-        };
-        (!is_inside).then(|| format!("must be {allowed}"))
+        (!self.allows(value)).then(|| format!("must be {}", self.allowed()))
     }
 }
 
@@ -222,21 +331,32 @@ impl DefaultValue {
             Self::Word(_) => None,
         }
     }
+
+    /// As a file writes it. A number that another crate declares in single precision has its shortest decimal.
+    #[must_use]
+    pub fn written(self) -> String {
+        match (self, self.number()) {
+            (Self::Word(word), _) => format!("{word:?}"),
+            (_, Some(number)) if number.fract() == 0.0 && number.abs() < MOST_WHOLE => format!("{number:.0}"),
+            (_, Some(number)) if f64::from(number as f32) == number => format!("{:?}", number as f32),
+            (_, number) => format!("{:?}", number.unwrap_or(f64::NAN)),
+        }
+    }
 }
 
 /// A key that holds a number.
 pub(crate) const fn number(name: &'static str, range: Range, doc: &'static str) -> Key {
-    Key { name, kind: Kind::Number(range), doc, usual: None }
+    Key { name, kind: Kind::Number(range), doc, usual: None, note: None }
 }
 
 /// A key that holds one of some words.
 pub(crate) const fn word(name: &'static str, words: &'static [&'static str], doc: &'static str) -> Key {
-    Key { name, kind: Kind::Word(words), doc, usual: None }
+    Key { name, kind: Kind::Word(words), doc, usual: None, note: None }
 }
 
 /// A key of another kind.
 pub(crate) const fn key(name: &'static str, kind: Kind, doc: &'static str) -> Key {
-    Key { name, kind, doc, usual: None }
+    Key { name, kind, doc, usual: None, note: None }
 }
 
 /// Declares tables: a module for each, a constant for every quantity, and `TABLES` for all.

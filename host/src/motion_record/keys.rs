@@ -26,7 +26,7 @@ tables! {
     }
 }
 
-/// The table of a recorded base motion.
+/// The table of a recorded base motion in a case.
 pub(crate) const BASE_RECORD: Table = base_record::TABLE;
 
 /// Reads the keys of a record in a case or a campaign, and its file, whose path `find` gives. Does not finish the table.

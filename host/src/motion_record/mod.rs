@@ -7,6 +7,7 @@ mod record;
 mod units;
 
 pub use keys::TABLES;
+pub(crate) use keys::base_record::{FILE as RECORD_FILE, SCALE as RECORD_SCALE};
 pub(crate) use keys::{BASE_RECORD, read_record};
 pub use read::resolve;
 pub(crate) use read::{Rows, rows};

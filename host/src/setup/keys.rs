@@ -4,11 +4,26 @@ use damprig_core::control::friction_spring::SpringConfig;
 use damprig_core::model::{DampingLaw, GRAVITY_M_PER_S2, Material, Tuning};
 
 use crate::input::key::DefaultValue::{From, Number, Word};
-use crate::input::key::Need::{Default, Forbidden, If, Optional, Required};
+use crate::input::key::Need::{Default, Forbidden, If, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Any, Between, NotNegative, Positive};
-use crate::input::key::{Kind, Quantity, Table, key, names, number, tables, word};
+use crate::input::key::{Key, Kind, Quantity, Table, key, names, number, tables, word};
 
 const LAW_NAMES: &[&str] = names!(DampingLaw::ALL, law => law.name());
+
+/// The key of a campaign or a case that names a set-up file.
+pub(crate) const SET_UP_FILE: Key = key(
+    "set_up_file",
+    Kind::Text,
+    "a file with tables of a set-up, for the keys that this file leaves out; relative to this file",
+);
+
+/// The tables of a set-up, where each may be left out: at the top of a campaign for all its set-ups, and in a set-up file.
+pub(crate) const PARTS: [Quantity; 4] = [
+    set_up::STRUCTURE.optional(),
+    set_up::PARTICLE.optional(),
+    set_up::FRICTION_DAMPER.optional(),
+    set_up::TMD.optional(),
+];
 
 tables! {
     "The tables of a set-up, with all their keys."
@@ -21,7 +36,7 @@ tables! {
         GRAVITY: Default(Number(GRAVITY_M_PER_S2)), [
             number("gravity_m_per_s2", NotNegative, "g in the friction between particle and structure").usual(9.7, 9.9),
         ];
-        STRUCTURE: Required, [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
+        STRUCTURE: RequiredUnless("the file of `set_up_file` has it"), [key("structure", Kind::Table, "the structure: mass, stiffness, damping")];
         PARTICLE: Optional, [key("particle", Kind::Table, "the impact damper")];
         FRICTION_DAMPER: Optional, [key("friction_damper", Kind::Table, "the friction damper, between structure and base")];
         TMD: If(&PARTICLE, "particle", &Forbidden, &Optional), [key("tmd", Kind::Table, "the tuned mass damper")];

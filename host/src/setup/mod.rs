@@ -19,6 +19,7 @@ use spec::{Friction, ParticleSpec, Place, Relative};
 
 pub use keys::TABLES;
 pub(crate) use keys::set_up::BASE_AMPLITUDE;
+pub(crate) use keys::{PARTS, SET_UP_FILE, set_up as set_up_keys};
 pub use set_up_file::{IDENTIFIED, Identified, SetUpFile};
 pub use spec::{SetUpSpec, SpringSpec, SpringTarget};
 
@@ -54,8 +55,6 @@ impl<'a> Shared<'a> {
     }
 
     fn completed(own: impl Fn(&'static str) -> Option<&'a DeTable<'a>>, file: Option<&DeTable<'a>>) -> Self {
-        let names =
-            [set_up::STRUCTURE, set_up::PARTICLE, set_up::FRICTION_DAMPER, set_up::TMD].map(|table| table.name());
         let table = |name: &'static str| {
             let own = own(name);
             match file.and_then(|file| file.get(name)?.get_ref().as_table()) {
@@ -63,7 +62,7 @@ impl<'a> Shared<'a> {
                 None => own.cloned(),
             }
         };
-        let tables = names.into_iter().filter_map(|name| Some((name, table(name)?))).collect();
+        let tables = PARTS.iter().map(Quantity::name).filter_map(|name| Some((name, table(name)?))).collect();
         Self { tables, gravity_m_per_s2: None }
     }
 

@@ -10,19 +10,44 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 use toml::de::DeTable;
 
-use super::TABLES;
-use super::keys::set_up;
-use crate::input::key::{Quantity, Table};
+use super::TABLES as SET_UP_TABLES;
+use super::keys::{PARTS, SET_UP_FILE, set_up};
+use crate::input::key::Need::{Optional, Required};
+use crate::input::key::Range::Any;
+use crate::input::key::{Kind, Quantity, Table, key, number, tables};
 use crate::input::{Section, Source};
 
-/// The key at the top of a campaign or case.
-pub const SET_UP_FILE: &str = "set_up_file";
-
 /// The list of a set-up file that says where its values come from.
-pub const IDENTIFIED: &str = "identified";
+pub const IDENTIFIED: &str = identified::TABLE.path;
 
-/// The tables that a set-up file may have.
-const PARTS: [Quantity; 4] = [set_up::STRUCTURE, set_up::PARTICLE, set_up::FRICTION_DAMPER, set_up::TMD];
+tables! {
+    "The tables of a set-up file other than those of a set-up."
+
+    "The top of a set-up file."
+    top("") {
+        STRUCTURE: Optional, [set_up::STRUCTURE.keys[0]];
+        PARTICLE: Optional, [set_up::PARTICLE.keys[0]];
+        FRICTION_DAMPER: Optional, [set_up::FRICTION_DAMPER.keys[0]];
+        TMD: Optional, [set_up::TMD.keys[0]];
+        IDENTIFIED: Optional, [key("identified", Kind::Tables, "where the values of the file come from, an entry for each")];
+    }
+
+    "Where a value comes from; `damprig identify` writes it."
+    identified("identified") {
+        KEY: Required, [key("key", Kind::Text, "the key that was identified, with its table")];
+        VALUE: Required, [number("value", Any, "the value as identified, in the key's unit")];
+        UNCERTAINTY: Required, [number("standard_uncertainty", Any, "its standard uncertainty")];
+        INTERVAL: Required, [key("interval_95", Kind::Numbers(Any), "both ends of the 95 % interval")];
+        UNIT: Optional, [key("unit", Kind::Text, "unit of the value")];
+        METHOD: Optional, [key("method", Kind::Text, "method of the identification")];
+        TAKEN_FROM: Required, [key("taken_from", Kind::Text, "the run or file that it was taken from")];
+        DATE: Optional, [key("date", Kind::Text, "when it was identified")];
+        DAMPRIG: Optional, [key("damprig", Kind::Text, "program that identified it")];
+    }
+}
+
+/// The key of a campaign or a case that names the file.
+const NAMED: Quantity = Quantity { keys: &[SET_UP_FILE], need: Optional };
 
 /// Where a value of a set-up file comes from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,7 +94,7 @@ pub fn kept(copies: &Path, file: &str) -> PathBuf {
 /// name, or `None` without one, or after a problem has been reported. `copies` is the subfolder of a run folder for copies; none for
 /// a case, which has no run folder.
 pub fn attach(root: &Section, copies: Option<&str>) -> Option<SetUpText> {
-    let named = root.text(SET_UP_FILE)?;
+    let named = root.text_of(&NAMED)?;
     let own = Path::new(root.source().name()).parent().unwrap_or(Path::new("")).to_path_buf();
     let copy = copies.map(|copies| kept(&own.join(copies), &named.value)).filter(|copy| copy.is_file());
     let path = copy.unwrap_or_else(|| own.join(&named.value));
@@ -80,7 +105,7 @@ pub fn attach(root: &Section, copies: Option<&str>) -> Option<SetUpText> {
         }
         Err(error) => {
             let help = "write the path relative to this file; `damprig identify … --out FILE` makes one";
-            root.refuse(SET_UP_FILE, &named.span, error.to_string().replace('\n', ";"), Some(help.into()));
+            root.refuse(SET_UP_FILE.name, &named.span, error.to_string().replace('\n', ";"), Some(help.into()));
             None
         }
     }
@@ -114,11 +139,11 @@ impl SetUpText {
     pub fn check(&self, source: &Source, document: &Spanned<DeTable>) -> Option<SetUpFile> {
         let root = Section::root(source, document);
         for part in PARTS {
-            if let Some(table) = root.table(part.name(), None) {
+            if let Some(table) = root.table_of(&part, None) {
                 check_table(&table, part.name());
             }
         }
-        let entries = root.tables(IDENTIFIED);
+        let entries = root.tables_of(&top::IDENTIFIED);
         let identified: Vec<Option<Identified>> = entries.iter().map(read_identified).collect();
         root.finish();
         let identified: Option<Vec<Identified>> = identified.into_iter().collect();
@@ -128,7 +153,7 @@ impl SetUpText {
 
 /// Checks the keys of a table against the declarations, and the tables inside it.
 fn check_table(section: &Section, path: &str) {
-    let variants: Vec<&Table> = TABLES.iter().filter(|table| table.path == path).collect();
+    let variants: Vec<&Table> = SET_UP_TABLES.iter().filter(|table| table.path == path).collect();
     let kinds: Vec<Table> = variants.iter().filter(|table| table.kind.is_some()).map(|table| **table).collect();
     let declared = if kinds.is_empty() {
         variants.first().copied()
@@ -143,20 +168,17 @@ fn check_table(section: &Section, path: &str) {
 }
 
 fn read_identified(entry: &Section) -> Option<Identified> {
-    let text = |key, what| entry.required(key, what, Section::text).map(|text| text.value);
-    let number = |key, what| entry.required(key, what, Section::number).map(|number| number.value);
-    let ends = entry.required("interval_95", "both ends of the 95 % interval", Section::numbers);
-    let (key, value) = (text("key", "the key that was identified"), number("value", "the value"));
-    let uncertainty = number("standard_uncertainty", "its standard uncertainty");
-    let unit = entry.text("unit").map(|text| text.value).unwrap_or_default();
-    let method = entry.text("method").map(|text| text.value).unwrap_or_default();
-    let taken_from = text("taken_from", "the run or file that it was taken from");
-    let date = entry.text("date").map(|text| text.value).unwrap_or_default();
-    let damprig = entry.text("damprig").map(|text| text.value).unwrap_or_default();
+    let text = |quantity| entry.text_of(quantity).map(|text| text.value);
+    let ends = entry.numbers_of(&identified::INTERVAL);
+    let (key, taken_from) = (text(&identified::KEY), text(&identified::TAKEN_FROM));
+    let value = entry.scalar(&identified::VALUE);
+    let uncertainty = entry.scalar(&identified::UNCERTAINTY);
+    let [unit, method, date, damprig] =
+        [&identified::UNIT, &identified::METHOD, &identified::DATE, &identified::DAMPRIG].map(text);
     entry.finish();
     let ends = ends?;
     let [low, high] = &ends[..] else {
-        entry.reject("interval_95", "must have two ends", None);
+        entry.reject(identified::INTERVAL.name(), "must have two ends", None);
         return None;
     };
     Some(Identified {
@@ -164,11 +186,11 @@ fn read_identified(entry: &Section) -> Option<Identified> {
         value: value?,
         standard_uncertainty: uncertainty?,
         interval_95: [low.value, high.value],
-        unit,
-        method,
+        unit: unit.unwrap_or_default(),
+        method: method.unwrap_or_default(),
         taken_from: taken_from?,
-        date,
-        damprig,
+        date: date.unwrap_or_default(),
+        damprig: damprig.unwrap_or_default(),
     })
 }
 
@@ -176,7 +198,8 @@ fn read_identified(entry: &Section) -> Option<Identified> {
 pub(super) fn completed<'a>(path: &str, own: Option<&DeTable<'a>>, file: &DeTable<'a>) -> DeTable<'a> {
     let Some(own) = own else { return file.clone() };
     let mut table = own.clone();
-    let declared = TABLES.iter().filter(|declared| declared.path == path).flat_map(|declared| declared.quantities);
+    let declared =
+        SET_UP_TABLES.iter().filter(|declared| declared.path == path).flat_map(|declared| declared.quantities);
     let stated: Vec<&str> = declared
         .filter(|quantity| quantity.keys.iter().any(|key| own.contains_key(key.name)))
         .flat_map(|quantity| quantity.keys.iter().map(|key| key.name))

@@ -9,7 +9,6 @@ use damprig_core::model::{Initial, SetUp};
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
 use super::keys::{case, initial, run};
-use crate::input::section::Given;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
@@ -238,10 +237,7 @@ fn read_run(s: &Section, record_s: Option<f64>) -> Option<RunSpec> {
         Some(length_s) if !s.is_given(&run::DURATION) => Some(length_s),
         _ => s.scalar(&run::DURATION),
     };
-    let times = match s.given(&run::SAMPLE_TIMES) {
-        Some((_, Given::Numbers(times))) => times,
-        _ => Vec::new(),
-    };
+    let times = s.numbers_of(&run::SAMPLE_TIMES).unwrap_or_default();
     let cycle_s = s.scalar(&run::CYCLE);
     let steady_from = s.scalar(&run::STEADY_FROM);
     s.finish();

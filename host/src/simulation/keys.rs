@@ -1,9 +1,13 @@
 //! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
 use crate::input::key::DefaultValue::Number;
-use crate::input::key::Need::{Default, Optional, Required};
+use crate::input::key::Need::{Default, Optional, Required, RequiredUnless};
 use crate::input::key::Range::{Any, NotNegative, Positive, Whole};
-use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables};
+use crate::input::key::{Key, Kind, MOST_WHOLE, Need, Quantity, Table, key, number, tables};
+use crate::setup;
+
+/// Of the amplitude of the base's motion.
+const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
 
 const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 630.0);
 const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 100.0);
@@ -14,13 +18,11 @@ tables! {
     "The top level of a case, which also has the keys of its set-up."
     case("") {
         NAME: Optional, [key("name", Kind::Text, "name of the case in figures; the file name when left out")];
-        SET_UP_FILE: Optional, [
-            key("set_up_file", Kind::Text, "a file with tables of a set-up, for the keys that the case leaves out"),
-        ];
+        SET_UP_FILE: Optional, [setup::SET_UP_FILE];
         BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
         FORCE: Optional, [key("force", Kind::Table, "force on the structure, over a fixed base")];
         INITIAL: Optional, [key("initial", Kind::Table, "initial displacements and velocities; at rest when left out")];
-        RUN: Required, [key("run", Kind::Table, "run = { duration_s = … }")];
+        RUN: Required, [key("run", Kind::Table, "duration and requested output, e.g. run = { duration_s = 10 }")];
     }
 
     "A fixed base."
@@ -28,20 +30,20 @@ tables! {
 
     "A sine: z = Z sin(Ωt + φ)."
     base_sine("base", "sine") {
-        AMPLITUDE: Required, [number("amplitude_m", NotNegative, "Z; or `base_amplitude_m` at the top of the case").usual(0.0, 0.05)];
+        AMPLITUDE: UNLESS_STATED, [number("amplitude_m", NotNegative, "Z; or `base_amplitude_m` at the top of the case").usual(0.0, 0.05)];
         FREQUENCY: Required, [ANGULAR, HERTZ];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
     }
 
     "A half sine: z = Z sin(πt/T), then 0."
     base_half_sine("base", "half_sine") {
-        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
+        AMPLITUDE: UNLESS_STATED, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
     "A versine: z = Z/2 (1 − cos 2πt/T), then 0."
     base_versine("base", "versine") {
-        AMPLITUDE: Required, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
+        AMPLITUDE: UNLESS_STATED, [number("amplitude_m", Any, "Z; or `base_amplitude_m` at the top of the case").usual(-0.1, 0.1)];
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
     }
 
@@ -68,9 +70,9 @@ tables! {
 
     "Duration and requested output of the run."
     run("run") {
-        DURATION: Required, [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
-        SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers, "times at which the state is output, rising")];
+        DURATION: RequiredUnless("the base follows a record, which has one"), [number("duration_s", Positive, "duration of the run; default with a record: that of the record").usual(0.01, 1e5)];
+        SAMPLE_TIMES: Optional, [key("sample_times_s", Kind::Numbers(NotNegative), "times at which the state is output, rising")];
         CYCLE: Optional, [number("cycle_s", Positive, "length of a cycle")];
-        STEADY_FROM: Optional, [number("steady_from_cycle", Whole, "first cycle that counts as steady, from 0")];
+        STEADY_FROM: Optional, [number("steady_from_cycle", Whole(0.0, MOST_WHOLE), "first cycle that counts as steady, from 0")];
     }
 }

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{damprig, folder_with, read_parquet, short};
+use crate::common::{damprig, folder_with, python, read_parquet, short};
 use arrow_array::{BooleanArray, RecordBatch};
 use arrow_select::filter::filter_record_batch;
 use parquet::arrow::ArrowWriter;
@@ -27,19 +27,6 @@ fn export(folder: &TempDir, rest: &[&str]) -> assert_cmd::assert::Assert {
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-/// A Python with the readers; `None` if the test may be skipped.
-fn python() -> Option<PathBuf> {
-    let own = root().join("target/python/bin/python");
-    match std::env::var("DAMPRIG_PYTHON") {
-        Ok(word) if word == "required" => {
-            assert!(own.exists(), "{} is missing: tests/run makes it", own.display());
-            Some(own)
-        }
-        Ok(path) => Some(path.into()),
-        Err(_) => own.exists().then_some(own),
-    }
 }
 
 /// Exports everything and compares it with the Parquet files.

@@ -12,6 +12,7 @@ mod exit_codes;
 mod exports;
 mod faulty_link;
 mod file_faults;
+mod file_keys;
 mod first_series;
 mod flash;
 mod hold;

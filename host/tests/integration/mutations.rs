@@ -37,6 +37,9 @@ const SINE: &str = include_str!("mutations/sine.toml");
 const SPRING: &str = include_str!("mutations/spring.toml");
 const SHAKER: &str = include_str!("mutations/shaker.toml");
 const TRANSIENTS: &str = include_str!("mutations/transients.toml");
+/// The campaigns that are mutated.
+pub const CAMPAIGNS: [&str; 4] = [SINE, SPRING, SHAKER, TRANSIENTS];
+
 const RECORD: &str = "t,z_mm\n0,0\n0.01,0.4\n0.02,1.0\n0.03,-0.8\n0.04,0.3\n0.05,0\n";
 
 const CASES: [&str; 6] = [
@@ -103,7 +106,7 @@ const TEXTS: [&str; 12] = [
 ];
 
 /// One or two changes to the parsed file; now and then to its bytes instead.
-fn mutate(text: &str, rng: &mut Rng) -> String {
+pub fn mutate(text: &str, rng: &mut Rng) -> String {
     if rng.u8(..10) == 0 {
         return mutate_bytes(text, rng);
     }
@@ -322,7 +325,7 @@ fn what_the_dry_run_accepts_of_mutated_campaigns_the_controller_accepts() {
         }
         Ok(accepted) => Some(accepted),
     };
-    let accepted = all(&[SINE, SPRING, SHAKER, TRANSIENTS], count, check, |(campaign, selection)| {
+    let accepted = all(&CAMPAIGNS, count, check, |(campaign, selection)| {
         let refused = refusal_of_controller(&campaign, selection);
         assert_eq!(refused, None, "the controller refuses what the dry run accepted");
     });

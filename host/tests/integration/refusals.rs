@@ -67,7 +67,11 @@ fn not_a_number_is_refused() {
 #[test]
 fn a_zero_step_is_refused() {
     let grid = "frequencies_hz = { from_hz = 2.0, to_hz = 3.0, step_hz = 0.0 }";
-    let words = ["`experiment[1].frequencies_hz.step_hz` = 0.0 is not allowed", "must not be 0"];
+    let words = [
+        "`experiment[1].frequencies_hz.step_hz` = 0.0 is not allowed",
+        "must be a number other than 0",
+        "for one frequency write",
+    ];
     refused("frequencies_hz = [2.4, 2.5, 2.6]", grid, &words);
 }
 
@@ -168,6 +172,34 @@ fn all_problems_are_in_one_answer() {
     let answer = String::from_utf8_lossy(&output.stderr);
     assert_eq!(answer.matches("error: ").count(), 2, "{answer}");
     assert!(answer.contains("structure.mass_kg") && answer.contains("experiment[1].dwel_s"), "{answer}");
+}
+
+#[test]
+fn problems_of_every_experiment_are_in_one_answer() {
+    let second =
+        "\n[[experiment]]\nkind = \"impulse\"\nshape = \"versine\"\nrise_s = 0.1\namplitude_m = 0\nduration_s = 0.2\n";
+    let folder = folder_with(&(edited("dwell_s = 4.0", "dwell_s = -4.0") + second));
+    let output = damprig(&folder).args(["run", "test.toml"]).output().unwrap();
+    let answer = String::from_utf8_lossy(&output.stderr);
+    for word in [
+        "`experiment[1].dwell_s` = -4.0",
+        "`experiment[2].amplitude_m` = 0",
+        "must be a number other than 0",
+        "`experiment[2].rise_s` = 0.1",
+        "goes only with shape = \"rectangle\"",
+    ] {
+        assert!(answer.contains(word), "no {word:?} in:\n{answer}");
+    }
+}
+
+#[test]
+fn keys_that_do_not_go_with_a_word_are_refused_as_such() {
+    let closed = "closed_loop = { gain_per_s = 20 }\nsettle_s = 1.0";
+    refused("settle_s = 1.0", closed, &["`experiment[1].closed_loop`", "goes only with drive = \"closed_loop\""]);
+    let shaker = "shaker = { amplifier = \"current\", limit_v = 20 }\nnoise_seed = 7";
+    refused("noise_seed = 7", shaker, &["`rig.shaker.limit_v` = 20", "goes only with amplifier = \"voltage\""]);
+    let both = "structure_limit_m = 0.07\ndisplacement_limit_m = 0.07\nnoise_seed = 7";
+    refused("noise_seed = 7", both, &["`rig.structure_limit_m`", "`displacement_limit_m` is given too: limit of both"]);
 }
 
 #[test]

@@ -77,7 +77,7 @@ impl<'t> Writer<'t> {
             need = if lines.iter().any(|(key, _)| *key == name) { *then } else { *otherwise };
         }
         let is_written = match need {
-            Need::Required => true,
+            Need::Required | Need::RequiredUnless(_) => true,
             Need::Forbidden => false,
             _ => self.rng.bool(),
         };
@@ -95,9 +95,10 @@ impl<'t> Writer<'t> {
             }
             Kind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
             Kind::Number(_) => format!("{:?}", self.number(key.name)),
-            Kind::Numbers => "[0.0, 0.05]".into(),
+            Kind::Numbers(_) => "[0.0, 0.05]".into(),
             Kind::Text => "\"some.csv\"".into(),
             Kind::TextOrPlace => "2".into(),
+            Kind::NumbersOrTable(_) | Kind::Texts | Kind::Tables => panic!("no case has {}", key.name),
         }
     }
 
@@ -226,8 +227,8 @@ fn a_number_is_refused_outside_its_declared_range_and_read_within() {
                 Range::Any => (-most, most),
                 Range::NotZero | Range::Positive => (if least > 0.0 { least } else { 1e-300 }, most),
                 Range::NotNegative => (0.0, most),
-                Range::Between(low, high) => (low, high),
-                Range::Whole => (0.0, 9e15),
+                Range::Between(low, high) | Range::Whole(low, high) => (low, high),
+                Range::Above(..) | Range::Inside(..) | Range::ZeroOr(..) => panic!("no case has {}", key.name),
             };
             let below = if range == Range::NotZero { 0.0 } else { low - 0.1 * low.abs().max(1e-3) };
             // With a top-level Z the base's own amplitude is refused.

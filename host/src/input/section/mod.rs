@@ -1,8 +1,9 @@
 //! One TOML table, read key by key: keys that nothing reads are reported as unknown.
 //!
-//! Keys are read by name here; `quantities` reads those that are declared as quantities, `unusual` warns of unusual values. A
-//! section may inherit: a key that it does not have is looked up in the table of the same name at the top of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the
-//! caller gets all problems at the end.
+//! Keys are declared ([`super::key`]): `quantities` reads them, `unusual` warns of unusual values, this module has the values by
+//! name and the messages. A section may inherit: a key that it does not have is looked up in the table of the same name at the top
+//! of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the caller gets all problems at the
+//! end.
 
 mod quantities;
 mod unusual;
@@ -14,7 +15,7 @@ use toml::de::{DeTable, DeValue};
 
 pub use quantities::Given;
 
-use super::key::{Range, Unit};
+use super::key::{Key, Range, number};
 use super::{Problem, Source, Span, suggest};
 
 /// A number and its place.
@@ -119,72 +120,33 @@ impl<'a> Section<'a> {
         self.value(key).map_or(self.span(), Spanned::span)
     }
 
-    /// Reports a missing key; `what` is its meaning in words.
-    pub fn lack(&self, key: &'static str, what: &str) {
-        self.missing.borrow_mut().push((vec![key], self.absence(key, what)));
-    }
-
     fn absence(&self, key: &str, what: impl Into<String>) -> Problem {
         let title = format!("`{}` is missing", self.full(key));
         Problem { title, span: self.span(), allowed: what.into(), help: None }
     }
 
-    /// A finite number within its unit's bounds, if the key is there.
-    pub fn number(&self, key: &'static str) -> Option<Number> {
-        self.number_in(key, Range::Any)
+    /// A finite number within its unit's bounds, if the key is there: for a key that is not declared.
+    pub fn number(&self, name: &'static str) -> Option<Number> {
+        self.number_in(&number(name, Range::Any, ""))
     }
 
-    fn number_in(&self, key: &'static str, range: Range) -> Option<Number> {
-        let value = self.value(key)?;
+    fn number_in(&self, key: &Key) -> Option<Number> {
+        let value = self.value(key.name)?;
         let span = value.span();
         let number = finite(value);
         let refusal = match number {
             None => Some("must be a finite number".to_string()),
-            Some(value) => Unit::of(key).and_then(|unit| unit.refusal(value)).or_else(|| range.refusal(value)),
+            Some(value) => key.unit().and_then(|unit| unit.refusal(value)).or_else(|| key.refusal(value)),
         };
         if let Some(allowed) = refusal {
-            self.refuse(key, &span, allowed, None);
+            self.refuse(key.name, &span, allowed, None);
             return None;
         }
         number.map(|value| Number { value, span })
     }
 
-    /// A number for which `ok` holds; `allowed` describes it in words.
-    pub fn number_if(&self, key: &'static str, ok: impl Fn(f64) -> bool, allowed: &str) -> Option<Number> {
-        let number = self.number(key)?;
-        if ok(number.value) {
-            return Some(number);
-        }
-        self.refuse(key, &number.span, format!("must be {allowed}"), None);
-        None
-    }
-
-    /// A number greater than 0.
-    pub fn positive(&self, key: &'static str) -> Option<Number> {
-        self.number_if(key, |v| v > 0.0, "greater than 0")
-    }
-
-    /// A number of 0 or more.
-    pub fn not_negative(&self, key: &'static str) -> Option<Number> {
-        self.number_if(key, |v| v >= 0.0, "0 or greater")
-    }
-
-    /// A required key, read by `read`; `what` is its meaning in words.
-    pub fn required<T>(
-        &self,
-        key: &'static str,
-        what: &str,
-        read: impl FnOnce(&Self, &'static str) -> Option<T>,
-    ) -> Option<T> {
-        let found = read(self, key);
-        if found.is_none() && self.value(key).is_none() {
-            self.lack(key, what);
-        }
-        found
-    }
-
     /// A text, if the key is there.
-    pub fn text(&self, key: &'static str) -> Option<Text> {
+    fn text(&self, key: &'static str) -> Option<Text> {
         let value = self.value(key)?;
         match value.get_ref() {
             DeValue::String(s) => Some(Text { value: s.to_string(), span: value.span() }),
@@ -197,7 +159,7 @@ impl<'a> Section<'a> {
     }
 
     /// One of a list of words, if the key is there: its index.
-    pub fn choice(&self, key: &'static str, words: &[&'static str]) -> Option<usize> {
+    fn choice(&self, key: &'static str, words: &[&'static str]) -> Option<usize> {
         let text = self.text(key)?;
         let index = words.iter().position(|w| *w == text.value);
         if index.is_none() {
@@ -210,7 +172,7 @@ impl<'a> Section<'a> {
     }
 
     /// A list of texts, if the key is there.
-    pub fn texts(&self, key: &'static str) -> Option<Vec<Text>> {
+    fn texts(&self, key: &'static str) -> Option<Vec<Text>> {
         let list = self.list(key)?;
         let mut texts = Vec::new();
         for item in list {
@@ -225,18 +187,22 @@ impl<'a> Section<'a> {
         Some(texts)
     }
 
-    /// A list of finite numbers, if the key is there and is a list.
-    pub fn numbers(&self, key: &'static str) -> Option<Vec<Number>> {
-        let list = self.list(key)?;
+    /// A list of finite numbers within the key's range, if the key is there and is a list.
+    fn numbers(&self, key: &Key) -> Option<Vec<Number>> {
         let mut numbers = Vec::new();
-        for item in list {
+        let mut is_sound = true;
+        for item in self.list(key.name)? {
             let Some(value) = finite(item) else {
-                self.refuse(key, &item.span(), "must be a finite number", None);
+                self.refuse(key.name, &item.span(), "must be a finite number", None);
                 return None;
             };
+            if let Some(allowed) = key.refusal(value) {
+                self.refuse(key.name, &item.span(), allowed, None);
+                is_sound = false;
+            }
             numbers.push(Number { value, span: item.span() });
         }
-        Some(numbers)
+        is_sound.then_some(numbers)
     }
 
     fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {
@@ -251,20 +217,18 @@ impl<'a> Section<'a> {
     }
 
     /// Whether the value of `key` is a text.
-    #[must_use]
-    pub fn is_text(&self, key: &'static str) -> bool {
+    fn is_text(&self, key: &'static str) -> bool {
         self.value(key).is_some_and(|v| v.get_ref().is_str())
     }
 
     /// Whether the value of `key` is a table.
-    #[must_use]
-    pub fn is_table(&self, key: &'static str) -> bool {
+    fn is_table(&self, key: &'static str) -> bool {
         self.value(key).is_some_and(|v| v.get_ref().is_table())
     }
 
     /// A table inside this one that takes missing keys from `inherited`, the table of that name at the top of the file. None
     /// without a table of its own.
-    pub fn table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
+    fn table(&self, key: &'static str, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         let value = self.value(key)?;
         let Some(own) = value.get_ref().as_table() else {
             let help = Some(format!("write `[{}]` or `{key} = {{ … }}`", self.full(key)));
@@ -285,7 +249,7 @@ impl<'a> Section<'a> {
     }
 
     /// The tables of a list of tables (`[[set_up]]`), named `key[1]`, `key[2]` …
-    pub fn tables(&self, key: &'static str) -> Vec<Section<'a>> {
+    fn tables(&self, key: &'static str) -> Vec<Section<'a>> {
         let Some(value) = self.value(key) else { return Vec::new() };
         let items = value.get_ref().as_array().filter(|list| list.iter().all(|item| item.get_ref().is_table()));
         let Some(items) = items else {

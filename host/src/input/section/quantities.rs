@@ -1,5 +1,7 @@
 //! Reads quantities as they are declared ([`crate::input::key`]): under one of their keys, within its range, required or not.
 
+use std::sync::LazyLock;
+
 use toml::de::DeTable;
 
 use super::{Number, Section, Text};
@@ -17,9 +19,27 @@ pub enum Given<'a> {
     Word(usize),
     /// A text.
     Text(Text),
+    /// A list of texts.
+    Texts(Vec<Text>),
     /// A table.
     Table(Section<'a>),
+    /// A list of tables.
+    Tables(Vec<Section<'a>>),
 }
+
+/// What decided on the need of a quantity.
+#[derive(Clone, Copy)]
+struct Condition {
+    other: &'static Quantity,
+    /// Its key.
+    key: &'static str,
+    /// Its word, if the word decides.
+    word: Option<&'static str>,
+    holds: bool,
+}
+
+/// Stands in for a table that is left out.
+static EMPTY: LazyLock<DeTable<'static>> = LazyLock::new(DeTable::new);
 
 impl<'a> Section<'a> {
     /// The keys of a quantity that are written, here or in the table that the section inherits from.
@@ -49,33 +69,18 @@ impl<'a> Section<'a> {
     /// has been reported.
     pub fn given(&self, quantity: &Quantity) -> Option<(usize, Given<'a>)> {
         let key = self.written(quantity);
-        let mut need = quantity.need;
-        let mut reason = None;
-        while let Need::If(other, name, then, otherwise) = need {
-            let holds = self.written(other).is_some_and(|key| key.name == name);
-            need = if holds { *then } else { *otherwise };
-            reason = Some((name, holds));
-        }
+        let (need, reason) = self.need(quantity);
         match (key, need) {
             // The section's own keys override inherited ones.
             (Some(key), Need::Forbidden) => {
-                if self.has_own(key.name) || !reason.is_some_and(|(other, _)| self.has_own(other)) {
+                if self.has_own(key.name) || !reason.is_some_and(|reason| self.has_own(reason.key)) {
                     self.forbid(key, reason);
                 }
                 None
             }
             (Some(key), _) => Some((quantity.keys.iter().position(|k| k.name == key.name)?, self.read(key)?)),
-            (None, Need::Required) => {
-                // If any of its keys is a number, the message asks for a number.
-                let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
-                let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
-                let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
-                let list: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-                let what = match &list[..] {
-                    [list @ .., last] if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
-                    _ => first.doc.into(),
-                };
-                self.missing.borrow_mut().push((names, self.absence(first.name, what)));
+            (None, Need::Required | Need::RequiredUnless(_)) => {
+                self.lack(quantity);
                 None
             }
             (None, Need::Default(DefaultValue::Word(word))) => {
@@ -87,40 +92,112 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Reports a key that is not allowed; `reason`: the other key, and whether that is written.
-    fn forbid(&self, key: &'static Key, reason: Option<(&'static str, bool)>) {
-        match reason {
-            Some((other, true)) if key.kind == Kind::Table => self.source.report(Problem {
-                title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(other)),
+    /// The need of a quantity in this section, and what decided on it.
+    fn need(&self, quantity: &Quantity) -> (Need, Option<Condition>) {
+        let mut need = quantity.need;
+        let mut reason = None;
+        loop {
+            let (condition, then, otherwise) = match need {
+                Need::If(other, key, then, otherwise) => {
+                    let holds = self.written(other).is_some_and(|written| written.name == key);
+                    (Condition { other, key, word: None, holds }, then, otherwise)
+                }
+                Need::IfWord(other, word, then, otherwise) => {
+                    // A word that is missing or wrong has its own message.
+                    let Some(actual) = self.word_in_force(other) else { return (Need::Optional, reason) };
+                    (Condition { other, key: other.name(), word: Some(word), holds: actual == word }, then, otherwise)
+                }
+                _ => return (need, reason),
+            };
+            need = if condition.holds { *then } else { *otherwise };
+            reason = Some(condition);
+        }
+    }
+
+    /// The word of a quantity, written or by default, if it is one of its words.
+    fn word_in_force(&self, quantity: &Quantity) -> Option<&'a str> {
+        let key = &quantity.keys[0];
+        let Kind::Word(words) = key.kind else { return None };
+        let word = match (self.value(key.name), quantity.default_value()) {
+            (Some(written), _) => written.get_ref().as_str()?,
+            (None, Some(DefaultValue::Word(word))) => word,
+            _ => return None,
+        };
+        words.contains(&word).then_some(word)
+    }
+
+    /// Reports that a quantity is missing.
+    fn lack(&self, quantity: &Quantity) {
+        // If any of its keys is a number, the message asks for a number.
+        let is_number = |key: &&Key| matches!(key.kind, Kind::Number(_));
+        let first = quantity.keys.iter().find(is_number).unwrap_or(&quantity.keys[0]);
+        let names: Vec<&'static str> = quantity.keys.iter().map(|key| key.name).collect();
+        let list: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let what = match (&list[..], first.kind) {
+            ([list @ .., last], _) if !list.is_empty() => format!("give {} or {last}", list.join(", ")),
+            (_, Kind::Word(words)) => {
+                let words: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
+                format!("{}: write {} = {}", first.doc, first.name, words.join(" or "))
+            }
+            _ => first.doc.into(),
+        };
+        self.missing.borrow_mut().push((names, self.absence(first.name, what)));
+    }
+
+    /// Reports a key that is not allowed; `reason`: what decided so.
+    fn forbid(&self, key: &'static Key, reason: Option<Condition>) {
+        let Some(Condition { other, key: name, word, holds }) = reason else {
+            self.reject(key.name, "must be left out", None);
+            return;
+        };
+        if let Some(word) = word {
+            let allowed = if holds { "does not go with" } else { "goes only with" };
+            self.reject(key.name, format!("{allowed} {name} = {word:?}"), Some("leave it out".into()));
+        } else if !holds {
+            self.reject(key.name, format!("goes with `{name}`, which is not given"), None);
+        } else if key.kind == Kind::Table {
+            self.source.report(Problem {
+                title: format!("`{}` and `{}` are both given", self.full(key.name), self.full(name)),
                 span: self.span_of(key.name),
                 allowed: "one or the other".into(),
-                help: Some(format!("leave out `{}` or `{other}`", key.name)),
-            }),
-            Some((other, true)) => {
-                let help = Some(format!("leave out `{other}` or `{}`", key.name));
-                self.reject(key.name, format!("`{other}` is given too, and says it"), help);
-            }
-            Some((other, false)) => self.reject(key.name, format!("goes with `{other}`, which is not given"), None),
-            None => self.reject(key.name, "must be left out", None),
+                help: Some(format!("leave out `{}` or `{name}`", key.name)),
+            });
+        } else {
+            let help = Some(format!("leave out `{name}` or `{}`", key.name));
+            let meaning = other.key(name).map_or("", |key| key.doc);
+            self.reject(key.name, format!("`{name}` is given too: {meaning}"), help);
         }
     }
 
     fn read(&self, key: &'static Key) -> Option<Given<'a>> {
         match key.kind {
-            Kind::Number(range) => {
-                let number = self.number_in(key.name, range)?;
-                self.warn_if_unusual(key, number.value);
+            Kind::Number(_) => {
+                let number = self.number_in(key)?;
+                self.warn_if_unusual(key, &number);
                 Some(Given::Number(number.value))
             }
-            Kind::Numbers => self.numbers(key.name).map(Given::Numbers),
+            Kind::NumbersOrTable(_) if self.is_table(key.name) => self.table(key.name, None).map(Given::Table),
+            Kind::Numbers(_) | Kind::NumbersOrTable(_) => {
+                let numbers = self.numbers(key)?;
+                // One warning for the list.
+                if let Some(unusual) = numbers.iter().find(|number| key.is_unusual(number.value)) {
+                    self.warn_if_unusual(key, unusual);
+                }
+                Some(Given::Numbers(numbers))
+            }
             Kind::Word(words) => self.choice(key.name, words).map(Given::Word),
             Kind::TextOrPlace if !self.is_text(key.name) => {
-                let is_place = |v: f64| v >= 1.0 && v.fract() == 0.0 && v < 1e6;
-                let place = self.number_if(key.name, is_place, "a place from 1 up, or a name in quotes");
-                place.map(|number| Given::Number(number.value))
+                let place = self.number(key.name)?;
+                if place.value >= 1.0 && place.value.fract() == 0.0 && place.value < 1e6 {
+                    return Some(Given::Number(place.value));
+                }
+                self.refuse(key.name, &place.span, "must be a place from 1 up, or a name in quotes", None);
+                None
             }
             Kind::Text | Kind::TextOrPlace => self.text(key.name).map(Given::Text),
+            Kind::Texts => self.texts(key.name).map(Given::Texts),
             Kind::Table => self.table(key.name, None).map(Given::Table),
+            Kind::Tables => Some(Given::Tables(self.tables(key.name))),
         }
     }
 
@@ -135,6 +212,20 @@ impl<'a> Section<'a> {
     /// A declared number.
     pub fn scalar(&self, quantity: &Quantity) -> Option<f64> {
         self.one_of(quantity).map(|(_, value)| value)
+    }
+
+    /// A declared number with its place; a default has the place of the section.
+    pub fn placed(&self, quantity: &Quantity) -> Option<Number> {
+        let (place, value) = self.one_of(quantity)?;
+        Some(Number { value, span: self.span_of(quantity.keys[place].name) })
+    }
+
+    /// A declared list of numbers.
+    pub fn numbers_of(&self, quantity: &Quantity) -> Option<Vec<Number>> {
+        match self.given(quantity)? {
+            (_, Given::Numbers(numbers)) => Some(numbers),
+            _ => None,
+        }
     }
 
     /// A declared word, by its place among the key's words.
@@ -153,7 +244,16 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// A declared table, which takes missing keys from `inherited`, as [`table`](Self::table) does.
+    /// A declared list of texts.
+    pub fn texts_of(&self, quantity: &Quantity) -> Option<Vec<Text>> {
+        match self.given(quantity)? {
+            (_, Given::Texts(texts)) => Some(texts),
+            _ => None,
+        }
+    }
+
+    /// A declared table, which takes missing keys from `inherited`, the table of that name at the top of the file. None without a
+    /// table of its own.
     pub fn table_of(&self, quantity: &Quantity, inherited: Option<&'a DeTable<'a>>) -> Option<Section<'a>> {
         match self.given(quantity)? {
             (place, Given::Table(_)) => self.table(quantity.keys[place].name, inherited),
@@ -161,15 +261,38 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// Which of `tables` the section is, by its kind. When the kind is unknown the other keys cannot be checked: do not
-    /// [`finish`](Self::finish) it.
+    /// A declared table that may be left out: then an empty one, whose quantities all have their defaults. `None` after a problem
+    /// has been reported.
+    pub fn part(&self, quantity: &Quantity) -> Option<Section<'a>> {
+        if self.is_given(quantity) {
+            return self.table_of(quantity, None);
+        }
+        Some(Section::new(self.source, self.full(quantity.name()), self.span(), &EMPTY, None))
+    }
+
+    /// A declared list of tables; empty if it is left out, or after a problem has been reported.
+    pub fn tables_of(&self, quantity: &Quantity) -> Vec<Section<'a>> {
+        match self.written(quantity).and_then(|key| self.read(key)) {
+            Some(Given::Tables(tables)) => tables,
+            _ => Vec::new(),
+        }
+    }
+
+    /// Which of `tables` the section is, by its kind. `None` after the problems of a section without a known kind have been
+    /// reported: do not [`finish`](Self::finish) it.
     pub fn variant(&self, tables: &[Table]) -> Option<usize> {
         let kinds: Vec<&'static str> = tables.iter().filter_map(|table| table.kind).collect();
-        if self.value("kind").is_none() {
-            let list: Vec<String> = kinds.iter().map(|kind| format!("kind = {kind:?}")).collect();
-            self.source.report(self.absence("kind", format!("write {}", list.join(" or "))));
+        if self.value("kind").is_some() {
+            return self.choice("kind", &kinds);
         }
-        self.choice("kind", &kinds)
+        let list: Vec<String> = kinds.iter().map(|kind| format!("kind = {kind:?}")).collect();
+        let absence = self.absence("kind", format!("write {}", list.join(" or ")));
+        self.missing.borrow_mut().push((vec!["kind"], absence));
+        // A misspelt `kind` is answered as such, beside the keys of all kinds.
+        let keys = tables.iter().flat_map(|table| table.quantities).flat_map(|quantity| quantity.keys);
+        self.known.borrow_mut().extend(keys.map(|key| key.name));
+        self.finish();
+        None
     }
 
     /// Checks every key of a declared table that is written, each for itself; returns the tables inside it. Nothing is required:

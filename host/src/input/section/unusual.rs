@@ -1,27 +1,15 @@
 //! Warns of values outside the usual range of their key ([`Key::usual`]). The values are used as they are.
 
-use super::{Section, finite};
-use crate::input::key::{Key, Quantity, Unit};
+use super::{Number, Section};
+use crate::input::key::{Key, Quantity};
 use crate::input::{Problem, Span};
 
 impl Section<'_> {
-    /// Warns if the value of a key, which is written here, is outside the key's usual range.
-    pub fn warn_if_unusual(&self, key: &'static Key, value: f64) {
-        if key.is_unusual(value) {
-            let title = format!("`{}` = {} is unusual", self.full(key.name), shown_number(value));
-            self.warn(&self.span_of(key.name), title, key);
-        }
-    }
-
-    /// Warns of each unusual value of these keys that is written in the section itself: a number, or one of a list.
-    pub fn warn_of_unusual(&self, keys: &[Key]) {
-        for key in keys {
-            let Some(written) = self.own.get(key.name) else { continue };
-            let values = written.get_ref().as_array().map_or(std::slice::from_ref(written), |list| &list[..]);
-            let unusual = values.iter().find_map(|v| Some((v.span(), finite(v).filter(|v| key.is_unusual(*v))?)));
-            if let Some((span, value)) = unusual {
-                self.warn(&span, format!("`{}` = {} is unusual", self.full(key.name), shown_number(value)), key);
-            }
+    /// Warns if a number that is written here is outside the usual range of its key.
+    pub(super) fn warn_if_unusual(&self, key: &'static Key, number: &Number) {
+        if key.is_unusual(number.value) {
+            let title = format!("`{}` = {} is unusual", self.full(key.name), shown_number(number.value));
+            self.warn(&number.span, title, key);
         }
     }
 
@@ -36,7 +24,7 @@ impl Section<'_> {
 
     fn warn(&self, span: &Span, title: String, key: &Key) {
         let Some((least, most)) = key.usual else { return };
-        let symbol = Unit::of(key.name).map_or("", |unit| unit.symbol);
+        let symbol = key.unit().map_or("", |unit| unit.symbol);
         let space = if symbol.is_empty() { "" } else { " " };
         self.source.warn(Problem {
             title,

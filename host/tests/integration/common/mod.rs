@@ -37,6 +37,19 @@ pub fn folder_with(campaign: &str) -> TempDir {
     folder
 }
 
+/// The Python that `tests/run` makes, with the packages of tests/python; `None` if tests that need it may be left out.
+pub fn python() -> Option<PathBuf> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/python/bin/python");
+    match std::env::var("DAMPRIG_PYTHON") {
+        Ok(word) if word == "required" => {
+            assert!(own.exists(), "{} is missing: tests/run makes it", own.display());
+            Some(own)
+        }
+        Ok(path) => Some(path.into()),
+        Err(_) => own.exists().then_some(own),
+    }
+}
+
 /// All rows of a Parquet file, in batches.
 pub fn read_parquet(path: PathBuf) -> Vec<RecordBatch> {
     let file = std::fs::File::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

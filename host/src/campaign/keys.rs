@@ -1,0 +1,317 @@
+//! Declares the keys of a campaign other than those of structure and dampers: name, type, range, default and meaning of each.
+
+use damprig_core::control::base_loop::{ClosedLoop, MOST_GAIN_PER_S};
+use damprig_core::control::stepped_sine::FEWEST_TICKS_PER_CYCLE;
+use damprig_core::io::TICK_HZ;
+use damprig_core::measure::steadiness::SteadyLimits;
+use damprig_simulator::plant::{Amplifier, DataSheet, Shaker};
+
+use super::shape::Shape;
+use crate::input::key::DefaultValue::{From, Number, Word};
+use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
+use crate::input::key::Range::{Above, Between, Inside, NotNegative, NotZero, Positive, Whole, ZeroOr};
+use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables, word};
+use crate::motion_record::{BASE_RECORD, RECORD_SCALE};
+use crate::setup::{self, set_up_keys};
+
+/// The highest drive frequency, Hz.
+const HIGHEST_HZ: f64 = TICK_HZ as f64 / FEWEST_TICKS_PER_CYCLE as f64;
+
+/// Why there is a highest drive frequency.
+const TICK: &str = "the controller's tick of 1000 Hz gives a period 20 samples there";
+const _: () = assert!(TICK_HZ == 1000.0 && FEWEST_TICKS_PER_CYCLE == 20.0, "TICK states both");
+
+/// Lowest sample rate of the controller, Hz.
+pub(super) const LEAST_RATE_HZ: f64 = 0.1;
+
+/// Longest time of all dwells of a point, s: the controller counts 10⁹ ticks.
+const LONGEST_DWELL_S: f64 = 1e6;
+
+/// A tenth of a millimetre.
+const REST_LEVEL_M: f64 = 1e-4;
+
+/// Longest ramp and longest time after the end of a record or a pulse, s.
+const LONGEST_END_S: f64 = 3600.0;
+
+// Keys of several kinds of experiments.
+const REST_LEVEL_KEY: Key =
+    number("rest_level_m", Positive, "|x| below which the structure counts as at rest before the start")
+        .usual(1e-6, 2e-3);
+const SAMPLE_RATE_KEY: Key = number(
+    "sample_rate_hz",
+    Between(LEAST_RATE_HZ, TICK_HZ as f64),
+    "samples per second of the played motion; as fast as the record and the controller allow when left out",
+)
+.note("up to the controller's tick rate");
+const END_RAMP_KEY: Key =
+    number("ramp_s", Between(0.0, LONGEST_END_S), "rise and fall of the drive at both ends").usual(0.0, 60.0);
+const TAIL_KEY: Key = number("tail_s", Between(0.0, LONGEST_END_S), "time measured after the end").usual(0.0, 600.0);
+
+/// The word of `kind` of every kind of experiment.
+const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration"];
+
+/// The keys of the record that a playback plays.
+pub const PLAYED_RECORD: Table = Table { path: "experiment", kind: Some("playback"), ..BASE_RECORD };
+
+tables! {
+    "All tables of a campaign other than those of structure and dampers, and [`PLAYED_RECORD`]."
+
+    "The top of a campaign. Structure and dampers at the top are for all set-ups: a set-up has the keys that it leaves out from here."
+    campaign("") {
+        NAME: Required, [key("name", Kind::Text, "a short name, part of the run folder's name: letters, digits, '-' and '_'")];
+        SET_UP_FILE: Optional, [setup::SET_UP_FILE];
+        RIG: Optional, [key("rig", Kind::Table, "simulated sensors and shaker, and the campaign's limits")];
+        TELEMETRY: Optional, [key("telemetry", Kind::Table, "recorded signals; x, z, drive and frequency at 100 Hz when left out")];
+        GRAVITY: set_up_keys::GRAVITY.need, [set_up_keys::GRAVITY.keys[0]];
+        STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
+        PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
+        FRICTION_DAMPER: Optional, [set_up_keys::FRICTION_DAMPER.keys[0]];
+        TMD: Optional, [set_up_keys::TMD.keys[0]];
+        SET_UP: Required, [key("set_up", Kind::Tables, "the set-ups, in the order in which they are mounted")];
+        EXPERIMENT: Required, [key("experiment", Kind::Tables, "the experiments")];
+    }
+
+    "Simulated sensors and shaker, and the campaign's limits: each tightens a limit of the board while the campaign runs."
+    rig("rig") {
+        SENSOR_RESOLUTION: Default(Number(0.0)), [
+            number("sensor_resolution_m", NotNegative, "smallest displacement step of the sensors; 0 for none, simulated rigs only")
+                .usual(0.0, 1e-4),
+        ];
+        SENSOR_NOISE: Default(Number(0.0)), [
+            number("sensor_noise_rms_m", NotNegative, "RMS noise of a displacement sample; 0 for none, simulated rigs only")
+                .usual(0.0, 1e-4),
+        ];
+        NOISE_SEED: Default(Number(1.0)), [number("noise_seed", Whole(0.0, u32::MAX as f64), "seed of the simulated noise")];
+        DISPLACEMENT_LIMIT: Optional, [number("displacement_limit_m", Positive, "limit of both |x| and |z|")];
+        STRUCTURE_LIMIT: If(&DISPLACEMENT_LIMIT, "displacement_limit_m", &Forbidden, &Optional), [
+            number("structure_limit_m", Positive, "limit of |x|: above it the controller fades out the drive"),
+        ];
+        BASE_LIMIT: If(&DISPLACEMENT_LIMIT, "displacement_limit_m", &Forbidden, &Optional), [
+            number("base_limit_m", Positive, "limit of |z|"),
+        ];
+        HALF_CYCLES_AHEAD: Optional, [
+            number("half_cycles_ahead", Between(0.0, 20.0), "half-cycles for which a growing motion is predicted, to stop before a limit"),
+        ];
+        WALL_FORCE_LIMIT: Optional, [number("wall_force_limit_n", Positive, "limit of the force on a wall")];
+        SATURATED: Optional, [number("saturated_s", Positive, "time after which a saturated drive is a fault")];
+        // This program sends a message every second. 0 is compared with the board's settings, which refuse it.
+        HOST_SILENT: Optional, [
+            number("host_silent_s", ZeroOr(5.0, 3600.0), "time without a message after which the board stops the drive"),
+        ];
+        BRAKE: Optional, [number("brake_n", NotNegative, "force with which the friction damper brakes after a fault")];
+        SENSORS: Optional, [key("sensors", Kind::Table, "errors of the simulated sensors; none when left out")];
+        SHAKER: Optional, [
+            key("shaker", Kind::Table, "a simulated shaker that feels its load; when left out the base follows the drive exactly"),
+        ];
+    }
+
+    "Ideal sensors."
+    sensors_ideal("rig.sensors", "ideal") {}
+
+    "Sensors with the errors of a data sheet."
+    sensors_data_sheet("rig.sensors", "data_sheet") {
+        LINEARITY: Default(From(|| DataSheet::default().linearity.into())), [
+            number("linearity", Between(0.0, 0.1), "largest deviation from a straight line, as a share of the range"),
+        ];
+        RESPONSE: Default(From(|| DataSheet::default().response_s.into())), [
+            number("response_s", Between(0.0, 1.0), "time constant of the sensor"),
+        ];
+        SKEW: Default(From(|| DataSheet::default().skew_s.into())), [
+            number("skew_s", Between(0.0, 1e-4), "delay of the conversion of z after that of x"),
+        ];
+        ANTI_ALIAS: Default(From(|| DataSheet::default().anti_alias_hz.into())), [
+            number("anti_alias_hz", Between(1.0, 1e6), "corner frequency of the anti-alias filter"),
+        ];
+        BITS: Default(From(|| DataSheet::default().bits.into())), [
+            number("bits", Whole(4.0, 20.0), "resolution of the converter over the whole range"),
+        ];
+        OVERSAMPLING: Default(From(|| DataSheet::default().oversampling.into())), [
+            number("oversampling", Whole(1.0, 64.0), "conversions that are averaged into a sample"),
+        ];
+    }
+
+    "A simulated electrodynamic shaker that feels its load. Of a real rig only `calibrated_at_hz` is used."
+    shaker("rig.shaker") {
+        MOVING_MASS: Default(From(|| Shaker::default().moving_mass_kg)), [
+            number("moving_mass_kg", Positive, "mass of table and armature").usual(0.1, 500.0),
+        ];
+        SUSPENSION_STIFFNESS: Default(From(|| Shaker::default().suspension_stiffness_n_per_m)), [
+            number("suspension_stiffness_n_per_m", NotNegative, "stiffness of the suspension").usual(0.0, 1e6),
+        ];
+        SUSPENSION_DAMPING: Default(From(|| Shaker::default().suspension_damping_n_s_per_m)), [
+            number("suspension_damping_n_s_per_m", NotNegative, "damping of the suspension").usual(0.0, 1e4),
+        ];
+        FORCE_FACTOR: Default(From(|| Shaker::default().force_factor_n_per_a)), [
+            number("force_factor_n_per_a", Positive, "force per current").usual(1.0, 1000.0),
+        ];
+        AMPLIFIER: Default(Word("voltage")), [word("amplifier", &["voltage", "current"], "the quantity that the amplifier controls")];
+        COIL_RESISTANCE: IfWord(&AMPLIFIER, "voltage", &Default(From(coil_resistance_ohm)), &Forbidden), [
+            number("coil_resistance_ohm", Positive, "resistance of the coil").usual(0.05, 50.0),
+        ];
+        VOLTAGE_LIMIT: IfWord(&AMPLIFIER, "voltage", &Default(From(voltage_limit_v)), &Forbidden), [
+            number("limit_v", Positive, "limit of the voltage"),
+        ];
+        CURRENT_LIMIT: Default(From(|| Shaker::default().current_limit_a)), [
+            number("current_limit_a", Positive, "limit of the current"),
+        ];
+        HALF_STROKE: Default(From(|| Shaker::default().half_stroke_m)), [
+            number("half_stroke_m", Positive, "stroke to either side").usual(1e-3, 0.5),
+        ];
+        CALIBRATED_AT: Default(From(|| Shaker::default().calibrated_at_hz)), [
+            number("calibrated_at_hz", Positive, "frequency at which the unloaded table moves by the base amplitude"),
+        ];
+    }
+
+    "Recorded signals and their rate."
+    telemetry("telemetry") {
+        RATE: Required, [
+            number("rate_hz", NotNegative, "samples of each signal in a second: 0 for none, or 1000 divided by a whole number"),
+        ];
+        SIGNALS: Optional, [key("signals", Kind::Texts, "names of the signals; x, z, drive and frequency when left out")];
+    }
+
+    "A set-up: what is mounted on the rig, with its base amplitude."
+    set_up("set_up") {
+        NAME: Required, [key("name", Kind::Text, "a name for experiments to call it by")];
+        LABEL: Optional, [key("label", Kind::Text, "its name in figures and tables; `name` when left out")];
+        BASE_AMPLITUDE: Required, [setup::BASE_AMPLITUDE.keys[0]];
+        GRAVITY: Optional, [set_up_keys::GRAVITY.keys[0]];
+        STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
+        PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
+        FRICTION_DAMPER: Optional, [set_up_keys::FRICTION_DAMPER.keys[0]];
+        TMD: set_up_keys::TMD.need, [set_up_keys::TMD.keys[0]];
+        DAMPER: Optional, [word("damper", &["unmodelled"], "a damper without a model: it is measured, not predicted")];
+    }
+
+    "An experiment on some of the set-ups: the keys of every kind."
+    experiment("experiment") {
+        NAME: Optional, [key("name", Kind::Text, "its name in tables; `experiment 1` for the first when left out")];
+        KIND: Required, [word("kind", KINDS, "the kind of experiment")];
+        SET_UPS: Optional, [key("set_ups", Kind::Texts, "names of the set-ups that it is run on; all when left out")];
+    }
+
+    "One frequency of the base after another."
+    stepped_sine("experiment", "stepped_sine") {
+        FREQUENCIES: Required, [
+            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz }")
+                .usual(0.1, 25.0)
+                .note(TICK),
+        ];
+        START: Required, [
+            word("start", &["from_rest", "carry_over"], "whether a point starts from rest or carries over the motion of the one before"),
+        ];
+        SETTLE: Default(Number(0.0)), [
+            number("settle_s", NotNegative, "time from the start of a point to its dwell").usual(0.0, 600.0),
+        ];
+        DWELL: Required, [number("dwell_s", Positive, "the time that is measured at each frequency").usual(1.0, 600.0)];
+        RAMP: Default(Number(0.0)), [
+            number("ramp_s", NotNegative, "rise and fall of the drive, at most `settle_s`").usual(0.0, 60.0),
+        ];
+        REST_LEVEL: Default(Number(REST_LEVEL_M)), [REST_LEVEL_KEY];
+        STEADY: Optional, [key("steady", Kind::Table, "when a point counts as steady, and how long it is measured again")];
+        DRIVE: Default(Word("constant")), [
+            word("drive", &["constant", "closed_loop"], "constant drive, or the base amplitude in closed loop, which needs `[rig.shaker]`"),
+        ];
+        CLOSED_LOOP: IfWord(&DRIVE, "closed_loop", &Optional, &Forbidden), [
+            key("closed_loop", Kind::Table, "parameters of the closed loop"),
+        ];
+    }
+
+    "Evenly spaced frequencies."
+    grid("experiment.frequencies_hz") {
+        FROM: Required, [number("from_hz", Above(0.0, HIGHEST_HZ), "the first frequency").usual(0.1, 25.0).note(TICK)];
+        TO: Required, [number("to_hz", Above(0.0, HIGHEST_HZ), "the last frequency").usual(0.1, 25.0).note(TICK)];
+        STEP: Required, [
+            number("step_hz", NotZero, "the step; negative for falling frequencies")
+                .usual(-2.0, 2.0)
+                .note("for one frequency write frequencies_hz = [2.5]"),
+        ];
+    }
+
+    "When a point counts as steady."
+    steady("experiment.steady") {
+        TOLERANCE: Default(From(|| SteadyLimits::default().tolerance.into())), [
+            number("tolerance", Inside(0.0, 1.0), "largest deviation of X/Z from its limit, uncertainty included"),
+        ];
+        SCATTER: Default(From(|| SteadyLimits::default().scatter.into())), [
+            number("scatter", Positive, "largest relative scatter of the cycle maxima of a motion that repeats"),
+        ];
+        LONGEST_DWELL: Optional, [
+            number(
+                "longest_dwell_s",
+                Above(0.0, LONGEST_DWELL_S),
+                "time of all dwells of a point that is measured again until it is steady; one dwell when left out",
+            ),
+        ];
+    }
+
+    "Parameters of the closed loop of the base amplitude."
+    closed_loop("experiment.closed_loop") {
+        GAIN: Default(From(|| ClosedLoop::default().gain_per_s.into())), [
+            number("gain_per_s", Above(0.0, MOST_GAIN_PER_S as f64), "rate at which an amplitude error decays without load"),
+        ];
+        TOLERANCE: Default(From(|| ClosedLoop::default().tolerance.into())), [
+            number("tolerance", Between(0.001, 0.5), "relative error of the amplitude within which the base counts as held"),
+        ];
+        WAIT: Default(From(|| ClosedLoop::default().wait_s.into())), [
+            number("wait_s", Between(0.0, 3600.0), "longest time after settling until the base is held"),
+        ];
+        DRIVE_LIMIT: Optional, [
+            number("drive_limit_m", Positive, "limit of the drive; the range of the rig's output when left out"),
+        ];
+    }
+
+    "The base follows a recorded motion."
+    playback("experiment", "playback") {
+        TARGET: If(&RECORD_SCALE, "scale", &Forbidden, &Optional), [
+            number("target_peak_m", NotZero, "peak to which the record is scaled").usual(1e-5, 0.05),
+        ];
+        BASELINE: Optional, [
+            word("baseline", &["none", "linear"], "the line that is removed; linear for an acceleration, none for a displacement when left out"),
+        ];
+        SAMPLE_RATE: Optional, [SAMPLE_RATE_KEY];
+        RAMP: Default(Number(0.0)), [END_RAMP_KEY];
+        TAIL: Default(Number(0.0)), [TAIL_KEY];
+        REST_LEVEL: Default(Number(REST_LEVEL_M)), [REST_LEVEL_KEY];
+    }
+
+    "A pulse of the base."
+    impulse("experiment", "impulse") {
+        SHAPE: Required, [word("shape", &Shape::WORDS, "shape of the pulse; versine and haversine are the same")];
+        AMPLITUDE: Required, [number("amplitude_m", NotZero, "height of the pulse").usual(-0.05, 0.05)];
+        DURATION: Required, [number("duration_s", Positive, "length of the pulse").usual(0.01, 60.0)];
+        RISE: IfWord(&SHAPE, "rectangle", &Optional, &Forbidden), [
+            number("rise_s", Positive, "rise and fall of a rectangle, at most half its length; a tenth when left out"),
+        ];
+        SAMPLE_RATE: Optional, [SAMPLE_RATE_KEY];
+        RAMP: Default(Number(0.0)), [END_RAMP_KEY];
+        TAIL: Default(Number(0.0)), [TAIL_KEY];
+        REST_LEVEL: Default(Number(REST_LEVEL_M)), [REST_LEVEL_KEY];
+    }
+
+    "The structure is held at a displacement and released; a simulated one starts there."
+    free_vibration("experiment", "free_vibration") {
+        START: Required, [number("start_m", NotZero, "x0, where the structure is released").usual(-0.1, 0.1)];
+        MEASURE: Required, [number("measure_s", Positive, "time measured after the release").usual(0.5, 600.0)];
+        LEVEL: Optional, [number("level_m", Positive, "|x| beyond which it counts as held, below |x0|; 0.8 |x0| when left out")];
+        HOLD: Default(Number(0.5)), [number("hold_s", Between(0.1, 60.0), "how long it must be held")];
+        TIMEOUT: Default(Number(300.0)), [number("timeout_s", Between(1.0, 86_400.0), "how long the release may take")];
+        CYCLES: Default(Number(10.0)), [number("cycles", Whole(1.0, 1000.0), "cycles over which the decay is measured")];
+    }
+}
+
+/// Resistance and limit of the default amplifier.
+fn default_amplifier() -> (f64, f64) {
+    match Shaker::default().amplifier {
+        Amplifier::Voltage { coil_resistance_ohm, limit_v } => (coil_resistance_ohm, limit_v),
+        Amplifier::Current => (f64::NAN, f64::NAN),
+    }
+}
+
+fn coil_resistance_ohm() -> f64 {
+    default_amplifier().0
+}
+
+fn voltage_limit_v() -> f64 {
+    default_amplifier().1
+}

@@ -1,0 +1,315 @@
+//! `damprig init`: writes a new campaign or case with comments, from flags or from a few questions.
+
+use std::io::{BufRead, IsTerminal, Write, stdin};
+use std::path::{Path, PathBuf};
+
+use clap::{Args as ClapArgs, ValueEnum};
+
+use super::arguments::{not_negative, positive};
+use super::outcome::{Failure, Outcome};
+use crate::campaign::Campaign;
+use crate::file_keys::new_file::{self, Damper, Excitation, Values};
+use crate::input::Source;
+use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::simulation::Case;
+
+/// Writes a new campaign or case: a commented file to edit.
+///
+/// Without options, on a terminal, it asks. Values that are not given are those of the rig of the source document.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// File to write [default: campaign.toml or case.toml]
+    #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+
+    /// Write a case for damprig simulate instead of a campaign
+    #[arg(long)]
+    case: bool,
+
+    /// Dampers, a set-up each; a case has one [default: bare,spid; of a case: spid]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    damper: Vec<DamperArg>,
+
+    /// Experiments, or the excitation of a case [default: stepped-sine]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    experiment: Vec<ExperimentArg>,
+
+    #[command(flatten)]
+    values: ValueArgs,
+
+    /// Replace an existing file
+    #[arg(long)]
+    force: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig init
+  damprig init my.toml --damper bare,spid,hybrid --experiment stepped-sine,free-vibration
+  damprig init --case --damper tmd --natural-frequency-hz 4
+  damprig run my.toml --dry-run
+
+A campaign drives set-ups that only viscous damping limits with a smaller Z than --base-amplitude-m where they
+would leave the range of the sensors. Recorded motions: host/campaigns/transients.toml.
+
+Exit codes:
+  0    success
+  1    the file could not be written
+  2    the command line is wrong, the values are not allowed, or the file exists; nothing was written";
+
+/// Dampers, as arguments.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum DamperArg {
+    /// No damper
+    Bare,
+    /// Single-particle impact damper
+    Spid,
+    /// Friction damper
+    Fd,
+    /// Impact and friction damper
+    Hybrid,
+    /// Tuned mass damper
+    Tmd,
+}
+
+impl From<DamperArg> for Damper {
+    fn from(argument: DamperArg) -> Self {
+        match argument {
+            DamperArg::Bare => Self::Bare,
+            DamperArg::Spid => Self::Spid,
+            DamperArg::Fd => Self::Fd,
+            DamperArg::Hybrid => Self::Hybrid,
+            DamperArg::Tmd => Self::Tmd,
+        }
+    }
+}
+
+/// Experiments, as arguments.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum ExperimentArg {
+    /// One frequency after another; in a case a sine at resonance
+    SteppedSine,
+    /// The structure is released
+    FreeVibration,
+    /// A pulse of the base
+    Impulse,
+}
+
+impl From<ExperimentArg> for Excitation {
+    fn from(argument: ExperimentArg) -> Self {
+        match argument {
+            ExperimentArg::SteppedSine => Self::SteppedSine,
+            ExperimentArg::FreeVibration => Self::FreeVibration,
+            ExperimentArg::Impulse => Self::Impulse,
+        }
+    }
+}
+
+/// Values of structure and dampers.
+#[derive(Clone, Debug, Default, PartialEq, ClapArgs)]
+struct ValueArgs {
+    /// M, the structure's mass [default: 1.6]
+    #[arg(long, value_name = "KG", value_parser = positive)]
+    mass_kg: Option<f64>,
+
+    /// fn, the natural frequency [default: 2.5]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
+    natural_frequency_hz: Option<f64>,
+
+    /// ζ, the damping ratio [default: 0.0038]
+    #[arg(long, value_name = "RATIO", value_parser = not_negative)]
+    damping_ratio: Option<f64>,
+
+    /// Z, the base amplitude [default: 0.0015]
+    #[arg(long, value_name = "M", value_parser = positive)]
+    base_amplitude_m: Option<f64>,
+
+    /// m/M of particle and tuned mass [default: 0.1]
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    mass_ratio: Option<f64>,
+
+    /// d/Z of the particle [default: 5]
+    #[arg(long, value_name = "RATIO", value_parser = positive)]
+    clearance_ratio: Option<f64>,
+
+    /// e, the coefficient of restitution of the walls [default: 0.47]
+    #[arg(long, value_name = "E", value_parser = not_negative)]
+    restitution: Option<f64>,
+
+    /// γF of the friction damper [default: 0.6]
+    #[arg(long, value_name = "RATIO", value_parser = not_negative)]
+    friction_ratio: Option<f64>,
+}
+
+impl ValueArgs {
+    fn values(&self) -> Values {
+        let default = Values::default();
+        Values {
+            mass_kg: self.mass_kg.unwrap_or(default.mass_kg),
+            natural_frequency_hz: self.natural_frequency_hz.unwrap_or(default.natural_frequency_hz),
+            damping_ratio: self.damping_ratio.unwrap_or(default.damping_ratio),
+            base_amplitude_m: self.base_amplitude_m.unwrap_or(default.base_amplitude_m),
+            mass_ratio: self.mass_ratio.unwrap_or(default.mass_ratio),
+            clearance_ratio: self.clearance_ratio.unwrap_or(default.clearance_ratio),
+            restitution: self.restitution.unwrap_or(default.restitution),
+            friction_ratio: self.friction_ratio.unwrap_or(default.friction_ratio),
+        }
+    }
+}
+
+/// What to write.
+struct Wanted {
+    is_case: bool,
+    dampers: Vec<DamperArg>,
+    experiments: Vec<ExperimentArg>,
+    values: Values,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// The file exists or cannot be written; values that a campaign or a case may not have.
+pub fn run(args: &Args) -> Outcome {
+    let is_asked = stdin().is_terminal()
+        && !args.case
+        && args.damper.is_empty()
+        && args.experiment.is_empty()
+        && args.values == ValueArgs::default();
+    // Before the questions, so that nobody answers them in vain.
+    if let Some(file) = &args.file {
+        refuse_existing(file, args.force)?;
+    }
+    let wanted = if is_asked { ask()? } else { from(args) };
+    let default = if wanted.is_case { "case.toml" } else { "campaign.toml" };
+    let path = args.file.clone().unwrap_or_else(|| default.into());
+    refuse_existing(&path, args.force)?;
+    let text = text_of(&wanted, &name_of(&path))?;
+    check(&wanted, &text)?;
+    let failed = to_failure(&path);
+    write_new(&OutFile { path: path.clone(), force: args.force }, |file| {
+        file.write_all(text.as_bytes()).map_err(|e| failed(&e))
+    })
+    .map_err(Failure::failed)?;
+    let shown = path.display();
+    if wanted.is_case {
+        say!("Written to {shown}. Next: damprig simulate {shown}");
+    } else {
+        say!("Written to {shown}. Next: damprig run {shown} --dry-run");
+    }
+    Ok(())
+}
+
+fn refuse_existing(path: &Path, force: bool) -> Outcome {
+    if !force && path.symlink_metadata().is_ok() {
+        return Err(Failure::Input(format!("cannot write {}: {EXISTS}", path.display())));
+    }
+    Ok(())
+}
+
+fn from(args: &Args) -> Wanted {
+    let or = |dampers: &[DamperArg], default: &[DamperArg]| if dampers.is_empty() { default } else { dampers }.to_vec();
+    let default: &[DamperArg] = if args.case { &[DamperArg::Spid] } else { &[DamperArg::Bare, DamperArg::Spid] };
+    let experiments =
+        if args.experiment.is_empty() { vec![ExperimentArg::SteppedSine] } else { args.experiment.clone() };
+    Wanted { is_case: args.case, dampers: or(&args.damper, default), experiments, values: args.values.values() }
+}
+
+/// A name that a campaign may have, from the file's.
+fn name_of(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' || c == '_' { c } else { '-' };
+    let name: String = stem.chars().map(fits).take(60).collect();
+    if name.is_empty() { "campaign".into() } else { name }
+}
+
+fn text_of(wanted: &Wanted, name: &str) -> Result<String, Failure> {
+    for (option, names) in [("--damper", names(&wanted.dampers)), ("--experiment", names(&wanted.experiments))] {
+        if let Some(twice) = names.iter().enumerate().find_map(|(n, name)| names[..n].contains(name).then_some(name)) {
+            return Err(Failure::Input(format!("{option}: {twice} is named twice")));
+        }
+        if wanted.is_case && names.len() > 1 {
+            let message = format!("{option}: a case has one, not {}; write a case for each", names.join(" and "));
+            return Err(Failure::Input(message));
+        }
+    }
+    let dampers: Vec<Damper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
+    let experiments: Vec<Excitation> = wanted.experiments.iter().map(|experiment| (*experiment).into()).collect();
+    Ok(if wanted.is_case {
+        new_file::case(name, dampers[0], experiments[0], &wanted.values)
+    } else {
+        new_file::campaign(name, &dampers, &experiments, &wanted.values)
+    })
+}
+
+/// The words of arguments.
+fn names<T: ValueEnum>(arguments: &[T]) -> Vec<String> {
+    arguments.iter().filter_map(|argument| Some(argument.to_possible_value()?.get_name().to_string())).collect()
+}
+
+/// Values that are out of range are reported with their keys before anything is written.
+fn check(wanted: &Wanted, text: &str) -> Outcome {
+    let source = Source::new("new file", text);
+    if wanted.is_case { Case::parse(&source, "case").map(drop) } else { Campaign::parse(source).map(drop) }
+        .map_err(|refusal| Failure::Input(format!("{refusal}\n  nothing was written")))
+}
+
+/// Asks what to write.
+fn ask() -> Result<Wanted, Failure> {
+    say!("Enter takes the default in brackets.");
+    let is_case = answer("Campaign for the rig, or case to simulate", "campaign", |text| match text {
+        "campaign" => Ok(false),
+        "case" => Ok(true),
+        _ => Err("write campaign or case".into()),
+    })?;
+    let dampers = if is_case {
+        answer("Damper: bare, spid, fd, hybrid or tmd", "spid", one::<DamperArg>)?
+    } else {
+        answer("Dampers, of bare, spid, fd, hybrid, tmd", "bare,spid", several::<DamperArg>)?
+    };
+    let experiments = if is_case {
+        answer("Excitation: stepped-sine, free-vibration or impulse", "stepped-sine", one::<ExperimentArg>)?
+    } else {
+        answer("Experiments, of stepped-sine, free-vibration, impulse", "stepped-sine", several::<ExperimentArg>)?
+    };
+    let default = Values::default();
+    let number = |question: &str, default: f64, parse: fn(&str) -> Result<f64, String>| {
+        answer(question, &default.to_string(), parse)
+    };
+    let values = Values {
+        mass_kg: number("Mass of the structure, kg", default.mass_kg, positive)?,
+        natural_frequency_hz: number("Natural frequency, Hz", default.natural_frequency_hz, positive)?,
+        damping_ratio: number("Damping ratio", default.damping_ratio, not_negative)?,
+        base_amplitude_m: number("Base amplitude Z, m", default.base_amplitude_m, positive)?,
+        ..default
+    };
+    Ok(Wanted { is_case, dampers, experiments, values })
+}
+
+/// Asks until the answer can be read.
+fn answer<T>(question: &str, default: &str, read: impl Fn(&str) -> Result<T, String>) -> Result<T, Failure> {
+    loop {
+        super::output::prompt(&format!("{question} [{default}]: "));
+        let mut line = String::new();
+        let length = stdin().lock().read_line(&mut line).map_err(Failure::failed)?;
+        if length == 0 {
+            return Err(Failure::Input("the answers ended; nothing was written".into()));
+        }
+        let text = if line.trim().is_empty() { default } else { line.trim() };
+        match read(text) {
+            Ok(value) => return Ok(value),
+            Err(why) => say!("{text:?}: {why}"),
+        }
+    }
+}
+
+fn one<T: ValueEnum>(text: &str) -> Result<Vec<T>, String> {
+    T::from_str(text, true).map(|value| vec![value]).map_err(|_| "is none of these".into())
+}
+
+fn several<T: ValueEnum + PartialEq>(text: &str) -> Result<Vec<T>, String> {
+    let values: Vec<T> =
+        text.split(',').map(|word| one(word.trim())).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+    let is_twice = values.iter().enumerate().any(|(n, value)| values[..n].contains(value));
+    if is_twice { Err("names one twice".into()) } else { Ok(values) }
+}

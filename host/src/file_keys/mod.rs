@@ -1,0 +1,78 @@
+//! The keys of each kind of input file, as its parser declares them: for editors as a JSON Schema ([`schema`]), for people as a
+//! reference ([`mod@reference`]) and as a new file with comments ([`new_file`]).
+
+pub mod new_file;
+pub mod reference;
+pub mod schema;
+
+use crate::input::key::{MOST_WHOLE, Table};
+use crate::setup::{PARTS, set_up_file};
+use crate::{campaign, motion_record, setup, simulation};
+
+/// The kinds of input files with declared keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// A campaign, for `damprig run`.
+    Campaign,
+    /// A case, for `damprig simulate`.
+    Case,
+    /// A set-up file, which a campaign or a case names.
+    SetUp,
+}
+
+impl FileKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Campaign, Self::Case, Self::SetUp];
+
+    /// What such a file is, in one line.
+    #[must_use]
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Campaign => "Campaign of damprig: set-ups and experiments, for `damprig run`",
+            Self::Case => "Case of damprig: one simulation, for `damprig simulate`",
+            Self::SetUp => "Set-up file of damprig, for the key `set_up_file` of a campaign or a case",
+        }
+    }
+
+    /// Its tables. Tables with the same path and kind complete each other.
+    #[must_use]
+    pub fn tables(self) -> Vec<Table> {
+        let parts = setup::TABLES.iter().filter(|table| !table.path.is_empty());
+        match self {
+            Self::Campaign => campaign::TABLES.iter().chain([&campaign::PLAYED_RECORD]).chain(parts).copied().collect(),
+            Self::Case => [simulation::TABLES, setup::TABLES, motion_record::TABLES].concat(),
+            Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
+        }
+    }
+}
+
+/// The kinds of the table at a path, each with all its tables: those of all kinds first. One without a kind if it has no kinds.
+fn kinds_at(tables: &[Table], path: &str) -> Vec<(Option<&'static str>, Vec<Table>)> {
+    let at: Vec<Table> = tables.iter().filter(|table| table.path == path).copied().collect();
+    let common: Vec<Table> = at.iter().filter(|table| table.kind.is_none()).copied().collect();
+    let mut kinds: Vec<(Option<&str>, Vec<Table>)> = Vec::new();
+    for table in at.iter().filter(|table| table.kind.is_some()) {
+        match kinds.iter_mut().find(|(kind, _)| *kind == table.kind) {
+            Some((_, tables)) => tables.push(*table),
+            None => kinds.push((table.kind, common.iter().chain([table]).copied().collect())),
+        }
+    }
+    if kinds.is_empty() { vec![(None, common)] } else { kinds }
+}
+
+/// The path of the table under a key of the table at `path`. A set-up of a campaign has the tables of a set-up.
+fn path_of(path: &str, key: &str) -> String {
+    let is_part = PARTS.iter().any(|part| part.name() == key);
+    if path.is_empty() || is_part { key.to_string() } else { format!("{path}.{key}") }
+}
+
+/// Whether the table at a path is one of those that another file or the top of a campaign may complete, or inside one.
+fn is_part(path: &str) -> bool {
+    let first = path.split('.').next().unwrap_or_default();
+    PARTS.iter().any(|part| part.name() == first)
+}
+
+/// A number as people and JSON write it: without a point if it is whole.
+fn plain(number: f64) -> String {
+    if number.fract() == 0.0 && number.abs() < MOST_WHOLE { format!("{number:.0}") } else { format!("{number:?}") }
+}

@@ -1,0 +1,355 @@
+//! The text of a new campaign or case: its keys with their meaning as comments, as `damprig init` writes it.
+
+use std::collections::BTreeSet;
+
+use super::{FileKind, kinds_at};
+use crate::campaign::transient::two_digits_down;
+use crate::input::key::{Quantity, Table};
+
+/// What is mounted in a set-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damper {
+    /// Nothing.
+    Bare,
+    /// A single-particle impact damper.
+    Spid,
+    /// A friction damper.
+    Fd,
+    /// Both.
+    Hybrid,
+    /// A tuned mass damper.
+    Tmd,
+}
+
+impl Damper {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Bare, Self::Spid, Self::Fd, Self::Hybrid, Self::Tmd];
+
+    /// Name and label of its set-up.
+    const fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Bare => ("bare", "Bare structure"),
+            Self::Spid => ("spid", "SPID"),
+            Self::Fd => ("fd", "FD"),
+            Self::Hybrid => ("hybrid", "Hybrid (SPID + FD)"),
+            Self::Tmd => ("tmd", "TMD"),
+        }
+    }
+
+    const fn has_particle(self) -> bool {
+        matches!(self, Self::Spid | Self::Hybrid)
+    }
+
+    const fn has_friction(self) -> bool {
+        matches!(self, Self::Fd | Self::Hybrid)
+    }
+}
+
+/// What moves the structure: an experiment of a campaign, the excitation of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Excitation {
+    /// One frequency after another; in a case one sine at resonance.
+    SteppedSine,
+    /// A release.
+    FreeVibration,
+    /// A pulse of the base.
+    Impulse,
+}
+
+impl Excitation {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::SteppedSine, Self::FreeVibration, Self::Impulse];
+}
+
+/// Values of the structure and its dampers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Values {
+    /// M, kg.
+    pub mass_kg: f64,
+    /// fn, Hz.
+    pub natural_frequency_hz: f64,
+    /// ζ.
+    pub damping_ratio: f64,
+    /// Z, m; smaller where the structure would leave the range of the sensors.
+    pub base_amplitude_m: f64,
+    /// m/M of particle and tuned mass.
+    pub mass_ratio: f64,
+    /// d/Z.
+    pub clearance_ratio: f64,
+    /// e.
+    pub restitution: f64,
+    /// γF.
+    pub friction_ratio: f64,
+}
+
+impl Default for Values {
+    /// The rig of the source document.
+    fn default() -> Self {
+        Self {
+            mass_kg: 1.6,
+            natural_frequency_hz: 2.5,
+            damping_ratio: 0.0038,
+            base_amplitude_m: 0.0015,
+            mass_ratio: 0.1,
+            clearance_ratio: 5.0,
+            restitution: 0.47,
+            friction_ratio: 0.6,
+        }
+    }
+}
+
+/// Largest displacement at resonance that a new campaign aims at, m: two thirds of the board's limit as delivered.
+const AIM_M: f64 = 0.053;
+
+/// Displacement at a release, m.
+const START_M: f64 = 0.035;
+
+/// Periods that are measured at each frequency.
+const DWELL_PERIODS: f64 = 80.0;
+
+/// Periods that are measured after a release or a pulse.
+const FREE_PERIODS: f64 = 20.0;
+
+impl Values {
+    /// Z with a damper, m: where viscous damping alone bounds the resonance, it is small enough for the sensors.
+    fn base_amplitude_with(&self, damper: Damper) -> f64 {
+        // Friction below π/4 of kZ takes this share of the base's work.
+        let share = match damper {
+            Damper::Bare => 1.0,
+            Damper::Fd => 1.0 - self.friction_ratio * 4.0 / std::f64::consts::PI,
+            _ => return self.base_amplitude_m,
+        };
+        let bounded = AIM_M * 2.0 * self.damping_ratio / share;
+        if share > 0.0 && bounded > 0.0 && bounded < self.base_amplitude_m {
+            two_digits_down(bounded)
+        } else {
+            self.base_amplitude_m
+        }
+    }
+
+    /// A number of natural periods, s, in three digits.
+    fn periods_s(&self, periods: f64) -> f64 {
+        three_digits(periods / self.natural_frequency_hz)
+    }
+}
+
+fn three_digits(value: f64) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(value)
+}
+
+/// The text of a campaign with a set-up for each damper.
+#[must_use]
+pub fn campaign(name: &str, dampers: &[Damper], experiments: &[Excitation], values: &Values) -> String {
+    let mut file = Writer::new(FileKind::Campaign);
+    file.line("# A campaign, written by `damprig init`. `damprig keys` has all keys. Next:");
+    file.line("#   damprig run FILE --dry-run    check it and predict displacements");
+    file.line("#   damprig run FILE              run it on the virtual rig; --rig auto: on the connected board");
+    file.line("");
+    file.keys("", None, &[("name", text(name))]);
+    file.structure(values);
+    file.table("rig", None);
+    let sensors =
+        [("sensor_resolution_m", number(1e-5)), ("sensor_noise_rms_m", number(5e-6)), ("noise_seed", "1".into())];
+    file.keys("rig", None, &sensors);
+    for damper in dampers {
+        let (name, label) = damper.names();
+        file.table("[set_up]", None);
+        let z = number(values.base_amplitude_with(*damper));
+        file.keys("set_up", None, &[("name", text(name)), ("label", text(label)), ("base_amplitude_m", z)]);
+        file.damper("set_up.", *damper, values);
+    }
+    for experiment in experiments {
+        file.experiment(*experiment, values);
+    }
+    file.table("telemetry", None);
+    file.keys("telemetry", None, &[("rate_hz", "100".into()), ("signals", "[\"x\", \"z\"]".into())]);
+    file.text
+}
+
+/// The text of a case.
+#[must_use]
+pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &Values) -> String {
+    let mut file = Writer::new(FileKind::Case);
+    file.line("# A case, written by `damprig init`. `damprig keys` has all keys. Next:");
+    file.line("#   damprig simulate FILE --plot FIGURE.svg");
+    let mut top = vec![("name", text(name))];
+    if excitation == Excitation::FreeVibration && (damper.has_particle() || damper.has_friction()) {
+        // Ratios refer to it.
+        top.push(("base_amplitude_m", number(values.base_amplitude_m)));
+    }
+    file.line("");
+    file.keys("", None, &top);
+    file.structure(values);
+    file.damper("", damper, values);
+    let (z, frequency) = (number(values.base_amplitude_m), number(values.natural_frequency_hz));
+    let periods = match excitation {
+        Excitation::SteppedSine => {
+            file.table("base", Some("sine"));
+            file.keys("base", Some("sine"), &[("kind", text("sine")), ("amplitude_m", z), ("frequency_hz", frequency)]);
+            100.0
+        }
+        Excitation::Impulse => {
+            let duration = number(values.periods_s(0.5));
+            file.table("base", Some("versine"));
+            file.keys(
+                "base",
+                Some("versine"),
+                &[("kind", text("versine")), ("amplitude_m", z), ("duration_s", duration)],
+            );
+            FREE_PERIODS
+        }
+        Excitation::FreeVibration => {
+            file.table("initial", None);
+            file.keys("initial", None, &[("x_m", number(START_M))]);
+            FREE_PERIODS
+        }
+    };
+    file.table("run", None);
+    file.keys("run", None, &[("duration_s", number(values.periods_s(periods)))]);
+    file.text
+}
+
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+fn text(value: &str) -> String {
+    format!("{value:?}")
+}
+
+/// Writes tables whose keys have their meaning as a comment where they come first.
+struct Writer {
+    tables: Vec<Table>,
+    text: String,
+    explained: BTreeSet<(String, &'static str)>,
+}
+
+impl Writer {
+    fn new(file: FileKind) -> Self {
+        Self { tables: file.tables(), text: String::new(), explained: BTreeSet::new() }
+    }
+
+    fn line(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    /// The header of a table, under its meaning where it comes first. A path in brackets is an item of a list.
+    fn table(&mut self, path: &str, kind: Option<&str>) {
+        let declared = path.trim_matches(['[', ']']);
+        let declared = declared.strip_prefix("set_up.").unwrap_or(declared).to_string();
+        let doc = self.declared(&declared, kind).first().map(|table| table.doc);
+        self.text.push('\n');
+        if let Some(doc) = doc.filter(|_| self.explained.insert((declared.clone(), kind_key(&self.tables, kind)))) {
+            self.line(&format!("# {doc}"));
+        }
+        self.line(&format!("[{path}]"));
+    }
+
+    /// The tables at a path of a kind, that of the kind first.
+    fn declared(&self, path: &str, kind: Option<&str>) -> Vec<Table> {
+        let kinds = kinds_at(&self.tables, path).into_iter().find(|(of, _)| *of == kind);
+        let mut tables = kinds.map(|(_, tables)| tables).unwrap_or_default();
+        tables.sort_by_key(|table| table.kind != kind);
+        tables
+    }
+
+    /// Keys of a table with their values.
+    fn keys(&mut self, path: &str, kind: Option<&str>, keys: &[(&'static str, String)]) {
+        let path = path.strip_prefix("set_up.").unwrap_or(path);
+        let quantities: Vec<&Quantity> = self.declared(path, kind).iter().flat_map(|table| table.quantities).collect();
+        let width = keys.iter().map(|(key, value)| key.len() + value.chars().count() + 3).max().unwrap_or(0);
+        for (key, value) in keys {
+            let entry = format!("{key} = {value}");
+            let quantity = quantities.iter().find(|quantity| quantity.key(key).is_some());
+            let meaning = quantity.and_then(|quantity| meaning(quantity, key));
+            match meaning.filter(|_| self.explained.insert((path.to_string(), key))) {
+                Some(meaning) => self.line(&format!("{entry:width$}    # {meaning}")),
+                None => self.line(&entry),
+            }
+        }
+    }
+
+    fn structure(&mut self, values: &Values) {
+        self.table("structure", None);
+        let structure = [
+            ("mass_kg", number(values.mass_kg)),
+            ("natural_frequency_hz", number(values.natural_frequency_hz)),
+            ("damping_ratio", number(values.damping_ratio)),
+        ];
+        self.keys("structure", None, &structure);
+    }
+
+    /// The tables of a damper, below `prefix`.
+    fn damper(&mut self, prefix: &str, damper: Damper, values: &Values) {
+        let mass = ("mass_ratio", number(values.mass_ratio));
+        if damper.has_particle() {
+            self.table(&format!("{prefix}particle"), None);
+            let clearance = ("clearance_ratio", number(values.clearance_ratio));
+            self.keys("particle", None, &[mass.clone(), clearance, ("friction_coefficient", number(0.0))]);
+            let (path, kind) = ("particle.wall", Some("restitution"));
+            self.table(&format!("{prefix}{path}"), kind);
+            self.keys(path, kind, &[("kind", text("restitution")), ("coefficient", number(values.restitution))]);
+        }
+        if damper.has_friction() {
+            self.table(&format!("{prefix}friction_damper"), None);
+            self.keys("friction_damper", None, &[("friction_ratio", number(values.friction_ratio))]);
+        }
+        if damper == Damper::Tmd {
+            self.table(&format!("{prefix}tmd"), None);
+            self.keys("tmd", None, &[mass, ("tuning", text("warburton"))]);
+        }
+    }
+
+    fn experiment(&mut self, experiment: Excitation, values: &Values) {
+        let (kind, name) = match experiment {
+            Excitation::SteppedSine => ("stepped_sine", "sweep"),
+            Excitation::FreeVibration => ("free_vibration", "release"),
+            Excitation::Impulse => ("impulse", "pulse"),
+        };
+        let mut keys = vec![("name", text(name)), ("kind", text(kind))];
+        let after = number(values.periods_s(FREE_PERIODS));
+        match experiment {
+            Excitation::SteppedSine => {
+                let share = |share: f64| number(three_digits(share * values.natural_frequency_hz));
+                let grid = format!("{{ from_hz = {}, to_hz = {}, step_hz = {} }}", share(0.8), share(1.2), share(0.02));
+                keys.extend([
+                    ("frequencies_hz", grid),
+                    ("start", text("from_rest")),
+                    ("settle_s", number(0.0)),
+                    ("dwell_s", number(values.periods_s(DWELL_PERIODS))),
+                ]);
+            }
+            Excitation::FreeVibration => {
+                keys.extend([("start_m", number(START_M)), ("measure_s", after), ("cycles", "10".into())]);
+            }
+            Excitation::Impulse => keys.extend([
+                ("shape", text("versine")),
+                ("amplitude_m", number(values.base_amplitude_m)),
+                ("duration_s", number(values.periods_s(0.5))),
+                ("tail_s", after),
+            ]),
+        }
+        self.table("[experiment]", Some(kind));
+        self.keys("experiment", Some(kind), &keys);
+        if experiment == Excitation::SteppedSine {
+            self.table("experiment.steady", None);
+            self.keys("experiment.steady", None, &[("longest_dwell_s", number(values.periods_s(3.0 * DWELL_PERIODS)))]);
+        }
+    }
+}
+
+/// The kind as the tables declare it.
+fn kind_key(tables: &[Table], kind: Option<&str>) -> &'static str {
+    tables.iter().find_map(|table| table.kind.filter(|of| Some(*of) == kind)).unwrap_or("")
+}
+
+/// The meaning of a key, and the keys of the same quantity.
+fn meaning(quantity: &Quantity, key: &str) -> Option<String> {
+    let mut text = quantity.key(key)?.doc.to_string();
+    let others: Vec<&str> = quantity.keys.iter().map(|other| other.name).filter(|other| *other != key).collect();
+    if !others.is_empty() {
+        text.push_str(&format!("; or {}", others.join(", ")));
+    }
+    Some(text)
+}
