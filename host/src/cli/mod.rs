@@ -18,6 +18,7 @@ macro_rules! warn {
 }
 
 mod arguments;
+mod compare;
 mod devices;
 mod documents;
 #[cfg(feature = "probe")]
@@ -86,6 +87,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
+    /// Compare a run with simulations of its set-ups, with uncertainties
+    Compare(compare::Args),
     /// Print the completions of a shell
     Completions(documents::Completions),
     /// Print the manual page of damprig or of one of its commands
@@ -132,6 +135,7 @@ pub fn main() -> ExitCode {
         Command::Log(args) => without_probe::run("log", &args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Identify(args) => identify::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Completions(args) => documents::completions(&args, Cli::command()),
         Command::Man(args) => documents::manual_page(&args, Cli::command()),
     };

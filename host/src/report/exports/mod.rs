@@ -5,6 +5,7 @@
 //! exported.
 
 pub mod atomic_file;
+pub mod comparison;
 pub mod csv;
 pub mod mat;
 pub mod uff;
