@@ -41,7 +41,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 17] = [
+const HOST_LAYERS: [&str; 18] = [
     "host_time",
     "input",
     "settings",
@@ -55,6 +55,7 @@ const HOST_LAYERS: [&str; 17] = [
     "simulation",
     "file_keys",
     "identify",
+    "compare",
     "board",
     "report",
     "monitor",

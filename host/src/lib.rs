@@ -8,6 +8,7 @@ pub mod board;
 pub mod campaign;
 pub mod cli;
 pub mod client;
+pub mod compare;
 pub mod file_keys;
 pub mod host_time;
 pub mod identify;

@@ -14,7 +14,7 @@ pub mod settling;
 pub mod simulated_rig;
 pub mod transient;
 pub mod wall_force;
-mod watch;
+pub(crate) mod watch;
 
 use std::f64::consts::TAU;
 

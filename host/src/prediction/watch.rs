@@ -36,8 +36,21 @@ struct Pulse {
     peak_n: f64,
 }
 
+/// A pulse as the board counts it, or would count it with a lower threshold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct WatchedPulse {
+    /// When it began, steps.
+    pub(crate) from: f64,
+    /// +1 where y − x = +d.
+    pub(crate) side: i8,
+    /// Its peak, N.
+    pub(crate) peak_n: f64,
+    /// Whether the board counts it.
+    pub(crate) is_counted: bool,
+}
+
 /// The observer of a motion.
-pub(super) struct MotionWatch {
+pub(crate) struct MotionWatch {
     step: u64,
     x_m: f64,
     threshold_n: f64,
@@ -56,6 +69,8 @@ pub(super) struct MotionWatch {
     pub(super) weak: u32,
     /// The largest force on a wall, N; 0 without an impact.
     pub(super) largest_force_n: f64,
+    /// All pulses, if they are kept.
+    pulses: Option<Vec<WatchedPulse>>,
     /// Peak of the pulse of an impact with a unit of `kick`, N.
     force_per_kick_n: f64,
     /// Force of a soft wall per unit of the integrator's, N.
@@ -64,7 +79,7 @@ pub(super) struct MotionWatch {
 
 impl MotionWatch {
     /// For a structure of `mass_kg` and steps of `step_s`.
-    pub(super) fn new(detection: &ImpactConfig, mass_kg: f64, step_s: f64) -> Self {
+    pub(crate) fn new(detection: &ImpactConfig, mass_kg: f64, step_s: f64) -> Self {
         Self {
             step: 0,
             x_m: 0.0,
@@ -77,13 +92,24 @@ impl MotionWatch {
             measurable: 0,
             weak: 0,
             largest_force_n: 0.0,
+            pulses: None,
             force_per_kick_n: force_n(mass_kg / step_s),
             force_per_unit_n: mass_kg / (step_s * step_s),
         }
     }
 
+    /// The same, which keeps its pulses: memory grows with their number.
+    pub(crate) fn with_pulses(self) -> Self {
+        Self { pulses: Some(Vec::new()), ..self }
+    }
+
+    /// The pulses kept so far.
+    pub(crate) fn into_pulses(self) -> Vec<WatchedPulse> {
+        self.pulses.unwrap_or_default()
+    }
+
     /// Ends a step at x (m); returns the largest |x| in it, m.
-    pub(super) fn end_step(&mut self, x_m: f64) -> f64 {
+    pub(crate) fn end_step(&mut self, x_m: f64) -> f64 {
         self.step += 1;
         std::mem::take(&mut self.x_m).max(x_m.abs())
     }
@@ -101,7 +127,11 @@ impl MotionWatch {
             new.from >= last.until + self.refractory
                 || new.from >= last.until && new.peak_n >= self.ringing * last.peak_n
         });
-        if new.peak_n >= self.threshold_n && is_own_pulse {
+        let is_counted = new.peak_n >= self.threshold_n && is_own_pulse;
+        if let Some(pulses) = &mut self.pulses {
+            pulses.push(WatchedPulse { from: new.from, side, peak_n: new.peak_n, is_counted });
+        }
+        if is_counted {
             self.measurable = self.measurable.saturating_add(1);
             *last = Some(new);
         } else {

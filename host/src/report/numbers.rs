@@ -39,6 +39,29 @@ pub fn millimetres(metres: f64) -> String {
     format!("{} mm", significant(metres * 1e3, 6))
 }
 
+/// A value with its uncertainty to two significant digits: `12.34 ± 0.56`.
+#[must_use]
+pub fn with_uncertainty(value: f64, uncertainty: f64) -> String {
+    if !value.is_finite() || !uncertainty.is_finite() || uncertainty <= 0.0 {
+        return significant(value, 6);
+    }
+    let decimals = (1 - uncertainty.log10().floor() as i32).max(0);
+    let is_readable = decimals <= 7 && value.abs() < 1e9;
+    if !is_readable {
+        return format!("{} ± {}", significant(value, 6), significant(uncertainty, 2));
+    }
+    let decimals = usize::try_from(decimals).unwrap_or(0);
+    format!("{value:.decimals$} ± {uncertainty:.decimals$}")
+}
+
+/// A normalised error; large ones without decimals.
+#[must_use]
+pub fn normalised_error(value: f64) -> String {
+    // Adding 0 removes the sign of a rounded zero.
+    let rounded = (value * 100.0).round() / 100.0 + 0.0;
+    if rounded.abs() < 10.0 { format!("{rounded:.2}") } else { format!("{value:.0}") }
+}
+
 fn without_trailing_zeros(text: &str) -> &str {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }

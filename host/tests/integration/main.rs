@@ -3,6 +3,7 @@
 mod analysis;
 mod analysis_account;
 mod common;
+mod compare;
 mod controller;
 mod disk;
 mod doctored_folder;

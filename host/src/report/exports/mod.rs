@@ -6,6 +6,7 @@
 
 pub mod atomic_file;
 mod columns;
+pub mod comparison;
 pub mod csv;
 mod facts;
 pub mod hdf5;

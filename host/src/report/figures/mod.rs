@@ -6,6 +6,7 @@
 
 pub mod axis;
 pub mod campaign;
+pub mod comparison;
 pub mod frequency_response;
 pub mod simulated_motion;
 pub mod time_histories;

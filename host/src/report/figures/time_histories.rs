@@ -100,7 +100,7 @@ fn legend_of(canvas: &Canvas, panel: &HistoryPanel, (left, top): (i32, i32)) -> 
 }
 
 /// Reduces many points to the lowest and highest per column, in order of time.
-fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+pub(super) fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if points.len() <= 2 * COLUMNS {
         return points.to_vec();
     }

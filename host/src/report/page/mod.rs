@@ -3,6 +3,7 @@
 //! The page depends on the run folder alone, so making it again gives the same page. `data` gathers its contents; the
 //! template escapes all text.
 
+pub mod comparison;
 mod data;
 mod gaps;
 mod health;

@@ -2,6 +2,7 @@
 
 pub mod analysis;
 pub mod campaign;
+pub mod comparison;
 pub mod set_ups;
 pub mod simulation;
 mod table;

@@ -1,0 +1,158 @@
+//! `damprig compare`: compares a run with simulations of its set-ups.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use clap::Args as ClapArgs;
+
+use super::arguments::positive;
+use super::outcome::{Failure, Outcome};
+use super::progress::bar;
+use crate::campaign::Campaign;
+use crate::compare::{CannotCompare, Comparison, Options, compare};
+use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
+use crate::report::exports::comparison::write_csv;
+use crate::report::page::comparison::comparison_page;
+use crate::report::terminal;
+use crate::run_folder::RunFolder;
+use crate::run_folder::read::folder::find;
+
+/// Compares a run with simulations of its set-ups, with uncertainties and normalised errors.
+///
+/// Each point is simulated over the same ticks, on the run's own measured base motion and on the ideal one. For the measured one the run
+/// needs z at every tick: in [telemetry] rate_hz = 1000, with "x" and "z" in signals. docs/COMPARE.md describes the method.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Run folder, its name, or the short id at the end of the name
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+
+    /// Write comparison.html, comparison.csv and comparison.json into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+
+    /// Print the comparison as one JSON object
+    #[arg(long)]
+    json: bool,
+
+    /// Simulate the set-ups of this campaign instead of the run's own of the same names, for example with identified parameters
+    #[arg(long, value_name = "CAMPAIGN")]
+    set_ups: Option<PathBuf>,
+
+    /// Relative standard uncertainty of the scales of both displacement sensors, from their calibration [default: from the
+    /// simulated sensors; 0.15 % of a real rig]
+    #[arg(long, value_name = "SHARE", value_parser = positive)]
+    scale_uncertainty: Option<f64>,
+
+    /// Replace existing files of --out
+    #[arg(long, requires = "out")]
+    force: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig compare runs/20261121-041624-hybrid-k3x9
+  damprig compare k3x9 --out k3x9-compared
+  damprig compare k3x9 --set-ups identified-campaign.toml --json
+
+A difference is a result: the exit code is 0 whether or not measured and predicted agree.
+
+Exit codes:
+  0    success
+  1    a part of the run cannot be read (the rest is compared), or a file could not be written
+  2    the command line or the campaign is wrong, or there is no such run; nothing was written
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); nothing was written";
+
+/// Names of the files of `--out`.
+const FILES: [&str; 3] = ["comparison.html", "comparison.csv", "comparison.json"];
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// No such run, a damaged run, a wrong campaign, an unwritable file, an interruption.
+pub fn run(args: &Args) -> Outcome {
+    let path = find(&args.run).map_err(Failure::input)?;
+    if let Some(out) = &args.out {
+        check_target(out, args.force)?;
+    }
+    let set_ups = args.set_ups.as_ref().map(|file| Campaign::read(file)).transpose().map_err(Failure::input)?;
+    let run = RunFolder::open(&path).map_err(Failure::failed)?;
+    let comparison = compared(&run, set_ups, args.scale_uncertainty)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&comparison).map_err(Failure::failed)?);
+    } else {
+        say!("Run {} ({}), set-ups of {}", comparison.run, comparison.state, comparison.set_ups_from);
+        say!("{}", terminal::comparison::text(&comparison));
+    }
+    if let Some(out) = &args.out {
+        write(&comparison, out, args.force)?;
+        if !args.json {
+            say!("Page, table and JSON: {}", out.display());
+        }
+    }
+    if comparison.unreadable.is_empty() {
+        return Ok(());
+    }
+    let missing = comparison.unreadable.join("\n  not compared: ");
+    Err(Failure::Failed(format!("a part of the run cannot be read; the rest is compared\n  not compared: {missing}")))
+}
+
+/// Rejects a folder with files of an earlier comparison, unless they are to be replaced.
+fn check_target(out: &Path, force: bool) -> Outcome {
+    if out.exists() && !out.is_dir() {
+        return Err(Failure::Input(format!("--out: {} is a file; give a folder", out.display())));
+    }
+    let taken = FILES.iter().map(|name| out.join(name)).find(|file| file.symlink_metadata().is_ok());
+    match taken {
+        Some(file) if !force => Err(Failure::Input(format!("--out: cannot write {}: {EXISTS}", file.display()))),
+        _ => Ok(()),
+    }
+}
+
+/// Compares with a progress bar.
+fn compared(
+    run: &RunFolder,
+    set_ups_from: Option<Campaign>,
+    scale_uncertainty: Option<f64>,
+) -> Result<Comparison, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    let done = AtomicUsize::new(0);
+    let options = Options { scale_uncertainty, done: &done, stop: &stop };
+    let bar = bar(run.manifest().points_taken as u64);
+    bar.set_message("simulating");
+    let comparison = std::thread::scope(|scope| {
+        let work = scope.spawn(|| compare(run, set_ups_from, &options));
+        while !work.is_finished() {
+            bar.set_position(done.load(Ordering::Relaxed) as u64);
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        work.join()
+    });
+    bar.finish_and_clear();
+    let comparison = comparison.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    comparison.map_err(|error| match error {
+        CannotCompare::Run(message) => Failure::Failed(message),
+        CannotCompare::Campaign(message) => Failure::Input(message),
+        CannotCompare::Stopped => Failure::Interrupted(error.to_string()),
+    })
+}
+
+fn write(comparison: &Comparison, out: &Path, force: bool) -> Outcome {
+    std::fs::create_dir_all(out)
+        .map_err(|error| Failure::Failed(format!("cannot create {}: {error}", out.display())))?;
+    let page = comparison_page(comparison);
+    let mut table = Vec::new();
+    write_csv(comparison, &mut table).map_err(Failure::failed)?;
+    let json = serde_json::to_vec_pretty(comparison).map_err(Failure::failed)?;
+    for (name, bytes) in FILES.iter().zip([page.as_bytes(), &table, &json]) {
+        let file = OutFile { path: out.join(name), force };
+        let failed = to_failure(&file.path);
+        write_new(&file, |to| to.write_all(bytes).map_err(|error| failed(&error))).map_err(Failure::failed)?;
+    }
+    Ok(())
+}

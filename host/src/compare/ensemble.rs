@@ -1,0 +1,242 @@
+//! The simulations behind an uncertainty of prediction: identified parameters, the scale of z and the particle's start vary together
+//! over the members of an ensemble.
+//!
+//! Each member takes in each dimension the middle of one of [`MEMBERS`] equal parts, a part of its own (a Latin square), so that the
+//! spread of a linear response is the propagated uncertainty without the scatter of random draws. A quantity of standard uncertainty u
+//! varies evenly over ± √3 u, which has that standard deviation. With more than five identified
+//! parameters, dimensions repeat.
+
+use std::path::Path;
+
+use damprig_core::model::{Initial, SetUp};
+use toml::{Table, Value};
+
+use super::metric::{Metric, Values};
+use crate::campaign::{Campaign, CampaignSetUp};
+use crate::identify::statistics::student_95;
+use crate::input::Source;
+use crate::setup::{Identified, set_up_file};
+
+/// Members of an ensemble.
+pub(super) const MEMBERS: usize = 17;
+
+/// Exponent p and factor s of each dimension: member n has the part s·nᵖ mod 17, a part of its own since p has no divisor in common
+/// with 16. The places in two dimensions correlate by less than 0.17.
+const PARTS: [(u32, usize); 7] = [(1, 14), (1, 10), (1, 6), (5, 2), (7, 9), (7, 16), (7, 2)];
+
+/// How far the particle's start varies where it is known, as on a simulated rig, as a share of the clearance: some micrometres, as the
+/// noise of the base. What that does to the motion shows how much it amplifies disturbances.
+const KNOWN_START: f64 = 1e-3;
+
+/// Place of a member in a dimension, from −1 to 1.
+pub(super) fn place(member: usize, dimension: usize) -> f64 {
+    let (exponent, factor) = PARTS[dimension % PARTS.len()];
+    let part = (0..exponent).fold(factor, |part, _| part * member % MEMBERS);
+    (2.0 * part as f64 + 1.0) / MEMBERS as f64 - 1.0
+}
+
+/// The same in standard uncertainties.
+fn deviation(member: usize, dimension: usize) -> f64 {
+    3.0_f64.sqrt() * place(member, dimension)
+}
+
+/// Dimensions: the start of the particle, the scale of z, then the identified parameters.
+const START: usize = 0;
+const SCALE: usize = 1;
+const PARAMETERS: usize = 2;
+
+/// A simulation to run: a model, its start, and the factor of the base motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Member {
+    pub(super) model: SetUp,
+    pub(super) initial: Initial,
+    pub(super) base_factor: f64,
+}
+
+/// The models of one set-up: as stated, and with its identified parameters varied.
+#[derive(Clone, Debug)]
+pub(super) struct Models {
+    pub(super) set_up: CampaignSetUp,
+    /// One for each member; empty if no identified parameter acts on the set-up.
+    varied: Vec<CampaignSetUp>,
+    /// Whether the particle's start is known, as on a simulated rig.
+    is_start_known: bool,
+    /// Relative standard uncertainty of z.
+    scale: f64,
+}
+
+impl Models {
+    /// Of a set-up, its models with varied parameters (empty without any), and whether the rig is simulated.
+    pub(super) fn new(set_up: &CampaignSetUp, varied: &[Vec<CampaignSetUp>], is_simulated: bool, scale: f64) -> Self {
+        let own = |all: &Vec<CampaignSetUp>| all.iter().find(|other| other.name == set_up.name).cloned();
+        let varied: Vec<CampaignSetUp> = varied.iter().filter_map(own).collect();
+        let acts = varied.iter().any(|other| other.model() != set_up.model());
+        let varied = if acts { varied } else { Vec::new() };
+        Self { set_up: set_up.clone(), varied, is_start_known: is_simulated, scale }
+    }
+
+    /// Whether identified parameters with an uncertainty act on the set-up.
+    pub(super) fn has_parameters(&self) -> bool {
+        !self.varied.is_empty()
+    }
+
+    fn initial(set_up: &CampaignSetUp, x_m: f64, moved: f64) -> Initial {
+        let clearance_m = set_up.model().particle.map_or(0.0, |particle| particle.clearance_m);
+        let offset_m = (set_up.particle_start_m() + moved * clearance_m).clamp(-clearance_m, clearance_m);
+        Initial { x_m, y_m: x_m + offset_m, ..Initial::default() }
+    }
+
+    /// The set-up as stated, released from `x_m`.
+    pub(super) fn stated(&self, x_m: f64) -> Member {
+        Member { model: self.set_up.model(), initial: Self::initial(&self.set_up, x_m, 0.0), base_factor: 1.0 }
+    }
+
+    /// A start beside the stated one, by a thousandth of the clearance; `None` without a particle.
+    pub(super) fn neighbour(&self, x_m: f64) -> Option<Member> {
+        self.set_up.model().particle?;
+        let moved = if place_of(&self.set_up) > 0.0 { -KNOWN_START } else { KNOWN_START };
+        Some(Member { initial: Self::initial(&self.set_up, x_m, moved), ..self.stated(x_m) })
+    }
+
+    /// The members that show the uncertainty of the prediction; none if nothing varies.
+    pub(super) fn members(&self, x_m: f64) -> Vec<Member> {
+        let start_varies = self.set_up.model().particle.is_some();
+        if !start_varies && !self.has_parameters() && self.scale == 0.0 {
+            return Vec::new();
+        }
+        let member = |n: usize| {
+            let set_up = self.varied.get(n).unwrap_or(&self.set_up);
+            let moved = match (start_varies, self.is_start_known) {
+                (false, _) => 0.0,
+                (true, true) => KNOWN_START * place(n, START),
+                // The whole travel; the stated start is one of many.
+                (true, false) => place(n, START) - place_of(set_up),
+            };
+            Member {
+                model: set_up.model(),
+                initial: Self::initial(set_up, x_m, moved),
+                base_factor: 1.0 + self.scale * deviation(n, SCALE),
+            }
+        };
+        (0..MEMBERS).map(member).collect()
+    }
+}
+
+/// The stated start of a particle as a share of its clearance.
+fn place_of(set_up: &CampaignSetUp) -> f64 {
+    set_up
+        .model()
+        .particle
+        .map_or(0.0, |particle| set_up.particle_start_m() / particle.clearance_m.max(f64::MIN_POSITIVE))
+}
+
+/// Mean and standard uncertainty of the members' values: of a further draw beside their mean, for k = 2 with Student's factor. Without
+/// members those of the set-up as stated.
+pub(super) fn summary(stated: &Values, members: &[Values]) -> (Values, Values) {
+    let (mut means, mut uncertainties) = (Values::new(), Values::new());
+    for (metric, about) in stated {
+        let away = |values: &Values| values.get(metric).map(|value| metric.difference(*value, *about));
+        let away: Vec<f64> = members.iter().filter_map(away).collect();
+        let (mut value, mut u) = (*about, 0.0);
+        if away.len() > 1 {
+            let n = away.len() as f64;
+            let mean = away.iter().sum::<f64>() / n;
+            let variance = away.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / (n - 1.0);
+            value = wrapped(*metric, about + mean);
+            u = 0.5 * student_95(n - 1.0) * (1.0 + 1.0 / n).sqrt() * variance.sqrt();
+        }
+        means.insert(*metric, value);
+        uncertainties.insert(*metric, u);
+    }
+    (means, uncertainties)
+}
+
+fn wrapped(metric: Metric, value: f64) -> f64 {
+    if metric == Metric::Phase { metric.difference(value, 0.0) } else { value }
+}
+
+/// The set-ups of a campaign for each member, with the identified values of its set-up file varied by their standard uncertainty.
+/// Empty without a set-up file or without an uncertainty.
+///
+/// # Errors
+/// Why the values cannot be varied, in words.
+pub(super) fn varied_set_ups(campaign: &Campaign, is_simulated: bool) -> Result<Vec<Vec<CampaignSetUp>>, String> {
+    let Some(file) = &campaign.set_up_file else { return Ok(Vec::new()) };
+    let uncertain: Vec<&Identified> = file.identified.iter().filter(|value| value.standard_uncertainty > 0.0).collect();
+    if uncertain.is_empty() {
+        return Ok(Vec::new());
+    }
+    let folder = tempfile::tempdir().map_err(|error| format!("no temporary folder: {error}"))?;
+    let copies = Path::new(crate::campaign::transient::RECORDS);
+    let copy = set_up_file::kept(&folder.path().join(copies), &file.file);
+    std::fs::create_dir_all(folder.path().join(copies)).map_err(|error| format!("no temporary folder: {error}"))?;
+    let text = set_ups_alone(campaign.source.text())?;
+    let set_ups_of = |member: usize| -> Result<Vec<CampaignSetUp>, String> {
+        let mut values: Table = file.text.parse().map_err(|error| format!("the set-up file is not TOML: {error}"))?;
+        for (n, value) in uncertain.iter().enumerate() {
+            vary(&mut values, &value.key, deviation(member, PARAMETERS + n) * value.standard_uncertainty)?;
+        }
+        let varied = toml::to_string(&values).map_err(|error| error.to_string())?;
+        std::fs::write(&copy, varied).map_err(|error| format!("{}: {error}", copy.display()))?;
+        let source = Source::new(folder.path().join("campaign.toml").display().to_string(), text.clone()).recorded();
+        let mut read = Campaign::parse(source).map_err(|error| error.to_string())?;
+        // Limits were checked before the run.
+        let _ = read.on_board(&campaign.rig.board, is_simulated);
+        Ok(read.set_ups)
+    };
+    (0..MEMBERS).map(set_ups_of).collect()
+}
+
+/// The campaign with one short experiment instead of its own, whose records are elsewhere.
+fn set_ups_alone(text: &str) -> Result<String, String> {
+    let mut campaign: Table = text.parse().map_err(|error| format!("the campaign is not TOML: {error}"))?;
+    let experiment: Table = "kind = \"stepped_sine\"\nfrequencies_hz = [1]\nstart = \"from_rest\"\ndwell_s = 10\n"
+        .parse()
+        .map_err(|error: toml::de::Error| error.to_string())?;
+    campaign.insert("experiment".into(), Value::Array(vec![Value::Table(experiment)]));
+    toml::to_string(&campaign).map_err(|error| error.to_string())
+}
+
+/// Adds to the value of a dotted key.
+fn vary(values: &mut Table, key: &str, by: f64) -> Result<(), String> {
+    let absent = || format!("the set-up file has no number `{key}`");
+    let (path, name) = key.rsplit_once('.').unwrap_or(("", key));
+    let table = path
+        .split('.')
+        .filter(|part| !part.is_empty())
+        .try_fold(values, |table, part| table.get_mut(part).and_then(Value::as_table_mut));
+    let value = table.and_then(|table| table.get_mut(name)).ok_or_else(absent)?;
+    let number = value.as_float().or(value.as_integer().map(|whole| whole as f64)).ok_or_else(absent)?;
+    *value = Value::Float(number + by);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn members_cover_every_dimension_evenly_and_independently() {
+        for dimension in 0..PARTS.len() {
+            let mut places: Vec<f64> = (0..MEMBERS).map(|n| place(n, dimension)).collect();
+            places.sort_by(f64::total_cmp);
+            places.windows(2).for_each(|pair| assert!((pair[1] - pair[0] - 2.0 / 17.0).abs() < 1e-12));
+            for other in dimension + 1..PARTS.len() {
+                let product: f64 = (0..MEMBERS).map(|n| place(n, dimension) * place(n, other)).sum();
+                let square: f64 = places.iter().map(|p| p * p).sum();
+                assert!((product / square).abs() < 0.17, "{dimension} {other}: {}", product / square);
+            }
+        }
+    }
+
+    #[test]
+    fn the_spread_of_a_linear_response_is_the_propagated_uncertainty() {
+        let (of_a, of_b) = (0.3, 0.4);
+        let value = |n: usize| Values::from([(Metric::XRms, 1.0 + of_a * deviation(n, 2) + of_b * deviation(n, 3))]);
+        let members: Vec<Values> = (0..MEMBERS).map(value).collect();
+        let (mean, u) = summary(&Values::from([(Metric::XRms, 1.0)]), &members);
+        assert!((mean[&Metric::XRms] - 1.0).abs() < 1e-12);
+        // √(0.3² + 0.4²), widened by Student's factor (1.06), by a further draw (1.03), and by what correlation the lattice has.
+        assert!((u[&Metric::XRms] / 0.5 / 1.09 - 1.0).abs() < 0.15, "{}", u[&Metric::XRms]);
+    }
+}

@@ -1,0 +1,302 @@
+//! The quantities that are compared, and their values in a run and in a simulation. A simulated motion is measured by the board's own
+//! code, over the same ticks.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use damprig_core::control::outcome::{Outcome, TickInputs};
+use damprig_core::control::transient::free_vibration::{FreeVibrationPlan, FreeVibrationRunner};
+use damprig_core::io::{Reading, Readings, SensorSet, TICK_HZ};
+use damprig_core::measure::point::{Place, PointMeter};
+use damprig_core::measure::steadiness::SteadyLimits;
+use damprig_core::measure::transient::{TransientMeter, TransientResult};
+use damprig_core::sine::Phase;
+use serde::Serialize;
+
+use super::motion::{SimulatedMotion, TICK_S, TickReading, WallPulse};
+use crate::campaign::FreeVibration;
+use crate::prediction::contact_s;
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::transients::TransientRow;
+
+/// A compared quantity. Its values are in SI units.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Metric {
+    /// X/Z (cycle maxima).
+    XOverZ,
+    /// X/Z (lock-in).
+    XOverZLockIn,
+    /// Phase of x relative to z, rad.
+    Phase,
+    /// Largest |x|, m.
+    XMax,
+    /// When |x| was largest, after the start of the measurement, s.
+    XMaxTime,
+    /// RMS of x, m.
+    XRms,
+    /// Largest |x − z|, m.
+    RelativeMax,
+    /// Impacts that the board counts, in a cycle of the drive.
+    ImpactsPerCycle,
+    /// Impacts that the board counts.
+    Impacts,
+    /// Largest impulse on a hard wall, N·s.
+    Impulse,
+    /// Largest force on a soft wall, N.
+    WallForce,
+    /// Damping ratio of the linear structure that would decay so.
+    DampingRatio,
+    /// Frequency of the decay, Hz.
+    Frequency,
+}
+
+impl Metric {
+    /// Its name for people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::XOverZ => "X/Z (cycle maxima)",
+            Self::XOverZLockIn => "X/Z (lock-in)",
+            Self::Phase => "phase",
+            Self::XMax => "max|x|",
+            Self::XMaxTime => "time of max|x|",
+            Self::XRms => "RMS x",
+            Self::RelativeMax => "max|x−z|",
+            Self::ImpactsPerCycle => "impacts per cycle",
+            Self::Impacts => "impacts",
+            Self::Impulse => "largest impulse",
+            Self::WallForce => "largest wall force",
+            Self::DampingRatio => "ζ of the decay",
+            Self::Frequency => "f of the decay",
+        }
+    }
+
+    /// Its SI unit; "1" of a ratio or a count.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::XOverZ | Self::XOverZLockIn | Self::ImpactsPerCycle | Self::Impacts | Self::DampingRatio => "1",
+            Self::Phase => "rad",
+            Self::XMax | Self::XRms | Self::RelativeMax => "m",
+            Self::XMaxTime => "s",
+            Self::Impulse => "N·s",
+            Self::WallForce => "N",
+            Self::Frequency => "Hz",
+        }
+    }
+
+    /// The unit that tables show and its number in an SI unit.
+    #[must_use]
+    pub fn shown_unit(self) -> (&'static str, f64) {
+        match self {
+            Self::Phase => ("°", 180.0 / std::f64::consts::PI),
+            Self::XMax | Self::XRms | Self::RelativeMax => ("mm", 1e3),
+            _ => (if self.unit() == "1" { "" } else { self.unit() }, 1.0),
+        }
+    }
+
+    /// The difference of two values; angles differ by half a turn at most.
+    #[must_use]
+    pub fn difference(self, a: f64, b: f64) -> f64 {
+        if self == Self::Phase {
+            (a - b + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+        } else {
+            a - b
+        }
+    }
+}
+
+/// Values of several quantities.
+pub(super) type Values = BTreeMap<Metric, f64>;
+
+/// Impacts and the largest force on a wall, as the board measured them or a simulation has them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Walls {
+    /// Impacts that are counted.
+    pub(super) impacts: u32,
+    /// Largest force of a soft wall, N.
+    pub(super) force_n: f64,
+    /// Largest impulse on a hard wall, N·s.
+    pub(super) impulse_n_s: f64,
+}
+
+impl Walls {
+    /// Of a simulated motion, in these ticks of it.
+    pub(super) fn of(pulses: &[WallPulse], ticks: &Range<usize>) -> Self {
+        let own = || pulses.iter().filter(|pulse| ticks.contains(&pulse.tick));
+        // A pulse just below the threshold may have been counted in the run.
+        let force_n = own().map(|pulse| pulse.peak_n).fold(0.0, f64::max);
+        // A half-sine of the contact's length has the impulse 2 F τ/π.
+        let impulse_n_s = force_n * 2.0 * contact_s() / std::f64::consts::PI;
+        Self { impacts: own().filter(|pulse| pulse.is_counted).count() as u32, force_n, impulse_n_s }
+    }
+
+    fn add_to(self, values: &mut Values, is_soft: bool, cycles: Option<u32>) {
+        match cycles {
+            Some(cycles) => values.insert(Metric::ImpactsPerCycle, f64::from(self.impacts) / f64::from(cycles.max(1))),
+            None => values.insert(Metric::Impacts, f64::from(self.impacts)),
+        };
+        // There is no largest impact without one.
+        if self.force_n > 0.0 {
+            let (metric, value) =
+                if is_soft { (Metric::WallForce, self.force_n) } else { (Metric::Impulse, self.impulse_n_s) };
+            values.insert(metric, value);
+        }
+    }
+}
+
+/// What is known about the walls of a set-up: whether they are soft, `None` without a particle.
+pub(super) type WallKind = Option<bool>;
+
+/// The measured values of a point.
+pub(super) fn of_result(row: &ResultRow, walls: Walls, kind: WallKind) -> Values {
+    let mut values = Values::from([
+        (Metric::XOverZ, row.x_over_z()),
+        (Metric::XOverZLockIn, row.x_over_z_lock_in()),
+        (Metric::Phase, f64::from(row.phase_rad)),
+        (Metric::XMax, f64::from(row.x_max_m)),
+        (Metric::XRms, f64::from(row.x_rms_m)),
+    ]);
+    if let Some(is_soft) = kind {
+        walls.add_to(&mut values, is_soft, Some(row.cycles));
+    }
+    values
+}
+
+/// The window of a point in a simulated motion.
+#[derive(Clone, Debug)]
+pub(super) struct PointWindow<'a> {
+    /// Ticks of the motion.
+    pub(super) ticks: Range<usize>,
+    /// Phase of the drive in each tick of the motion.
+    pub(super) phases: &'a [Phase],
+    /// Drive frequency, Hz.
+    pub(super) frequency_hz: f64,
+    /// Whole cycles.
+    pub(super) cycles: u32,
+}
+
+fn readings(of: &TickReading) -> Readings {
+    let reading = |mean_m, peak_m| Reading { mean_m, peak_m, inside_peak_m: peak_m, ..Reading::default() };
+    Readings { x: reading(of.x_m, of.x_peak_m), z: reading(of.z_m, of.z_peak_m), ..Readings::default() }
+}
+
+/// The simulated values of a point; `None` if the window has another number of cycles than the measured one.
+pub(super) fn of_simulated_point(motion: &SimulatedMotion, window: &PointWindow, kind: WallKind) -> Option<Values> {
+    let increment = Phase::increment(window.frequency_hz as f32, TICK_HZ);
+    let over = |phase: Phase| phase.0 as f32 / increment as f32;
+    let own = motion.readings.get(window.ticks.clone())?;
+    let phases = window.phases.get(window.ticks.clone())?;
+    let mut meter = PointMeter::new(window.cycles, over(*phases.first()?));
+    for (reading, phase) in own.iter().zip(phases) {
+        meter.push(&readings(reading), 0.0, phase.sin_cos());
+        let mut next = *phase;
+        if next.advance(increment) {
+            meter.end_cycle(over(next));
+        }
+    }
+    if meter.cycles() != window.cycles {
+        return None;
+    }
+    let place = Place { frequency_hz: window.frequency_hz as f32, ..Place::default() };
+    let result = meter.result(&place, &SteadyLimits::default());
+    let z = f64::from(result.z_amplitude_m);
+    let mut values = Values::from([
+        (Metric::XOverZ, f64::from(result.x_mean_cycle_max_m) / z),
+        (Metric::XOverZLockIn, f64::from(result.x_amplitude_m) / z),
+        (Metric::Phase, f64::from(result.phase_rad)),
+        (Metric::XMax, f64::from(result.x_max_m)),
+        (Metric::XRms, f64::from(result.x_rms_m)),
+    ]);
+    if let Some(is_soft) = kind {
+        Walls::of(&motion.pulses, &window.ticks).add_to(&mut values, is_soft, Some(window.cycles));
+    }
+    Some(values)
+}
+
+/// The measured values of a record, a pulse or a free vibration. `x_m`: the readings of x in its ticks, if they were recorded.
+pub(super) fn of_transient(row: &TransientRow, x_m: Option<&[f32]>, walls: Walls, kind: WallKind) -> Values {
+    let mut values = Values::from([(Metric::XRms, f64::from(row.x_rms_m))]);
+    if row.kind == "free_vibration" {
+        if row.cycles > 0 {
+            values.extend([(Metric::DampingRatio, row.damping_ratio), (Metric::Frequency, row.frequency_hz)]);
+        }
+    } else {
+        values.extend([(Metric::XMax, f64::from(row.x_peak_m)), (Metric::RelativeMax, f64::from(row.relative_peak_m))]);
+        values.extend(x_m.and_then(|x_m| time_of_largest(x_m.iter().copied())).map(|t_s| (Metric::XMaxTime, t_s)));
+    }
+    if let Some(is_soft) = kind {
+        walls.add_to(&mut values, is_soft, None);
+    }
+    values
+}
+
+/// When |x| is largest, s after the first.
+fn time_of_largest(x_m: impl Iterator<Item = f32>) -> Option<f64> {
+    let largest = x_m.enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    Some(largest.0 as f64 * TICK_S)
+}
+
+/// The simulated values of a playback, in these ticks of the motion.
+pub(super) fn of_simulated_playback(motion: &SimulatedMotion, ticks: &Range<usize>, kind: WallKind) -> Option<Values> {
+    let own = motion.readings.get(ticks.clone())?;
+    let mut meter = TransientMeter::default();
+    own.iter().for_each(|reading| meter.push(&readings(reading), 0.0));
+    let result = meter.result();
+    let mut values = Values::from([
+        (Metric::XRms, f64::from(result.x_rms_m)),
+        (Metric::XMax, f64::from(result.x_peak_m)),
+        (Metric::RelativeMax, f64::from(result.relative_peak_m)),
+    ]);
+    values.extend(time_of_largest(own.iter().map(|reading| reading.x_m)).map(|t_s| (Metric::XMaxTime, t_s)));
+    if let Some(is_soft) = kind {
+        Walls::of(&motion.pulses, ticks).add_to(&mut values, is_soft, None);
+    }
+    Some(values)
+}
+
+/// What the board measures of a simulated release that it read as `held_m` before, and the tick of the motion in which it detects the
+/// release; `None` if it detects none, or the motion is too short.
+pub(super) fn release(motion: &SimulatedMotion, free: &FreeVibration, held_m: f32) -> Option<(TransientResult, usize)> {
+    let order = free.order();
+    let held_ticks = (f64::from(order.hold_s) * f64::from(TICK_HZ)).ceil() as u32 + 2;
+    let mut runner = FreeVibrationRunner::new(&FreeVibrationPlan::new(order).ok()?);
+    let held = Readings { x: Reading::still(held_m), ..Readings::default() };
+    let mut tick = 0;
+    let mut pass = |readings: &Readings| {
+        let outcome = runner.tick(&TickInputs { tick, readings, impacts: 0, clipped: SensorSet::default() });
+        tick += 1;
+        outcome
+    };
+    for _ in 0..held_ticks {
+        pass(&held);
+    }
+    for reading in &motion.readings {
+        if let Outcome::Transient(result) = pass(&readings(reading)) {
+            return Some((result, (result.start_tick.checked_sub(held_ticks)?) as usize));
+        }
+    }
+    None
+}
+
+/// The simulated values of a release.
+pub(super) fn of_simulated_release(
+    motion: &SimulatedMotion,
+    (result, detected): &(TransientResult, usize),
+    kind: WallKind,
+) -> Values {
+    let mut values = Values::from([(Metric::XRms, f64::from(result.x_rms_m))]);
+    let decay = &result.decay;
+    if decay.cycles > 0 {
+        let cycles = f64::from(decay.cycles);
+        let decrement = (f64::from(decay.start_m) / f64::from(decay.end_m)).ln() / cycles;
+        values.insert(Metric::DampingRatio, decrement / std::f64::consts::TAU.hypot(decrement));
+        values.insert(Metric::Frequency, cycles / f64::from(decay.span_s));
+    }
+    if let Some(is_soft) = kind {
+        let ticks = *detected..*detected + (result.end_tick - result.start_tick) as usize;
+        Walls::of(&motion.pulses, &ticks).add_to(&mut values, is_soft, None);
+    }
+    values
+}

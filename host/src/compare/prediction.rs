@@ -1,0 +1,162 @@
+//! Simulates the models of a set-up on a base motion, and gives the values in its measured windows with their standard uncertainties.
+
+use std::ops::Range;
+
+use damprig_core::measure::impacts::ImpactConfig;
+use rayon::prelude::*;
+
+use super::base::BaseMotion;
+use super::ensemble::{self, Member, Models};
+use super::metric::{Metric, Values};
+use super::motion::{SimulatedMotion, TICK_S, simulate};
+
+/// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Prediction {
+    pub(super) values: Values,
+    pub(super) uncertainties: Values,
+    pub(super) is_sensitive: bool,
+}
+
+/// The predictions for the windows of one simulation.
+pub(super) struct Answer {
+    /// The motion of the set-up as stated.
+    pub(super) motion: SimulatedMotion,
+    /// One for each window; none where the window does not fit.
+    pub(super) predictions: Vec<Option<Prediction>>,
+}
+
+/// Two motions part when their difference is this share of the motion.
+const PARTED: f64 = 0.1;
+
+/// Relative standard uncertainty of a simulation: interpolation of the base, and the board's measurement in single precision.
+const NUMERICAL: f64 = 1e-5;
+
+/// Standard uncertainty of a value on a friction damper's measured base, in differences between two readings of the base. On the
+/// virtual rig, with noise and a shaker, the error was up to 3.6 of them.
+const BY_READING: f64 = 2.0;
+
+/// What to simulate: the models on a base motion, measured in windows of it.
+pub(super) struct Question<'a, M> {
+    pub(super) models: &'a Models,
+    pub(super) start_m: f64,
+    pub(super) base: &'a BaseMotion,
+    pub(super) detection: &'a ImpactConfig,
+    /// The measured parts of the motion.
+    pub(super) windows: Vec<Window>,
+    /// The values of a motion in the window of this place.
+    pub(super) measure: M,
+}
+
+impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
+    fn motion(&self, member: &Member) -> Option<SimulatedMotion> {
+        let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
+        let base = scaled.as_ref().unwrap_or(self.base);
+        simulate(&member.model, &member.initial, &base.ends_m, self.detection).ok()
+    }
+
+    /// The motion on the base read with a parabola of another width.
+    fn base_otherwise(&self, member: &Member) -> Option<SimulatedMotion> {
+        simulate(&member.model, &member.initial, self.base.otherwise_m.as_ref()?, self.detection).ok()
+    }
+
+    fn measured(&self, motion: &SimulatedMotion) -> Vec<Option<Values>> {
+        (0..self.windows.len()).map(|window| (self.measure)(motion, window)).collect()
+    }
+
+    /// The predictions; `None` for a set-up that cannot be simulated.
+    pub(super) fn answer(&self) -> Option<Answer> {
+        let motion = self.motion(&self.models.stated(self.start_m))?;
+        let neighbour = self.models.neighbour(self.start_m).and_then(|member| self.motion(&member));
+        let parts = |window: &Window| neighbour.as_ref().is_some_and(|other| parted(&motion, other, &window.ticks));
+        let are_sensitive: Vec<bool> = self.windows.iter().map(parts).collect();
+        let otherwise = self.base_otherwise(&self.models.stated(self.start_m)).map(|motion| self.measured(&motion));
+        let members = self.models.members(self.start_m);
+        let of_members: Vec<Vec<Option<Values>>> =
+            members.par_iter().filter_map(|member| Some(self.measured(&self.motion(member)?))).collect();
+        let predictions = self.measured(&motion).into_iter().enumerate().map(|(window, stated)| {
+            let own: Vec<Values> = of_members.iter().filter_map(|all| all[window].clone()).collect();
+            let otherwise = otherwise.as_ref().and_then(|all| all[window].as_ref());
+            let stated = stated?;
+            let (values, mut uncertainties) = ensemble::summary(&stated, &own);
+            for (metric, u) in &mut uncertainties {
+                let of_base = otherwise.and_then(|other| Some(metric.difference(*other.get(metric)?, stated[metric])));
+                let own = self.numerical(*metric, values[metric], &motion, &self.windows[window]);
+                let of_noise = self.of_noise(*metric, &values, &self.windows[window]);
+                *u = u.hypot(own).hypot(of_noise).hypot(BY_READING * of_base.unwrap_or(0.0));
+            }
+            Some(Prediction { values, uncertainties, is_sensitive: are_sensitive[window] })
+        });
+        let predictions = predictions.collect();
+        Some(Answer { motion, predictions })
+    }
+
+    /// Standard uncertainty of a simulated value besides that of its inputs.
+    fn numerical(&self, metric: Metric, value: f64, motion: &SimulatedMotion, window: &Window) -> f64 {
+        match metric {
+            Metric::Phase => NUMERICAL,
+            Metric::Impacts | Metric::ImpactsPerCycle => {
+                let cycles = if metric == Metric::Impacts { 1.0 } else { window.cycles };
+                self.near_threshold(motion, window) / 3.0_f64.sqrt() / cycles
+            }
+            Metric::XMaxTime => 0.5 * TICK_S,
+            _ => value.abs() * NUMERICAL,
+        }
+    }
+
+    /// Pulses near the threshold, which may be counted or not: the number above it or below it, whichever is larger. The noise of the
+    /// sensor acts longer on the contacts of a soft wall.
+    fn near_threshold(&self, motion: &SimulatedMotion, window: &Window) -> f64 {
+        let near = if self.models.set_up.model().has_soft_walls() { 0.4 } else { 0.2 };
+        let threshold_n = f64::from(self.detection.threshold_n);
+        let is_near = |peak_n: f64| (peak_n / threshold_n - 1.0).abs() < near;
+        let own = || motion.pulses.iter().filter(|pulse| window.ticks.contains(&pulse.tick) && is_near(pulse.peak_n));
+        let counted = own().filter(|pulse| pulse.is_counted).count();
+        counted.max(own().count() - counted) as f64
+    }
+
+    /// Standard uncertainty by the noise of a measured base: it excites the structure's free vibration.
+    fn of_noise(&self, metric: Metric, values: &Values, window: &Window) -> f64 {
+        let structure = self.models.set_up.model().structure;
+        let (omega, zeta) = (structure.angular_frequency_rad_per_s(), structure.damping_ratio());
+        let excited = (0.5 * omega * window.ticks.end as f64 * TICK_S).min(0.25 / zeta);
+        let moved_m = window.z_noise_m * (excited * omega * TICK_S).sqrt();
+        if moved_m == 0.0 {
+            return 0.0;
+        }
+        let Window { z_m, end_m, cycles, .. } = window;
+        let of_decay = moved_m / (std::f64::consts::TAU * cycles * end_m);
+        match metric {
+            Metric::XOverZ | Metric::XOverZLockIn => moved_m / z_m,
+            Metric::Phase => moved_m / (z_m * values.get(&Metric::XOverZLockIn).copied().unwrap_or(f64::NAN)),
+            Metric::XMax | Metric::XRms | Metric::RelativeMax => moved_m,
+            Metric::DampingRatio => of_decay,
+            Metric::Frequency => 2.0_f64.sqrt() * values.get(&metric).copied().unwrap_or(f64::NAN) * of_decay,
+            Metric::XMaxTime | Metric::ImpactsPerCycle | Metric::Impacts | Metric::Impulse | Metric::WallForce => 0.0,
+        }
+    }
+}
+
+/// A measured part of a motion, and what the noise of its base is compared with.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Window {
+    /// Its ticks.
+    pub(super) ticks: Range<usize>,
+    /// Cycles of the drive, or of a decay.
+    pub(super) cycles: f64,
+    /// RMS noise of a reading of z, m; 0 of an ideal base.
+    pub(super) z_noise_m: f64,
+    /// Amplitude of z at a point, m.
+    pub(super) z_m: f64,
+    /// The last peak of a decay, m.
+    pub(super) end_m: f64,
+}
+
+/// Whether two motions differ by more than [`PARTED`] of their size in these ticks.
+fn parted(a: &SimulatedMotion, b: &SimulatedMotion, ticks: &Range<usize>) -> bool {
+    let of = |motion: &SimulatedMotion| motion.readings.get(ticks.clone()).unwrap_or_default().to_vec();
+    let square = |x: f32| f64::from(x) * f64::from(x);
+    let (a, b) = (of(a), of(b));
+    let difference: f64 = a.iter().zip(&b).map(|(a, b)| square(a.x_m - b.x_m)).sum();
+    difference > PARTED * PARTED * a.iter().map(|a| square(a.x_m)).sum::<f64>()
+}

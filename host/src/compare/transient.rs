@@ -1,0 +1,230 @@
+//! Compares records, pulses and free vibrations.
+
+use std::ops::Range;
+
+use damprig_core::io::TICK_HZ;
+use damprig_core::measure::noise::NoiseMeter;
+
+use super::base::{self, BaseMotion};
+use super::ensemble::Models;
+use super::metric;
+use super::motion::{SimulatedMotion, TICK_S, simulate};
+use super::prediction::{Answer, Question, Window};
+use super::recorded::Recorded;
+use super::{Compared, ComparedPoint, History, Residual, metrics, residual_rms_m, rms_m};
+use crate::campaign::{CampaignSetUp, Experiment, FreeVibration, Playback};
+use crate::run_folder::schema::segment_id::SegmentId;
+use crate::run_folder::schema::transients::TransientRow;
+
+/// Most ticks of a transient that is compared: almost three hours.
+const MOST_TICKS: u64 = 10_000_000;
+
+/// Ticks in which a released structure must have fallen by a tenth, at most: that of 0.01 Hz.
+const LONGEST_FALL: f64 = 1e5;
+
+/// Ticks by which a motion may be longer than the measured one, for a release that is detected later.
+const SPARE: usize = 4;
+
+/// The simulations of a transient, and where its measured ticks are in them.
+struct Simulated {
+    ideal: Option<Answer>,
+    measured: Option<Answer>,
+    /// Why the latter is missing.
+    why_not: Option<String>,
+    window: Range<usize>,
+}
+
+impl Compared<'_> {
+    /// The transient experiment on a set-up, if it was measured.
+    pub(super) fn transient(
+        &self,
+        own: &CampaignSetUp,
+        experiment: &Experiment,
+        models: &Models,
+    ) -> Vec<ComparedPoint> {
+        let is_own = |row: &&TransientRow| row.set_up == own.name && row.experiment == experiment.name;
+        let Some(row) = self.state.transients().iter().find(is_own) else { return Vec::new() };
+        let ticks = row.start_tick..row.end_tick;
+        let is_sound = row.end_tick > row.start_tick && row.end_tick < u64::from(u32::MAX);
+        let id = SegmentId { set_up: row.set_up.clone(), experiment: row.experiment.clone(), segment: row.segment };
+        let recorded = self.recorded.segment(&id);
+        let noise_m = self.noise_m(self.recorded_x_m(recorded, &ticks));
+        let simulated = match (experiment.playback(), experiment.free_vibration()) {
+            _ if !is_sound || row.end_tick - row.start_tick > MOST_TICKS => None,
+            (Some(playback), _) => Some(self.playback(playback, models, recorded, (&ticks, noise_m))),
+            (None, Some(free)) => self.release(free, models, recorded, (row, noise_m)),
+            (None, None) => None,
+        };
+        let point = self.transient_point((row, noise_m), &id, recorded, models, simulated);
+        self.done();
+        vec![point]
+    }
+
+    fn playback(
+        &self,
+        playback: &Playback,
+        models: &Models,
+        recorded: Option<&Recorded>,
+        (ticks, z_noise_m): (&Range<u64>, f64),
+    ) -> Simulated {
+        let window = 0..(ticks.end - ticks.start) as usize;
+        let demand = base::played(playback, &self.campaign.rig.board.calibration.drive.range(), window.end);
+        let kind = Self::walls_of(models);
+        let measure = |motion: &SimulatedMotion, _: usize| metric::of_simulated_playback(motion, &window, kind);
+        let answer = |base: &BaseMotion, z_noise_m: f64| {
+            let watched = Window { ticks: window.clone(), cycles: 1.0, z_noise_m, ..Window::default() };
+            self.of_transient(models, 0.0, base, watched, &measure)
+        };
+        let ideal = answer(&BaseMotion::following(&demand), 0.0);
+        let base = self.measured_base(recorded, ticks, models, z_noise_m);
+        let measured = base.as_ref().ok().and_then(|base| answer(base, z_noise_m));
+        Simulated { ideal, measured, why_not: base.err(), window }
+    }
+
+    /// `None` if a simulated release is not detected: the structure sticks.
+    fn release(
+        &self,
+        free: &FreeVibration,
+        models: &Models,
+        recorded: Option<&Recorded>,
+        (row, z_noise_m): (&TransientRow, f64),
+    ) -> Option<Simulated> {
+        // A person releases a real structure about there.
+        let is_measured = !self.is_simulated && row.start_m.is_finite();
+        let start_m = if is_measured { row.start_m.copysign(free.start_m) } else { free.start_m };
+        let period_ticks = f64::from(TICK_HZ) / models.set_up.natural_frequency_hz();
+        let measured_ticks = (row.end_tick - row.start_tick) as usize;
+        let stated = models.stated(start_m);
+        let at_rest = BaseMotion::at_rest(measured_ticks + period_ticks.min(LONGEST_FALL) as usize);
+        let motion = simulate(&stated.model, &stated.initial, &at_rest.ends_m, &self.detection).ok()?;
+        // A simulated plant is put back in every tick, and read at its end.
+        let held_m = if self.is_simulated { motion.readings.first()?.x_m } else { start_m as f32 };
+        let (_, detected) = metric::release(&motion, free, held_m)?;
+        let window = detected..detected + measured_ticks;
+        let kind = Self::walls_of(models);
+        let measure = |motion: &SimulatedMotion, _: usize| {
+            let release = metric::release(motion, free, held_m)?;
+            Some(metric::of_simulated_release(motion, &release, kind))
+        };
+        let answer = |base: &BaseMotion, z_noise_m: f64| {
+            let cycles = f64::from(row.cycles.max(1));
+            let watched = Window { ticks: window.clone(), cycles, z_noise_m, end_m: row.end_m, ..Window::default() };
+            self.of_transient(models, start_m, base, watched, &measure)
+        };
+        let ideal = answer(&at_rest, 0.0);
+        let begins = row.start_tick.checked_sub(detected as u64);
+        let base =
+            begins.ok_or_else(|| "the release is at the beginning of the samples".to_string()).and_then(|begins| {
+                let mut base = self.measured_base(recorded, &(begins..row.end_tick), models, z_noise_m)?;
+                base.stay(SPARE);
+                Ok(base)
+            });
+        let measured = base.as_ref().ok().and_then(|base| answer(base, z_noise_m));
+        Some(Simulated { ideal, measured, why_not: base.err(), window })
+    }
+
+    fn of_transient(
+        &self,
+        models: &Models,
+        start_m: f64,
+        base: &BaseMotion,
+        window: Window,
+        measure: &(impl Fn(&SimulatedMotion, usize) -> Option<metric::Values> + Sync),
+    ) -> Option<Answer> {
+        let windows = vec![window];
+        Question { models, start_m, base, detection: &self.detection, windows, measure }.answer()
+    }
+
+    fn transient_point(
+        &self,
+        (row, noise_m): (&TransientRow, f64),
+        id: &SegmentId,
+        recorded: Option<&Recorded>,
+        models: &Models,
+        simulated: Option<Simulated>,
+    ) -> ComparedPoint {
+        let ticks = row.start_tick..row.end_tick;
+        let kind = Self::walls_of(models);
+        let x_m = self.recorded_x_m(recorded, &ticks);
+        let measured = metric::of_transient(row, x_m, self.measured_walls(id, &ticks), kind);
+        let of_measured = self.sensors.of_transient(row, &measured, noise_m, kind);
+        let prediction = |answer: &Option<Answer>| answer.as_ref().and_then(|answer| answer.predictions[0].clone());
+        let (on_measured, on_ideal) =
+            simulated.as_ref().map_or((None, None), |s| (prediction(&s.measured), prediction(&s.ideal)));
+        let mut remarks = Vec::new();
+        if simulated.is_none() {
+            remarks
+                .push("not simulated: its ticks are damaged, or the simulated structure is never released".to_string());
+        }
+        if row.drive_saturated {
+            remarks.push("the demand was cut at the drive's range".to_string());
+        }
+        if !matches!(row.sensors_clipped.as_str(), "" | "none") {
+            remarks.push(format!("clipped sensors: {}", row.sensors_clipped));
+        }
+        let shown = simulated.as_ref().and_then(|s| Some((s.measured.as_ref().or(s.ideal.as_ref())?, s)));
+        let (residual, history) = shown.map_or((None, None), |(answer, own)| {
+            let measured_m = x_m.unwrap_or_default();
+            let residual = residual_rms_m(measured_m, &answer.motion, &own.window);
+            let residual =
+                residual.map(|rms_m| Residual { rms_m, x_rms_m: self::rms_m(measured_m), noise_rms_m: noise_m });
+            (residual, Some(self.history(id, &ticks, measured_m, answer, own)))
+        });
+        ComparedPoint {
+            frequency_hz: None,
+            is_sensitive: on_measured.as_ref().or(on_ideal.as_ref()).is_some_and(|prediction| prediction.is_sensitive),
+            without_measured_base: simulated.and_then(|simulated| simulated.why_not),
+            remarks,
+            metrics: metrics(&measured, &of_measured, on_measured.as_ref(), on_ideal.as_ref()),
+            residual,
+            history,
+        }
+    }
+
+    fn history(
+        &self,
+        id: &SegmentId,
+        ticks: &Range<u64>,
+        measured_m: &[f32],
+        answer: &Answer,
+        own: &Simulated,
+    ) -> History {
+        let pulses = answer.motion.pulses.iter();
+        let counted = pulses.filter(|pulse| pulse.is_counted && own.window.contains(&pulse.tick));
+        History {
+            from_s: 0.0,
+            rate_hz: f64::from(TICK_HZ),
+            measured_m: measured_m.to_vec(),
+            simulated_m: answer
+                .motion
+                .readings
+                .get(own.window.clone())
+                .unwrap_or_default()
+                .iter()
+                .map(|r| r.x_m)
+                .collect(),
+            measured_impacts: self.measured_impacts(id, ticks),
+            simulated_impacts: counted
+                .map(|pulse| ((pulse.tick - own.window.start) as f64 * TICK_S, pulse.side))
+                .collect(),
+            on_measured_base: own.measured.is_some(),
+        }
+    }
+
+    /// x of all these ticks, if it was recorded at every tick.
+    pub(super) fn recorded_x_m<'r>(&self, recorded: Option<&'r Recorded>, ticks: &Range<u64>) -> Option<&'r [f32]> {
+        recorded.filter(|_| self.is_every_tick)?.x_m(ticks)
+    }
+
+    /// RMS noise of a reading of x, m: measured if the readings were recorded, else that of the simulated sensors, or a step of the
+    /// converter.
+    fn noise_m(&self, x_m: Option<&[f32]>) -> f64 {
+        if let Some(x_m) = x_m.filter(|x_m| x_m.len() > 200) {
+            let mut meter = NoiseMeter::default();
+            x_m.iter().for_each(|x| meter.push(*x));
+            return f64::from(meter.rms());
+        }
+        let of_sensors = self.campaign.rig.sensor_noise_rms_m / 10.0_f64.sqrt();
+        if self.is_simulated { of_sensors } else { self.sensors.step_m / 12.0_f64.sqrt() }
+    }
+}

@@ -1,0 +1,170 @@
+//! Standard uncertainty of the measured values, from the sensors. docs/COMPARE.md derives each.
+
+use std::f64::consts::TAU;
+
+use damprig_core::io::{SUBSAMPLES, TICK_HZ};
+use damprig_core::measure::noise::raised_maximum;
+
+use super::metric::{Metric, Values, WallKind};
+use crate::campaign::RigSettings;
+use crate::run_folder::ResultRow;
+use crate::run_folder::schema::transients::TransientRow;
+
+/// Linearity of a real sensor whose calibration is not known, of its range: that of usual triangulation lasers.
+const ASSUMED_LINEARITY: f64 = 1e-3;
+
+/// Time between the conversions of x and z of a real board, s.
+const ASSUMED_SKEW_S: f64 = 1e-5;
+
+/// Noise of a force sensor on a wall, N, and the largest of many readings above it: five times.
+const WALL_NOISE_N: f64 = 0.2;
+
+/// Largest errors of a measured impulse, and of the peak force of a soft wall whose force begins with a jump (`measure::impacts`).
+const IMPULSE_ERROR: f64 = 8e-3;
+const JUMP_ERROR: f64 = 0.125;
+
+/// Relative rounding of a value in single precision, over some operations.
+const ROUNDING: f64 = 1e-6;
+
+/// What the displacement sensors contribute.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sensors {
+    /// Relative standard uncertainty of the scale of x, and of z.
+    pub(super) scale: f64,
+    /// Where that comes from, in words.
+    pub(super) scale_from: &'static str,
+    /// Smallest step, m.
+    pub(super) step_m: f64,
+    /// Largest delay between x and z, s.
+    pub(super) skew_s: f64,
+}
+
+/// Standard uncertainty of a value that is anywhere within ± `half_width`.
+fn rectangular(half_width: f64) -> f64 {
+    half_width / 3.0_f64.sqrt()
+}
+
+fn root_sum(parts: &[f64]) -> f64 {
+    parts.iter().map(|u| u * u).sum::<f64>().sqrt()
+}
+
+impl Sensors {
+    /// Of the rig of a run; `stated` is the relative standard uncertainty of both scales, if a person knows it.
+    pub(super) fn of(rig: &RigSettings, is_simulated: bool, stated: Option<f64>) -> Self {
+        // A deviation from the straight line of at most L of the range, odd and cubic, changes the scale by up to 2.6 L.
+        let by_linearity = |linearity: f64| rectangular(1.5 * 3.0_f64.sqrt() * linearity);
+        let [range_m, _] = rig.sensor_range_m();
+        let (scale, scale_from, step_m, skew_s) = match (is_simulated, &rig.data_sheet) {
+            (true, None) => {
+                (0.0, "sensors of the simulated rig, without an error of scale", rig.sensor_resolution_m, 0.0)
+            }
+            (true, Some(sheet)) => (
+                by_linearity(f64::from(sheet.linearity)),
+                "linearity of the simulated sensors' data sheet",
+                2.0 * f64::from(range_m) / f64::from(1_u32 << sheet.bits.min(31)),
+                f64::from(sheet.skew_s),
+            ),
+            (false, _) => (
+                by_linearity(ASSUMED_LINEARITY),
+                "assumed linearity of 0.1 % of the sensors' range; --scale-uncertainty states another value",
+                f64::from(rig.board.calibration.x.metres_per_count.abs()),
+                ASSUMED_SKEW_S,
+            ),
+        };
+        let scale_from = if stated.is_some() { "--scale-uncertainty" } else { scale_from };
+        Self { scale: stated.unwrap_or(scale), scale_from, step_m, skew_s }
+    }
+
+    /// Standard uncertainty of a lock-in amplitude over `ticks` readings of this noise, m.
+    fn of_lock_in_m(&self, noise_m: f64, ticks: f64) -> f64 {
+        (2.0 / ticks).sqrt() * noise_m.hypot(self.step_m / 12.0_f64.sqrt())
+    }
+
+    /// Standard uncertainty of the largest |x| of many sub-samples: the noise raises it by up to four times its RMS.
+    fn of_largest_m(&self, noise_m: f64) -> f64 {
+        rectangular(4.0 * noise_m * (SUBSAMPLES as f64).sqrt() + 0.5 * self.step_m)
+    }
+
+    /// Standard uncertainty of an RMS of x, m.
+    fn of_rms_m(&self, rms_m: f64, noise_m: f64, ticks: f64) -> f64 {
+        let bias_m = if rms_m > 0.0 { noise_m * noise_m / (2.0 * rms_m) } else { noise_m };
+        root_sum(&[rms_m * self.scale, bias_m, self.of_lock_in_m(noise_m, ticks) / 2.0_f64.sqrt(), rms_m * ROUNDING])
+    }
+
+    /// Of the values of a point.
+    pub(super) fn of_result(&self, row: &ResultRow, values: &Values, kind: WallKind) -> Values {
+        let ticks = (row.end_tick.saturating_sub(row.start_tick)).max(1) as f64;
+        let cycles = f64::from(row.cycles.max(1));
+        let noise_m = positive(f64::from(row.x_noise_rms_m));
+        let (x_m, z_m) = (f64::from(row.x_amplitude_m), f64::from(row.z_amplitude_m));
+        let maxima_m = f64::from(row.x_mean_cycle_max_m);
+        let omega = TAU * row.frequency_hz;
+        let raised_m = f64::from(raised_maximum(noise_m as f32, row.x_amplitude_m, omega as f32 / TICK_HZ));
+        // The noise of a maximum, the correction for the noise to 15 % (95 %), and a step of the converter.
+        let of_maxima_m =
+            root_sum(&[0.5 * noise_m / cycles.sqrt(), 0.5 * 0.15 * raised_m, self.step_m / 12.0_f64.sqrt()]);
+        let of_x_m = self.of_lock_in_m(noise_m, ticks);
+        let of_z = of_x_m / z_m;
+        let of_scales = 2.0_f64.sqrt() * self.scale;
+        let ratio = |value: f64, own: f64| value * root_sum(&[own, of_z, of_scales, ROUNDING]);
+        let of = |metric: Metric, value: f64| match metric {
+            Metric::XOverZ => ratio(value, of_maxima_m / maxima_m),
+            Metric::XOverZLockIn => ratio(value, of_x_m / x_m),
+            Metric::Phase => root_sum(&[of_x_m / x_m, of_z, rectangular(omega * self.skew_s), ROUNDING]),
+            Metric::XMax => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
+            Metric::XRms => self.of_rms_m(value, noise_m, ticks),
+            other => of_walls(other, value, cycles, kind),
+        };
+        values.iter().map(|(metric, value)| (*metric, of(*metric, *value))).collect()
+    }
+
+    /// Of the values of a record, a pulse or a free vibration. `noise_m`: RMS noise of a tick's x.
+    pub(super) fn of_transient(&self, row: &TransientRow, values: &Values, noise_m: f64, kind: WallKind) -> Values {
+        let ticks = (row.end_tick.saturating_sub(row.start_tick)).max(1) as f64;
+        let frequency_hz = if row.frequency_hz > 0.0 { row.frequency_hz } else { 1.0 };
+        let omega = TAU * frequency_hz;
+        let cycles = f64::from(row.cycles.max(1));
+        // The last peak: noise, what it raises a maximum by, and a step of the converter.
+        let end_m = positive(row.end_m);
+        let of_end = (3.0 * noise_m + self.step_m / 12.0_f64.sqrt()) / end_m;
+        // Each of both crossings is off by the noise over the speed there.
+        let of_crossings_s = 2.0_f64.sqrt() * (noise_m + self.step_m / 12.0_f64.sqrt()) / (omega * end_m);
+        let largest_m = f64::from(row.x_peak_m);
+        let of = |metric: Metric, value: f64| match metric {
+            Metric::XMax => root_sum(&[value * self.scale, self.of_largest_m(noise_m), value * ROUNDING]),
+            Metric::RelativeMax => {
+                let scales = 2.0_f64.sqrt() * self.scale;
+                root_sum(&[value * scales, 2.0_f64.sqrt() * self.of_largest_m(noise_m), value * ROUNDING])
+            }
+            Metric::XRms => self.of_rms_m(value, noise_m, ticks),
+            // Near its peak x stays within the noise for this time.
+            Metric::XMaxTime => {
+                let flat_s = (2.0 * (3.0 * noise_m + self.step_m) / largest_m).sqrt() / omega;
+                root_sum(&[rectangular(flat_s), rectangular(0.5 / f64::from(TICK_HZ))])
+            }
+            Metric::DampingRatio => root_sum(&[of_end / (TAU * cycles), value * ROUNDING]),
+            Metric::Frequency => value * root_sum(&[of_crossings_s * value / cycles, ROUNDING]),
+            other => of_walls(other, value, 1.0, kind),
+        };
+        values.iter().map(|(metric, value)| (*metric, of(*metric, *value))).collect()
+    }
+}
+
+/// Of impacts and forces on the walls.
+fn of_walls(metric: Metric, value: f64, cycles: f64, kind: WallKind) -> f64 {
+    match metric {
+        // An impact at either end of the window may fall inside or outside.
+        Metric::ImpactsPerCycle | Metric::Impacts => rectangular(1.0) / cycles,
+        Metric::Impulse => root_sum(&[rectangular(IMPULSE_ERROR * value), 0.1 * WALL_NOISE_N * 1e-3]),
+        Metric::WallForce => {
+            let jump = if kind == Some(true) { JUMP_ERROR } else { 0.0 };
+            root_sum(&[rectangular(jump * value), rectangular(5.0 * WALL_NOISE_N)])
+        }
+        _ => f64::NAN,
+    }
+}
+
+/// A number of at least 0; 0 for NaN.
+fn positive(value: f64) -> f64 {
+    if value > 0.0 { value } else { 0.0 }
+}
