@@ -2,8 +2,8 @@
 //! measured. Every quantity has an expanded uncertainty on both sides and a normalised error.
 //!
 //! Simulation and measurement cover the same ticks from the same start, and the board's own code measures both, so a point need not be
-//! steady to be compared. [`base`] has the base motions, [`motion`] the simulation, [`metric`] the quantities, [`uncertainty`] that of
-//! the sensors, [`ensemble`] that of the prediction. docs/COMPARE.md derives the uncertainties.
+//! steady to be compared. `base` has the base motions, `motion` the simulation, `metric` the quantities, `uncertainty` that of
+//! the sensors, `ensemble` that of the prediction. docs/COMPARE.md derives the uncertainties.
 
 mod base;
 mod ensemble;

@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn the_last_rest_before_a_drive_is_found_at_any_rate() {
         for every in [1, 20] {
-            let z = |tick: u64| if tick < 1000 { 1e-6 } else { 1e-3 * (0.0157 * (tick - 1000) as f32).sin() };
+            let z = |tick: u64| if tick < 1000 { 1e-6 } else { (1e-3 * (0.0157 * (tick - 1000) as f64).sin()) as f32 };
             let own = recorded((0..3000).step_by(every), z);
             let found = own.last_at_rest(2900, 1e-4, 400).unwrap();
             assert!(found.abs_diff(1006) <= every as u64, "{found}");

@@ -259,7 +259,7 @@ fn commands_survive(folder: &TempDir, run: &Path, what: &str) {
 
 /// Number of changed folders: 120, or 4 000 in the full tests, in about half an hour.
 fn changes() -> u64 {
-    if std::env::var_os("DAMPRIG_FULL").is_some() { 4_000 } else { 120 }
+    if std::env::var_os("DAMPRIG_FULL").is_some() { 4_000 } else { 80 }
 }
 
 /// Time after which a reader counts as hanging, also on a loaded machine.
