@@ -129,7 +129,11 @@ impl Job<'_> {
         stop: &AtomicBool,
     ) -> Outcome {
         let device = &begin.device;
-        say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
+        let has_terminal_view = self.live.as_ref().is_some_and(|views| views.terminal.is_some());
+        // The view names the rig itself, and is garbled by other output.
+        if !has_terminal_view {
+            say!("Rig {}: {} (firmware {}), tick {} Hz", device.link, device.board, device.firmware, device.tick_hz);
+        }
         let mut manifest = self.manifest(&begin);
         let layout = Layout {
             signals: begin.signals.clone(),
@@ -147,7 +151,7 @@ impl Job<'_> {
 
         let wall = Instant::now();
         let display = Display {
-            is_hidden: self.is_quiet || self.live.as_ref().is_some_and(|views| views.terminal.is_some()),
+            is_hidden: self.is_quiet || has_terminal_view,
             log: self.log.take(),
             mount_without_asking: self.mount_without_asking,
         };
