@@ -96,6 +96,22 @@ def check_parameters(read, manifest, what):
                 sys.exit(f"{what}.{name} of {record['name']} is {found} and not {value}")
 
 
+def check_tables(path, tables, read, values_of, names_of):
+    """Compares every column of every table that the run has. `values_of` gives a column as the file has it, `names_of` the
+    texts that these values stand for."""
+    for word, table in tables.items():
+        if table is None:
+            if word in read:
+                sys.exit(f"{path}: {word} is there though the run has none")
+            continue
+        for name in table.columns:
+            values, expected, what = values_of(word, name), table[name], f"{path}: {word}.{name}"
+            if not is_text(expected):
+                same_bits(values, expected.astype(np.float64), what)
+            elif list(np.atleast_1d(names_of(word, name, values))) != list(expected.astype(str)):
+                sys.exit(f"{what} differs")
+
+
 def check_h5(path, tables, manifest):
     with h5py.File(path) as read:
         facts = {"campaign": manifest["campaign"], "started": manifest["started"], "tick_hz": manifest["device"]["tick_hz"]}
@@ -103,23 +119,12 @@ def check_h5(path, tables, manifest):
             found = read.attrs[name]
             if found != expected:
                 sys.exit(f"{path}: {name} is {found!r} and not {expected!r}")
-        for word, table in tables.items():
-            if table is None:
-                if word in read:
-                    sys.exit(f"{path}: {word} is there though the run has none")
-                continue
-            for name in table.columns:
-                dataset, expected, what = read[word][name], table[name], f"{path}: {word}/{name}"
-                if not is_text(expected):
-                    same_bits(dataset[()], expected.astype(np.float64), what)
-                else:
-                    values = dataset[()]
-                    if word in ("samples", "impacts"):
-                        values = read[word][f"{name}_names"].asstr()[()][values.astype(int)] if len(values) else []
-                    else:
-                        values = dataset.asstr()[()]
-                    if list(values) != list(expected.astype(str)):
-                        sys.exit(f"{what} differs")
+        def names(word, name, values):
+            if f"{name}_names" not in read[word]:
+                return read[word][name].asstr()[()]
+            return read[word][f"{name}_names"].asstr()[()][values.astype(int)] if len(values) else []
+
+        check_tables(path, tables, read, lambda word, name: read[word][name][()], names)
         for signal in manifest["signals"]:
             found = read["samples"][signal["name"]].attrs.get("unit", "")
             if found != signal["unit"]:
@@ -137,23 +142,17 @@ def check_mat(path, tables, manifest):
     if read["run"]["tick_hz"] != manifest["device"]["tick_hz"]:
         sys.exit(f"{path}: tick_hz differs")
     samples = tables["samples"]
-    for word, table in tables.items():
-        if table is None:
-            if word in read:
-                sys.exit(f"{path}: {word} is there though the run has none")
-            continue
-        for name in table.columns:
-            values, expected, what = read[word][name], table[name], f"{path}: {word}.{name}"
-            if not is_text(expected):
-                same_bits(values, expected.astype(np.float64), what)
-            else:
-                if word in ("samples", "impacts"):
-                    names = np.atleast_1d(read[word][f"{name}_names"])
-                    values = [names[int(place) - 1] for place in np.atleast_1d(values)]
-                if list(np.atleast_1d(values)) != list(expected.astype(str)):
-                    sys.exit(f"{what} differs")
-            if name not in read["units"][word]:
-                sys.exit(f"{what}: no unit")
+
+    def names(word, name, values):
+        if f"{name}_names" not in read[word]:
+            return values
+        listed = np.atleast_1d(read[word][f"{name}_names"])
+        return [listed[int(place) - 1] for place in np.atleast_1d(values)]
+
+    check_tables(path, tables, read, lambda word, name: read[word][name], names)
+    for word in tables.keys() & read.keys():
+        if set(read["units"][word]) != set(tables[word].columns):
+            sys.exit(f"{path}: units of {word}")
     check_parameters(read["run"]["set_ups"], manifest, f"{path}: run.set_ups")
     raw = scipy.io.loadmat(path)["samples"]["t_s"][0, 0]
     if raw.shape != (len(samples), 1) or raw.dtype != np.float64:

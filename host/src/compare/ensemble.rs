@@ -11,6 +11,7 @@ use std::path::Path;
 use damprig_core::model::{Initial, SetUp};
 use toml::{Table, Value};
 
+use super::CannotCompare;
 use super::metric::{Metric, Values};
 use crate::campaign::{Campaign, CampaignSetUp};
 use crate::identify::statistics::student_95;
@@ -209,6 +210,37 @@ fn vary(values: &mut Table, key: &str, by: f64) -> Result<(), String> {
     let number = value.as_float().or(value.as_integer().map(|whole| whole as f64)).ok_or_else(absent)?;
     *value = Value::Float(number + by);
     Ok(())
+}
+
+/// The set-up to simulate for one of the run.
+pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<CampaignSetUp, CannotCompare> {
+    let found = model.set_ups.iter().find(|other| other.name == own.name);
+    found.cloned().ok_or_else(|| {
+        let names: Vec<&str> = model.set_ups.iter().map(|other| other.name.as_str()).collect();
+        CannotCompare::Campaign(format!(
+            "{}: it has no set-up {:?} of the run; it has {}\n  give its set-ups the names of the run's",
+            model.source.name(),
+            own.name,
+            names.join(", ")
+        ))
+    })
+}
+
+/// What is said about the uncertainty of the parameters.
+pub(super) fn about_parameters(model: &Campaign, varied: &Result<Vec<Vec<CampaignSetUp>>, String>) -> String {
+    match (varied, &model.set_up_file) {
+        (Err(why), _) => format!("Parameters: their uncertainty is not included: {why}."),
+        (Ok(varied), Some(file)) if !varied.is_empty() => {
+            let keys: Vec<&str> = file.identified.iter().map(|value| value.key.as_str()).collect();
+            format!(
+                "Parameters: identified with uncertainty: {} ({}); all others count as exact.",
+                keys.join(", "),
+                file.file
+            )
+        }
+        _ => "Parameters: their uncertainty is not included: none was identified (`damprig identify`, `set_up_file`)."
+            .into(),
+    }
 }
 
 #[cfg(test)]

@@ -10,9 +10,9 @@ use super::base::{self, BaseMotion, SineDrive, Step};
 use super::ensemble::Models;
 use super::metric::{self, PointWindow};
 use super::motion::{SimulatedMotion, TICK_S};
-use super::prediction::{Answer, Prediction, Question, Window};
+use super::prediction::{Answer, Prediction, Question, Window, metrics};
 use super::recorded::Recorded;
-use super::{Compared, ComparedPoint, History, Residual, metrics, residual_rms_m, rms_m};
+use super::{Compared, ComparedPoint, History, Residual};
 use crate::campaign::{CampaignSetUp, Experiment, Start, SteppedSine};
 use crate::run_folder::ResultRow;
 use crate::run_folder::schema::segment_id::SegmentId;
@@ -202,11 +202,7 @@ impl Compared<'_> {
     ) {
         let ticks = row.start_tick..row.end_tick;
         let measured_m = self.recorded_x_m(recorded, &ticks).unwrap_or_default();
-        point.residual = residual_rms_m(measured_m, motion, window).map(|rms_m| Residual {
-            rms_m,
-            x_rms_m: self::rms_m(measured_m),
-            noise_rms_m: f64::from(row.x_noise_rms_m),
-        });
+        point.residual = Residual::of(measured_m, motion, window, f64::from(row.x_noise_rms_m));
         let Some(simulated) = motion.readings.get(window.clone()) else { return };
         let shown = (SHOWN_CYCLES * f64::from(TICK_HZ) / row.frequency_hz) as usize;
         let skipped = simulated.len().saturating_sub(shown);

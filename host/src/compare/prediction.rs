@@ -9,6 +9,7 @@ use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
 use super::metric::{Metric, Values};
 use super::motion::{SimulatedMotion, TICK_S, simulate};
+use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
 
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
 #[derive(Clone, Debug, Default)]
@@ -159,4 +160,38 @@ fn parted(a: &SimulatedMotion, b: &SimulatedMotion, ticks: &Range<usize>) -> boo
     let (a, b) = (of(a), of(b));
     let difference: f64 = a.iter().zip(&b).map(|(a, b)| square(a.x_m - b.x_m)).sum();
     difference > PARTED * PARTED * a.iter().map(|a| square(a.x_m)).sum::<f64>()
+}
+
+/// The compared quantities of a point.
+pub(super) fn metrics(
+    measured: &Values,
+    of_measured: &Values,
+    on_measured: Option<&Prediction>,
+    on_ideal: Option<&Prediction>,
+) -> Vec<ComparedMetric> {
+    let compared = |(metric, value): (&Metric, &f64)| {
+        let own = Uncertain {
+            value: *value,
+            expanded: COVERAGE_FACTOR * of_measured.get(metric).copied().unwrap_or(f64::NAN),
+        };
+        let beside = |prediction: Option<&Prediction>| predicted(*metric, own, prediction?);
+        let (on_measured_base, on_ideal_base) = (beside(on_measured), beside(on_ideal));
+        ComparedMetric {
+            metric: *metric,
+            unit: metric.unit(),
+            measured: own,
+            on_measured_base,
+            on_ideal_base,
+            verdict: Verdict::of(on_measured_base.as_ref().or(on_ideal_base.as_ref())),
+        }
+    };
+    measured.iter().filter(|(_, value)| value.is_finite()).map(compared).collect()
+}
+
+fn predicted(metric: Metric, measured: Uncertain, prediction: &Prediction) -> Option<Predicted> {
+    let (value, u) = (*prediction.values.get(&metric)?, *prediction.uncertainties.get(&metric)?);
+    let expanded = COVERAGE_FACTOR * u;
+    let normalised_error = metric.difference(measured.value, value) / measured.expanded.hypot(expanded);
+    (value.is_finite() && normalised_error.is_finite())
+        .then_some(Predicted { value: Uncertain { value, expanded }, normalised_error })
 }

@@ -9,9 +9,9 @@ use super::base::{self, BaseMotion};
 use super::ensemble::Models;
 use super::metric;
 use super::motion::{SimulatedMotion, TICK_S, simulate};
-use super::prediction::{Answer, Question, Window};
+use super::prediction::{Answer, Question, Window, metrics};
 use super::recorded::Recorded;
-use super::{Compared, ComparedPoint, History, Residual, metrics, residual_rms_m, rms_m};
+use super::{Compared, ComparedPoint, History, Residual};
 use crate::campaign::{CampaignSetUp, Experiment, FreeVibration, Playback};
 use crate::run_folder::schema::segment_id::SegmentId;
 use crate::run_folder::schema::transients::TransientRow;
@@ -165,9 +165,7 @@ impl Compared<'_> {
         let shown = simulated.as_ref().and_then(|s| Some((s.measured.as_ref().or(s.ideal.as_ref())?, s)));
         let (residual, history) = shown.map_or((None, None), |(answer, own)| {
             let measured_m = x_m.unwrap_or_default();
-            let residual = residual_rms_m(measured_m, &answer.motion, &own.window);
-            let residual =
-                residual.map(|rms_m| Residual { rms_m, x_rms_m: self::rms_m(measured_m), noise_rms_m: noise_m });
+            let residual = Residual::of(measured_m, &answer.motion, &own.window, noise_m);
             (residual, Some(self.history(id, &ticks, measured_m, answer, own)))
         });
         ComparedPoint {

@@ -19,8 +19,10 @@ const ASSUMED_SKEW_S: f64 = 1e-5;
 /// Noise of a force sensor on a wall, N, and the largest of many readings above it: five times.
 const WALL_NOISE_N: f64 = 0.2;
 
-/// Largest errors of a measured impulse, and of the peak force of a soft wall whose force begins with a jump (`measure::impacts`).
+/// Largest error of a measured impulse (`measure::impacts`).
 const IMPULSE_ERROR: f64 = 8e-3;
+
+/// Assumed for the peak force of a soft wall: a force that begins with a jump is sampled up to 20 µs late.
 const JUMP_ERROR: f64 = 0.125;
 
 /// Relative rounding of a value in single precision, over some operations.

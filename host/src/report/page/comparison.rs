@@ -1,10 +1,9 @@
 //! The page of a comparison, `comparison.html`: one self-contained file with the look of the report page.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::{STYLE, drawn};
+use super::{document, drawn};
 use crate::compare::{ComparedExperiment, ComparedMetric, ComparedPoint, Comparison, Metric, Predicted, Verdict};
-use crate::input::shown;
 use crate::report::figures::comparison::{phase_plane, response, time_history};
 use crate::report::numbers::{normalised_error, significant, trimmed, with_uncertainty};
 
@@ -12,40 +11,26 @@ use crate::report::numbers::{normalised_error, significant, trimmed, with_uncert
 #[must_use]
 pub fn comparison_page(comparison: &Comparison) -> String {
     let (all, agreeing) = comparison.counts();
-    let markup = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                // The browser fetches and runs nothing, whatever the names in the run contain.
-                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
-                title { "Measured and predicted – " (comparison.run) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    header {
-                        h1 { (comparison.campaign) ": measured and predicted" }
-                        p.under { (comparison.run) " · " (comparison.state) " · set-ups of " (comparison.set_ups_from) }
-                        p { @if agreeing == all { span.state.good { "agrees" } } @else { span.state.bad { (all - agreeing) " differ" } }
-                            " " (agreeing) " of " (all) " quantities agree: |E" sub { "n" } "| ≤ 1 with expanded uncertainties, k = 2." }
-                    }
-                    @for what in comparison.missing.iter().chain(&comparison.unreadable) { p.note.bad { (what) } }
-                    @for experiment in &comparison.experiments { (section(experiment)) }
-                    section {
-                        h2 { "How it is compared" }
-                        p { "Measured and simulated cover the same ticks from the same start, and the board's own code measures both. E" sub { "n" } " is the \
-                            difference over the root of the sum of both expanded uncertainties squared." }
-                        @for assumption in &comparison.assumptions { p { (assumption) } }
-                    }
-                    footer { "Made by " (comparison.damprig) " (" code { "damprig compare" } "). docs/COMPARE.md derives the uncertainties." }
-                }
-            }
+    let content = html! {
+        header {
+            h1 { (comparison.campaign) ": measured and predicted" }
+            p.under { (comparison.run) " · " (comparison.state) " · set-ups of " (comparison.set_ups_from) }
+            p { @if all == 0 { span.state.bad { "nothing compared" } }
+                @else if agreeing == all { span.state.good { "agrees" } }
+                @else { span.state.bad { (all - agreeing) " differ" } }
+                " " (agreeing) " of " (all) " quantities agree: |E" sub { "n" } "| ≤ 1 with expanded uncertainties, k = 2." }
         }
+        @for what in comparison.missing.iter().chain(&comparison.unreadable) { p.note.bad { (what) } }
+        @for experiment in &comparison.experiments { (section(experiment)) }
+        section {
+            h2 { "How it is compared" }
+            p { "Measured and simulated cover the same ticks from the same start, and the board's own code measures both. E" sub { "n" } " is the \
+                difference over the root of the sum of both expanded uncertainties squared." }
+            @for assumption in &comparison.assumptions { p { (assumption) } }
+        }
+        footer { "Made by " (comparison.damprig) " (" code { "damprig compare" } "). docs/COMPARE.md derives the uncertainties." }
     };
-    // The template escapes what HTML reserves; control characters and direction marks are spelled out here.
-    shown(&markup.into_string()).into_owned()
+    document(&format!("Measured and predicted – {}", comparison.run), &content)
 }
 
 fn section(experiment: &ComparedExperiment) -> Markup {

@@ -36,6 +36,31 @@ pub fn page(run: &RunFolder) -> Page {
     let data = PageData::of(run);
     let m = &data.manifest;
     let title = format!("{} – {}", m.campaign, data.id);
+    let content = html! {
+        header {
+            h1 { (m.campaign) }
+            p.under { (data.id) " · started " (tables::moment(&m.started)) }
+            (health::state(&data))
+        }
+        (health::warnings(&data))
+        section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (histories(run, &data)) (tables::transients(&data)) }
+        section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
+        @if !data.points.is_empty() {
+            section { h2 { "All points" } (tables::results(&data)) }
+        }
+        section { h2 { "Samples, link and losses" } (health::link(&data)) }
+        section { h2 { "Rig and program" } (health::versions(&data)) }
+        footer {
+            "Made by " (crate::VERSION_LINE) " from the run folder. "
+            code { "damprig runs verify" } " checks the files, "
+            code { "damprig runs report" } " makes this page again."
+        }
+    };
+    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+}
+
+/// A self-contained HTML document with this content.
+fn document(title: &str, content: &Markup) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -47,32 +72,11 @@ pub fn page(run: &RunFolder) -> Page {
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body {
-                main {
-                    header {
-                        h1 { (m.campaign) }
-                        p.under { (data.id) " · started " (tables::moment(&m.started)) }
-                        (health::state(&data))
-                    }
-                    (health::warnings(&data))
-                    section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (histories(run, &data)) (tables::transients(&data)) }
-                    section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
-                    @if !data.points.is_empty() {
-                        section { h2 { "All points" } (tables::results(&data)) }
-                    }
-                    section { h2 { "Samples, link and losses" } (health::link(&data)) }
-                    section { h2 { "Rig and program" } (health::versions(&data)) }
-                    footer {
-                        "Made by " (crate::VERSION_LINE) " from the run folder. "
-                        code { "damprig runs verify" } " checks the files, "
-                        code { "damprig runs report" } " makes this page again."
-                    }
-                }
-            }
+            body { main { (content) } }
         }
     };
     // The template escapes what HTML reserves; control characters and direction marks are spelled out here.
-    Page { html: shown(&markup.into_string()).into_owned(), unreadable: data.all_unreadable() }
+    shown(&markup.into_string()).into_owned()
 }
 
 type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;

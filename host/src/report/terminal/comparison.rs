@@ -14,7 +14,11 @@ const MOST_LISTED: usize = 24;
 pub fn text(comparison: &Comparison) -> String {
     let mut lines = vec![points(comparison)];
     let (all, agreeing) = comparison.counts();
-    lines.push(format!("{agreeing} of {all} quantities agree: |E_n| ≤ 1 with expanded uncertainties, k = 2."));
+    lines.push(if all == 0 {
+        "No quantity could be compared.".into()
+    } else {
+        format!("{agreeing} of {all} quantities agree: |E_n| ≤ 1 with expanded uncertainties, k = 2.")
+    });
     let differences = differences(comparison);
     if !differences.is_empty() {
         lines.push("Differences:".into());

@@ -293,3 +293,28 @@ impl Channel {
         Finding::Ended(Ended { sum, centre, peak, clipped, held })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn top(samples: &[u16]) -> f32 {
+        let mut pulse = Pulse::default();
+        samples.iter().for_each(|sample| pulse.push(*sample, 0));
+        pulse.top()
+    }
+
+    /// A half-sine of ten samples, whose top lies between two of them.
+    #[test]
+    fn the_top_of_a_smooth_pulse_lies_on_the_parabola_through_its_highest_samples() {
+        let samples: [u16; 10] =
+            core::array::from_fn(|n| (1000.0 * libm::sinf(core::f32::consts::PI * (n as f32 + 0.5) / 10.0)) as u16);
+        assert!(samples.iter().all(|sample| *sample < 990) && (top(&samples) - 1000.0).abs() < 3.0, "{samples:?}");
+    }
+
+    #[test]
+    fn the_top_of_a_force_that_jumps_is_its_highest_sample() {
+        assert_eq!(top(&[0, 0, 0, 0, 1000, 900, 800, 700, 0]), 1000.0);
+        assert_eq!(top(&[0, 700, 800, 900, 1000, 0, 0]), 1000.0);
+    }
+}

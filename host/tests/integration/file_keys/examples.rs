@@ -1,0 +1,160 @@
+//! Files with the tables and keys that the shipped ones leave out.
+
+pub const MORE_CAMPAIGN: &str = r#"
+name = "more"
+gravity_m_per_s2 = 9.81
+set_up_file = "identified.toml"
+friction_damper = { spring = { friction_ratio = 0.6, friction_coefficient = 0.3, stiffness_n_per_m = 500 } }
+tmd = { mass_kg = 0.1, frequency_ratio = 0.9, damping_n_s_per_m = 0.1 }
+
+[rig]
+structure_limit_m = 0.07
+base_limit_m = 0.07
+half_cycles_ahead = 6
+wall_force_limit_n = 400
+saturated_s = 1.0
+host_silent_s = 10
+brake_n = 0.5
+noise_seed = 3
+shaker = { amplifier = "current", current_limit_a = 4 }
+sensors = { kind = "ideal" }
+
+[[set_up]]
+name = "voigt"
+base_amplitude_m = 0.001
+structure = { mass_kg = 1.6, stiffness_n_per_m = 400, damping_n_s_per_m = 0.2 }
+particle = { mass_kg = 0.16, clearance_m = 0.01, start_m = 0.001, wall = { kind = "voigt", storage_modulus_pa = 1e6, shape_factor_m = 0.05, loss_factor = 0.2, law = "contact", release = "zero_force" } }
+
+[[set_up]]
+name = "friction"
+label = "FD"
+base_amplitude_m = 0.001
+gravity_m_per_s2 = 9.8
+friction_damper = {}
+
+[[set_up]]
+name = "tuned"
+base_amplitude_m = 0.001
+tmd = {}
+
+[[set_up]]
+name = "tank"
+base_amplitude_m = 0.001
+damper = "unmodelled"
+
+[[experiment]]
+kind = "stepped_sine"
+frequencies_hz = { from_hz = 2.4, to_hz = 2.5, step_hz = 0.1 }
+start = "from_rest"
+ramp_s = 0.1
+settle_s = 0.2
+dwell_s = 3
+rest_level_m = 1e-4
+steady = { tolerance = 0.02, scatter = 0.01, longest_dwell_s = 6 }
+drive = "closed_loop"
+closed_loop = { gain_per_s = 20, tolerance = 0.01, wait_s = 10, drive_limit_m = 0.004 }
+set_ups = ["voigt"]
+
+[[experiment]]
+kind = "playback"
+file = "record.csv"
+quantity = "displacement"
+unit = "mm"
+column = 2
+time_column = "t"
+scale = 0.5
+baseline = "linear"
+sample_rate_hz = 100
+ramp_s = 0.01
+tail_s = 1
+rest_level_m = 1e-4
+
+[[experiment]]
+kind = "playback"
+file = "record.csv"
+quantity = "displacement"
+unit = "mm"
+column = "z_mm"
+time_step_s = 0.01
+
+[[experiment]]
+kind = "impulse"
+shape = "rectangle"
+amplitude_m = 0.002
+duration_s = 0.2
+rise_s = 0.02
+sample_rate_hz = 1000
+ramp_s = 0
+tail_s = 0.5
+rest_level_m = 1e-4
+
+[[experiment]]
+kind = "free_vibration"
+start_m = 0.02
+level_m = 0.016
+hold_s = 0.5
+timeout_s = 60
+measure_s = 2
+cycles = 4
+"#;
+
+pub const MORE_CASES: [&str; 6] = [
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+friction_damper = { spring = { normal_force_n = 1 } }
+base = { kind = "record", file = "record.csv", quantity = "displacement", unit = "mm", scale = 0.5, column = 2, time_column = "t" }
+run = {}
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "record", file = "record.csv", quantity = "displacement", unit = "mm", column = "z_mm", time_step_s = 0.01 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+force = { kind = "sine", amplitude_n = 1, angular_frequency_rad_per_s = 15, phase_rad = 0.1 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "fixed" }
+force = { kind = "half_sine", amplitude_n = -2, duration_s = 0.2 }
+run = { duration_s = 1 }
+"#,
+    r#"
+name = "more"
+set_up_file = "identified.toml"
+gravity_m_per_s2 = 9.81
+base_amplitude_m = 0.002
+base = { kind = "sine", angular_frequency_rad_per_s = 15, phase_rad = 0.1 }
+particle = { mass_kg = 0.1, clearance_ratio = 3, start = "centre", friction_coefficient = 0.1, wall = { kind = "voigt", stiffness_n_per_m = 1000, damping_n_s_per_m = 1, release = "zero_penetration" } }
+friction_damper = { spring = { deflection_m = 0.001 } }
+run = { duration_s = 4, sample_times_s = [0.1, 0.2], cycle_s = 0.4, steady_from_cycle = 2 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "half_sine", amplitude_m = -0.003, duration_s = 0.2 }
+initial = { x_m = 0.01, v_m_per_s = 0.1, y_m = 0.01, u_m_per_s = 0 }
+tmd = { mass_ratio = 0.1, stiffness_n_per_m = 30, damping_ratio = 0.1 }
+run = { duration_s = 4 }
+"#,
+];
+
+pub const SET_UP_FILE: &str = r#"
+[structure]
+natural_frequency_hz = 2.50012
+damping_ratio = 0.003801
+[particle]
+friction_coefficient = 0.05
+wall = { kind = "restitution", coefficient = 0.47 }
+[[identified]]
+key = "structure.damping_ratio"
+value = 0.003801
+standard_uncertainty = 3e-6
+interval_95 = [0.003795, 0.003807]
+unit = ""
+method = "decay"
+taken_from = "a run"
+date = "2026-06-01"
+damprig = "damprig 0.1.0"
+"#;

@@ -1,0 +1,177 @@
+//! The files that `damprig init` writes.
+
+use std::process::Command;
+
+use damprig::campaign::Campaign;
+use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
+use damprig::input::Source;
+use damprig::simulation::Case;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+use crate::common::{damprig, folder_with};
+
+/// Every choice of some items, but none.
+fn choices<T: Copy>(items: &[T]) -> Vec<Vec<T>> {
+    let pick =
+        |bits: usize| items.iter().enumerate().filter(|(n, _)| bits >> n & 1 == 1).map(|(_, item)| *item).collect();
+    (1..1 << items.len()).map(pick).collect()
+}
+
+#[test]
+fn every_new_file_is_accepted_without_a_warning() {
+    let values = Values::default();
+    for dampers in choices(&Damper::ALL) {
+        for experiments in choices(&Excitation::ALL) {
+            let text = new_file::campaign("new", &dampers, &experiments, &values);
+            let campaign = Campaign::parse(Source::new("new.toml", text.clone()));
+            let campaign = campaign.unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+            assert!(campaign.source.warnings().is_empty(), "{:?}\n{text}", campaign.source.warnings());
+            assert_eq!((campaign.set_ups.len(), campaign.experiments.len()), (dampers.len(), experiments.len()));
+        }
+    }
+    for damper in Damper::ALL {
+        for excitation in Excitation::ALL {
+            let text = new_file::case("new", damper, excitation, &values);
+            let source = Source::new("new.toml", text.clone());
+            Case::parse(&source, "new").unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+            assert!(source.warnings().is_empty(), "{:?}\n{text}", source.warnings());
+        }
+    }
+}
+
+/// Success without a warning. A loaded machine may predict long experiments in part only.
+fn is_quiet(output: &std::process::Output) -> bool {
+    let said = String::from_utf8_lossy(&output.stderr);
+    output.status.success() && said.lines().all(|line| line.contains("predicted in part only"))
+}
+
+#[test]
+fn every_new_campaign_passes_its_dry_run_and_every_new_case_is_simulated() {
+    let folder = TempDir::new().unwrap();
+    for damper in ["bare", "spid", "fd", "hybrid", "tmd", "bare,spid,fd,hybrid,tmd"] {
+        for experiment in ["stepped-sine", "free-vibration", "impulse"] {
+            let chosen = ["--damper", damper, "--experiment", experiment, "--force"];
+            damprig(&folder)
+                .arg("init")
+                .args(chosen)
+                .assert()
+                .success()
+                .stdout(contains("damprig run campaign.toml --dry-run"));
+            let dry = damprig(&folder).args(["run", "campaign.toml", "--dry-run"]).assert();
+            let output = dry.get_output();
+            assert!(is_quiet(output), "{damper}, {experiment}: {output:?}");
+            if !damper.contains(',') {
+                damprig(&folder).args(["init", "--case"]).args(chosen).assert().success();
+                let simulated = damprig(&folder).args(["simulate", "case.toml"]).assert();
+                let output = simulated.get_output();
+                assert!(is_quiet(output), "{damper}, {experiment}: {output:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_new_campaign_has_the_given_values_and_explains_each_key_once() {
+    let folder = TempDir::new().unwrap();
+    let flags =
+        ["--mass-kg", "2", "--natural-frequency-hz", "4", "--damping-ratio", "0.01", "--base-amplitude-m", "0.001"];
+    damprig(&folder).args(["init", "my lab.toml", "--damper", "spid,tmd"]).args(flags).assert().success();
+    let text = std::fs::read_to_string(folder.path().join("my lab.toml")).unwrap();
+    let campaign = Campaign::parse(Source::new("my lab.toml", text.clone())).unwrap();
+    let model = campaign.set_ups[0].model();
+    assert_eq!((campaign.name.as_str(), model.structure.mass_kg), ("my-lab", 2.0));
+    assert!((campaign.set_ups[1].natural_frequency_hz() / 4.0 - 1.0).abs() < 1e-12);
+    assert_eq!(campaign.set_ups[0].base_amplitude_m, 0.001);
+    for words in [
+        "# M, the structure's mass",
+        "# ζ = c/(2√(kM)); or damping_n_s_per_m",
+        "# the time that is measured at each frequency",
+    ] {
+        assert_eq!(text.matches(words).count(), 1, "{words}:\n{text}");
+    }
+    // The mass ratio of the particle and that of the tuned mass are two keys.
+    assert_eq!(text.matches("mass_ratio = 0.1").count(), 2, "{text}");
+    assert_eq!(text.matches("# m/M, the").count(), 2, "{text}");
+}
+
+#[test]
+fn a_lightly_damped_bare_structure_is_driven_less() {
+    let z = |damping_ratio: f64, damper: Damper| {
+        let values = Values { damping_ratio, ..Values::default() };
+        let text = new_file::campaign("new", &[damper], &[Excitation::SteppedSine], &values);
+        Campaign::parse(Source::new("new.toml", text)).unwrap().set_ups[0].base_amplitude_m
+    };
+    assert_eq!(z(0.05, Damper::Bare), 0.0015);
+    assert_eq!(z(0.0038, Damper::Spid), 0.0015);
+    // Z/(2ζ) is two thirds of the limit of 78 mm, in two digits.
+    let driven = z(0.001, Damper::Bare);
+    assert!((0.045..0.0531).contains(&(driven / 0.002)), "{driven}");
+}
+
+#[test]
+fn an_existing_file_or_a_value_out_of_range_is_refused_and_nothing_is_written() {
+    let folder = folder_with("mine");
+    let refused = |arguments: &[&str], words: &[&str]| {
+        let output = damprig(&folder).arg("init").args(arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "{arguments:?}: no {word:?} in {said}"));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    };
+    refused(&["test.toml"], &["cannot write test.toml: it exists", "--force"]);
+    refused(&["--restitution", "1.2"], &["particle.wall.coefficient` = 1.2", "from 0 to 1", "nothing was written"]);
+    refused(&["--natural-frequency-hz", "60"], &["at most 50 Hz"]);
+    refused(&["--damper", "spid,spid"], &["--damper: spid is named twice"]);
+    refused(&["--case", "--damper", "spid,fd"], &["--damper: a case has one, not spid and fd"]);
+    refused(&["--damper", "spring"], &["hybrid"]);
+    assert_eq!(std::fs::read_to_string(folder.path().join("test.toml")).unwrap(), "mine");
+    damprig(&folder).args(["init", "test.toml", "--force"]).assert().success();
+    assert!(std::fs::read_to_string(folder.path().join("test.toml")).unwrap().starts_with("# A campaign"));
+}
+
+/// Runs `damprig init` on a terminal, whose keyboard types these lines.
+#[cfg(target_os = "linux")]
+fn answered(folder: &TempDir, lines: &str) -> Option<String> {
+    use std::io::Write;
+    use std::process::Stdio;
+
+    let binary = assert_cmd::cargo::cargo_bin("damprig");
+    let child = Command::new("script")
+        .args(["-qec", &format!("{} init", binary.display()), "/dev/null"])
+        .current_dir(folder.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn();
+    let Ok(mut child) = child else {
+        println!("left out: no `script`, which makes a terminal");
+        return None;
+    };
+    child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{said}");
+    Some(said)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn on_a_terminal_it_asks_and_takes_the_defaults_in_brackets() {
+    let folder = TempDir::new().unwrap();
+    let Some(said) = answered(&folder, "\nbare,fd\nimpulse\n2.0\n\nmuch\n0.01\n\n") else { return };
+    for words in [
+        "Dampers, of bare, spid, fd, hybrid, tmd [bare,spid]",
+        "must be a number 0 or greater",
+        "Written to campaign.toml",
+    ] {
+        assert!(said.contains(words), "no {words:?} in {said}");
+    }
+    let campaign = Campaign::read(&folder.path().join("campaign.toml")).unwrap();
+    let names: Vec<&str> = campaign.set_ups.iter().map(|set_up| set_up.name.as_str()).collect();
+    assert_eq!((names, campaign.experiments.len()), (vec!["bare", "fd"], 1));
+    assert_eq!(campaign.set_ups[0].model().structure.mass_kg, 2.0);
+    assert!((campaign.set_ups[0].model().structure.damping_ratio() - 0.01).abs() < 1e-12);
+    let Some(said) = answered(&folder, "case\nhybrid\nfree-vibration\n\n\n\n\n") else { return };
+    assert!(said.contains("Next: damprig simulate case.toml"), "{said}");
+    assert!(Case::read(&folder.path().join("case.toml")).unwrap().set_up.friction_damper.is_some());
+}
