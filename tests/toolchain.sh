@@ -77,8 +77,9 @@ find_board_tools() {
     local missing=()
     command -v cmake >/dev/null || missing+=(cmake)
     command -v pkg-config >/dev/null || missing+=(pkg-config)
-    if [ -z "${LIBCLANG_PATH:-}" ] && ! compgen -G '/usr/lib/llvm-*/lib/libclang*.so*' >/dev/null &&
-        ! ldconfig -p 2>/dev/null | grep -q 'libclang'; then
+    # libclang-cpp is another library.
+    if [ -z "${LIBCLANG_PATH:-}" ] && ! compgen -G '/usr/lib/llvm-*/lib/libclang[.-][s0-9]*' >/dev/null &&
+        ! ldconfig -p 2>/dev/null | grep -Eq 'libclang(-[0-9.]+)?\.so'; then
         missing+=(libclang-dev)
     fi
     [ ${#missing[@]} = 0 ] || install "${missing[@]}"
