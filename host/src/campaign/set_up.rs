@@ -8,6 +8,9 @@ use super::keys::{campaign, set_up};
 use crate::input::{Problem, Section, Span};
 use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
 
+/// Starts of a particle that may start anywhere, as shares of the clearance from the centre.
+const UNKNOWN_STARTS: [f64; 5] = [0.0, -1.0, -0.5, 0.5, 1.0];
+
 /// One set-up of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CampaignSetUp {
@@ -15,6 +18,8 @@ pub struct CampaignSetUp {
     pub name: String,
     /// Its name in figures and tables.
     pub label: String,
+    /// What a person does before it is measured.
+    pub instruction: Option<String>,
     /// As written.
     pub spec: SetUpSpec,
     /// Z, m; greater than 0.
@@ -41,7 +46,17 @@ impl CampaignSetUp {
         self.has_unmodelled_damper || self.model().particle.is_some()
     }
 
-    /// y − x at the start, m; 0 without a particle.
+    /// The set-up with each start of its particle that a prediction takes: the stated one, or several between the walls where it is not
+    /// known.
+    #[must_use]
+    pub fn starts(&self) -> Vec<Self> {
+        if !self.spec.is_start_unknown() {
+            return vec![self.clone()];
+        }
+        UNKNOWN_STARTS.iter().map(|share| Self { spec: self.spec.starting_at(*share), ..self.clone() }).collect()
+    }
+
+    /// y − x at the start, m; 0 without a particle, and where it is not known.
     #[must_use]
     pub fn particle_start_m(&self) -> f64 {
         self.spec.particle_start_m(self.base_amplitude_m)
@@ -105,6 +120,7 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
 fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSetUp> {
     let name = section.text_of(&set_up::NAME);
     let label = section.text_of(&set_up::LABEL);
+    let instruction = section.text_of(&set_up::INSTRUCTION).map(|text| text.value);
     let amplitude = section.placed(&set_up::BASE_AMPLITUDE);
     let base = amplitude.as_ref().map_or(BaseAmplitude::Unread, |amplitude| BaseAmplitude::Is(amplitude.value));
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
@@ -120,6 +136,7 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
     Some(CampaignSetUp {
         label: label.map_or_else(|| name.clone(), |label| label.value),
         name,
+        instruction,
         spec: spec?,
         base_amplitude_m: amplitude.value,
         base_amplitude_span: amplitude.span,

@@ -38,7 +38,10 @@ const PARAMETERS: &[(&str, Value)] = &[
     ("m/M, mass ratio", |_, m| m.particle.map(|p| number(p.mass_kg / m.structure.mass_kg))),
     ("d, clearance (mm)", |_, m| m.particle.map(|p| number(p.clearance_m * 1e3))),
     ("d/Z, clearance ratio", |s, _| s.clearance_ratio().map(number)),
-    ("y − x at the start (mm)", |s, m| m.particle.map(|_| number(s.particle_start_m() * 1e3))),
+    ("y − x at the start (mm)", |s, m| {
+        let known = |_| if s.spec.is_start_unknown() { "unknown".into() } else { number(s.particle_start_m() * 1e3) };
+        m.particle.map(known)
+    }),
     ("μi, internal friction", |_, m| m.particle.map(|p| number(p.friction_coefficient))),
     ("g, gravity (m/s²)", |_, m| {
         m.particle.filter(|p| p.friction_coefficient > 0.0).map(|_| number(m.gravity_m_per_s2))

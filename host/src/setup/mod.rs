@@ -175,7 +175,9 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
     let friction = s.scalar(&particle::FRICTION);
     let wall = s.table_of(&particle::WALL, None).and_then(|wall| read_wall(&wall, structure, mass));
     let place = match s.given(&particle::START) {
-        Some((_, Given::Word(word))) => Some(Place::Share([0.0, -1.0, 1.0][word])),
+        Some((_, Given::Word(word))) => {
+            Some([0.0, -1.0, 1.0].get(word).map_or(Place::Unknown, |share| Place::Share(*share)))
+        }
         Some((_, Given::Number(start))) => Some(Place::Metres(start)),
         _ => None,
     };
@@ -202,7 +204,7 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         friction_coefficient: friction?,
         wall: wall?,
         place: place?,
-        is_placed: s.is_given(&particle::START),
+        is_placed: s.is_given(&particle::START) && place != Some(Place::Unknown),
     })
 }
 

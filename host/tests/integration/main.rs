@@ -28,6 +28,7 @@ mod monitor_folder;
 mod mutations;
 mod not_files;
 mod output;
+mod plan;
 mod predicted;
 mod real_time;
 mod refusals;

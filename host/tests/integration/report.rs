@@ -27,7 +27,7 @@ fn the_page_of_a_complete_run_is_self_contained_and_reproducible() {
     for word in ["http:", "https:", "src=", "href=", "<script", "@import", "url("] {
         assert!(!foreign.contains(word), "{word}");
     }
-    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("8 of 8 files"));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("10 of 10 files"));
     damprig(&folder).args(["runs", "report", "out"]).assert().success().stdout(contains("Report: out.html"));
     assert_eq!(std::fs::read_to_string(folder.path().join("out.html")).unwrap(), page);
     damprig(&folder).args(["runs", "report", "out"]).assert().code(2).stderr(contains("out.html: it exists"));

@@ -12,10 +12,9 @@ mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::campaign::Campaign;
 use crate::input::shown;
-use crate::report::figures::campaign::{PlottedPoint, phase, response, transients};
-use crate::report::figures::{FigureError, Picture};
+use crate::report::figures::campaign::{groups, phase, response, transients, wall_force};
+use crate::report::figures::{FigureError, Picture, peak_motion};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -40,13 +39,18 @@ pub fn page(run: &RunFolder) -> Page {
         header {
             h1 { (m.campaign) }
             p.under { (data.id) " · started " (tables::moment(&m.started)) }
+            @for (name, text) in m.plan.texts() { p.under { (name) ": " (text) } }
+            @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
             (health::state(&data))
         }
         (health::warnings(&data))
-        section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (histories(run, &data)) (tables::transients(&data)) }
+        section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (motions(run, &data)) (histories(run, &data)) (tables::transients(&data)) }
         section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
         @if !data.points.is_empty() {
-            section { h2 { "All points" } (tables::results(&data)) }
+            section.on-screen { h2 { "All points" } (tables::results(&data)) }
+            p.note.in-print {
+                "Not printed: the table of all points (" code { "damprig runs export --format csv" } " writes it) and the motion at the peaks."
+            }
         }
         section { h2 { "Samples, link and losses" } (health::link(&data)) }
         section { h2 { "Rig and program" } (health::versions(&data)) }
@@ -79,8 +83,6 @@ fn document(title: &str, content: &Markup) -> String {
     shown(&markup.into_string()).into_owned()
 }
 
-type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;
-
 /// The frequency responses.
 fn responses(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else {
@@ -90,14 +92,36 @@ fn responses(data: &PageData) -> Markup {
         return html! { @if data.taken.transients().is_empty() { p { "No point was measured." } } };
     }
     let points = data.plotted_points();
-    let drawings: [(DrawFigure, &str); 2] = [
-        (response, "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell."),
-        (phase, "Phase of x relative to z over frequency."),
-    ];
     html! {
-        @for (draw, caption) in drawings {
-            (drawn(draw(campaign, &points), caption))
+        @for group in groups(campaign) {
+            @let group = group.as_deref();
+            @if let Some(series) = group { h3 { (series) } }
+            (drawn(
+                response(campaign, &points, group),
+                "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell.",
+            ))
+            (drawn(phase(campaign, &points, group), "Phase of x relative to z over frequency."))
+            @match wall_force(campaign, &data.taken, group) {
+                Ok(None) => {}
+                Ok(Some(picture)) => div.on-screen {
+                    (drawn(Ok(picture), "Largest force on a wall over frequency, of the points with impacts."))
+                },
+                Err(error) => (drawn(Err(error), "")),
+            }
         }
+    }
+}
+
+/// The motion at the peak of each frequency response.
+fn motions(run: &RunFolder, data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    let caption = "The motion at each peak: x (black) and z (grey) over the last cycles of the dwell, triangles at impacts on the side of \
+                   the wall; velocity over x; x and velocity once in each period of the drive (Poincaré section). One point: the motion \
+                   repeats with the drive.";
+    match peak_motion::draw(campaign, run, &data.taken) {
+        Ok(None) => html! {},
+        Ok(Some(picture)) => html! { div.on-screen { (drawn(Ok(picture), caption)) } },
+        Err(error) => drawn(Err(error), caption),
     }
 }
 
