@@ -9,6 +9,7 @@ pub mod campaign;
 pub mod comparison;
 pub mod frequency_response;
 pub mod peak_motion;
+pub mod set_ups;
 pub mod simulated_motion;
 pub mod time_histories;
 

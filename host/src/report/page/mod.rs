@@ -14,7 +14,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::input::shown;
 use crate::report::figures::campaign::{groups, phase, response, transients, wall_force};
-use crate::report::figures::{FigureError, Picture, peak_motion};
+use crate::report::figures::{self, FigureError, Picture, peak_motion};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -45,7 +45,7 @@ pub fn page(run: &RunFolder) -> Page {
         }
         (health::warnings(&data))
         section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (motions(run, &data)) (histories(run, &data)) (tables::transients(&data)) }
-        section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
+        section { h2 { "Set-ups and experiments" } (sketches(&data)) (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
         @if !data.points.is_empty() {
             section.on-screen { h2 { "All points" } (tables::results(&data)) }
             p.note.in-print {
@@ -110,6 +110,12 @@ fn responses(data: &PageData) -> Markup {
             }
         }
     }
+}
+
+/// The set-ups as sketches.
+fn sketches(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    html! { div.on-screen { (drawn(figures::set_ups::draw(&campaign.set_ups), "The set-ups, not to scale.")) } }
 }
 
 /// The motion at the peak of each frequency response.
