@@ -69,6 +69,21 @@ fn two_experiments_on_one_set_up_have_a_row_and_a_curve_each() {
 }
 
 #[test]
+fn several_runs_have_one_page_with_all_curves_in_one_figure() {
+    let folder = folder_with(&short());
+    for name in ["first", "second"] {
+        damprig(&folder).args(["run", "test.toml", "--out", name]).assert().success();
+    }
+    damprig(&folder).args(["runs", "report", "first", "second"]).assert().success().stdout(contains("runs.html"));
+    let page = std::fs::read_to_string(folder.path().join("runs.html")).unwrap();
+    for words in ["2 runs", "first: Bare structure", "second: Hybrid (SPID + FD)"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert_eq!(page.matches("6 of 6 points").count(), 2);
+    damprig(&folder).args(["runs", "report", "first", "third"]).assert().code(2).stderr(contains("third"));
+}
+
+#[test]
 fn the_report_of_a_run_under_way_can_be_repeated() {
     let folder = folder_with(&short());
     let mut run = std::process::Command::new(assert_cmd::cargo::cargo_bin("damprig"));

@@ -49,6 +49,9 @@ impl From<&ResultRow> for PlottedPoint {
     }
 }
 
+const X_OVER_Z: &str = "Vibration amplitude ratio X/Z (cycle maxima)";
+const ABOUT_X_OVER_Z: &str = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
+
 /// Most curves of one figure on a page.
 const MOST_CURVES: usize = 12;
 
@@ -70,9 +73,32 @@ pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
 /// # Errors
 /// The drawing library's error.
 pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
-    let quantity = Ordinate { label: "Vibration amplitude ratio X/Z (cycle maxima)", scale: Scale::Log };
-    let about = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
-    curves(campaign, (points, group), &quantity, about, |p| p.x_over_z)
+    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    curves(campaign, (points, group), &quantity, ABOUT_X_OVER_Z, |p| p.x_over_z)
+}
+
+/// X/Z (cycle maxima) over frequency of several runs, given by name, campaign and points; `None` without a point.
+///
+/// # Errors
+/// The drawing library's error.
+pub fn responses_of_runs(runs: &[(&str, &Campaign, Vec<PlottedPoint>)]) -> Result<Option<Picture>, FigureError> {
+    let mut curves: Vec<ResponseCurve> = Vec::new();
+    for (name, campaign, points) in runs {
+        let own = response_curves(campaign, (points, None), |p| p.x_over_z);
+        let place = curves.len();
+        curves.extend(own.into_iter().enumerate().map(|(n, curve)| ResponseCurve {
+            place: place + n,
+            label: format!("{name}: {}", curve.label),
+            ..curve
+        }));
+    }
+    if curves.is_empty() {
+        return Ok(None);
+    }
+    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    let common = common_natural_hz(runs.iter().map(|(_, campaign, _)| *campaign));
+    let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
+    draw(&curves, &quantity, &notes).map(Some)
 }
 
 /// Phase of x relative to z over frequency, as [`response`].
@@ -139,13 +165,12 @@ fn experiments_of<'a>(campaign: &'a Campaign, series: &'a str) -> impl Iterator<
     campaign.experiments.iter().filter(move |e| e.series == series)
 }
 
-fn curves(
+/// The curves of a quantity that have points.
+fn response_curves(
     campaign: &Campaign,
     (points, group): (&[PlottedPoint], Option<&str>),
-    quantity: &Ordinate,
-    about: &str,
     value: impl Fn(&PlottedPoint) -> f64,
-) -> Result<Picture, FigureError> {
+) -> Vec<ResponseCurve> {
     let curve = |(place, (set_up, experiment)): (usize, (&CampaignSetUp, &Experiment))| ResponseCurve {
         place,
         label: label(campaign, set_up, experiment),
@@ -161,9 +186,24 @@ fn curves(
             .collect(),
     };
     let drawn = stepped_sines(campaign).filter(|(_, e)| group.is_none_or(|group| e.series == group));
-    let curves: Vec<ResponseCurve> = drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect();
-    let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
-    let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
+    drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect()
+}
+
+/// The natural frequency of all set-ups, Hz, if it is the same.
+fn common_natural_hz<'a>(campaigns: impl Iterator<Item = &'a Campaign>) -> Option<f64> {
+    let natural: Vec<f64> = campaigns.flat_map(|c| &c.set_ups).map(CampaignSetUp::natural_frequency_hz).collect();
+    natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first))
+}
+
+fn curves(
+    campaign: &Campaign,
+    (points, group): (&[PlottedPoint], Option<&str>),
+    quantity: &Ordinate,
+    about: &str,
+    value: impl Fn(&PlottedPoint) -> f64,
+) -> Result<Picture, FigureError> {
+    let curves = response_curves(campaign, (points, group), value);
+    let common = common_natural_hz(std::iter::once(campaign));
     let drawn = campaign.experiments.iter().filter(|e| group.is_none_or(|group| e.series == group));
     let mut how: Vec<String> = drawn
         .filter_map(Experiment::stepped_sine)

@@ -5,7 +5,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, GREY, INK, Picture, colour, text, width};
+use super::{COLOURS, Canvas, FigureError, GREY, INK, Picture, colour, text, width};
 
 /// One point of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,7 +106,9 @@ fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Re
         &[(0, 6), (6, -4), (-6, -4)],
         &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)],
     ];
-    let mut outline: Vec<(i32, i32)> = SHAPES[index % SHAPES.len()].iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
+    // Where the colours begin again, the shapes are shifted.
+    let shape = (index + index / COLOURS) % SHAPES.len();
+    let mut outline: Vec<(i32, i32)> = SHAPES[shape].iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
     let tint: RGBColor = colour(index);
     let inside = if filled { tint } else { WHITE };
     canvas.draw(&Polygon::new(outline.clone(), inside.filled())).map_err(FigureError::of)?;

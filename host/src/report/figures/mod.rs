@@ -57,11 +57,14 @@ pub const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 /// Captions and secondary text.
 pub const GREY: RGBColor = RGBColor(0x66, 0x66, 0x66);
 
+/// Number of distinct colours.
+const COLOURS: usize = 12;
+
 /// Colours that are distinct for colour-blind readers and in print: eight of Okabe & Ito, then four of Tol's muted scheme; repeated
 /// after twelve.
 #[must_use]
 pub fn colour(index: usize) -> RGBColor {
-    const COLOURS: [(u8, u8, u8); 12] = [
+    const ALL: [(u8, u8, u8); COLOURS] = [
         (0x00, 0x00, 0x00),
         (0xe6, 0x9f, 0x00),
         (0x56, 0xb4, 0xe9),
@@ -75,7 +78,7 @@ pub fn colour(index: usize) -> RGBColor {
         (0x44, 0xaa, 0x99),
         (0xaa, 0xaa, 0xaa),
     ];
-    let (red, green, blue) = COLOURS[index % COLOURS.len()];
+    let (red, green, blue) = ALL[index % COLOURS];
     RGBColor(red, green, blue)
 }
 

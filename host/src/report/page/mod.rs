@@ -13,7 +13,7 @@ mod tables;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::input::shown;
-use crate::report::figures::campaign::{groups, phase, response, transients, wall_force};
+use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
 use crate::report::figures::{self, FigureError, Picture, peak_motion};
 use crate::run_folder::RunFolder;
 use data::PageData;
@@ -33,34 +33,73 @@ pub struct Page {
 #[must_use]
 pub fn page(run: &RunFolder) -> Page {
     let data = PageData::of(run);
-    let m = &data.manifest;
-    let title = format!("{} – {}", m.campaign, data.id);
+    let title = format!("{} – {}", data.manifest.campaign, data.id);
     let content = html! {
-        header {
-            h1 { (m.campaign) }
-            p.under { (data.id) " · started " (tables::moment(&m.started)) }
-            @for (name, text) in m.plan.texts() { p.under { (name) ": " (text) } }
-            @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
-            (health::state(&data))
+        (content(run, &data))
+        (footer())
+    };
+    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+}
+
+/// Makes one page of several runs: their frequency responses in one figure, then the content of each page.
+#[must_use]
+pub fn page_of_runs(runs: &[RunFolder]) -> Page {
+    let all: Vec<PageData> = runs.iter().map(PageData::of).collect();
+    let plotted: Vec<_> = all
+        .iter()
+        .filter_map(|data| Some((data.id.as_str(), data.campaign.as_ref().ok()?, data.plotted_points())))
+        .collect();
+    let caption =
+        "Amplitude ratio X/Z (cycle maxima) over frequency of all runs. Hollow markers: not steady within the dwell.";
+    let content = html! {
+        header { h1 { (all.len()) " runs" } @for data in &all { p.under { (data.id) } } }
+        @match responses_of_runs(&plotted) {
+            Ok(None) => {}
+            Ok(Some(picture)) => (drawn(Ok(picture), caption)),
+            Err(error) => (drawn(Err(error), caption)),
         }
-        (health::warnings(&data))
-        section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (motions(run, &data)) (histories(run, &data)) (tables::transients(&data)) }
-        section { h2 { "Set-ups and experiments" } (sketches(&data)) (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
-        @if !data.points.is_empty() {
-            section.on-screen { h2 { "All points" } (tables::results(&data)) }
-            p.note.in-print {
-                "Not printed: the table of all points (" code { "damprig runs export --format csv" } " writes it) and the motion at the peaks."
-            }
-        }
-        section { h2 { "Samples, link and losses" } (health::link(&data)) }
-        section { h2 { "Rig and program" } (health::versions(&data)) }
+        @for (run, data) in runs.iter().zip(&all) { article { (self::content(run, data)) } }
+        (footer())
+    };
+    let of_run = |data: &PageData| -> Vec<String> {
+        data.all_unreadable().iter().map(|what| format!("{}: {what}", data.id)).collect()
+    };
+    Page { html: document(&format!("{} runs", all.len()), &content), unreadable: all.iter().flat_map(of_run).collect() }
+}
+
+fn footer() -> Markup {
+    html! {
         footer {
             "Made by " (crate::VERSION_LINE) " from the run folder. "
             code { "damprig runs verify" } " checks the files, "
             code { "damprig runs report" } " makes this page again."
         }
-    };
-    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+    }
+}
+
+/// What a page says of a run.
+fn content(run: &RunFolder, data: &PageData) -> Markup {
+    let m = &data.manifest;
+    html! {
+        header {
+            h1 { (m.campaign) }
+            p.under { (data.id) " · started " (tables::moment(&m.started)) }
+            @for (name, text) in m.plan.texts() { p.under { (name) ": " (text) } }
+            @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
+            (health::state(data))
+        }
+        (health::warnings(data))
+        section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) }
+        section { h2 { "Set-ups and experiments" } (sketches(data)) (set_ups::set_ups(data)) (set_ups::experiments(data)) (set_ups::acting(data)) }
+        @if !data.points.is_empty() {
+            section.on-screen { h2 { "All points" } (tables::results(data)) }
+            p.note.in-print {
+                "Not printed: the table of all points (" code { "damprig runs export --format csv" } " writes it) and the motion at the peaks."
+            }
+        }
+        section { h2 { "Samples, link and losses" } (health::link(data)) }
+        section { h2 { "Rig and program" } (health::versions(data)) }
+    }
 }
 
 /// A self-contained HTML document with this content.
