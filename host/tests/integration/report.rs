@@ -79,7 +79,7 @@ fn several_runs_have_one_page_with_all_curves_in_one_figure() {
     for words in ["2 runs", "first: Bare structure", "second: Hybrid (SPID + FD)"] {
         assert!(page.contains(words), "{words}");
     }
-    assert_eq!(page.matches("6 of 6 points").count(), 2);
+    assert_eq!(page.matches("6 of 6 points;").count(), 2);
     damprig(&folder).args(["runs", "report", "first", "third"]).assert().code(2).stderr(contains("third"));
 }
 
