@@ -193,6 +193,12 @@ fn read(
         // Without a kind, the keys of the most frequent one are checked.
         _ => stepped_sine::read(&section, rig, &structures(chosen.as_deref(), set_ups)).map(Kind::SteppedSine),
     };
+    if let (Some(1 | 2), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
+        && let Some(forced) = chosen.iter().map(|&place| &set_ups[place]).find(|s| s.model().is_force_driven)
+    {
+        let allowed = format!("moves the base, and set-up {:?} is driven by a force over a fixed base", forced.name);
+        section.reject("kind", allowed, Some("name other set-ups in `set_ups`, or give it base_amplitude_m".into()));
+    }
     section.finish();
     kind?;
     let experiment = Experiment { series: name.clone(), name, repeat: 0, set_ups: chosen?, instruction, kind: read? };

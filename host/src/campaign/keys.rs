@@ -200,7 +200,15 @@ tables! {
         NAME: Required, [key("name", Kind::Text, "a name for experiments to call it by")];
         LABEL: Optional, [key("label", Kind::Text, "its name in figures and tables; `name` when left out")];
         INSTRUCTION: Optional, [INSTRUCTION_KEY];
-        BASE_AMPLITUDE: Required, [setup::BASE_AMPLITUDE.keys[0]];
+        BASE_AMPLITUDE: Required, [
+            setup::BASE_AMPLITUDE.keys[0],
+            number(
+                "force_amplitude_n",
+                Positive,
+                "P: a force on the structure over a fixed base, instead of a base that moves; P/k takes the place of Z",
+            )
+            .usual(1e-3, 1000.0),
+        ];
         GRAVITY: Optional, [set_up_keys::GRAVITY.keys[0]];
         STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
         PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];

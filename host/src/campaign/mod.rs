@@ -142,6 +142,9 @@ fn parts(root: &Section) -> Option<Parts> {
     let document = file.as_ref().and_then(|file| file.parse(source));
     let set_up_file = file.as_ref().zip(document.as_ref()).and_then(|(file, document)| file.check(source, document));
     let set_ups = set_up::read_all(root, document.as_ref().map(|document| document.get_ref()));
+    if let (Some(RigSettings { shaker: Some(_), .. }), Some(set_ups)) = (&rig, &set_ups) {
+        set_up::refuse_forces(source, set_ups);
+    }
     // A wrong value that set-ups inherit is told by them; what is left is a value that none of them uses.
     if source.is_clean() {
         set_up_file::check_parts(root);

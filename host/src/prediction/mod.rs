@@ -175,7 +175,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
                 title: format!("set-up {:?} would leave the displacement limit of the base", set_up.name),
                 span: set_up.base_amplitude_span.clone(),
                 allowed: format!("at most {base_m} m may be used"),
-                help: Some(format!("write base_amplitude_m = {}", two_digits_down(base_m))),
+                help: Some(format!("write {} = {}", set_up.amplitude_key(), set_up.amplitude_for(base_m))),
             });
             continue;
         }
@@ -196,7 +196,8 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
             span: set_up.base_amplitude_span.clone(),
             allowed: format!("Z = {} mm is too large for this set-up", trim(set_up.base_amplitude_m * 1e3)),
             help: fix.map(|(z, swing)| {
-                format!("write base_amplitude_m = {z} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
+                let (key, amplitude) = (set_up.amplitude_key(), set_up.amplitude_for(z));
+                format!("write {key} = {amplitude} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
             }),
         });
     }

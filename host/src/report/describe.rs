@@ -32,7 +32,10 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
     });
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
     let unmodelled = set_up.has_unmodelled_damper.then(|| "damper without a model".into());
-    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
+    let amplitude = Some(match set_up.force_amplitude_n() {
+        Some(force_n) => format!("P = {} N, Z = P/k", significant(force_n, 3)),
+        None => format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)),
+    });
     [clearance, wall, tuned, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 

@@ -24,7 +24,9 @@ fn voigt(wall: Wall) -> Option<(f64, f64, Release)> {
 /// Every parameter with its unit. Those that no set-up has are left out of the table.
 const PARAMETERS: &[(&str, Value)] = &[
     ("damper", |s, _| s.has_unmodelled_damper.then(|| "unmodelled".into())),
-    ("Z, base amplitude (mm)", |s, _| Some(number(s.base_amplitude_m * 1e3))),
+    ("Z, base amplitude (mm)", |s, m| (!m.is_force_driven).then(|| number(s.base_amplitude_m * 1e3))),
+    ("P, force amplitude (N)", |s, _| s.force_amplitude_n().map(number)),
+    ("Z = P/k, static deflection (mm)", |s, m| m.is_force_driven.then(|| number(s.base_amplitude_m * 1e3))),
     ("M, mass (kg)", |_, m| Some(number(m.structure.mass_kg))),
     ("fn, natural frequency (Hz)", |s, _| Some(number(s.natural_frequency_hz()))),
     ("k, stiffness (N/m)", |_, m| Some(number(m.structure.stiffness_n_per_m))),

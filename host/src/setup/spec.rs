@@ -101,6 +101,7 @@ pub struct SetUpSpec {
     pub(super) friction: Option<Friction>,
     pub(super) tmd: Option<Tmd>,
     pub(super) gravity_m_per_s2: f64,
+    pub(super) is_force_driven: bool,
 }
 
 impl SetUpSpec {
@@ -135,7 +136,14 @@ impl SetUpSpec {
             }),
             tmd: self.tmd,
             gravity_m_per_s2: self.gravity_m_per_s2,
+            is_force_driven: self.is_force_driven,
         }
+    }
+
+    /// P/k, m: the static deflection under a force, which takes the place of the base amplitude.
+    #[must_use]
+    pub fn static_deflection_m(&self, force_n: f64) -> f64 {
+        force_n / self.structure.stiffness_n_per_m
     }
 
     /// Whether any quantity is relative to the base amplitude.

@@ -16,6 +16,7 @@ mod file_faults;
 mod file_keys;
 mod first_series;
 mod flash;
+mod force;
 mod hold;
 mod hostile_board;
 mod hostile_folder;

@@ -81,6 +81,13 @@ impl Sketch<'_, '_> {
         Ok(())
     }
 
+    /// An arrow to the right.
+    fn arrow(&self, from: (i32, i32), to: i32) -> Result<(), FigureError> {
+        self.line(&[from, (to, from.1)], GREY.stroke_width(2))?;
+        let head = [(to, from.1), (to - 7, from.1 - 4), (to - 7, from.1 + 4)].map(|p| self.at(p));
+        self.canvas.draw(&Polygon::new(head.to_vec(), GREY.filled())).map_err(FigureError::of)
+    }
+
     /// A coil spring.
     fn coil(&self, from: i32, to: i32, height: i32) -> Result<(), FigureError> {
         let step = (to - from) / 8;
@@ -94,7 +101,20 @@ impl Sketch<'_, '_> {
         let model = set_up.model();
         self.write(&set_up.label, (14, 14), 13.0, INK, HPos::Left)?;
         self.write(&describe::set_up(set_up), (14, 31), 11.0, GREY, HPos::Left)?;
-        self.structure(&model, set_up.base_amplitude_m)?;
+        self.structure(&model)?;
+        match set_up.force_amplitude_n() {
+            Some(force_n) => {
+                self.arrow((LEFT - 42, FLOOR + 14), LEFT - 4)?;
+                self.line(&[(LEFT - 4, FLOOR + 14), (LEFT - 4, FLOOR)], GREY.stroke_width(1))?;
+                let force = format!("P = {} N", significant(force_n, 3));
+                self.write(&force, (LEFT - 76, FLOOR + 28), 11.0, GREY, HPos::Left)?;
+            }
+            None => {
+                self.travel(LEFT, LEFT + 40, BASE + 18)?;
+                let amplitude = format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3));
+                self.write(&amplitude, (LEFT + 48, BASE + 18), 11.0, GREY, HPos::Left)?;
+            }
+        }
         if let Some(particle) = &model.particle {
             self.particle(particle.clearance_m, particle.mass_kg, &particle.wall)?;
         }
@@ -111,7 +131,7 @@ impl Sketch<'_, '_> {
         Ok(())
     }
 
-    fn structure(&self, model: &SetUp, base_amplitude_m: f64) -> Result<(), FigureError> {
+    fn structure(&self, model: &SetUp) -> Result<(), FigureError> {
         let structure = &model.structure;
         for x in [LEFT + 12, RIGHT - 12] {
             self.line(&[(x, BASE), (x, FLOOR)], INK.stroke_width(2))?;
@@ -125,14 +145,6 @@ impl Sketch<'_, '_> {
         for x in (LEFT - 18..RIGHT + 44).step_by(9) {
             self.line(&[(x, BASE), (x - 5, BASE + 6)], GREY.stroke_width(1))?;
         }
-        self.travel(LEFT, LEFT + 40, BASE + 18)?;
-        self.write(
-            &format!("Z = {} mm", trimmed(base_amplitude_m * 1e3, 3)),
-            (LEFT + 48, BASE + 18),
-            11.0,
-            GREY,
-            HPos::Left,
-        )?;
         self.travel(LEFT - 42, LEFT - 8, ROOF + 12)?;
         self.write("x", (LEFT - 48, ROOF + 12), 12.0, GREY, HPos::Right)
     }
