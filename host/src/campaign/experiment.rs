@@ -4,11 +4,12 @@
 use damprig_core::control::stepped_sine::FADE_S;
 use damprig_core::control::transient as core_transient;
 use damprig_core::io::TICK_HZ;
+use damprig_core::model::Structure;
 
 use super::keys::{campaign, experiment};
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
-use super::{CampaignSetUp, RigSettings};
+use super::{CampaignSetUp, Plan, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
 
 /// An experiment on some of the set-ups.
@@ -16,8 +17,14 @@ use crate::input::{Problem, Section, Text, listed, near};
 pub struct Experiment {
     /// Name, for tables.
     pub name: String,
+    /// Its name as written, the same for all of its repeats.
+    pub series: String,
+    /// Which of its repeats it is, from 0.
+    pub repeat: u32,
     /// Positions of the set-ups in the campaign.
     pub set_ups: Vec<usize>,
+    /// What a person does before it.
+    pub instruction: Option<String>,
     /// Its kind, with its parameters.
     pub kind: Kind,
 }
@@ -103,11 +110,12 @@ impl Experiment {
     }
 }
 
-/// All `[[experiment]]` tables; `set_ups` and `rig` are `None` when those could not be read.
+/// All `[[experiment]]` tables, each as often as it is repeated; the other parts of the campaign are `None` when they could not be read.
 pub(super) fn read_all(
     root: &Section,
     set_ups: Option<&[CampaignSetUp]>,
     rig: Option<&RigSettings>,
+    plan: Option<&Plan>,
 ) -> Option<Vec<Experiment>> {
     let sections = root.tables_of(&campaign::EXPERIMENT);
     if sections.is_empty() && root.source().is_clean() {
@@ -121,9 +129,34 @@ pub(super) fn read_all(
     }
     let mut names = Vec::new();
     // All are read, so that one answer has the problems of all.
-    let read: Vec<Option<Experiment>> =
+    let read: Vec<Option<(Experiment, usize)>> =
         sections.into_iter().enumerate().map(|(i, s)| read(s, i, &mut names, set_ups, rig)).collect();
-    read.into_iter().collect()
+    let read: Vec<(Experiment, usize)> = read.into_iter().collect::<Option<_>>()?;
+    let plan = plan?;
+    let mut all = Vec::new();
+    for (experiment, repeats) in read {
+        for repeat in 0..repeats {
+            let mut one = Experiment { repeat: repeat as u32, ..experiment.clone() };
+            if repeats > 1 {
+                one.name = repeat_name(&experiment.series, repeat, repeats);
+            }
+            if let Kind::SteppedSine(sine) = &mut one.kind
+                && sine.start == Start::FromRest
+            {
+                plan.order(&mut sine.frequencies_hz, FREQUENCIES_PLACE + all.len() as u64);
+            }
+            all.push(one);
+        }
+    }
+    Some(all)
+}
+
+/// Where the orders of frequencies begin among those of a campaign: after its set-ups.
+const FREQUENCIES_PLACE: u64 = 1 << 16;
+
+/// Name of one of several repeats, counted from 1.
+fn repeat_name(series: &str, repeat: usize, repeats: usize) -> String {
+    format!("{series} {} of {repeats}", repeat + 1)
 }
 
 fn read(
@@ -132,14 +165,20 @@ fn read(
     names: &mut Vec<String>,
     set_ups: Option<&[CampaignSetUp]>,
     rig: Option<&RigSettings>,
-) -> Option<Experiment> {
+) -> Option<(Experiment, usize)> {
     let own = section.text_of(&experiment::NAME);
     let name = own.as_ref().map_or_else(|| format!("experiment {}", index + 1), |t| t.value.clone());
-    if names.contains(&name) {
+    let repeats = section.scalar(&experiment::REPEATS).map(|repeats| repeats as usize);
+    let instruction = section.text_of(&experiment::INSTRUCTION).map(|text| text.value);
+    let own_names: Vec<String> = match repeats {
+        Some(repeats) if repeats > 1 => (0..repeats).map(|n| repeat_name(&name, n, repeats)).collect(),
+        _ => vec![name.clone()],
+    };
+    if own_names.iter().any(|name| names.contains(name)) {
         let help = Some("give each experiment a name of its own: tables and --resume tell them apart by it".into());
         section.refuse("name", &own.map_or(section.span(), |t| t.span), "is the name of an earlier experiment", help);
     }
-    names.push(name.clone());
+    names.extend(own_names);
     let kind = section.word(&experiment::KIND);
     let wanted = section.texts_of(&experiment::SET_UPS);
     let chosen = set_ups.and_then(|set_ups| choose(&section, wanted.as_deref(), set_ups));
@@ -152,11 +191,24 @@ fn read(
         Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
         // Without a kind, the keys of the most frequent one are checked.
-        _ => stepped_sine::read(&section, rig).map(Kind::SteppedSine),
+        _ => stepped_sine::read(&section, rig, &structures(chosen.as_deref(), set_ups)).map(Kind::SteppedSine),
     };
+    if let (Some(1 | 2), Some(chosen), Some(set_ups)) = (kind, &chosen, set_ups)
+        && let Some(forced) = chosen.iter().map(|&place| &set_ups[place]).find(|s| s.model().is_force_driven)
+    {
+        let allowed = format!("moves the base, and set-up {:?} is driven by a force over a fixed base", forced.name);
+        section.reject("kind", allowed, Some("name other set-ups in `set_ups`, or give it base_amplitude_m".into()));
+    }
     section.finish();
     kind?;
-    Some(Experiment { name, set_ups: chosen?, kind: read? })
+    let experiment = Experiment { series: name.clone(), name, repeat: 0, set_ups: chosen?, instruction, kind: read? };
+    Some((experiment, repeats?))
+}
+
+/// The structures of the set-ups at these positions.
+fn structures(chosen: Option<&[usize]>, set_ups: Option<&[CampaignSetUp]>) -> Vec<Structure> {
+    let (Some(chosen), Some(set_ups)) = (chosen, set_ups) else { return Vec::new() };
+    chosen.iter().map(|&place| set_ups[place].model().structure).collect()
 }
 
 /// The set-ups that the experiment names; all of them when it names none.

@@ -47,6 +47,13 @@ const END_RAMP_KEY: Key =
     number("ramp_s", Between(0.0, LONGEST_END_S), "rise and fall of the drive at both ends").usual(0.0, 60.0);
 const TAIL_KEY: Key = number("tail_s", Between(0.0, LONGEST_END_S), "time measured after the end").usual(0.0, 600.0);
 
+// Key of set-ups and experiments.
+const INSTRUCTION_KEY: Key =
+    key("instruction", Kind::Text, "what a person does before it; asked on a real rig, and noted in the journal");
+
+/// Most times that an experiment is repeated.
+const MOST_REPEATS: f64 = 100.0;
+
 /// The word of `kind` of every kind of experiment.
 const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration"];
 
@@ -62,6 +69,7 @@ tables! {
         SET_UP_FILE: Optional, [setup::SET_UP_FILE];
         RIG: Optional, [key("rig", Kind::Table, "simulated sensors and shaker, and the campaign's limits")];
         TELEMETRY: Optional, [key("telemetry", Kind::Table, "recorded signals; x, z, drive and frequency at 100 Hz when left out")];
+        PLAN: Optional, [key("plan", Kind::Table, "who measures what, and in which order")];
         GRAVITY: set_up_keys::GRAVITY.need, [set_up_keys::GRAVITY.keys[0]];
         STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
         PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
@@ -162,6 +170,23 @@ tables! {
         ];
     }
 
+    "Who measures what, and in which order. Texts go into manifest and report."
+    plan("plan") {
+        OPERATOR: Optional, [key("operator", Kind::Text, "who runs the campaign")];
+        SPECIMEN: Optional, [key("specimen", Kind::Text, "what is measured: serial number, material, state")];
+        NOTES: Optional, [key("notes", Kind::Text, "anything else that a reader of the results must know")];
+        ORDER: Default(Word("as_written")), [
+            word(
+                "order",
+                &["as_written", "random"],
+                "order of the set-ups, of the experiments on each, and of the frequencies that start from rest",
+            ),
+        ];
+        ORDER_SEED: IfWord(&ORDER, "random", &Default(Number(1.0)), &Forbidden), [
+            number("order_seed", Whole(0.0, u32::MAX as f64), "seed of a random order"),
+        ];
+    }
+
     "Recorded signals and their rate."
     telemetry("telemetry") {
         RATE: Required, [
@@ -174,7 +199,16 @@ tables! {
     set_up("set_up") {
         NAME: Required, [key("name", Kind::Text, "a name for experiments to call it by")];
         LABEL: Optional, [key("label", Kind::Text, "its name in figures and tables; `name` when left out")];
-        BASE_AMPLITUDE: Required, [setup::BASE_AMPLITUDE.keys[0]];
+        INSTRUCTION: Optional, [INSTRUCTION_KEY];
+        BASE_AMPLITUDE: Required, [
+            setup::BASE_AMPLITUDE.keys[0],
+            number(
+                "force_amplitude_n",
+                Positive,
+                "P: a force on the structure over a fixed base, instead of a base that moves; P/k takes the place of Z",
+            )
+            .usual(1e-3, 1000.0),
+        ];
         GRAVITY: Optional, [set_up_keys::GRAVITY.keys[0]];
         STRUCTURE: Optional, [set_up_keys::STRUCTURE.keys[0]];
         PARTICLE: Optional, [set_up_keys::PARTICLE.keys[0]];
@@ -188,12 +222,16 @@ tables! {
         NAME: Optional, [key("name", Kind::Text, "its name in tables; `experiment 1` for the first when left out")];
         KIND: Required, [word("kind", KINDS, "the kind of experiment")];
         SET_UPS: Optional, [key("set_ups", Kind::Texts, "names of the set-ups that it is run on; all when left out")];
+        REPEATS: Default(Number(1.0)), [
+            number("repeats", Whole(1.0, MOST_REPEATS), "times that it is run on each set-up; each is an experiment with a number after its name"),
+        ];
+        INSTRUCTION: Optional, [INSTRUCTION_KEY];
     }
 
     "One frequency of the base after another."
     stepped_sine("experiment", "stepped_sine") {
         FREQUENCIES: Required, [
-            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz }")
+            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz, resonance_points }")
                 .usual(0.1, 25.0)
                 .note(TICK),
         ];
@@ -221,6 +259,13 @@ tables! {
     grid("experiment.frequencies_hz") {
         FROM: Required, [number("from_hz", Above(0.0, HIGHEST_HZ), "the first frequency").usual(0.1, 25.0).note(TICK)];
         TO: Required, [number("to_hz", Above(0.0, HIGHEST_HZ), "the last frequency").usual(0.1, 25.0).note(TICK)];
+        RESONANCE_POINTS: Optional, [
+            number(
+                "resonance_points",
+                Whole(2.0, 101.0),
+                "further frequencies over the half-power bandwidth of each bare structure, fn(1 − ζ) to fn(1 + ζ)",
+            ),
+        ];
         STEP: Required, [
             number("step_hz", NotZero, "the step; negative for falling frequencies")
                 .usual(-2.0, 2.0)

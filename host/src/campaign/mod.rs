@@ -8,6 +8,7 @@ mod difference;
 mod experiment;
 mod keys;
 mod limits;
+mod plan;
 mod rig;
 mod set_up;
 mod shape;
@@ -26,6 +27,7 @@ pub use difference::differences;
 pub use experiment::{Experiment, Kind};
 pub use keys::{PLAYED_RECORD, TABLES};
 pub use limits::CampaignLimits;
+pub use plan::Plan;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
 pub use stepped_sine::{Start, SteppedSine};
@@ -40,6 +42,10 @@ pub struct Campaign {
     pub rig: RigSettings,
     /// Recorded signals and their rate.
     pub telemetry: Telemetry,
+    /// What a person states about it, and its order.
+    pub plan: Plan,
+    /// Positions of the set-ups in the order in which they are mounted, each with the positions of its experiments in their order.
+    pub run_order: Vec<(usize, Vec<usize>)>,
     /// The set-ups, in the order of the file.
     pub set_ups: Vec<CampaignSetUp>,
     /// The experiments, in the order of the file.
@@ -66,10 +72,11 @@ impl Campaign {
     pub fn parse(source: Source) -> Result<Self, Refusal> {
         let parts = source.read_toml(source.text(), "this is not TOML", parts);
         source.verdict()?;
-        let Some((name, rig, telemetry, set_ups, experiments, set_up_file)) = parts else {
+        let Some((name, rig, telemetry, plan, set_ups, experiments, set_up_file)) = parts else {
             return Err(Refusal("the campaign is incomplete".into()));
         };
-        Ok(Self { name, rig, telemetry, set_ups, experiments, set_up_file, source })
+        let run_order = plan.run_order(&set_ups, &experiments);
+        Ok(Self { name, rig, telemetry, plan, run_order, set_ups, experiments, set_up_file, source })
     }
 
     /// Applies a board's settings: they are the base of every limit, and complete the spring properties that set-ups leave out.
@@ -97,7 +104,7 @@ impl Campaign {
         self.experiments.iter().map(|e| e.set_ups.len() * e.points()).sum()
     }
 
-    /// Set-ups and experiments by name, in the order in which they are run.
+    /// Set-ups and experiments by name, in the order of the file.
     #[must_use]
     pub fn in_order(&self) -> Vec<(String, String)> {
         let pairs = self.set_ups.iter().enumerate().flat_map(|(index, set_up)| {
@@ -122,20 +129,28 @@ impl Campaign {
     }
 }
 
-type Parts = (String, RigSettings, Telemetry, Vec<CampaignSetUp>, Vec<Experiment>, Option<SetUpFile>);
+type Parts = (String, RigSettings, Telemetry, Plan, Vec<CampaignSetUp>, Vec<Experiment>, Option<SetUpFile>);
 
 /// Reads all parts; `None` only after a problem has been reported.
 fn parts(root: &Section) -> Option<Parts> {
     let name = name(root);
     let rig = rig::read_rig(root);
     let telemetry = rig::read_telemetry(root);
+    let plan = plan::read(root);
     let source = root.source();
     let file = set_up_file::attach(root, Some(transient::RECORDS));
     let document = file.as_ref().and_then(|file| file.parse(source));
     let set_up_file = file.as_ref().zip(document.as_ref()).and_then(|(file, document)| file.check(source, document));
     let set_ups = set_up::read_all(root, document.as_ref().map(|document| document.get_ref()));
-    let experiments = experiment::read_all(root, set_ups.as_deref(), rig.as_ref());
-    Some((name?, rig?, telemetry?, set_ups?, experiments?, set_up_file))
+    if let (Some(RigSettings { shaker: Some(_), .. }), Some(set_ups)) = (&rig, &set_ups) {
+        set_up::refuse_forces(source, set_ups);
+    }
+    // A wrong value that set-ups inherit is told by them; what is left is a value that none of them uses.
+    if source.is_clean() {
+        set_up_file::check_parts(root);
+    }
+    let experiments = experiment::read_all(root, set_ups.as_deref(), rig.as_ref(), plan.as_ref());
+    Some((name?, rig?, telemetry?, plan?, set_ups?, experiments?, set_up_file))
 }
 
 /// The campaign's name goes into a folder's name.

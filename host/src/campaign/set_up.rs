@@ -5,8 +5,14 @@ use damprig_core::model::SetUp;
 use toml::de::DeTable;
 
 use super::keys::{campaign, set_up};
-use crate::input::{Problem, Section, Span};
+use super::transient::two_digits_down;
+use crate::input::{Problem, Section, Source, Span};
 use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
+
+const FORCE_AMPLITUDE: &str = set_up::BASE_AMPLITUDE.keys[1].name;
+
+/// Starts of a particle that may start anywhere, as shares of the clearance from the centre.
+const UNKNOWN_STARTS: [f64; 5] = [0.0, -1.0, -0.5, 0.5, 1.0];
 
 /// One set-up of a campaign.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,11 +21,13 @@ pub struct CampaignSetUp {
     pub name: String,
     /// Its name in figures and tables.
     pub label: String,
+    /// What a person does before it is measured.
+    pub instruction: Option<String>,
     /// As written.
     pub spec: SetUpSpec,
-    /// Z, m; greater than 0.
+    /// Z, m; greater than 0. With a force drive P/k.
     pub base_amplitude_m: f64,
-    /// Where Z is written, for messages.
+    /// Where Z or P is written, for messages.
     pub base_amplitude_span: Span,
     /// It has a damper that damprig has no equations for (`damper = "unmodelled"`); the model is that of the bare structure.
     pub has_unmodelled_damper: bool,
@@ -35,13 +43,43 @@ impl CampaignSetUp {
         self.spec.at(self.base_amplitude_m)
     }
 
+    /// P, N, if a force drives the structure.
+    #[must_use]
+    pub fn force_amplitude_n(&self) -> Option<f64> {
+        let model = self.model();
+        model.is_force_driven.then_some(model.structure.stiffness_n_per_m * self.base_amplitude_m)
+    }
+
+    /// The key that states its amplitude.
+    #[must_use]
+    pub fn amplitude_key(&self) -> &'static str {
+        if self.model().is_force_driven { FORCE_AMPLITUDE } else { set_up::BASE_AMPLITUDE.name() }
+    }
+
+    /// The value of that key for this Z or less, with two digits.
+    #[must_use]
+    pub fn amplitude_for(&self, base_amplitude_m: f64) -> f64 {
+        let share = base_amplitude_m / self.base_amplitude_m;
+        two_digits_down(self.force_amplitude_n().map_or(base_amplitude_m, |force_n| force_n * share))
+    }
+
     /// Whether it may have impacts: with a particle, or a damper without a model.
     #[must_use]
     pub fn may_have_impacts(&self) -> bool {
         self.has_unmodelled_damper || self.model().particle.is_some()
     }
 
-    /// y − x at the start, m; 0 without a particle.
+    /// The set-up with each start of its particle that a prediction takes: the stated one, or several between the walls where it is not
+    /// known.
+    #[must_use]
+    pub fn starts(&self) -> Vec<Self> {
+        if !self.spec.is_start_unknown() {
+            return vec![self.clone()];
+        }
+        UNKNOWN_STARTS.iter().map(|share| Self { spec: self.spec.starting_at(*share), ..self.clone() }).collect()
+    }
+
+    /// y − x at the start, m; 0 without a particle, and where it is not known.
     #[must_use]
     pub fn particle_start_m(&self) -> f64 {
         self.spec.particle_start_m(self.base_amplitude_m)
@@ -105,8 +143,14 @@ pub(super) fn read_all<'a>(root: &Section<'a>, file: Option<&DeTable<'a>>) -> Op
 fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSetUp> {
     let name = section.text_of(&set_up::NAME);
     let label = section.text_of(&set_up::LABEL);
+    let instruction = section.text_of(&set_up::INSTRUCTION).map(|text| text.value);
     let amplitude = section.placed(&set_up::BASE_AMPLITUDE);
-    let base = amplitude.as_ref().map_or(BaseAmplitude::Unread, |amplitude| BaseAmplitude::Is(amplitude.value));
+    let is_force = section.written(&set_up::BASE_AMPLITUDE).is_some_and(|key| key.name == FORCE_AMPLITUDE);
+    let base = match &amplitude {
+        Some(amplitude) if is_force => BaseAmplitude::Force(amplitude.value),
+        Some(amplitude) => BaseAmplitude::Is(amplitude.value),
+        None => BaseAmplitude::Unread,
+    };
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
     let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {
@@ -116,14 +160,28 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         return None;
     }
     section.finish();
-    let (name, amplitude) = (name?.value, amplitude?);
+    let (name, amplitude, spec) = (name?.value, amplitude?, spec?);
+    let base_amplitude_m = if is_force { spec.static_deflection_m(amplitude.value) } else { amplitude.value };
     Some(CampaignSetUp {
         label: label.map_or_else(|| name.clone(), |label| label.value),
         name,
-        spec: spec?,
-        base_amplitude_m: amplitude.value,
+        instruction,
+        spec,
+        base_amplitude_m,
         base_amplitude_span: amplitude.span,
         has_unmodelled_damper,
         is_predicted: !has_unmodelled_damper,
     })
+}
+
+/// Refuses set-ups with a force drive on a rig whose shaker moves the base.
+pub(super) fn refuse_forces(source: &Source, set_ups: &[CampaignSetUp]) {
+    for set_up in set_ups.iter().filter(|set_up| set_up.model().is_force_driven) {
+        source.report(Problem {
+            title: format!("set-up {:?} is driven by a force, and `[rig.shaker]` moves the base", set_up.name),
+            span: set_up.base_amplitude_span.clone(),
+            allowed: "one of both".into(),
+            help: Some("leave out `[rig.shaker]`, or give base_amplitude_m".into()),
+        });
+    }
 }

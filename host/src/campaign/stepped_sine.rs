@@ -1,8 +1,11 @@
 //! A stepped sine over a list of frequencies.
 
+use std::f64::consts::TAU;
+
 use damprig_core::control::base_loop::ClosedLoop;
 use damprig_core::control::stepped_sine::{DriveMode, FEWEST_CYCLES, MOST_POINTS};
 use damprig_core::measure::steadiness::SteadyLimits;
+use damprig_core::model::Structure;
 
 use super::RigSettings;
 use super::keys::{closed_loop, grid, steady, stepped_sine as keys};
@@ -49,13 +52,13 @@ impl SteppedSine {
     }
 }
 
-/// Reads a stepped sine; `rig` is `None` when it could not be read.
-pub(super) fn read(section: &Section, rig: Option<&RigSettings>) -> Option<SteppedSine> {
+/// Reads a stepped sine; `rig` is `None` when it could not be read, `structures` are those of its set-ups.
+pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[Structure]) -> Option<SteppedSine> {
     let start = section.word(&keys::START);
     let settle_s = section.scalar(&keys::SETTLE);
     let dwell = section.placed(&keys::DWELL);
     let rest_level_m = section.scalar(&keys::REST_LEVEL);
-    let frequencies = frequencies(section);
+    let frequencies = frequencies(section, structures);
     let steady = read_steady(section, dwell.as_ref());
     if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
         let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
@@ -87,13 +90,15 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>) -> Option<Stepp
 }
 
 /// A list of numbers, or a grid.
-fn frequencies(section: &Section) -> Option<Vec<f64>> {
+fn frequencies(section: &Section, structures: &[Structure]) -> Option<Vec<f64>> {
     match section.given(&keys::FREQUENCIES)? {
         (_, Given::Numbers(list)) => listed(section, &list),
         (_, Given::Table(table)) => {
             let (from, to, step) = (table.scalar(&grid::FROM), table.scalar(&grid::TO), table.placed(&grid::STEP));
+            let resonance_points = table.scalar(&grid::RESONANCE_POINTS).map(|points| points as usize);
             table.finish();
-            spread(&table, from?, to?, &step?)
+            let even = spread(&table, from?, to?, &step?)?;
+            refine(&table, even, resonance_points, structures)
         }
         _ => None,
     }
@@ -135,9 +140,37 @@ fn spread(grid: &Section, from: f64, to: f64, step: &Number) -> Option<Vec<f64>>
         );
         return None;
     }
-    // To the nanohertz, so that 2 + 7 × 0.05 is written 2.35.
-    let at = |i: usize| ((from + i as f64 * step.value) * 1e9).round() / 1e9;
-    Some((0..=steps as usize).map(at).collect())
+    Some((0..=steps as usize).map(|i| to_nanohertz(from + i as f64 * step.value)).collect())
+}
+
+/// So that 2 + 7 × 0.05 is written 2.35.
+fn to_nanohertz(frequency_hz: f64) -> f64 {
+    (frequency_hz * 1e9).round() / 1e9
+}
+
+/// Adds `points` frequencies over the half-power bandwidth of each structure that lies within the grid, in the grid's direction.
+fn refine(table: &Section, even: Vec<f64>, points: Option<usize>, structures: &[Structure]) -> Option<Vec<f64>> {
+    let Some(points) = points else { return Some(even) };
+    let (Some(&first), Some(&last)) = (even.first(), even.last()) else { return Some(even) };
+    let mut all = even;
+    for structure in structures {
+        let natural_hz = structure.angular_frequency_rad_per_s() / TAU;
+        let at =
+            |n: usize| natural_hz * (1.0 + structure.damping_ratio() * (2.0 * n as f64 / (points - 1) as f64 - 1.0));
+        let within = |f: &f64| (first.min(last)..=first.max(last)).contains(f);
+        all.extend((0..points).map(at).map(to_nanohertz).filter(within));
+    }
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    if first > last {
+        all.reverse();
+    }
+    if all.len() > MOST_POINTS {
+        let allowed = format!("would give {} points; the controller holds {MOST_POINTS}", all.len());
+        table.reject(grid::RESONANCE_POINTS.name(), allowed, None);
+        return None;
+    }
+    Some(all)
 }
 
 /// `drive`, and the `closed_loop` table of one of its two values.

@@ -110,8 +110,9 @@ Examples:
   damprig run --resume results/foam-1
 
 The run folder has campaign.toml, manifest.json, journal.jsonl, results.parquet, samples.parquet,
-figure.svg, figure.png and report.html; with playbacks, impulses or free vibrations also
-transients.parquet, transients.svg and transients.png. Until the run is complete, samples.parts/
+figure.svg, figure.png and report.html; with a stepped sine whose x is recorded also motions.svg
+and motions.png; with playbacks, impulses or free vibrations also transients.parquet,
+transients.svg and transients.png. Until the run is complete, samples.parts/
 stands in for samples.parquet.
 
 Exit codes:
@@ -163,6 +164,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     warnings.iter().for_each(|warning| warn!("warning: {warning}"));
     if args.dry_run {
         terminal::set_ups::parameters(&campaign).iter().for_each(|table| say!("{table}"));
+        terminal::campaign::steps(&campaign).iter().for_each(|line| say!("{line}"));
     }
     let predicted = Predicted::of(&campaign).map_err(Failure::input)?;
     settling::advice(&campaign).iter().for_each(|line| say!("{line}"));

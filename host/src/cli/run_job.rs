@@ -20,6 +20,7 @@ use crate::monitor::{Asked, Handles, Monitor, Permissions};
 use crate::prediction::Predicted;
 use crate::report::compared::predicted_and_measured;
 use crate::report::figures::campaign::{self as figures, PlottedPoint};
+use crate::report::figures::peak_motion::draw as draw_motions;
 use crate::report::page::page;
 use crate::report::terminal;
 use crate::run_folder::RunFolder;
@@ -256,12 +257,17 @@ impl Job<'_> {
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());
         let drawn = if has_sines {
             let points: Vec<PlottedPoint> = rows.iter().map(PlottedPoint::from).collect();
-            figures::response(self.campaign, &points).and_then(|picture| picture.write(path, "figure"))
+            figures::response(self.campaign, &points, None).and_then(|picture| picture.write(path, "figure"))
         } else {
             Ok(())
         };
         let drawn = drawn.and_then(|()| match figures::transients(self.campaign, path, taken.transients())? {
             Some(picture) => picture.write(path, "transients"),
+            None => Ok(()),
+        });
+        let with_samples = RunFolder::with_manifest(path, manifest.clone());
+        let drawn = drawn.and_then(|()| match draw_motions(self.campaign, &with_samples, &taken)? {
+            Some(picture) => picture.write(path, "motions"),
             None => Ok(()),
         });
         let page_written = self.folder.write_page(&page(&RunFolder::with_manifest(path, manifest.clone())).html);

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 
 use super::outcome::Failure;
 use super::progress::bar;
-use crate::campaign::{Campaign, CampaignSetUp};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;
 use crate::host_time;
 use crate::input::shown_in_line;
@@ -201,6 +201,23 @@ impl RunProgress {
         (passed_s > 0.0 && wall_s > 1.0 && !stands).then(|| duration(left_s))
     }
 
+    /// Asks a person to do something, and waits until it is confirmed. `what` names it in errors.
+    fn ask(&self, request: &str, what: &str) -> Result<bool, RunError> {
+        if !std::io::stdin().is_terminal() {
+            let message =
+                format!("there is no terminal for the confirmation of this: {request}\n  Do it and use --yes");
+            return Err(RunError::NobodyThere(message));
+        }
+        self.bar.suspend(|| {
+            let _ = write!(std::io::stderr(), "{request} Press Enter when ready. ");
+            let mut answer = String::new();
+            match std::io::stdin().lock().read_line(&mut answer) {
+                Ok(count) if count > 0 => Ok(true),
+                _ => Err(RunError::NobodyThere(format!("{what} was not confirmed"))),
+            }
+        })
+    }
+
     /// The present numbers on the bar, or on a line now and then.
     fn show(&mut self) {
         let Self { present, numbers, .. } = self;
@@ -215,7 +232,7 @@ impl RunProgress {
 }
 
 impl Watcher for RunProgress {
-    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<bool, RunError> {
         self.print_summary();
         self.mounted = self.set_ups.iter().position(|name| *name == set_up.name).map_or(0, |n| n + 1);
         let label = shown_in_line(&set_up.name).into_owned();
@@ -224,24 +241,17 @@ impl Watcher for RunProgress {
         self.show();
         self.summary = Some(Summary { label, points: 0, peak: None });
         if simulated || self.mount_without_asking {
-            return Ok(());
+            return Ok(false);
         }
-        let what = describe::set_up(set_up);
-        if !std::io::stdin().is_terminal() {
-            let message = format!(
-                "set-up {:?} ({what}) must be mounted, and there is no terminal for the confirmation; mount it and use --yes",
-                set_up.name
-            );
-            return Err(RunError::NobodyThere(message));
+        self.ask(&describe::mounting(set_up), &format!("mounting of set-up {:?}", set_up.name))
+    }
+
+    fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
+        if self.mount_without_asking {
+            return Ok(false);
         }
-        self.bar.suspend(|| {
-            let _ = write!(std::io::stderr(), "Mount set-up {:?}: {what}. Press Enter when ready. ", set_up.name);
-            let mut answer = String::new();
-            match std::io::stdin().lock().read_line(&mut answer) {
-                Ok(count) if count > 0 => Ok(()),
-                _ => Err(RunError::NobodyThere(format!("mounting of set-up {:?} was not confirmed", set_up.name))),
-            }
-        })
+        let what = format!("what experiment {:?} needs", experiment.name);
+        self.ask(&describe::instruction(experiment, instruction), &what)
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -13,7 +13,7 @@ use crate::report::exports::hdf5::Hdf5;
 use crate::report::exports::mat::Mat;
 use crate::report::exports::uff::Uff;
 use crate::report::exports::{ExportSelection, Exporter, RunTable};
-use crate::report::page::page;
+use crate::report::page::{page, page_of_runs};
 use crate::report::terminal::plain_table as table;
 use crate::run_folder::read::columns::{Value, column, numbers, texts};
 use crate::run_folder::read::folder::{below, find, is_run};
@@ -43,12 +43,13 @@ enum Action {
         /// Run folder, its name, or the short id at the end of the name
         run: PathBuf,
     },
-    /// Write the report page of a run: one HTML file
+    /// Write the report page of one or several runs: one HTML file
     #[command(after_help = REPORT_HELP)]
     Report {
-        /// Run folder, its name, or the short id at the end of the name
-        run: PathBuf,
-        /// New file [default: <run>.html in the current folder]
+        /// Run folders, their names, or the short ids at the end of the names
+        #[arg(required = true, value_name = "RUN")]
+        runs: Vec<PathBuf>,
+        /// New file [default: <run>.html in the current folder; runs.html for several]
         #[arg(long, value_name = "FILE")]
         out: Option<PathBuf>,
         /// Replace an existing file
@@ -67,6 +68,7 @@ of a run that was killed or of an older run.
 Examples:
   damprig runs report k3x9                               writes <run>.html
   damprig runs report runs/20261121-041624-hybrid-k3x9 --out foam-1.html
+  damprig runs report k3x9 p07m --out walls.html         two runs, their responses in one figure
 
 The exit code is 1 if a part of the run cannot be read; the page names it.";
 
@@ -147,7 +149,10 @@ pub fn run(args: &Args) -> Outcome {
         None => list(&args.dir),
         Some(Action::Show { run }) => show(&open(run)?),
         Some(Action::Verify { run }) => check(run),
-        Some(Action::Report { run, out, force }) => report(&open(run)?, out.as_deref(), *force),
+        Some(Action::Report { runs, out, force }) => {
+            let runs: Vec<RunFolder> = runs.iter().map(|run| open(run)).collect::<Result<_, _>>()?;
+            report(&runs, out.as_deref(), *force)
+        }
         Some(Action::Export(export)) => self::export(export),
     }
 }
@@ -341,11 +346,12 @@ fn refuse_existing(out: &OutFile) -> Outcome {
     Ok(())
 }
 
-fn report(run: &RunFolder, out: Option<&Path>, force: bool) -> Outcome {
-    let out = out.map_or_else(|| PathBuf::from(format!("{}.html", run.id())), Path::to_path_buf);
+fn report(runs: &[RunFolder], out: Option<&Path>, force: bool) -> Outcome {
+    let name = if let [run] = runs { run.id() } else { "runs".into() };
+    let out = out.map_or_else(|| PathBuf::from(format!("{name}.html")), Path::to_path_buf);
     let file = OutFile { path: out.clone(), force };
     refuse_existing(&file)?;
-    let page = page(run);
+    let page = if let [run] = runs { page(run) } else { page_of_runs(runs) };
     write_new(&file, |file| file.write_all(page.html.as_bytes()).map_err(|e| to_failure(&out)(&e)))
         .map_err(Failure::failed)?;
     say!("Report: {}", out.display());

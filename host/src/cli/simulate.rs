@@ -35,7 +35,7 @@ pub struct Args {
     #[arg(long)]
     analyse: bool,
 
-    /// Write the time history to FILE (.parquet or .csv), impacts and accumulations to FILE.impacts.… and FILE.accumulations.…
+    /// Write the time history to FILE (.parquet, .csv or .mat), impacts and accumulations to FILE.impacts.… and FILE.accumulations.…
     #[arg(long, value_name = "FILE")]
     out: Option<TablePath>,
 

@@ -67,13 +67,13 @@ pub(super) struct Models {
 }
 
 impl Models {
-    /// Of a set-up, its models with varied parameters (empty without any), and whether the rig is simulated.
-    pub(super) fn new(set_up: &CampaignSetUp, varied: &[Vec<CampaignSetUp>], is_simulated: bool, scale: f64) -> Self {
+    /// Of a set-up, its models with varied parameters (empty without any), and whether the particle's start is known.
+    pub(super) fn new(set_up: &CampaignSetUp, varied: &[Vec<CampaignSetUp>], is_start_known: bool, scale: f64) -> Self {
         let own = |all: &Vec<CampaignSetUp>| all.iter().find(|other| other.name == set_up.name).cloned();
         let varied: Vec<CampaignSetUp> = varied.iter().filter_map(own).collect();
         let acts = varied.iter().any(|other| other.model() != set_up.model());
         let varied = if acts { varied } else { Vec::new() };
-        Self { set_up: set_up.clone(), varied, is_start_known: is_simulated, scale }
+        Self { set_up: set_up.clone(), varied, is_start_known, scale }
     }
 
     /// Whether identified parameters with an uncertainty act on the set-up.

@@ -117,7 +117,7 @@ pub fn compare(
     let mut experiments = Vec::new();
     for (place, own) in campaign.set_ups.iter().enumerate() {
         let simulated = ensemble::model_of(own, model)?;
-        let models = Models::new(&simulated, &varied, is_simulated, sensors.scale);
+        let models = Models::new(&simulated, &varied, is_simulated && !own.spec.is_start_unknown(), sensors.scale);
         for experiment in campaign.experiments.iter().filter(|experiment| experiment.set_ups.contains(&place)) {
             let points = if experiment.stepped_sine().is_some() {
                 compared.stepped_sine(own, experiment, &models)
@@ -180,7 +180,8 @@ impl Compared<'_> {
                 "The friction force is that of the spring's target; the error of the spring is not included.".into(),
             );
         }
-        if model.particle.is_some() && !self.is_simulated {
+        let is_start_unknown = own.spec.is_start_unknown() || !self.is_simulated;
+        if model.particle.is_some() && is_start_unknown {
             notes.push(
                 "The particle's start is not known: the prediction is the mean over starts anywhere between the walls."
                     .into(),

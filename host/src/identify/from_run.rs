@@ -170,6 +170,12 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
             "set-up {set_up:?} has {damper}: its response is not that of the structure\n  measure one of the bare structure"
         )));
     }
+    if record.and_then(|record| record.model()).is_some_and(|model| model.is_force_driven) {
+        return Err(failed(&format!(
+            "set-up {set_up:?} is driven by a force; the fit is for a base that moves\n  measure one with base_amplitude_m, or a \
+             free vibration for `damprig identify decay`"
+        )));
+    }
     let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));
     let points: Vec<Point> = own().filter(|f| f.2 && f.1.ratio.is_finite()).map(|f| f.1).collect();
     let (all, settled) = (own().count(), points.len());

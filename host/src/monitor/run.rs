@@ -13,9 +13,10 @@ use super::message::{
     Activity, Curve, FaultText, Impact, Level, Limits, LinkState, Point, SignalName, Source, SourceKind, Transient,
 };
 use super::words;
-use crate::campaign::{Campaign, CampaignSetUp};
+use crate::campaign::{Campaign, CampaignSetUp, Experiment};
 use crate::client::session::Session;
 use crate::prediction::Predicted;
+use crate::report::describe;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
@@ -201,12 +202,18 @@ impl<'a> MonitoredRun<'a> {
 }
 
 impl Watcher for MonitoredRun<'_> {
-    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<bool, RunError> {
         if !simulated {
-            let text = format!("Waiting: mount set-up {} and confirm in the terminal.", set_up.name);
+            let text = format!("Waiting: {} Confirm in the terminal.", describe::mounting(set_up));
             self.feed.send(Update::Activity(Activity::Waiting, text));
         }
         self.terminal.mount(set_up, simulated)
+    }
+
+    fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
+        let text = format!("Waiting: {} Confirm in the terminal.", describe::instruction(experiment, instruction));
+        self.feed.send(Update::Activity(Activity::Waiting, text));
+        self.terminal.instruct(experiment, instruction)
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -17,7 +17,7 @@ use tokio::sync::oneshot;
 use super::feed::{Feed, Update};
 use super::message::{Activity, Frame, Level, Log, News, SharedFrame, Snapshot};
 use super::screen;
-use crate::campaign::CampaignSetUp;
+use crate::campaign::{CampaignSetUp, Experiment};
 use crate::report::describe;
 use crate::runner::{RunAction, RunError, Watcher};
 
@@ -254,19 +254,17 @@ impl TerminalWatcher {
     fn ask(&self, question: Option<String>) {
         *self.shared.question.lock().unwrap_or_else(PoisonError::into_inner) = question;
     }
-}
 
-impl Watcher for TerminalWatcher {
-    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
-        if simulated || self.mount_without_asking {
-            return Ok(());
+    /// Asks a person to do something, and waits until it is confirmed.
+    fn confirm(&self, request: &str) -> Result<bool, RunError> {
+        if self.mount_without_asking {
+            return Ok(false);
         }
-        let what = describe::set_up(set_up);
         while self.confirmed.try_recv().is_ok() {}
-        self.ask(Some(format!("Mount set-up {}: {what}. Press Enter when ready.", set_up.name)));
+        self.ask(Some(format!("{request} Press Enter when ready.")));
         let confirmed = loop {
             if self.confirmed.recv_timeout(DRAW_EVERY).is_ok() {
-                break Ok(());
+                break Ok(true);
             }
             if self.stop.load(Ordering::Relaxed) {
                 break Err(RunError::Interrupted);
@@ -274,6 +272,16 @@ impl Watcher for TerminalWatcher {
         };
         self.ask(None);
         confirmed
+    }
+}
+
+impl Watcher for TerminalWatcher {
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<bool, RunError> {
+        if simulated { Ok(false) } else { self.confirm(&describe::mounting(set_up)) }
+    }
+
+    fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
+        self.confirm(&describe::instruction(experiment, instruction))
     }
 
     fn progress(&mut self, _: f64) {}

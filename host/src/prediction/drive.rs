@@ -17,8 +17,8 @@ struct TooMuch {
     span: Span,
     asked_m: f64,
     key: &'static str,
-    /// The largest value that would fit.
-    fits_m: f64,
+    /// The largest value of the key that would fit.
+    fits: f64,
 }
 
 /// Refuses what a drive of ± `drive_m` cannot deliver.
@@ -41,7 +41,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
         }
     }
     let mut seen: Vec<Span> = Vec::new();
-    for TooMuch { title, span, asked_m, key, fits_m } in all {
+    for TooMuch { title, span, asked_m, key, fits } in all {
         // A set-up or a record may be used more than once.
         if seen.contains(&span) {
             continue;
@@ -58,7 +58,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
                 "at most {} m: the drive's output is linear only up to there (settings, calibration.drive)",
                 trim_m(drive_m)
             ),
-            help: Some(format!("write {key} = {fits_m}")),
+            help: Some(format!("write {key} = {fits}")),
         });
     }
     campaign.source.verdict()
@@ -75,8 +75,8 @@ fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
         title: format!("set-up {:?} has too large a base amplitude", set_up.name),
         span: set_up.base_amplitude_span.clone(),
         asked_m,
-        key: "base_amplitude_m",
-        fits_m: two_digits_down(drive_m),
+        key: set_up.amplitude_key(),
+        fits: set_up.amplitude_for(drive_m),
     })
 }
 
@@ -88,7 +88,7 @@ fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
         span: limit.span.clone(),
         asked_m: limit.value,
         key: "drive_limit_m",
-        fits_m: two_digits_down(drive_m),
+        fits: two_digits_down(drive_m),
     })
 }
 
@@ -106,6 +106,6 @@ fn record_too_high(
         span: playback.span.clone(),
         asked_m: peak_m,
         key: if playback.key == "amplitude_m" { playback.key } else { "target_peak_m" },
-        fits_m: two_digits_down(drive_m * playback.peak_m() / peak_m),
+        fits: two_digits_down(drive_m * playback.peak_m() / peak_m),
     })
 }

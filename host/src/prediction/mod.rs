@@ -34,7 +34,7 @@ use transient::Expected;
 use watch::MotionWatch;
 pub use watch::contact_s;
 
-/// The largest displacement of a set-up.
+/// The largest displacement of a set-up, over several starts of its particle where the start is not known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swing {
     /// Largest |x|, m.
@@ -175,7 +175,7 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
                 title: format!("set-up {:?} would leave the displacement limit of the base", set_up.name),
                 span: set_up.base_amplitude_span.clone(),
                 allowed: format!("at most {base_m} m may be used"),
-                help: Some(format!("write base_amplitude_m = {}", two_digits_down(base_m))),
+                help: Some(format!("write {} = {}", set_up.amplitude_key(), set_up.amplitude_for(base_m))),
             });
             continue;
         }
@@ -196,7 +196,8 @@ pub fn check(campaign: &Campaign, predictions: &[Prediction]) -> Result<(), Refu
             span: set_up.base_amplitude_span.clone(),
             allowed: format!("Z = {} mm is too large for this set-up", trim(set_up.base_amplitude_m * 1e3)),
             help: fix.map(|(z, swing)| {
-                format!("write base_amplitude_m = {z} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
+                let (key, amplitude) = (set_up.amplitude_key(), set_up.amplitude_for(z));
+                format!("write {key} = {amplitude} (predicted max|x| = {:.1} mm at {} Hz)", swing.max_x_m * 1e3, swing.frequency_hz)
             }),
         });
     }
@@ -265,7 +266,11 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
     for (experiment, own) in campaign.experiments.iter().enumerate() {
         let Some(sine) = own.stepped_sine().filter(|_| own.set_ups.contains(&set_up)) else { continue };
         let detection = &campaign.rig.board.impacts;
-        let simulated = simulate(&campaign.set_ups[set_up], sine, base_amplitude_m, (most_steps, detection))?;
+        let starts = campaign.set_ups[set_up].starts();
+        let budget = (most_steps / starts.len() as u64, detection);
+        let all: Result<Vec<Simulated>, Invalid> =
+            starts.iter().map(|start| simulate(start, sine, base_amplitude_m, budget)).collect();
+        let simulated = Simulated::of_starts(&all?);
         largest = largest.or(simulated.swing);
         let is_whole = simulated.swing.predicted_s.is_none();
         let dwell_max_x_m = is_whole.then_some(simulated.dwell_max_x_m);
@@ -330,6 +335,21 @@ struct Simulated {
     points: Vec<(f64, f64)>,
     /// Largest |x| of all dwells, m.
     dwell_max_x_m: f64,
+}
+
+impl Simulated {
+    /// Of several starts of the particle: the largest displacements and forces, and the median of X/Z at each point.
+    fn of_starts(all: &[Self]) -> Self {
+        let swing = all.iter().fold(Swing::NOTHING, |largest, one| largest.or(one.swing));
+        let dwell_max_x_m = all.iter().map(|one| one.dwell_max_x_m).fold(0.0, f64::max);
+        let points = all.iter().map(|one| one.points.len()).min().unwrap_or(0);
+        let median = |place: usize| {
+            let mut ratios: Vec<f64> = all.iter().map(|one| one.points[place].1).collect();
+            ratios.sort_by(f64::total_cmp);
+            (all[0].points[place].0, ratios[ratios.len() / 2])
+        };
+        Self { swing, points: (0..points).map(median).collect(), dwell_max_x_m }
+    }
 }
 
 /// One experiment on one set-up with base amplitude Z, at most `most_steps` steps of each point.

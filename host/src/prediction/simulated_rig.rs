@@ -33,7 +33,7 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
                     if let (Some(shaker), DriveMode::Constant) = (&campaign.rig.shaker, &sine.drive) {
                         warnings.extend(unloaded(campaign, shaker, set_up, sine));
                     }
-                    ("base_amplitude_m", set_up.base_amplitude_m, &set_up.base_amplitude_span)
+                    (set_up.amplitude_key(), set_up.base_amplitude_m, &set_up.base_amplitude_span)
                 }
                 Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
                 Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),

@@ -66,12 +66,29 @@ pub fn outlook(
     experiment: &Experiment,
     detection: &ImpactConfig,
 ) -> Result<Option<Outlook>, Invalid> {
-    let outlook = match &experiment.kind {
-        Kind::SteppedSine(_) => return Ok(None),
-        Kind::Playback(playback) => played(set_up, playback, detection)?,
-        Kind::FreeVibration(free) => released(set_up, free, detection)?,
+    if let Kind::SteppedSine(_) = experiment.kind {
+        return Ok(None);
+    }
+    let of_start = |start: &CampaignSetUp| match &experiment.kind {
+        Kind::Playback(playback) => played(start, playback, detection),
+        Kind::FreeVibration(free) => released(start, free, detection),
+        Kind::SteppedSine(_) => Ok(Outlook::default()),
     };
+    let all: Result<Vec<Outlook>, Invalid> = set_up.starts().iter().map(of_start).collect();
+    let outlook = of_starts(all?);
     Ok(Some(if set_up.is_predicted { outlook } else { outlook.of_base() }))
+}
+
+/// Of several starts of the particle: the largest displacements and forces; the rest of the start with the median RMS.
+fn of_starts(mut all: Vec<Outlook>) -> Outlook {
+    all.sort_by(|a, b| a.x_rms_m.total_cmp(&b.x_rms_m));
+    let largest = |value: fn(&Outlook) -> f64| all.iter().map(value).fold(0.0, f64::max);
+    Outlook {
+        x_peak_m: largest(|o| o.x_peak_m),
+        relative_peak_m: largest(|o| o.relative_peak_m),
+        wall_force_n: largest(|o| o.wall_force_n),
+        ..all[all.len() / 2]
+    }
 }
 
 /// The longest step, s.

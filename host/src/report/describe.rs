@@ -6,7 +6,8 @@ use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
 
 use super::numbers::{millimetres, significant, trimmed};
-use crate::campaign::CampaignSetUp;
+use crate::campaign::{CampaignSetUp, Experiment};
+use crate::input::shown_in_line;
 use crate::motion_record::Quantity;
 use crate::simulation::Case;
 
@@ -31,8 +32,30 @@ pub fn set_up(set_up: &CampaignSetUp) -> String {
     });
     let friction = set_up.friction_ratio().map(|r| format!("γF = {}", trimmed(r, 2)));
     let unmodelled = set_up.has_unmodelled_damper.then(|| "damper without a model".into());
-    let amplitude = Some(format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)));
+    let amplitude = Some(match set_up.force_amplitude_n() {
+        Some(force_n) => format!("P = {} N, Z = P/k", significant(force_n, 3)),
+        None => format!("Z = {} mm", trimmed(set_up.base_amplitude_m * 1e3, 3)),
+    });
     [clearance, wall, tuned, friction, unmodelled, amplitude].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// What a person must do before a set-up is measured: `Mount set-up "spid": d/Z = 10, … Put the particle at the wall.`
+#[must_use]
+pub fn mounting(set_up: &CampaignSetUp) -> String {
+    let instruction = set_up.instruction.as_ref().map_or(String::new(), |text| format!(" {}", sentence(text)));
+    shown_in_line(&format!("Mount set-up {:?}: {}.{instruction}", set_up.name, self::set_up(set_up))).into_owned()
+}
+
+/// What a person must do before an experiment.
+#[must_use]
+pub fn instruction(experiment: &Experiment, instruction: &str) -> String {
+    shown_in_line(&format!("Experiment {:?}: {}", experiment.name, sentence(instruction))).into_owned()
+}
+
+/// With a full stop at its end.
+fn sentence(text: &str) -> String {
+    let text = text.trim();
+    if text.ends_with(['.', '!', '?']) { text.to_string() } else { format!("{text}.") }
 }
 
 /// The excitation of a case: `base Z = 3 mm, 2.5 Hz (f/fn = 1)`.

@@ -24,7 +24,9 @@ fn voigt(wall: Wall) -> Option<(f64, f64, Release)> {
 /// Every parameter with its unit. Those that no set-up has are left out of the table.
 const PARAMETERS: &[(&str, Value)] = &[
     ("damper", |s, _| s.has_unmodelled_damper.then(|| "unmodelled".into())),
-    ("Z, base amplitude (mm)", |s, _| Some(number(s.base_amplitude_m * 1e3))),
+    ("Z, base amplitude (mm)", |s, m| (!m.is_force_driven).then(|| number(s.base_amplitude_m * 1e3))),
+    ("P, force amplitude (N)", |s, _| s.force_amplitude_n().map(number)),
+    ("Z = P/k, static deflection (mm)", |s, m| m.is_force_driven.then(|| number(s.base_amplitude_m * 1e3))),
     ("M, mass (kg)", |_, m| Some(number(m.structure.mass_kg))),
     ("fn, natural frequency (Hz)", |s, _| Some(number(s.natural_frequency_hz()))),
     ("k, stiffness (N/m)", |_, m| Some(number(m.structure.stiffness_n_per_m))),
@@ -38,7 +40,10 @@ const PARAMETERS: &[(&str, Value)] = &[
     ("m/M, mass ratio", |_, m| m.particle.map(|p| number(p.mass_kg / m.structure.mass_kg))),
     ("d, clearance (mm)", |_, m| m.particle.map(|p| number(p.clearance_m * 1e3))),
     ("d/Z, clearance ratio", |s, _| s.clearance_ratio().map(number)),
-    ("y − x at the start (mm)", |s, m| m.particle.map(|_| number(s.particle_start_m() * 1e3))),
+    ("y − x at the start (mm)", |s, m| {
+        let known = |_| if s.spec.is_start_unknown() { "unknown".into() } else { number(s.particle_start_m() * 1e3) };
+        m.particle.map(known)
+    }),
     ("μi, internal friction", |_, m| m.particle.map(|p| number(p.friction_coefficient))),
     ("g, gravity (m/s²)", |_, m| {
         m.particle.filter(|p| p.friction_coefficient > 0.0).map(|_| number(m.gravity_m_per_s2))

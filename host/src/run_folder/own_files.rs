@@ -9,8 +9,19 @@ use std::path::{Path, PathBuf};
 use super::error::StorageError;
 
 /// First part, up to the first `.` or `-`, of the names that damprig uses at the top of a run folder.
-const OWN: [&str; 10] =
-    ["campaign", "figure", "impacts", "journal", "manifest", "records", "report", "results", "samples", "transients"];
+const OWN: [&str; 11] = [
+    "campaign",
+    "figure",
+    "impacts",
+    "journal",
+    "manifest",
+    "motions",
+    "records",
+    "report",
+    "results",
+    "samples",
+    "transients",
+];
 
 /// Folders that hold only files of the run.
 const OWN_FOLDERS: [&str; 2] = ["samples.parts", "records"];

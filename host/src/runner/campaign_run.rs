@@ -35,14 +35,33 @@ impl Run<'_> {
         self.make_ready()?;
         let campaign = self.campaign;
         let simulated = self.session.description.plant != PlantKind::Real;
-        for (index, set_up) in campaign.set_ups.iter().enumerate() {
-            let own = || campaign.experiments.iter().filter(move |e| e.set_ups.contains(&index));
+        for (set_up, own) in &campaign.run_order {
+            let set_up = &campaign.set_ups[*set_up];
+            let own = || own.iter().map(|&place| &campaign.experiments[place]);
             // Each set-up is mounted once, or never when all its points are taken.
             if own().any(|e| self.next(set_up, e).is_some()) {
-                self.watcher.mount(set_up, simulated)?;
+                if self.watcher.mount(set_up, simulated)? {
+                    self.note_action(&format!(
+                        "confirmed: set-up {:?} is mounted{}",
+                        set_up.name,
+                        also(set_up.instruction.as_deref())
+                    ));
+                }
                 for experiment in own() {
+                    self.instruct(set_up, experiment, simulated)?;
                     self.experiment(set_up, experiment)?;
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Asks a person for what an experiment needs; a simulated rig needs nobody.
+    fn instruct(&mut self, set_up: &CampaignSetUp, experiment: &Experiment, simulated: bool) -> Result<(), RunError> {
+        let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(()) };
+        if self.next(set_up, experiment).is_some() {
+            if self.watcher.instruct(experiment, instruction)? {
+                self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
             }
         }
         Ok(())
@@ -106,4 +125,9 @@ impl Run<'_> {
             }
         }
     }
+}
+
+/// What was confirmed besides the mounting.
+fn also(instruction: Option<&str>) -> String {
+    instruction.map_or_else(String::new, |instruction| format!(", and: {instruction}"))
 }

@@ -157,8 +157,9 @@ impl EarlierRun {
     pub fn intentions(&self) -> Vec<String> {
         let mut list =
             vec![format!("{} of {} points are kept as they are", self.journal.points(), self.campaign.points())];
-        for (index, set_up) in self.campaign.set_ups.iter().enumerate() {
-            for experiment in self.campaign.experiments.iter().filter(|e| e.set_ups.contains(&index)) {
+        for (set_up, own) in &self.campaign.run_order {
+            let set_up = &self.campaign.set_ups[*set_up];
+            for experiment in own.iter().map(|&place| &self.campaign.experiments[place]) {
                 let points = experiment.points();
                 let missing = self.journal.missing(&set_up.name, &experiment.name, points);
                 let begun = self.journal.next_segment(&set_up.name, &experiment.name).segment > 0;

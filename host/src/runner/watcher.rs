@@ -47,13 +47,22 @@ pub struct WatchedStart<'a> {
     pub every_ticks: u16,
 }
 
-/// Observes the progress of a run. No method but [`Watcher::mount`] may wait.
+/// Observes the progress of a run. No method but [`Watcher::mount`] and [`Watcher::instruct`] may wait.
 pub trait Watcher {
-    /// Returns when the set-up is mounted on the rig. On a real rig a person mounts it.
+    /// Returns when the set-up is mounted on the rig, and whether a person confirmed it. On a real rig a person mounts it.
     ///
     /// # Errors
     /// The mounting was not confirmed, or the program runs without a terminal.
-    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<(), RunError>;
+    fn mount(&mut self, set_up: &CampaignSetUp, simulated: bool) -> Result<bool, RunError>;
+
+    /// Returns when a person has done what an experiment on a real rig needs before it starts, and whether it was confirmed.
+    ///
+    /// # Errors
+    /// As [`Watcher::mount`].
+    fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
+        let _ = (experiment, instruction);
+        Ok(false)
+    }
 
     /// Rig time of the whole run so far, s.
     fn progress(&mut self, rig_s: f64);
@@ -112,8 +121,8 @@ pub trait Watcher {
 
 /// Nobody watches; every set-up counts as mounted.
 impl Watcher for () {
-    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
-        Ok(())
+    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<bool, RunError> {
+        Ok(false)
     }
 
     fn progress(&mut self, _: f64) {}

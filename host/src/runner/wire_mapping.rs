@@ -1,5 +1,7 @@
 //! Maps the campaign to the device's requests, and its signals, results and faults to the run's records.
 
+use rand_core::{RngCore, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
 use std::ops::Range;
 
 use damprig_core::control::base_loop::ClosedLoop;
@@ -96,6 +98,9 @@ const SPRING_DEVIATION: f64 = 1.074;
 
 /// The plant of a simulated rig: the set-up, on a board whose settings match its sensors and its screw.
 pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Experiment) -> PlantConfig {
+    // Repeats differ in their noise, and in where a particle starts that may start anywhere.
+    let seed = u64::from(experiment.repeat) << 32 | u64::from(rig.noise_seed);
+    let set_up = &if set_up.spec.is_start_unknown() { starting_anywhere(set_up, seed) } else { set_up.clone() };
     PlantConfig {
         set_up: set_up.model(),
         structure_start_m: experiment.free_vibration().map_or(0.0, |free| free.start_m),
@@ -105,7 +110,7 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
             range_m: rig.sensor_range_m(),
             resolution_m: rig.sensor_resolution_m as f32,
             noise_rms_m: rig.sensor_noise_rms_m as f32,
-            seed: u64::from(rig.noise_seed),
+            seed,
         },
         data_sheet: rig.data_sheet,
         walls: set_up
@@ -116,10 +121,16 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
             step_m: rig.board.spring.step_m,
             stiffness_n_per_m: (SPRING_DEVIATION * spring.stiffness_n_per_m) as f32,
             friction_coefficient: spring.friction_coefficient as f32,
-            seed: u64::from(rig.noise_seed),
+            seed,
             ..SpringPlant::default()
         }),
     }
+}
+
+/// The set-up with its particle somewhere between the walls.
+fn starting_anywhere(set_up: &CampaignSetUp, seed: u64) -> CampaignSetUp {
+    let share = Xoshiro256PlusPlus::seed_from_u64(seed).next_u32() as f64 / f64::from(u32::MAX);
+    CampaignSetUp { spec: set_up.spec.starting_at(2.0 * share - 1.0), ..set_up.clone() }
 }
 
 /// The spring properties that a set-up states.

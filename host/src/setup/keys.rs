@@ -72,7 +72,7 @@ tables! {
             key("wall", Kind::Table, "both walls, e.g. wall = { kind = \"restitution\", coefficient = 0.5 }"),
         ];
         START: Default(Word("centre")), [
-            word("start", &["centre", "at_negative_wall", "at_positive_wall"], "where the particle starts in its cavity"),
+            word("start", &["centre", "at_negative_wall", "at_positive_wall", "unknown"], "where the particle starts in its cavity"),
             number("start_m", Any, "y − x at the start, within the clearance"),
         ];
     }

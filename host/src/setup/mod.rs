@@ -28,6 +28,8 @@ pub use spec::{SetUpSpec, SpringSpec, SpringTarget};
 pub enum BaseAmplitude {
     /// Z, m; greater than 0.
     Is(f64),
+    /// A force drives the structure: its amplitude P, N; greater than 0. Z is P/k.
+    Force(f64),
     /// There is none, and why.
     Absent(&'static str),
     /// It could not be read.
@@ -87,6 +89,12 @@ pub fn read<'a>(
     };
     let structure = structure.and_then(|s| read_structure(&s, sample_s));
     let of = structure.as_ref();
+    let is_force_driven = matches!(base, BaseAmplitude::Force(_));
+    let base = match (base, of) {
+        (BaseAmplitude::Force(force_n), Some(structure)) => BaseAmplitude::Is(force_n / structure.stiffness_n_per_m),
+        (BaseAmplitude::Force(_), None) => BaseAmplitude::Unread,
+        _ => base,
+    };
     let particle = part(section, shared, &set_up::PARTICLE, |s| read_particle(s, of, base));
     let friction = part(section, shared, &set_up::FRICTION_DAMPER, |s| read_friction(s, base));
     let tmd = part(section, shared, &set_up::TMD, |s| read_tmd(s, of));
@@ -98,6 +106,7 @@ pub fn read<'a>(
         friction: friction?,
         tmd: tmd?,
         gravity_m_per_s2: gravity?,
+        is_force_driven,
     })
 }
 
@@ -175,7 +184,9 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
     let friction = s.scalar(&particle::FRICTION);
     let wall = s.table_of(&particle::WALL, None).and_then(|wall| read_wall(&wall, structure, mass));
     let place = match s.given(&particle::START) {
-        Some((_, Given::Word(word))) => Some(Place::Share([0.0, -1.0, 1.0][word])),
+        Some((_, Given::Word(word))) => {
+            Some([0.0, -1.0, 1.0].get(word).map_or(Place::Unknown, |share| Place::Share(*share)))
+        }
         Some((_, Given::Number(start))) => Some(Place::Metres(start)),
         _ => None,
     };
@@ -202,7 +213,7 @@ fn read_particle(s: &Section, structure: Option<&Structure>, base: BaseAmplitude
         friction_coefficient: friction?,
         wall: wall?,
         place: place?,
-        is_placed: s.is_given(&particle::START),
+        is_placed: s.is_given(&particle::START) && place != Some(Place::Unknown),
     })
 }
 

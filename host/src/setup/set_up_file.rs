@@ -138,16 +138,21 @@ impl SetUpText {
     /// Checks every key of the parsed file, also those that no set-up uses; gives its origin. `None` after a problem.
     pub fn check(&self, source: &Source, document: &Spanned<DeTable>) -> Option<SetUpFile> {
         let root = Section::root(source, document);
-        for part in PARTS {
-            if let Some(table) = root.table_of(&part, None) {
-                check_table(&table, part.name());
-            }
-        }
+        check_parts(&root);
         let entries = root.tables_of(&top::IDENTIFIED);
         let identified: Vec<Option<Identified>> = entries.iter().map(read_identified).collect();
         root.finish();
         let identified: Option<Vec<Identified>> = identified.into_iter().collect();
         Some(SetUpFile { file: self.file.clone(), text: self.text.clone(), identified: identified? })
+    }
+}
+
+/// Checks every key of structure and dampers at the top of a file, also those that no set-up uses.
+pub fn check_parts(root: &Section) {
+    for part in PARTS {
+        if let Some(table) = root.table_of(&part, None) {
+            check_table(&table, part.name());
+        }
     }
 }
 

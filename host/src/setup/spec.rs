@@ -17,6 +17,8 @@ pub(super) enum Place {
     Share(f64),
     /// Distance from the centre, m.
     Metres(f64),
+    /// Anywhere between the walls.
+    Unknown,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,6 +101,7 @@ pub struct SetUpSpec {
     pub(super) friction: Option<Friction>,
     pub(super) tmd: Option<Tmd>,
     pub(super) gravity_m_per_s2: f64,
+    pub(super) is_force_driven: bool,
 }
 
 impl SetUpSpec {
@@ -133,7 +136,14 @@ impl SetUpSpec {
             }),
             tmd: self.tmd,
             gravity_m_per_s2: self.gravity_m_per_s2,
+            is_force_driven: self.is_force_driven,
         }
+    }
+
+    /// P/k, m: the static deflection under a force, which takes the place of the base amplitude.
+    #[must_use]
+    pub fn static_deflection_m(&self, force_n: f64) -> f64 {
+        force_n / self.structure.stiffness_n_per_m
     }
 
     /// Whether any quantity is relative to the base amplitude.
@@ -147,13 +157,29 @@ impl SetUpSpec {
         by_friction || self.particle.is_some_and(|p| matches!(p.clearance, Relative::Ratio(_)))
     }
 
-    /// y − x at the start at base amplitude Z, m; 0 without a particle.
+    /// y − x at the start at base amplitude Z, m; 0 without a particle, and where it is not known.
     #[must_use]
     pub fn particle_start_m(&self, base_amplitude_m: f64) -> f64 {
         self.particle.map_or(0.0, |p| match p.place {
             Place::Share(share) => share * p.clearance_m(base_amplitude_m),
             Place::Metres(start) => start,
+            Place::Unknown => 0.0,
         })
+    }
+
+    /// Whether the particle may start anywhere.
+    #[must_use]
+    pub fn is_start_unknown(&self) -> bool {
+        self.particle.is_some_and(|p| p.place == Place::Unknown)
+    }
+
+    /// The same with a particle that starts at this share of the clearance from the centre, −1 to 1.
+    #[must_use]
+    pub fn starting_at(mut self, share: f64) -> Self {
+        if let Some(particle) = &mut self.particle {
+            particle.place = Place::Share(share);
+        }
+        self
     }
 
     /// The table of a damper that it has, if any.

@@ -1,4 +1,5 @@
-//! Writes the time history of a simulation to a CSV or Parquet file, in chunks while it runs. Memory is constant.
+//! Writes the time history of a simulation to a CSV or Parquet file, in chunks while it runs, with constant memory; or to a `.mat` file,
+//! which is kept in memory until the end.
 //!
 //! A file gets its name when it is complete; one that cannot be written leaves nothing. The file of a run that is stopped is
 //! complete up to there. Impacts and
@@ -13,13 +14,15 @@ use arrow_array::builder::{Float64Builder, Int32Builder, StringDictionaryBuilder
 use arrow_array::types::Int32Type;
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use matrw::MatFile;
 use parquet::arrow::ArrowWriter;
 use tempfile::TempPath;
 
 use super::motion::{AccumulationRecord, ImpactRecord, Phase, Piece, Viewer};
 use crate::run_folder::StorageError;
-use crate::run_folder::read::columns::values;
+use crate::run_folder::read::columns::{Value, description, unit, values};
 use crate::run_folder::schema::table::field;
+use crate::run_folder::write::mat_file::{self, sum};
 use crate::run_folder::write::parquet_file::properties;
 
 /// Rows in a chunk.
@@ -36,7 +39,21 @@ pub struct TablePath {
 enum TableFormat {
     Parquet,
     Csv,
+    Mat,
 }
+
+impl TableFormat {
+    fn extension(self) -> &'static str {
+        match self {
+            Self::Parquet => "parquet",
+            Self::Csv => "csv",
+            Self::Mat => "mat",
+        }
+    }
+}
+
+/// Most values of a `.mat` file: 2 GB, as in exports of runs.
+const MOST_MAT_VALUES: usize = 250_000_000;
 
 impl TablePath {
     /// The path.
@@ -48,7 +65,11 @@ impl TablePath {
     /// Approximate bytes per row of a time history, measured on a forced impact damper at 500 Hz.
     #[must_use]
     pub fn bytes_per_row(&self) -> f64 {
-        if self.format == TableFormat::Csv { 140.0 } else { 23.0 }
+        match self.format {
+            TableFormat::Csv => 140.0,
+            TableFormat::Parquet => 23.0,
+            TableFormat::Mat => 64.0,
+        }
     }
 
     /// Path of the table of impacts.
@@ -64,7 +85,7 @@ impl TablePath {
     }
 
     fn beside(&self, what: &str) -> Self {
-        let extension = if self.format == TableFormat::Csv { "csv" } else { "parquet" };
+        let extension = self.format.extension();
         Self { path: self.path.with_extension(format!("{what}.{extension}")), format: self.format }
     }
 }
@@ -78,8 +99,9 @@ impl FromStr for TablePath {
         let format = match extension.as_deref() {
             Some("parquet") => TableFormat::Parquet,
             Some("csv") => TableFormat::Csv,
-            Some(other) => return Err(format!("the extension .{other} is not supported; use .parquet or .csv")),
-            None => return Err("the file needs an extension: .parquet or .csv".into()),
+            Some("mat") => TableFormat::Mat,
+            Some(other) => return Err(format!("the extension .{other} is not supported; use .parquet, .csv or .mat")),
+            None => return Err("the file needs an extension: .parquet, .csv or .mat".into()),
         };
         Ok(Self { path, format })
     }
@@ -99,10 +121,81 @@ struct TableFile {
 enum FormatWriter {
     Parquet(Box<ArrowWriter<File>>),
     Csv(Box<csv::Writer<File>>),
+    Mat(MatTable),
+}
+
+/// The columns of a `.mat` file so far.
+#[derive(Debug, Default)]
+struct MatTable {
+    /// Name of its one variable.
+    name: &'static str,
+    columns: Vec<MatColumn>,
+}
+
+/// A column: its numbers, or places in a list of words, from 1.
+#[derive(Debug, Default)]
+struct MatColumn {
+    numbers: Vec<f64>,
+    words: Vec<String>,
+}
+
+impl MatColumn {
+    fn push(&mut self, value: &Value) {
+        let number = match value {
+            Value::Text(word) => {
+                let known = self.words.iter().position(|known| known == word);
+                let place = known.unwrap_or_else(|| {
+                    self.words.push(word.clone());
+                    self.words.len() - 1
+                });
+                Some((place + 1) as f64)
+            }
+            other => other.number(),
+        };
+        self.numbers.push(number.unwrap_or(f64::NAN));
+    }
+}
+
+impl MatTable {
+    fn push(&mut self, batch: &RecordBatch) -> Result<(), String> {
+        self.columns.resize_with(batch.num_columns(), MatColumn::default);
+        let held: usize = self.columns.iter().map(|column| column.numbers.len()).sum();
+        if held + batch.num_rows() * batch.num_columns() > MOST_MAT_VALUES {
+            return Err("a .mat file holds at most 2 GB; lower --rate, or write .parquet".into());
+        }
+        for (column, array) in self.columns.iter_mut().zip(batch.columns()) {
+            values(array.as_ref()).unwrap_or_default().iter().for_each(|value| column.push(value));
+        }
+        Ok(())
+    }
+
+    fn write(mut self, path: &Path, schema: &Schema) -> Result<(), String> {
+        let path = path.to_str().ok_or("the name is not UTF-8; give another with --out")?;
+        self.columns.resize_with(schema.fields().len(), MatColumn::default);
+        let sums = schema.fields().iter().zip(&self.columns).map(|(f, c)| (f.name().clone(), Some(sum(&c.numbers))));
+        let expected = [(self.name.to_string(), sums.collect())];
+        let text_of = |what: fn(&Field) -> &str| {
+            mat_file::structure(schema.fields().iter().map(|field| (field.name().clone(), mat_file::text(what(field)))))
+        };
+        let (units, descriptions) = (text_of(unit), text_of(description));
+        let mut fields = Vec::new();
+        for (field, column) in schema.fields().iter().zip(self.columns) {
+            fields.push((field.name().clone(), mat_file::numbers(column.numbers)));
+            if !column.words.is_empty() {
+                fields.push((format!("{}_names", field.name()), mat_file::cells(&column.words)));
+            }
+        }
+        let mut mat = MatFile::new();
+        mat.insert(self.name, mat_file::structure(fields));
+        mat.insert("units", units);
+        mat.insert("descriptions", descriptions);
+        mat_file::write_checked(path, mat, &expected)
+    }
 }
 
 impl TableFile {
-    fn create(to: &TablePath, fields: Vec<Field>) -> Result<Self, StorageError> {
+    /// `name`: that of the variable of a `.mat` file.
+    fn create(to: &TablePath, name: &'static str, fields: Vec<Field>) -> Result<Self, StorageError> {
         let folder = to.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         builder.prefix(".damprig-").suffix(".tmp");
@@ -125,6 +218,7 @@ impl TableFile {
                 writer.write_record(schema.fields().iter().map(|f| f.name())).map_err(|e| failed(&e))?;
                 FormatWriter::Csv(Box::new(writer))
             }
+            TableFormat::Mat => FormatWriter::Mat(MatTable { name, columns: Vec::new() }),
         };
         Ok(Self { path: to.path.clone(), schema, writer, beside })
     }
@@ -141,6 +235,7 @@ impl TableFile {
                 }
                 Ok(())
             }
+            FormatWriter::Mat(mat) => mat.push(&batch).map_err(|e| failed(&e)),
         }
     }
 
@@ -149,6 +244,7 @@ impl TableFile {
         match self.writer {
             FormatWriter::Parquet(writer) => drop(writer.close().map_err(|e| failed(&e))?),
             FormatWriter::Csv(mut writer) => writer.flush().map_err(|e| failed(&e))?,
+            FormatWriter::Mat(mat) => mat.write(&self.beside, &self.schema).map_err(|e| failed(&e))?,
         }
         self.beside.persist(&self.path).map_err(|e| StorageError::new("name", &self.path, e.error))
     }
@@ -181,7 +277,7 @@ impl MotionTable {
             word("particle", "between the walls, held by friction, resting on a wall, in the wall"),
         ];
         let labels = Default::default();
-        Ok(Self { table: TableFile::create(to, fields)?, numbers: Default::default(), labels, rows: 0 })
+        Ok(Self { table: TableFile::create(to, "motion", fields)?, numbers: Default::default(), labels, rows: 0 })
     }
 
     fn flush(&mut self) -> Result<(), StorageError> {
@@ -208,14 +304,19 @@ struct WallEventTable {
 impl WallEventTable {
     fn impacts(to: &TablePath) -> Result<Self, StorageError> {
         let speed = described(field("approach_speed_m_per_s", DataType::Float64, "m/s"), "|x' - y'| just before");
-        Self::create(&to.impacts(), "time", Some(speed))
+        Self::create(&to.impacts(), "impacts", "time", Some(speed))
     }
 
     fn accumulations(to: &TablePath) -> Result<Self, StorageError> {
-        Self::create(&to.accumulations(), "when the chatter ended and the particle rested on the wall", None)
+        Self::create(
+            &to.accumulations(),
+            "accumulations",
+            "when the chatter ended and the particle rested on the wall",
+            None,
+        )
     }
 
-    fn create(to: &TablePath, time: &str, speed: Option<Field>) -> Result<Self, StorageError> {
+    fn create(to: &TablePath, name: &'static str, time: &str, speed: Option<Field>) -> Result<Self, StorageError> {
         let mut fields = vec![
             described(field("t_s", DataType::Float64, "s"), time),
             described(field("side", DataType::Int32, ""), "+1 where y - x = +d, -1 where y - x = -d"),
@@ -223,7 +324,7 @@ impl WallEventTable {
         let has_speed = speed.is_some();
         fields.extend(speed);
         Ok(Self {
-            table: TableFile::create(to, fields)?,
+            table: TableFile::create(to, name, fields)?,
             time: Float64Builder::new(),
             side: Int32Builder::new(),
             speed: has_speed.then(Float64Builder::new),

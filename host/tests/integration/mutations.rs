@@ -237,8 +237,8 @@ struct Limited<'a> {
 }
 
 impl Watcher for Limited<'_> {
-    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
-        Ok(())
+    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<bool, RunError> {
+        Ok(false)
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -160,9 +160,9 @@ struct Puller<'a> {
 }
 
 impl Watcher for Puller<'_> {
-    fn mount(&mut self, _: &CampaignSetUp, simulated: bool) -> Result<(), RunError> {
+    fn mount(&mut self, _: &CampaignSetUp, simulated: bool) -> Result<bool, RunError> {
         assert!(simulated, "nobody is asked to mount a simulated set-up");
-        Ok(())
+        Ok(false)
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -27,7 +27,7 @@ fn the_page_of_a_complete_run_is_self_contained_and_reproducible() {
     for word in ["http:", "https:", "src=", "href=", "<script", "@import", "url("] {
         assert!(!foreign.contains(word), "{word}");
     }
-    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("8 of 8 files"));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success().stdout(contains("10 of 10 files"));
     damprig(&folder).args(["runs", "report", "out"]).assert().success().stdout(contains("Report: out.html"));
     assert_eq!(std::fs::read_to_string(folder.path().join("out.html")).unwrap(), page);
     damprig(&folder).args(["runs", "report", "out"]).assert().code(2).stderr(contains("out.html: it exists"));
@@ -66,6 +66,21 @@ fn two_experiments_on_one_set_up_have_a_row_and_a_curve_each() {
     let page = page(&folder.path().join("out"));
     assert!(page.contains("Bare structure: sweep") && page.contains("Bare structure: slowly"));
     assert!(!page.contains("Hybrid (SPID + FD): sweep"));
+}
+
+#[test]
+fn several_runs_have_one_page_with_all_curves_in_one_figure() {
+    let folder = folder_with(&short());
+    for name in ["first", "second"] {
+        damprig(&folder).args(["run", "test.toml", "--out", name]).assert().success();
+    }
+    damprig(&folder).args(["runs", "report", "first", "second"]).assert().success().stdout(contains("runs.html"));
+    let page = std::fs::read_to_string(folder.path().join("runs.html")).unwrap();
+    for words in ["2 runs", "first: Bare structure", "second: Hybrid (SPID + FD)"] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert_eq!(page.matches("6 of 6 points;").count(), 2);
+    damprig(&folder).args(["runs", "report", "first", "third"]).assert().code(2).stderr(contains("third"));
 }
 
 #[test]

@@ -220,6 +220,18 @@ mod unix {
     }
 
     #[test]
+    fn nobody_there_to_do_what_a_set_up_needs_ends_the_run_with_the_instruction() {
+        let text = short().replace("name = \"bare\"", "name = \"bare\"\ninstruction = \"Lock the particle\"");
+        let folder = folder_with(&text);
+        let rig = with_its_own_clock();
+        damprig(&folder)
+            .args(["run", "test.toml", "--rig", &rig, "--out", "out"])
+            .assert()
+            .failure()
+            .stderr(contains("Mount set-up \"bare\"").and(contains("Lock the particle.")).and(contains("use --yes")));
+    }
+
+    #[test]
     fn a_damper_without_a_model_is_not_predicted_on_a_board_but_its_base_is_checked() {
         let unmodelled = |text: String| text.replace("label = \"Bare structure\"", "damper = \"unmodelled\"");
         let only_bare =

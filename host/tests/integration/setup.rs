@@ -212,7 +212,7 @@ fn the_parser_reads_the_declared_keys_and_no_others() {
     }
     let answer = campaign("", "zzz = 1\n").expect_err("zzz");
     let mut keys = declared("", None, setup::TABLES);
-    keys.extend(["name".to_string(), "label".into(), "damper".into()]);
+    keys.extend(["name", "label", "damper", "instruction", "force_amplitude_n"].map(String::from));
     assert_eq!(allowed(&answer), keys, "{answer}");
 }
 

@@ -141,7 +141,7 @@ fn writing_a_time_history_does_not_change_the_motion() {
 fn an_unsupported_extension_is_refused_with_the_supported_ones() {
     let folder = folder(&spid("{ duration_s = 1 }"));
     for (flag, file, words) in
-        [("--out", "motion.mat", [".mat", ".parquet", ".csv"]), ("--plot", "motion.pdf", [".pdf", ".svg", ".png"])]
+        [("--out", "motion.xls", [".xls", ".parquet", ".mat"]), ("--plot", "motion.pdf", [".pdf", ".svg", ".png"])]
     {
         let output = damprig(&folder).args(["simulate", "case.toml", flag, file]).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
@@ -258,4 +258,24 @@ fn an_interrupted_parquet_history_is_readable() {
     let rows = crate::common::rows(folder.path().join("motion.parquet"));
     let expected = answer["stopped_at_s"].as_f64().unwrap() * 5.0;
     assert!((rows as f64 - expected).abs() <= 1.0, "{rows} rows in {expected}");
+}
+
+#[test]
+fn a_mat_file_has_the_numbers_of_the_parquet_file() {
+    let folder = folder(&spid("{ duration_s = 40 }"));
+    for name in ["motion.parquet", "motion.mat"] {
+        damprig(&folder).args(["simulate", "case.toml", "--out", name]).assert().success();
+    }
+    for (table, file) in [("motion", "motion"), ("impacts", "motion.impacts")] {
+        let batches = read_parquet(folder.path().join(format!("{file}.parquet")));
+        let path = folder.path().join(format!("{file}.mat"));
+        let mut mat = matrw::load_matfile(path.to_str().unwrap()).unwrap();
+        let Some(matrw::MatVariable::Structure(mut fields)) = mat.take(table) else { panic!("no {table}") };
+        for name in ["t_s", "x_m", "side"].iter().filter(|name| batches[0].column_by_name(name).is_some()) {
+            let Some(matrw::MatVariable::NumericArray(read)) = fields.take(name) else { panic!("no {name}") };
+            let expected: Vec<f64> =
+                batches.iter().flat_map(|b| damprig::run_folder::read::columns::numbers(b, name).unwrap()).collect();
+            assert_eq!(read.real_to_vec::<f64>().unwrap(), expected, "{table}.{name}");
+        }
+    }
 }

@@ -85,8 +85,8 @@ struct Clerk {
 }
 
 impl Watcher for Clerk {
-    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<(), RunError> {
-        Ok(())
+    fn mount(&mut self, _: &CampaignSetUp, _: bool) -> Result<bool, RunError> {
+        Ok(false)
     }
 
     fn progress(&mut self, _: f64) {

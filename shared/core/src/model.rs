@@ -129,6 +129,10 @@ pub struct SetUp {
     pub tmd: Option<Tmd>,
     /// g in the internal friction force μi·m·g, m/s²; 0 or greater.
     pub gravity_m_per_s2: f64,
+    /// The drive is a force P on the structure, over a base at rest: M x″ + c x′ + k x = P + forces, with the friction damper
+    /// acting on x′. What is otherwise the base's motion then stands for P/k, the static deflection.
+    #[serde(default)]
+    pub is_force_driven: bool,
 }
 
 /// Initial positions and velocities of the masses, in the laboratory frame.
@@ -148,7 +152,14 @@ impl SetUp {
     /// A structure without any damper.
     #[must_use]
     pub fn bare(structure: Structure) -> Self {
-        Self { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: GRAVITY_M_PER_S2 }
+        Self {
+            structure,
+            particle: None,
+            friction_damper: None,
+            tmd: None,
+            gravity_m_per_s2: GRAVITY_M_PER_S2,
+            is_force_driven: false,
+        }
     }
 
     /// Whether a particle with soft walls is mounted.

@@ -30,6 +30,7 @@ pub(super) fn of_run(run: &RunFolder) -> Vec<(&'static str, Fact)> {
         ("lost_rows", Fact::Number(m.counters.lost_rows as f64)),
         ("interruptions", Fact::Number(m.counters.interruptions as f64)),
     ];
+    facts.extend(m.plan.texts().map(|(name, stated)| (name, text(stated))));
     if let Some(device) = &m.device {
         facts.extend([
             ("rig", text(&device.link)),

@@ -6,27 +6,18 @@
 //! them. `units` has the unit of each field, `descriptions` its meaning. `run.set_ups` has the parameters of the set-ups'
 //! models, in the order of `run.set_up_names`.
 //!
-//! The library keeps the whole file in memory and ignores write errors. Hence the limit on its size, and the check that reads
-//! the file back before it gets its name.
-
-use std::collections::hash_map::DefaultHasher;
-use std::fs::File;
-use std::hash::{Hash, Hasher};
-use std::io::{Read, Seek, SeekFrom};
-use std::time::{SystemTime, UNIX_EPOCH};
+//! The library keeps the whole file in memory, hence the limit on its size.
 
 use indexmap::IndexMap;
-use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
+use matrw::{MatFile, MatVariable};
 
 use super::atomic_file::{OutFile, to_failure, write_export};
 use super::columns::{self, Column, Values};
 use super::facts::{self, Fact};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
 use crate::run_folder::schema::manifest::SetUpRecord;
+use crate::run_folder::write::mat_file::{Sum, cells, numbers, structure, sum, text, write_checked};
 use crate::run_folder::{ReadError, RunFolder};
-
-/// Beginning of the year 10000, s since 1970.
-const YEAR_10000_S: u64 = 253_402_300_800;
 
 /// The MATLAB exporter.
 #[derive(Clone, Copy, Debug)]
@@ -45,14 +36,6 @@ impl Exporter for Mat {
         let failed = to_failure(&out.path);
         write_export(out, |file| {
             let path = file.path().to_str().ok_or_else(|| failed(&"the name is not UTF-8; give another with --out"))?;
-            // The library writes the date into the file, and panics without one.
-            let is_dated =
-                SystemTime::now().duration_since(UNIX_EPOCH).is_ok_and(|since| since.as_secs() < YEAR_10000_S);
-            if !is_dated {
-                return Err(failed(
-                    &"a .mat file states its date, and the clock of this machine is not set; set it, or use --format csv",
-                ));
-            }
             let mut exported = ExportSummary::default();
             let mut mat = MatFile::new();
             mat.insert("run", run_struct(run));
@@ -65,61 +48,29 @@ impl Exporter for Mat {
                 if columns.iter().any(|column| !column.description.is_empty()) {
                     descriptions.insert(table.name().to_string(), of_columns(|column| &column.description));
                 }
-                sums.push((table, columns.iter().map(|c| (c.name.clone(), sum_of(&c.values))).collect::<Vec<_>>()));
+                sums.push((
+                    table.name().to_string(),
+                    columns.iter().map(|c| (c.name.clone(), sum_of(&c.values))).collect::<Vec<_>>(),
+                ));
                 mat.insert(table.name(), to_variable(columns));
             }
             mat.insert("units", structure(units));
             if !descriptions.is_empty() {
                 mat.insert("descriptions", structure(descriptions));
             }
-            save_matfile_v7(path, mat, false).map_err(|e| failed(&e))?;
-            compare(path, &sums).map_err(|e| failed(&e))?;
+            write_checked(path, mat, &sums).map_err(|e| failed(&e))?;
             Ok(exported)
         })
     }
 }
 
 /// Length and digest of the numbers of a column; `None` for names.
-fn sum_of(values: &Values) -> Option<(usize, u64)> {
+fn sum_of(values: &Values) -> Option<Sum> {
     match values {
         Values::Numbers(all) => Some(sum(all)),
         Values::Places(all, _) => Some(sum(&from_one(all))),
         Values::Texts(_) => None,
     }
-}
-
-fn sum(numbers: &[f64]) -> (usize, u64) {
-    let mut hasher = DefaultHasher::new();
-    numbers.iter().for_each(|n| n.to_bits().hash(&mut hasher));
-    (numbers.len(), hasher.finish())
-}
-
-fn structure(fields: impl IntoIterator<Item = (String, MatVariable)>) -> MatVariable {
-    MatVariable::Structure(Structure::new(fields.into_iter().collect()))
-}
-
-/// An array of dimension `dim`. The constructor fails only if the number of values differs from it.
-fn array(dim: [usize; 2], values: MatlabType) -> MatVariable {
-    NumericArray::new(dim.to_vec(), values, None).map_or(MatVariable::Unsupported, MatVariable::NumericArray)
-}
-
-fn numbers(values: Vec<f64>) -> MatVariable {
-    array([values.len(), 1], MatlabType::F64(values))
-}
-
-/// A char array. The library counts characters instead of bytes, so non-ASCII characters are written as `\u{…}`.
-fn text(value: &str) -> MatVariable {
-    let plain: Vec<char> = value
-        .chars()
-        .flat_map(|c| if c.is_ascii() { c.to_string() } else { c.escape_unicode().to_string() }.into_bytes())
-        .map(char::from)
-        .collect();
-    array([usize::from(!plain.is_empty()), plain.len()], MatlabType::UTF8(plain))
-}
-
-fn cells(values: &[String]) -> MatVariable {
-    let texts = values.iter().map(|v| text(v)).collect();
-    CellArray::new(vec![values.len(), 1], texts).map_or(MatVariable::Unsupported, MatVariable::CellArray)
 }
 
 /// A table as a struct: a field per column, then the lists of names.
@@ -162,76 +113,4 @@ fn run_struct(run: &RunFolder) -> MatVariable {
         ("set_ups", structure(parameters)),
     ];
     structure(facts.chain(of_set_ups).map(|(name, value)| (name.to_string(), value)))
-}
-
-type Sums = [(RunTable, Vec<(String, Option<(usize, u64)>)>)];
-
-/// Whether the file is complete: the lengths of the variables, in tags of 8 bytes, add up from the header of 128 bytes to
-/// the end of the file.
-fn is_complete(path: &str) -> std::io::Result<bool> {
-    let mut file = File::open(path)?;
-    let length = file.metadata()?.len();
-    let mut place = 128;
-    while place + 8 <= length {
-        let mut tag = [0; 8];
-        file.seek(SeekFrom::Start(place))?;
-        file.read_exact(&mut tag)?;
-        place += 8 + u64::from(u32::from_le_bytes([tag[4], tag[5], tag[6], tag[7]]));
-    }
-    Ok(place == length)
-}
-
-/// Checks that the file holds the expected numbers.
-fn compare(path: &str, expected: &Sums) -> Result<(), String> {
-    // The reader panics on a truncated file.
-    if !is_complete(path).map_err(|e| format!("it could not be read back: {e}"))? {
-        return Err("the file is truncated; is the disk full?".into());
-    }
-    let mut mat = load_matfile(path).map_err(|e| format!("it could not be read back: {e}"))?;
-    for (table, columns) in expected {
-        let table = table.name();
-        let Some(MatVariable::Structure(mut fields)) = mat.take(table) else {
-            return Err(format!("the written file lacks `{table}`; is the disk full?"));
-        };
-        for (name, expected) in columns {
-            let read = fields.take(name);
-            let is_same = match (read, expected) {
-                // An empty array has no values to compare.
-                (Some(_), None | Some((0, _))) => true,
-                (Some(MatVariable::NumericArray(array)), Some(expected)) => {
-                    array.real_to_vec::<f64>().is_some_and(|numbers| sum(&numbers) == *expected)
-                }
-                _ => false,
-            };
-            if !is_same {
-                return Err(format!("`{table}.{name}` differs in the written file; is the disk full?"));
-            }
-        }
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_truncated_or_changed_file_is_detected() {
-        let path = tempfile::NamedTempFile::new().unwrap().into_temp_path();
-        let place = path.to_str().unwrap();
-        let columns = vec![("x".to_string(), Some(sum(&[1.0, f64::NAN, -0.0])))];
-        let expected = [(RunTable::Samples, columns)];
-        let mut mat = MatFile::new();
-        mat.insert("samples", structure([("x".to_string(), numbers(vec![1.0, f64::NAN, -0.0]))]));
-        save_matfile_v7(place, mat, false).unwrap();
-        assert_eq!(compare(place, &expected), Ok(()));
-        let bytes = std::fs::read(place).unwrap();
-        std::fs::write(place, &bytes[..bytes.len() - 9]).unwrap();
-        assert!(compare(place, &expected).is_err());
-        let mut changed = bytes.clone();
-        let last = changed.len() - 20;
-        changed[last] ^= 1;
-        std::fs::write(place, &changed).unwrap();
-        assert!(compare(place, &expected).is_err());
-    }
 }

@@ -15,6 +15,8 @@ use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
+use crate::run_folder::schema::impacts::Impacts;
+use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::schema::transients::TransientRow;
 
 /// A measured point, as figures show it.
@@ -47,26 +49,101 @@ impl From<&ResultRow> for PlottedPoint {
     }
 }
 
-/// X/Z (cycle maxima) over frequency, a curve for each experiment on each set-up.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn response(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, FigureError> {
-    let quantity = Ordinate { label: "Vibration amplitude ratio X/Z (cycle maxima)", scale: Scale::Log };
-    let about = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
-    curves(campaign, points, &quantity, about, |p| p.x_over_z)
+const X_OVER_Z: &str = "Vibration amplitude ratio X/Z (cycle maxima)";
+const ABOUT_X_OVER_Z: &str = "X: mean of the cycle maxima of |x|; Z: lock-in amplitude of the base";
+
+/// Most curves of one figure on a page.
+const MOST_CURVES: usize = 12;
+
+/// The figures of each kind that a page shows: one with all curves, or one for each experiment (with its repeats) if that would be
+/// too many curves.
+#[must_use]
+pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
+    if stepped_sines(campaign).count() <= MOST_CURVES {
+        return vec![None];
+    }
+    let sines = campaign.experiments.iter().filter(|e| e.stepped_sine().is_some());
+    let mut series: Vec<Option<String>> = sines.map(|e| Some(e.series.clone())).collect();
+    series.dedup();
+    series
 }
 
-/// Phase of x relative to z over frequency, a curve for each experiment on each set-up.
+/// X/Z (cycle maxima) over frequency, a curve for each experiment on each set-up; of one group ([`groups`]) or of all.
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn phase(campaign: &Campaign, points: &[PlottedPoint]) -> Result<Picture, FigureError> {
+pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
+    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    curves(campaign, (points, group), &quantity, ABOUT_X_OVER_Z, |p| p.x_over_z)
+}
+
+/// X/Z (cycle maxima) over frequency of several runs, given by name, campaign and points; `None` without a point.
+///
+/// # Errors
+/// The drawing library's error.
+pub fn responses_of_runs(runs: &[(&str, &Campaign, Vec<PlottedPoint>)]) -> Result<Option<Picture>, FigureError> {
+    let mut curves: Vec<ResponseCurve> = Vec::new();
+    for (name, campaign, points) in runs {
+        let own = response_curves(campaign, (points, None), |p| p.x_over_z);
+        let place = curves.len();
+        curves.extend(own.into_iter().enumerate().map(|(n, curve)| ResponseCurve {
+            place: place + n,
+            label: format!("{name}: {}", curve.label),
+            ..curve
+        }));
+    }
+    if curves.is_empty() {
+        return Ok(None);
+    }
+    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    let common = common_natural_hz(runs.iter().map(|(_, campaign, _)| *campaign));
+    let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
+    draw(&curves, &quantity, &notes).map(Some)
+}
+
+/// Phase of x relative to z over frequency, as [`response`].
+///
+/// # Errors
+/// The drawing library's error.
+pub fn phase(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str>) -> Result<Picture, FigureError> {
     // Above resonance x lags by 180°, where the phase must not wrap.
     let unbroken = |degrees: f64| if degrees > 90.0 { degrees - 360.0 } else { degrees };
     let quantity = Ordinate { label: "Phase of x relative to z (°)", scale: Scale::Linear };
     let about = "Phase: lock-in at the drive frequency over the dwell";
-    curves(campaign, points, &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
+    curves(campaign, (points, group), &quantity, about, |p| unbroken(p.phase_rad.to_degrees()))
+}
+
+/// Largest force on a wall over frequency, as [`response`], for the points that had impacts; `None` without any.
+///
+/// # Errors
+/// The drawing library's error.
+pub fn wall_force(
+    campaign: &Campaign,
+    taken: &JournalState,
+    group: Option<&str>,
+) -> Result<Option<Picture>, FigureError> {
+    let mut forces_n: BTreeMap<(&str, &str, u64), f64> = BTreeMap::new();
+    for row in taken.rows() {
+        let is_own = |some: &&Impacts| {
+            (&some.id.set_up, &some.id.experiment, some.id.segment) == (&row.set_up, &row.experiment, row.segment)
+        };
+        let impacts = taken.impacts.iter().filter(is_own).flat_map(|some| &some.impacts);
+        let in_dwell = impacts.filter(|impact| (row.start_tick..row.end_tick).contains(&u64::from(impact.tick)));
+        if let Some(force_n) = in_dwell.map(|impact| f64::from(impact.peak_n)).reduce(f64::max) {
+            forces_n.insert((&row.set_up, &row.experiment, row.frequency_hz.to_bits()), force_n);
+        }
+    }
+    let points: Vec<PlottedPoint> = taken.rows().iter().map(PlottedPoint::from).collect();
+    let force = |p: &PlottedPoint| forces_n.get(&(&p.set_up, &p.experiment, p.frequency_hz.to_bits())).copied();
+    let is_own =
+        |p: &PlottedPoint| group.is_none_or(|group| experiments_of(campaign, group).any(|e| e.name == p.experiment));
+    let points: Vec<PlottedPoint> = points.into_iter().filter(|p| force(p).is_some() && is_own(p)).collect();
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let quantity = Ordinate { label: "Largest force on a wall (N)", scale: Scale::Log };
+    let about = "Largest peak of a wall's force in the dwell, as the board measured it";
+    curves(campaign, (&points, group), &quantity, about, |p| force(p).unwrap_or(f64::NAN)).map(Some)
 }
 
 /// Every set-up with each of its stepped sines, in the order of the campaign.
@@ -83,14 +160,19 @@ fn label(campaign: &Campaign, set_up: &CampaignSetUp, experiment: &Experiment) -
     if own > 1 { format!("{}: {}", set_up.label, experiment.name) } else { set_up.label.clone() }
 }
 
-fn curves(
+/// An experiment with its repeats.
+fn experiments_of<'a>(campaign: &'a Campaign, series: &'a str) -> impl Iterator<Item = &'a Experiment> {
+    campaign.experiments.iter().filter(move |e| e.series == series)
+}
+
+/// The curves of a quantity that have points.
+fn response_curves(
     campaign: &Campaign,
-    points: &[PlottedPoint],
-    quantity: &Ordinate,
-    about: &str,
+    (points, group): (&[PlottedPoint], Option<&str>),
     value: impl Fn(&PlottedPoint) -> f64,
-) -> Result<Picture, FigureError> {
-    let curve = |(set_up, experiment): (&CampaignSetUp, &Experiment)| ResponseCurve {
+) -> Vec<ResponseCurve> {
+    let curve = |(place, (set_up, experiment)): (usize, (&CampaignSetUp, &Experiment))| ResponseCurve {
+        place,
         label: label(campaign, set_up, experiment),
         detail: describe::set_up(set_up),
         points: points
@@ -103,12 +185,27 @@ fn curves(
             })
             .collect(),
     };
-    let curves: Vec<ResponseCurve> = stepped_sines(campaign).map(curve).filter(|c| !c.points.is_empty()).collect();
-    let natural: Vec<f64> = campaign.set_ups.iter().map(CampaignSetUp::natural_frequency_hz).collect();
-    let common = natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first));
-    let how: Vec<String> = campaign
-        .experiments
-        .iter()
+    let drawn = stepped_sines(campaign).filter(|(_, e)| group.is_none_or(|group| e.series == group));
+    drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect()
+}
+
+/// The natural frequency of all set-ups, Hz, if it is the same.
+fn common_natural_hz<'a>(campaigns: impl Iterator<Item = &'a Campaign>) -> Option<f64> {
+    let natural: Vec<f64> = campaigns.flat_map(|c| &c.set_ups).map(CampaignSetUp::natural_frequency_hz).collect();
+    natural.first().copied().filter(|first| natural.iter().all(|f| (f - first).abs() < 1e-9 * first))
+}
+
+fn curves(
+    campaign: &Campaign,
+    (points, group): (&[PlottedPoint], Option<&str>),
+    quantity: &Ordinate,
+    about: &str,
+    value: impl Fn(&PlottedPoint) -> f64,
+) -> Result<Picture, FigureError> {
+    let curves = response_curves(campaign, (points, group), value);
+    let common = common_natural_hz(std::iter::once(campaign));
+    let drawn = campaign.experiments.iter().filter(|e| group.is_none_or(|group| e.series == group));
+    let mut how: Vec<String> = drawn
         .filter_map(Experiment::stepped_sine)
         .map(|e| {
             let start = if e.start == Start::FromRest { "from rest" } else { "motion carried over" };
@@ -119,6 +216,7 @@ fn curves(
             format!("{} s at each frequency{until}, {start}", trimmed(e.dwell_s, 3))
         })
         .collect();
+    how.dedup();
     let caption = format!("{about}. {}.", how.join("; "));
     draw(&curves, quantity, &ResponseNotes { natural_frequency_hz: common, caption })
 }

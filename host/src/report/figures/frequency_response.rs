@@ -5,7 +5,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{Canvas, FigureError, GREY, INK, Picture, colour, text, width};
+use super::{COLOURS, Canvas, FigureError, GREY, INK, Picture, colour, text, width};
 
 /// One point of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,8 @@ pub struct ResponsePoint {
 /// The curve of one experiment on one set-up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResponseCurve {
+    /// Its place among all curves of the campaign, which gives colour and marker: the same in every figure.
+    pub place: usize,
     /// Label of the set-up, and of the experiment if the set-up has several.
     pub label: String,
     /// Second line of the legend: "d/Z = 10, Z = 1.5 mm".
@@ -48,10 +50,12 @@ pub struct Ordinate {
 }
 
 const WIDTH: i32 = 980;
+/// Least height; a long legend needs more.
 const HEIGHT: i32 = 600;
 const LEFT: i32 = 82;
 const TOP: i32 = 34;
-const BOTTOM: i32 = HEIGHT - 88;
+/// Between the axes and the lower edge.
+const BELOW: i32 = 88;
 const LEGEND_LINE: i32 = 19;
 
 /// Draws the quantity over frequency. Points that are not steady are hollow.
@@ -61,23 +65,24 @@ const LEGEND_LINE: i32 = 19;
 pub fn draw(curves: &[ResponseCurve], quantity: &Ordinate, notes: &ResponseNotes) -> Result<Picture, FigureError> {
     let widest = curves.iter().flat_map(|c| [width(&text(14.0, INK), &c.label), width(&text(12.0, GREY), &c.detail)]);
     let legend_width = widest.chain([width(&text(12.0, GREY), NOT_STEADY.0)]).max().unwrap_or(0) + 52;
+    let height = HEIGHT.max(TOP + curves.len() as i32 * (2 * LEGEND_LINE + 9) + 3 * LEGEND_LINE + 34);
     let values = || curves.iter().flat_map(|c| &c.points);
     let frame = Frame {
         x: Axis::around("Frequency (Hz)", Scale::Linear, values().map(|p| p.frequency_hz)),
         y: Axis::around(quantity.label, quantity.scale, values().map(|p| p.value)),
-        bounds: (LEFT, TOP, WIDTH - legend_width - 30, BOTTOM),
+        bounds: (LEFT, TOP, WIDTH - legend_width - 30, height - BELOW),
     };
-    Picture::draw(WIDTH as u32, HEIGHT as u32, |canvas| {
+    Picture::draw(WIDTH as u32, height as u32, |canvas| {
         frame.draw(canvas)?;
         if let Some(natural) = notes.natural_frequency_hz {
             frame.mark_x(canvas, natural, "fn")?;
         }
-        for (i, curve) in curves.iter().enumerate() {
-            draw_curve(canvas, &frame, curve, i)?;
+        for curve in curves {
+            draw_curve(canvas, &frame, curve, curve.place)?;
         }
         legend(canvas, frame.bounds.2 + 22, curves)?;
         let caption = text(12.0, GREY).pos(Pos::new(HPos::Left, VPos::Bottom));
-        canvas.draw(&Text::new(notes.caption.clone(), (LEFT, HEIGHT - 12), caption)).map_err(FigureError::of)
+        canvas.draw(&Text::new(notes.caption.clone(), (LEFT, height - 12), caption)).map_err(FigureError::of)
     })
 }
 
@@ -101,7 +106,9 @@ fn marker(canvas: &Canvas, (x, y): (i32, i32), index: usize, filled: bool) -> Re
         &[(0, 6), (6, -4), (-6, -4)],
         &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)],
     ];
-    let mut outline: Vec<(i32, i32)> = SHAPES[index % SHAPES.len()].iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
+    // Where the colours begin again, the shapes are shifted.
+    let shape = (index + index / COLOURS) % SHAPES.len();
+    let mut outline: Vec<(i32, i32)> = SHAPES[shape].iter().map(|(dx, dy)| (x + dx, y + dy)).collect();
     let tint: RGBColor = colour(index);
     let inside = if filled { tint } else { WHITE };
     canvas.draw(&Polygon::new(outline.clone(), inside.filled())).map_err(FigureError::of)?;
@@ -116,7 +123,8 @@ const NOT_STEADY: (&str, bool) = ("not steady within the dwell", false);
 fn legend(canvas: &Canvas, left: i32, curves: &[ResponseCurve]) -> Result<(), FigureError> {
     let at = |style: plotters::style::TextStyle<'static>| style.pos(Pos::new(HPos::Left, VPos::Center));
     let mut y = TOP + 8;
-    for (i, curve) in curves.iter().enumerate() {
+    for curve in curves {
+        let i = curve.place;
         canvas
             .draw(&PathElement::new(vec![(left, y), (left + 30, y)], colour(i).stroke_width(2)))
             .map_err(FigureError::of)?;

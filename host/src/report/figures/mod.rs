@@ -1,13 +1,15 @@
 //! Figures as SVG and, rendered from it, as PNG.
 //!
 //! This module has what all figures share: drawing surface, font, colours. Each kind of figure is a file of its own
-//! ([`frequency_response`], [`time_histories`], [`simulated_motion`]); [`campaign`] supplies the data of a run. The font is
+//! ([`frequency_response`], [`time_histories`], [`peak_motion`], [`simulated_motion`]); [`campaign`] supplies the data of a run. The font is
 //! built in, so a figure looks the same on every machine.
 
 pub mod axis;
 pub mod campaign;
 pub mod comparison;
 pub mod frequency_response;
+pub mod peak_motion;
+pub mod set_ups;
 pub mod simulated_motion;
 pub mod time_histories;
 
@@ -55,10 +57,14 @@ pub const PALE: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
 /// Captions and secondary text.
 pub const GREY: RGBColor = RGBColor(0x66, 0x66, 0x66);
 
-/// Colours that are distinct for colour-blind readers and in print (Okabe & Ito), repeated after eight.
+/// Number of distinct colours.
+const COLOURS: usize = 12;
+
+/// Colours that are distinct for colour-blind readers and in print: eight of Okabe & Ito, then four of Tol's muted scheme; repeated
+/// after twelve.
 #[must_use]
 pub fn colour(index: usize) -> RGBColor {
-    const COLOURS: [(u8, u8, u8); 8] = [
+    const ALL: [(u8, u8, u8); COLOURS] = [
         (0x00, 0x00, 0x00),
         (0xe6, 0x9f, 0x00),
         (0x56, 0xb4, 0xe9),
@@ -67,8 +73,12 @@ pub fn colour(index: usize) -> RGBColor {
         (0xd5, 0x5e, 0x00),
         (0x00, 0x9e, 0x73),
         (0x99, 0x99, 0x33),
+        (0x88, 0x22, 0x55),
+        (0x33, 0x22, 0x88),
+        (0x44, 0xaa, 0x99),
+        (0xaa, 0xaa, 0xaa),
     ];
-    let (red, green, blue) = COLOURS[index % COLOURS.len()];
+    let (red, green, blue) = ALL[index % COLOURS];
     RGBColor(red, green, blue)
 }
 

@@ -12,10 +12,9 @@ mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::campaign::Campaign;
 use crate::input::shown;
-use crate::report::figures::campaign::{PlottedPoint, phase, response, transients};
-use crate::report::figures::{FigureError, Picture};
+use crate::report::figures::campaign::{groups, phase, response, responses_of_runs, transients, wall_force};
+use crate::report::figures::{self, FigureError, Picture, peak_motion};
 use crate::run_folder::RunFolder;
 use data::PageData;
 
@@ -34,29 +33,73 @@ pub struct Page {
 #[must_use]
 pub fn page(run: &RunFolder) -> Page {
     let data = PageData::of(run);
-    let m = &data.manifest;
-    let title = format!("{} – {}", m.campaign, data.id);
+    let title = format!("{} – {}", data.manifest.campaign, data.id);
     let content = html! {
-        header {
-            h1 { (m.campaign) }
-            p.under { (data.id) " · started " (tables::moment(&m.started)) }
-            (health::state(&data))
+        (content(run, &data))
+        (footer())
+    };
+    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+}
+
+/// Makes one page of several runs: their frequency responses in one figure, then the content of each page.
+#[must_use]
+pub fn page_of_runs(runs: &[RunFolder]) -> Page {
+    let all: Vec<PageData> = runs.iter().map(PageData::of).collect();
+    let plotted: Vec<_> = all
+        .iter()
+        .filter_map(|data| Some((data.id.as_str(), data.campaign.as_ref().ok()?, data.plotted_points())))
+        .collect();
+    let caption =
+        "Amplitude ratio X/Z (cycle maxima) over frequency of all runs. Hollow markers: not steady within the dwell.";
+    let content = html! {
+        header { h1 { (all.len()) " runs" } @for data in &all { p.under { (data.id) } } }
+        @match responses_of_runs(&plotted) {
+            Ok(None) => {}
+            Ok(Some(picture)) => (drawn(Ok(picture), caption)),
+            Err(error) => (drawn(Err(error), caption)),
         }
-        (health::warnings(&data))
-        section { h2 { "Results" } (responses(&data)) (tables::peaks(&data)) (histories(run, &data)) (tables::transients(&data)) }
-        section { h2 { "Set-ups and experiments" } (set_ups::set_ups(&data)) (set_ups::experiments(&data)) (set_ups::acting(&data)) }
-        @if !data.points.is_empty() {
-            section { h2 { "All points" } (tables::results(&data)) }
-        }
-        section { h2 { "Samples, link and losses" } (health::link(&data)) }
-        section { h2 { "Rig and program" } (health::versions(&data)) }
+        @for (run, data) in runs.iter().zip(&all) { article { (self::content(run, data)) } }
+        (footer())
+    };
+    let of_run = |data: &PageData| -> Vec<String> {
+        data.all_unreadable().iter().map(|what| format!("{}: {what}", data.id)).collect()
+    };
+    Page { html: document(&format!("{} runs", all.len()), &content), unreadable: all.iter().flat_map(of_run).collect() }
+}
+
+fn footer() -> Markup {
+    html! {
         footer {
             "Made by " (crate::VERSION_LINE) " from the run folder. "
             code { "damprig runs verify" } " checks the files, "
             code { "damprig runs report" } " makes this page again."
         }
-    };
-    Page { html: document(&title, &content), unreadable: data.all_unreadable() }
+    }
+}
+
+/// What a page says of a run.
+fn content(run: &RunFolder, data: &PageData) -> Markup {
+    let m = &data.manifest;
+    html! {
+        header {
+            h1 { (m.campaign) }
+            p.under { (data.id) " · started " (tables::moment(&m.started)) }
+            @for (name, text) in m.plan.texts() { p.under { (name) ": " (text) } }
+            @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
+            (health::state(data))
+        }
+        (health::warnings(data))
+        section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) }
+        section { h2 { "Set-ups and experiments" } (sketches(data)) (set_ups::set_ups(data)) (set_ups::experiments(data)) (set_ups::acting(data)) }
+        @if !data.points.is_empty() {
+            section.on-screen { h2 { "All points" } (tables::results(data)) }
+            p.note.in-print {
+                "Not printed: the table of all points (" code { "damprig runs export --format csv" } " writes it) and the motion at the peaks."
+            }
+        }
+        section { h2 { "Samples, link and losses" } (health::link(data)) }
+        section { h2 { "Rig and program" } (health::versions(data)) }
+    }
 }
 
 /// A self-contained HTML document with this content.
@@ -79,8 +122,6 @@ fn document(title: &str, content: &Markup) -> String {
     shown(&markup.into_string()).into_owned()
 }
 
-type DrawFigure = fn(&Campaign, &[PlottedPoint]) -> Result<Picture, FigureError>;
-
 /// The frequency responses.
 fn responses(data: &PageData) -> Markup {
     let Ok(campaign) = &data.campaign else {
@@ -90,14 +131,42 @@ fn responses(data: &PageData) -> Markup {
         return html! { @if data.taken.transients().is_empty() { p { "No point was measured." } } };
     }
     let points = data.plotted_points();
-    let drawings: [(DrawFigure, &str); 2] = [
-        (response, "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell."),
-        (phase, "Phase of x relative to z over frequency."),
-    ];
     html! {
-        @for (draw, caption) in drawings {
-            (drawn(draw(campaign, &points), caption))
+        @for group in groups(campaign) {
+            @let group = group.as_deref();
+            @if let Some(series) = group { h3 { (series) } }
+            (drawn(
+                response(campaign, &points, group),
+                "Amplitude ratio X/Z (cycle maxima) over frequency. Hollow markers: not steady within the dwell.",
+            ))
+            (drawn(phase(campaign, &points, group), "Phase of x relative to z over frequency."))
+            @match wall_force(campaign, &data.taken, group) {
+                Ok(None) => {}
+                Ok(Some(picture)) => div.on-screen {
+                    (drawn(Ok(picture), "Largest force on a wall over frequency, of the points with impacts."))
+                },
+                Err(error) => (drawn(Err(error), "")),
+            }
         }
+    }
+}
+
+/// The set-ups as sketches.
+fn sketches(data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    html! { div.on-screen { (drawn(figures::set_ups::draw(&campaign.set_ups), "The set-ups, not to scale.")) } }
+}
+
+/// The motion at the peak of each frequency response.
+fn motions(run: &RunFolder, data: &PageData) -> Markup {
+    let Ok(campaign) = &data.campaign else { return html! {} };
+    let caption = "The motion at each peak: x (black) and z (grey) over the last cycles of the dwell, triangles at impacts on the side of \
+                   the wall; velocity over x; x and velocity once in each period of the drive (Poincaré section). One point: the motion \
+                   repeats with the drive.";
+    match peak_motion::draw(campaign, run, &data.taken) {
+        Ok(None) => html! {},
+        Ok(Some(picture)) => html! { div.on-screen { (drawn(Ok(picture), caption)) } },
+        Err(error) => drawn(Err(error), caption),
     }
 }
 

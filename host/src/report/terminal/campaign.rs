@@ -5,6 +5,7 @@ use comfy_table::Table;
 use super::table;
 use crate::campaign::Campaign;
 use crate::prediction::{Prediction, Response};
+use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
 use crate::report::numbers::trimmed;
 use crate::run_folder::ResultRow;
@@ -13,6 +14,27 @@ use crate::run_folder::schema::results::steadiness_text;
 
 fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
+}
+
+/// What a person does and what is run, step by step; empty for a campaign that is run as written and instructs nobody.
+#[must_use]
+pub fn steps(campaign: &Campaign) -> Vec<String> {
+    let instructs = campaign.set_ups.iter().any(|s| s.instruction.is_some())
+        || campaign.experiments.iter().any(|e| e.instruction.is_some());
+    if campaign.plan.order_seed.is_none() && !instructs {
+        return Vec::new();
+    }
+    let mut lines = vec!["Order of work:".to_string()];
+    for (place, (set_up, experiments)) in campaign.run_order.iter().enumerate() {
+        lines.push(format!("{:3}. {}", place + 1, describe::mounting(&campaign.set_ups[*set_up])));
+        for experiment in experiments.iter().map(|&place| &campaign.experiments[place]) {
+            lines.push(match &experiment.instruction {
+                Some(instruction) => format!("     - {}", describe::instruction(experiment, instruction)),
+                None => format!("     - Experiment {:?}.", experiment.name),
+            });
+        }
+    }
+    lines
 }
 
 /// A number, or a dash where nothing is predicted.

@@ -13,7 +13,7 @@ use super::journal_state::JournalState;
 use super::results;
 use super::samples::SampleColumn;
 use super::segment_id::SegmentId;
-use crate::campaign::{Campaign, CampaignSetUp};
+use crate::campaign::{Campaign, CampaignSetUp, Plan};
 use crate::client::controller::Controller;
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::setup::{Identified, SetUpFile};
@@ -64,7 +64,8 @@ pub struct SetUpRecord {
     friction_ratio: Option<f64>,
     #[serde(default, deserialize_with = "or_default")]
     natural_frequency_hz: f64,
-    #[serde(default, deserialize_with = "or_default")]
+    /// y − x at the start, m; NaN where it is not known.
+    #[serde(default, deserialize_with = "or_nan")]
     particle_start_m: f64,
     /// Largest |x| predicted, m; NaN in older runs.
     #[serde(default = "nan")]
@@ -99,7 +100,7 @@ impl SetUpRecord {
             clearance_ratio: set_up.clearance_ratio(),
             friction_ratio: set_up.friction_ratio(),
             natural_frequency_hz: set_up.natural_frequency_hz(),
-            particle_start_m: set_up.particle_start_m(),
+            particle_start_m: if set_up.spec.is_start_unknown() { f64::NAN } else { set_up.particle_start_m() },
             predicted_max_x_m,
             predicted_dwell_max_x_m,
             model: Some(set_up.model()),
@@ -189,6 +190,9 @@ pub struct Manifest {
     pub format: u32,
     /// Name of the campaign.
     pub campaign: String,
+    /// What a person stated about the campaign, and its order; left out when nothing was stated.
+    #[serde(default, skip_serializing_if = "Plan::is_empty", deserialize_with = "or_default")]
+    pub plan: Plan,
     /// How the run ended.
     #[serde(flatten)]
     pub ending: Ending,
@@ -257,6 +261,7 @@ impl Manifest {
         Self {
             format: FORMAT,
             campaign: campaign.name.clone(),
+            plan: campaign.plan.clone(),
             ending: Ending::Running,
             is_recording: None,
             started: started.to_string(),

@@ -87,7 +87,7 @@ fn paths<'a>(campaign: &Campaign, set_up: usize, experiment: usize, parameter: &
         }
         Some(_) => set_up_paths(set_up, parameter),
         None => match parameter {
-            "amplitude_m" => vec![vec![Key("set_up"), Item(set_up), Key("base_amplitude_m")]],
+            "amplitude_m" => vec![vec![Key("set_up"), Item(set_up), Key(campaign.set_ups[set_up].amplitude_key())]],
             "scale_m" => match &campaign.experiments[experiment].kind {
                 Kind::Playback(playback) => vec![of_experiment(&[playback.key])],
                 _ => Vec::new(),

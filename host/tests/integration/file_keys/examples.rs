@@ -19,6 +19,10 @@ noise_seed = 3
 shaker = { amplifier = "current", current_limit_a = 4 }
 sensors = { kind = "ideal" }
 
+[plan]
+order = "random"
+order_seed = 3
+
 [[set_up]]
 name = "voigt"
 base_amplitude_m = 0.001

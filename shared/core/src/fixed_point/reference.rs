@@ -86,6 +86,7 @@ impl Case {
             friction_damper: self.drive.map(|sine| FrictionDamper { force_n: sine.damper_force_n }),
             tmd: None,
             gravity_m_per_s2: GRAVITY_M_PER_S2,
+            is_force_driven: false,
         }
     }
 

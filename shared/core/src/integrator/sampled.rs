@@ -110,11 +110,13 @@ enum Event {
     Inside(Sign),
 }
 
-/// A set-up in motion, driven by base samples; `J` selects whether soft walls or a tuned mass are part of it.
+/// A set-up in motion, driven by base samples, or by samples of a force over its stiffness ([`SetUp::is_force_driven`]); `J` selects whether soft walls or a tuned mass are part of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled<S, J = Rigid> {
     c: Coefficients<S>,
     has_particle: bool,
+    /// The segments stand for a force over its static deflection, and the base rests.
+    is_force_driven: bool,
     alone: Weights<S>,
     together: Weights<S>,
     state: SampledState<S>,
@@ -189,6 +191,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         let mut sampled = Self {
             c,
             has_particle: set_up.particle.is_some(),
+            is_force_driven: set_up.is_force_driven,
             alone: Weights::new(&c, c.mass),
             together: Weights::new(&c, c.mass + c.particle_mass),
             state: SampledState::default(),
@@ -278,7 +281,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     pub fn step_bounded(&mut self, base: &BaseSegment<S>, most_events: u8, observer: &mut impl Observer<S>) {
         let mut base = *base;
         if self.mode.is_none() {
-            self.mode = Some(self.resolve(&base, self.state.v - base.velocity()));
+            self.mode = Some(self.resolve(&base, self.state.v - self.ground(&base).velocity()));
         }
         let (mut start, mut events) = (S::ZERO, 0);
         while events < most_events {
@@ -327,10 +330,18 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         self.mode.unwrap_or(Mode { grip: Grip::Absent, contact: Contact::Absent })
     }
 
+    /// The motion of what carries the structure's springs, dashpot and friction damper.
+    fn ground(&self, base: &BaseSegment<S>) -> BaseSegment<S> {
+        if self.is_force_driven { BaseSegment::at_rest(S::ZERO) } else { *base }
+    }
+
     /// The motion from the present state in `mode`.
     fn flight(&self, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
         if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
             return self.joined_flight(link, mode, base);
+        }
+        if self.is_force_driven {
+            return self.forced_flight(mode, base);
         }
         let z = &base.0;
         let mut x = [S::ZERO; COEFFICIENTS];
@@ -358,6 +369,38 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 }
             }
         }
+        Flight { x, offset: self.free_offset(mode, &x), stretch }
+    }
+
+    /// The same for a force drive, whose segments are P/k.
+    fn forced_flight(&self, mode: Mode, push: &BaseSegment<S>) -> Flight<S> {
+        let mut x = [S::ZERO; COEFFICIENTS];
+        let mut stretch = [S::ZERO; COEFFICIENTS];
+        x[0] = self.state.x;
+        for (s, u) in stretch.iter_mut().zip(&push.0) {
+            *s = -*u;
+        }
+        stretch[0] += x[0];
+        if let Grip::Absent | Grip::Slip(_) = mode.grip {
+            let weights = match mode.contact {
+                Contact::Held(_) => &self.together,
+                Contact::Absent | Contact::Free(_) => &self.alone,
+            };
+            x[1] = self.state.v;
+            stretch[1] += x[1];
+            for n in 0..COEFFICIENTS - 2 {
+                x[n + 2] = weights.damping[n] * x[n + 1] + weights.stiffness[n] * stretch[n];
+                if n == 0 {
+                    x[2] += (self.c.drag(mode.contact) - self.c.resistance(mode.grip)) * weights.half_inverse_mass;
+                }
+                stretch[n + 2] += x[n + 2];
+            }
+        }
+        Flight { x, offset: self.free_offset(mode, &x), stretch }
+    }
+
+    /// y − x of a particle that no joint moves, while the structure moves by `x`.
+    fn free_offset(&self, mode: Mode, x: &Polynomial<S>) -> Polynomial<S> {
         let mut offset = [S::ZERO; COEFFICIENTS];
         offset[0] = self.state.offset;
         if let Contact::Free(direction) = mode.contact {
@@ -367,7 +410,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             }
             offset[2] -= signed(direction, self.c.friction_acceleration) * S::from_f64(0.5);
         }
-        Flight { x, offset, stretch }
+        offset
     }
 
     fn advance(&mut self, mode: Mode, flight: &Flight<S>, length: S) {
@@ -400,7 +443,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             slip,
             slide: self.state.slide,
             side: self.side(),
-            base_acceleration: base.acceleration(),
+            base_acceleration: self.ground(base).acceleration(),
             joint_force: self.joint.link().map_or(S::ZERO, |link| link.force(self.state.offset, self.state.slide)),
             applied_force: S::ZERO,
             rounding: S::ZERO,
@@ -409,9 +452,10 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     }
 
     fn handle(&mut self, event: Event, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
+        let ground_velocity = self.ground(base).velocity();
         let slip = match mode.grip {
             Grip::Stuck => S::ZERO,
-            Grip::Absent | Grip::Slip(_) => self.state.v - base.velocity(),
+            Grip::Absent | Grip::Slip(_) => self.state.v - ground_velocity,
         };
         match event {
             Event::Wall(side) => {
@@ -429,7 +473,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
                 self.mode = Some(self.resolve(base, slip));
             }
             Event::SlipStops => {
-                self.state.v = base.velocity();
+                self.state.v = ground_velocity;
                 self.mode = Some(self.resolve(base, S::ZERO));
             }
             Event::HoldBreaks(direction) => {
@@ -439,7 +483,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             }
             Event::GripBreaks => {
                 self.slip_released = true;
-                self.state.v = base.velocity();
+                self.state.v = ground_velocity;
                 self.mode = Some(Mode { grip: Grip::Slip(self.breaking_direction(mode, base)), ..mode });
             }
             Event::LetGo(side) => self.let_go(side, slip, base, at, observer),
@@ -450,11 +494,12 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// Applies an impact on the wall on `side`; the particle may come to rest there.
     fn hit(&mut self, side: Sign, mode: Mode, base: &BaseSegment<S>, at: S, observer: &mut impl Observer<S>) {
         let approach = self.state.slide;
-        let before = if mode.grip == Grip::Stuck { base.velocity() } else { self.state.v };
+        let ground_velocity = self.ground(base).velocity();
+        let before = if mode.grip == Grip::Stuck { ground_velocity } else { self.state.v };
         let (v, slide) = modes::impact(&self.c, self.c.restitution, before, approach);
         self.state.v = v;
         self.state.slide = slide;
-        self.mode = Some(self.resolve(base, v - base.velocity()));
+        self.mode = Some(self.resolve(base, v - ground_velocity));
         // A bounce whose height is within rounding of the clearance ends a chatter.
         let pressing = self.pressing(side, base);
         let height = self.c.clearance * S::EPSILON * S::from_u8(16);
@@ -478,7 +523,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     fn stay_at_wall(&mut self, base: &BaseSegment<S>) {
         (self.state.v, _) = modes::impact(&self.c, S::ZERO, self.state.v, self.state.slide);
         self.state.slide = S::ZERO;
-        self.mode = Some(self.resolve(base, self.state.v - base.velocity()));
+        self.mode = Some(self.resolve(base, self.state.v - self.ground(base).velocity()));
     }
 
     /// Brings a particle at a hard wall to rest if it would bounce on that wall again within the step.

@@ -63,15 +63,24 @@ fn tuned(force_n: f64) -> SetUp {
     }
 }
 
+/// Value of a sine after a number of steps, and its change in a step at that rate.
+fn sine(amplitude: f64, angle_per_step: f64, step: u32) -> (f64, f64) {
+    let angle = angle_per_step * f64::from(step);
+    (amplitude * libm::sin(angle), amplitude * angle_per_step * libm::cos(angle))
+}
+
 /// Largest difference of x and y over `steps`, relative to the largest |x|, and the contacts of both drivers.
 fn compare(set_up: &SetUp, excitation: Excitation, initial: Initial, steps: u32) -> (f64, Contacts, Contacts) {
     let mut exact = Exact::new(set_up, &excitation, &initial).unwrap();
-    let mut sampled = Joined::<f64>::joined(set_up, Units::metres(STEP_S), &initial).unwrap();
+    let driven = SetUp { is_force_driven: !excitation.moves_base(), ..*set_up };
+    let mut sampled = Joined::<f64>::joined(&driven, Units::metres(STEP_S), &initial).unwrap();
     let (mut of_exact, mut of_sampled) = (Contacts::default(), Contacts::default());
     let at = |step: u32| match excitation {
         Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
-            let angle = angular_frequency_rad_per_s * STEP_S * f64::from(step);
-            (amplitude_m * libm::sin(angle), amplitude_m * angular_frequency_rad_per_s * STEP_S * libm::cos(angle))
+            sine(amplitude_m, angular_frequency_rad_per_s * STEP_S, step)
+        }
+        Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, .. } => {
+            sine(amplitude_n / set_up.structure.stiffness_n_per_m, angular_frequency_rad_per_s * STEP_S, step)
         }
         _ => (0.0, 0.0),
     };
@@ -193,4 +202,73 @@ fn single_precision_follows_a_soft_contact() {
     }
     println!("single precision is off by {:.1e} of x0 over 2 s", worst / 0.035);
     assert!(worst / 0.035 < 1e-3);
+}
+
+#[test]
+fn a_force_drive_agrees_with_the_exact_driver_for_every_damper() {
+    // P/k = 3 mm, as the base's amplitude above.
+    let force = Excitation::ForceSine {
+        amplitude_n: 0.003 * structure().stiffness_n_per_m,
+        angular_frequency_rad_per_s: 14.0,
+        phase_rad: 0.0,
+    };
+    let hard = |friction_coefficient: f64, force_n: f64| SetUp {
+        particle: Some(Particle {
+            mass_kg: 0.16,
+            clearance_m: 0.02,
+            friction_coefficient,
+            wall: Wall::Restitution { coefficient: 0.5 },
+        }),
+        friction_damper: (force_n > 0.0).then_some(FrictionDamper { force_n }),
+        ..SetUp::bare(structure())
+    };
+    let friction_alone = |force_n| SetUp { particle: None, ..hard(0.0, force_n) };
+    let damped = SetUp::bare(Structure::from_modal(1.6, 2.5, 0.1));
+    // Friction of 0.3 N slips, 1.3 N also sticks for a part of each cycle, 1.5 N never lets go.
+    let set_ups = [
+        ("bare", SetUp::bare(structure())),
+        ("strong damping", damped),
+        ("impact damper", hard(0.0, 0.0)),
+        ("impact damper with friction", hard(0.05, 0.0)),
+        ("friction damper", friction_alone(0.3)),
+        ("friction damper that sticks", friction_alone(1.15)),
+        ("friction damper that holds", friction_alone(1.5)),
+        ("hybrid", hard(0.05, 0.3)),
+        ("soft walls", soft(Material::PuFoam, Release::ZeroForce, 0.05, 0.0)),
+        ("tuned mass", tuned(0.0)),
+        ("tuned mass and friction", tuned(0.3)),
+    ];
+    for (name, set_up) in set_ups {
+        let (error, exact, sampled) = compare(&set_up, force, Initial::default(), 16_000);
+        println!("{name}: {error:.1e}, {} contacts", exact.touches_s.len());
+        assert_eq!(exact.touches_s.len(), sampled.touches_s.len(), "{name}");
+        assert!(error < ALLOWED || error.is_nan(), "{name}: {error:e}");
+        assert_eq!(error.is_nan(), name == "friction damper that holds", "{name}: 0/0 only where nothing moves");
+    }
+}
+
+#[test]
+fn a_force_drive_on_a_strongly_damped_structure_differs_from_a_base_by_the_dashpot() {
+    // Closed forms at f = fn: |X| = (P/k)/(2ζ) for the force, Z·√(1 + 4ζ²)/(2ζ) for the base.
+    let zeta = 0.1;
+    let structure = Structure::from_modal(1.6, 2.5, zeta);
+    let omega = structure.angular_frequency_rad_per_s();
+    let largest = |is_force_driven: bool| {
+        let set_up = SetUp { is_force_driven, ..SetUp::bare(structure) };
+        let mut motion = Joined::<f64>::joined(&set_up, Units::metres(STEP_S), &Initial::default()).unwrap();
+        let mut largest = 0.0_f64;
+        for step in 0..60_000 {
+            let (a, b) = (sine(1e-3, omega * STEP_S, step), sine(1e-3, omega * STEP_S, step + 1));
+            motion.step(&BaseSegment::hermite(a.0, b.0, a.1, b.1), &mut Contacts::default());
+            // The start has decayed by e^(−ζωt) = e^(−17) after 11 s.
+            if step > 44_000 {
+                largest = largest.max(motion.state().x.abs());
+            }
+        }
+        largest
+    };
+    // The largest sample lies within 1 − cos(Ωh/2) = 2e-6 of the peak.
+    let (force, base) = (1e-3 / (2.0 * zeta), 1e-3 * (1.0 + 4.0 * zeta * zeta).sqrt() / (2.0 * zeta));
+    assert!((largest(true) / force - 1.0).abs() < 3e-6, "{}", largest(true) / force);
+    assert!((largest(false) / base - 1.0).abs() < 3e-6, "{}", largest(false) / base);
 }

@@ -24,6 +24,7 @@ use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sample
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{
     Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES, WallCounts,
+    require,
 };
 use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
@@ -153,6 +154,8 @@ impl<S: Scalar> Plant<S> {
         let mut steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
         if let Base::Shaker(shaker) = &config.base {
             shaker.validate()?;
+            let allowed = "left out with a force drive, whose base rests";
+            require(!config.set_up.is_force_driven, "shaker.moving_mass_kg", shaker.moving_mass_kg, allowed)?;
             steps = steps.max(Table::<S>::steps_per_sample(shaker, tick_s)?);
         }
         let units = Units::metres(tick_s / f64::from(steps));

@@ -8,7 +8,7 @@ use super::motion::{ARCS_PER_ANCHOR, Exact, Fresh, ROUNDINGS, Touch, Work};
 use super::observe::Observer;
 use super::time::Time;
 use crate::integrator::modes::{Coefficients, Contact, Grip, Mode};
-use crate::io::Invalid;
+use crate::io::{Invalid, require};
 use crate::model::{Initial, SetUp, Wall};
 
 /// Number of events at one instant after which a sliver of time is taken without guards; see [`Exact::unresolved`].
@@ -24,6 +24,7 @@ impl Exact {
     /// Names the first value that is not physical.
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
         set_up.validate()?;
+        require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
         excitation.validate()?;
         set_up.validate_initial(initial)?;
         let c = Coefficients::new(set_up);

@@ -72,7 +72,8 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
         match mode.grip {
             Grip::Absent => {}
             Grip::Slip(direction) => {
-                let mut slip = all_signed(direction, polynomial::derivative(&flight.stretch));
+                let moved = if self.is_force_driven { &flight.x } else { &flight.stretch };
+                let mut slip = all_signed(direction, polynomial::derivative(moved));
                 if self.slip_released {
                     slip[0] = S::ZERO;
                     slip[1] = slip[1].max(S::ZERO);
@@ -81,9 +82,15 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             }
             Grip::Stuck => {
                 let mass = self.c.moving_mass(mode.contact);
+                let ground = self.ground(base);
                 let mut needed = [S::ZERO; COEFFICIENTS];
-                needed[0] = self.c.holding_force(mode.contact, flight.stretch[0], base.acceleration());
-                needed[1] = mass * S::from_u8(6) * base.0[3];
+                needed[0] = self.c.holding_force(mode.contact, flight.stretch[0], ground.acceleration());
+                needed[1] = mass * S::from_u8(6) * ground.0[3];
+                if self.is_force_driven {
+                    for (n, s) in needed.iter_mut().zip(&flight.stretch).skip(1) {
+                        *n += self.c.stiffness * *s;
+                    }
+                }
                 if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
                     let joint = link.force_along(&flight.offset);
                     for (n, f) in needed.iter_mut().zip(joint) {

@@ -255,6 +255,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The motion from the present state in a mode in which the joint acts.
     pub(super) fn joined_flight(&self, link: &Link<S>, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
         let z = &base.0;
+        let ground = self.ground(base).0;
         let mut x = [S::ZERO; COEFFICIENTS];
         let mut stretch = [S::ZERO; COEFFICIENTS];
         let mut offset = [S::ZERO; COEFFICIENTS];
@@ -266,11 +267,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             Grip::Absent | Grip::Slip(_) => (false, self.c.drag(mode.contact) - self.c.resistance(mode.grip)),
         };
         if stuck {
-            x[1..4].copy_from_slice(&z[1..4]);
+            x[1..4].copy_from_slice(&ground[1..4]);
         } else {
             x[1] = self.state.v;
-            stretch[1] = x[1] - z[1];
         }
+        stretch[1] = x[1] - z[1];
         let dragged = match mode.contact {
             Contact::Free(direction) => signed(direction, self.c.friction_acceleration),
             Contact::Absent | Contact::Held(_) => S::ZERO,
@@ -283,10 +284,11 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
             let constant = |value: S| if n == 0 { value } else { S::ZERO };
             let scale = S::ONE / (next * S::from_u8(n as u8 + 2));
             if !stuck {
-                let spring = self.c.damping * next * stretch[n + 1] + self.c.stiffness * stretch[n];
+                let moved = if self.is_force_driven { x[n + 1] } else { stretch[n + 1] };
+                let spring = self.c.damping * next * moved + self.c.stiffness * stretch[n];
                 x[n + 2] = (joint - spring + constant(force)) / self.c.mass * scale;
-                stretch[n + 2] = x[n + 2] - if n < 2 { z[n + 2] } else { S::ZERO };
             }
+            stretch[n + 2] = x[n + 2] - if n < 2 { z[n + 2] } else { S::ZERO };
             offset[n + 2] = -(joint / link.second_mass + constant(dragged)) * scale - x[n + 2];
         }
         Flight { x, offset, stretch }
@@ -359,7 +361,7 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
 
     /// The direction in which the structure starts to slip when the damper reaches its limit.
     pub(super) fn breaking_direction(&self, mode: Mode, base: &BaseSegment<S>) -> Sign {
-        let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], base.acceleration());
+        let mut needed = self.c.holding_force(mode.contact, self.state.x - base.0[0], self.ground(base).acceleration());
         if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
             needed -= link.force(self.state.offset, self.state.slide);
         }
