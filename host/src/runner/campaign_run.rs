@@ -59,10 +59,8 @@ impl Run<'_> {
     /// Asks a person for what an experiment needs; a simulated rig needs nobody.
     fn instruct(&mut self, set_up: &CampaignSetUp, experiment: &Experiment, simulated: bool) -> Result<(), RunError> {
         let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(()) };
-        if self.next(set_up, experiment).is_some() {
-            if self.watcher.instruct(experiment, instruction)? {
-                self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
-            }
+        if self.next(set_up, experiment).is_some() && self.watcher.instruct(experiment, instruction)? {
+            self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
         }
         Ok(())
     }

@@ -175,11 +175,11 @@ fn between(values: [f64; 4], place: f64) -> f64 {
 
 /// The path with this many points for each.
 fn smooth(path: &[(f64, f64)], parts: u32) -> Vec<(f64, f64)> {
-    let stretch = |four: &[(f64, f64); 4]| {
-        let (x, v) = (four.map(|p| p.0), four.map(|p| p.1));
+    let stretch = |four: &[(f64, f64)]| {
+        let (x, v) = ([0, 1, 2, 3].map(|n| four[n].0), [0, 1, 2, 3].map(|n| four[n].1));
         (0..parts).map(move |n| f64::from(n) / f64::from(parts)).map(move |part| (between(x, part), between(v, part)))
     };
-    path.array_windows().flat_map(stretch).collect()
+    path.windows(4).flat_map(stretch).collect()
 }
 
 impl Motion<'_> {
