@@ -36,6 +36,8 @@ fn an_experiment_that_is_repeated_has_results_of_its_own_each_time() {
     let names = texts(rows, "experiment").unwrap();
     let expected: Vec<String> = (1..=3).flat_map(|n| vec![format!("sweep {n} of 3"); 3]).collect();
     assert_eq!(names, expected);
+    let page = std::fs::read_to_string(folder.path().join("out/report.html")).unwrap();
+    assert!(page.contains("<h3>Repeats</h3>"));
     // The noise goes on from point to point, so that repeats differ, by far less than their values.
     let ratios = numbers(rows, "x_over_z").unwrap();
     for n in 0..3 {

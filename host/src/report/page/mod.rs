@@ -7,6 +7,7 @@ pub mod comparison;
 mod data;
 mod gaps;
 mod health;
+mod repeats;
 mod set_ups;
 mod tables;
 
@@ -89,7 +90,7 @@ fn content(run: &RunFolder, data: &PageData) -> Markup {
             (health::state(data))
         }
         (health::warnings(data))
-        section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) }
+        section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) (repeats::repeats(data)) }
         section { h2 { "Set-ups and experiments" } (sketches(data)) (set_ups::set_ups(data)) (set_ups::experiments(data)) (set_ups::acting(data)) }
         @if !data.points.is_empty() {
             section.on-screen { h2 { "All points" } (tables::results(data)) }
