@@ -152,16 +152,28 @@ fn to_nanohertz(frequency_hz: f64) -> f64 {
 fn refine(table: &Section, even: Vec<f64>, points: Option<usize>, structures: &[Structure]) -> Option<Vec<f64>> {
     let Some(points) = points else { return Some(even) };
     let (Some(&first), Some(&last)) = (even.first(), even.last()) else { return Some(even) };
+    let even_count = even.len();
     let mut all = even;
-    for structure in structures {
+    if structures.is_empty() {
+        // They could not be read.
+        return Some(all);
+    }
+    for structure in structures.iter().filter(|structure| structure.damping_n_s_per_m > 0.0) {
         let natural_hz = structure.angular_frequency_rad_per_s() / TAU;
         let at =
             |n: usize| natural_hz * (1.0 + structure.damping_ratio() * (2.0 * n as f64 / (points - 1) as f64 - 1.0));
         let within = |f: &f64| (first.min(last)..=first.max(last)).contains(f);
         all.extend((0..points).map(at).map(to_nanohertz).filter(within));
     }
+    let before = all.len();
     all.sort_by(f64::total_cmp);
     all.dedup();
+    if before == even_count {
+        let allowed =
+            "adds no frequency: no structure has its half-power bandwidth, fn(1 − ζ) to fn(1 + ζ), within the grid";
+        table.reject(grid::RESONANCE_POINTS.name(), allowed, Some("leave it out, or widen the grid".into()));
+        return None;
+    }
     if first > last {
         all.reverse();
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
-use crate::input::near;
+use crate::input::{near, shown_in_line};
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::report::exports::csv::Csv;
 use crate::report::exports::hdf5::Hdf5;
@@ -151,6 +151,11 @@ pub fn run(args: &Args) -> Outcome {
         Some(Action::Verify { run }) => check(run),
         Some(Action::Report { runs, out, force }) => {
             let runs: Vec<RunFolder> = runs.iter().map(|run| open(run)).collect::<Result<_, _>>()?;
+            if let Some(twice) =
+                runs.iter().enumerate().find(|(n, run)| runs[..*n].iter().any(|r| r.path() == run.path()))
+            {
+                return Err(Failure::Input(format!("run {} is given twice", twice.1.id())));
+            }
             report(&runs, out.as_deref(), *force)
         }
         Some(Action::Export(export)) => self::export(export),
@@ -211,6 +216,8 @@ fn show(run: &RunFolder) -> Outcome {
     let m = run.manifest();
     say!("Run {} (campaign {}), started {}", run.id(), m.campaign, m.started);
     say!("State: {}; {} of {} points; {}", m.ending_text(), m.points_taken, m.points_planned, m.damprig);
+    m.plan.texts().for_each(|(name, text)| say!("{name}: {}", shown_in_line(text)));
+    m.plan.order_seed.iter().for_each(|seed| say!("random order, seed {seed}"));
     if let Some(d) = &m.device {
         say!(
             "Rig {}: {} (firmware {}), tick {} Hz, schema {}",

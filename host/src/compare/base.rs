@@ -75,7 +75,8 @@ impl BaseMotion {
 
     /// The same motion times a factor.
     pub(super) fn scaled(&self, factor: f64) -> Self {
-        Self { ends_m: self.ends_m.iter().map(|z| z * factor).collect(), otherwise_m: None }
+        let scaled = |ends_m: &Vec<f64>| ends_m.iter().map(|z| z * factor).collect();
+        Self { ends_m: scaled(&self.ends_m), otherwise_m: self.otherwise_m.as_ref().map(scaled) }
     }
 }
 

@@ -64,16 +64,32 @@ pub(super) struct Models {
     is_start_known: bool,
     /// Relative standard uncertainty of z.
     scale: f64,
+    /// k of the run's set-up, N/m, if a force drives it: z is the force over this stiffness.
+    force_stiffness_n_per_m: Option<f64>,
 }
 
 impl Models {
     /// Of a set-up, its models with varied parameters (empty without any), and whether the particle's start is known.
-    pub(super) fn new(set_up: &CampaignSetUp, varied: &[Vec<CampaignSetUp>], is_start_known: bool, scale: f64) -> Self {
-        let own = |all: &Vec<CampaignSetUp>| all.iter().find(|other| other.name == set_up.name).cloned();
-        let varied: Vec<CampaignSetUp> = varied.iter().filter_map(own).collect();
+    /// `own` is the run's set-up, which the sensors of a force are scaled to.
+    pub(super) fn new(
+        own: &CampaignSetUp,
+        set_up: &CampaignSetUp,
+        varied: &[Vec<CampaignSetUp>],
+        is_start_known: bool,
+        scale: f64,
+    ) -> Self {
+        let of_name = |all: &Vec<CampaignSetUp>| all.iter().find(|other| other.name == set_up.name).cloned();
+        let varied: Vec<CampaignSetUp> = varied.iter().filter_map(of_name).collect();
         let acts = varied.iter().any(|other| other.model() != set_up.model());
         let varied = if acts { varied } else { Vec::new() };
-        Self { set_up: set_up.clone(), varied, is_start_known, scale }
+        let own = own.model();
+        let force_stiffness_n_per_m = own.is_force_driven.then_some(own.structure.stiffness_n_per_m);
+        Self { set_up: set_up.clone(), varied, is_start_known, scale, force_stiffness_n_per_m }
+    }
+
+    /// Factor of the recorded z: with a force drive, whose force stays, the stiffness of the run's set-up over that of the model.
+    pub(super) fn force_factor(&self, model: &SetUp) -> f64 {
+        self.force_stiffness_n_per_m.map_or(1.0, |own| own / model.structure.stiffness_n_per_m)
     }
 
     /// Whether identified parameters with an uncertainty act on the set-up.
@@ -89,7 +105,8 @@ impl Models {
 
     /// The set-up as stated, released from `x_m`.
     pub(super) fn stated(&self, x_m: f64) -> Member {
-        Member { model: self.set_up.model(), initial: Self::initial(&self.set_up, x_m, 0.0), base_factor: 1.0 }
+        let model = self.set_up.model();
+        Member { model, initial: Self::initial(&self.set_up, x_m, 0.0), base_factor: self.force_factor(&model) }
     }
 
     /// A start beside the stated one, by a thousandth of the clearance; `None` without a particle.
@@ -116,7 +133,7 @@ impl Models {
             Member {
                 model: set_up.model(),
                 initial: Self::initial(set_up, x_m, moved),
-                base_factor: 1.0 + self.scale * deviation(n, SCALE),
+                base_factor: self.force_factor(&set_up.model()) * (1.0 + self.scale * deviation(n, SCALE)),
             }
         };
         (0..MEMBERS).map(member).collect()
@@ -215,6 +232,16 @@ fn vary(values: &mut Table, key: &str, by: f64) -> Result<(), String> {
 /// The set-up to simulate for one of the run.
 pub(super) fn model_of(own: &CampaignSetUp, model: &Campaign) -> Result<CampaignSetUp, CannotCompare> {
     let found = model.set_ups.iter().find(|other| other.name == own.name);
+    if let Some(other) = found.filter(|other| other.model().is_force_driven != own.model().is_force_driven) {
+        let (forced, moved) = ("is driven by a force", "stands on a base that moves");
+        let [run, given] = if own.model().is_force_driven { [forced, moved] } else { [moved, forced] };
+        return Err(CannotCompare::Campaign(format!(
+            "{}: its set-up {:?} {given}, that of the run {run}\n  give it `{}` as the run's",
+            model.source.name(),
+            other.name,
+            own.amplitude_key()
+        )));
+    }
     found.cloned().ok_or_else(|| {
         let names: Vec<&str> = model.set_ups.iter().map(|other| other.name.as_str()).collect();
         CannotCompare::Campaign(format!(

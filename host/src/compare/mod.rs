@@ -117,7 +117,7 @@ pub fn compare(
     let mut experiments = Vec::new();
     for (place, own) in campaign.set_ups.iter().enumerate() {
         let simulated = ensemble::model_of(own, model)?;
-        let models = Models::new(&simulated, &varied, is_simulated && !own.spec.is_start_unknown(), sensors.scale);
+        let models = Models::new(own, &simulated, &varied, is_simulated && !own.spec.is_start_unknown(), sensors.scale);
         for experiment in campaign.experiments.iter().filter(|experiment| experiment.set_ups.contains(&place)) {
             let points = if experiment.stepped_sine().is_some() {
                 compared.stepped_sine(own, experiment, &models)

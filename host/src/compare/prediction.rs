@@ -58,24 +58,36 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
 
     /// The motion on the base read with a parabola of another width.
     fn base_otherwise(&self, member: &Member) -> Option<SimulatedMotion> {
-        simulate(&member.model, &member.initial, self.base.otherwise_m.as_ref()?, self.detection).ok()
+        let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
+        let base = scaled.as_ref().unwrap_or(self.base);
+        simulate(&member.model, &member.initial, base.otherwise_m.as_ref()?, self.detection).ok()
     }
 
-    fn measured(&self, motion: &SimulatedMotion) -> Vec<Option<Values>> {
-        (0..self.windows.len()).map(|window| (self.measure)(motion, window)).collect()
+    /// The values in all windows. Ratios refer to the run's own z.
+    fn measured(&self, motion: &SimulatedMotion, member: &Member) -> Vec<Option<Values>> {
+        let to_own_z = self.models.force_factor(&member.model);
+        let values = |window: usize| {
+            let mut values = (self.measure)(motion, window)?;
+            for metric in [Metric::XOverZ, Metric::XOverZLockIn] {
+                values.entry(metric).and_modify(|ratio| *ratio *= to_own_z);
+            }
+            Some(values)
+        };
+        (0..self.windows.len()).map(values).collect()
     }
 
     /// The predictions; `None` for a set-up that cannot be simulated.
     pub(super) fn answer(&self) -> Option<Answer> {
-        let motion = self.motion(&self.models.stated(self.start_m))?;
+        let stated = self.models.stated(self.start_m);
+        let motion = self.motion(&stated)?;
         let neighbour = self.models.neighbour(self.start_m).and_then(|member| self.motion(&member));
         let parts = |window: &Window| neighbour.as_ref().is_some_and(|other| parted(&motion, other, &window.ticks));
         let are_sensitive: Vec<bool> = self.windows.iter().map(parts).collect();
-        let otherwise = self.base_otherwise(&self.models.stated(self.start_m)).map(|motion| self.measured(&motion));
+        let otherwise = self.base_otherwise(&stated).map(|motion| self.measured(&motion, &stated));
         let members = self.models.members(self.start_m);
         let of_members: Vec<Vec<Option<Values>>> =
-            members.par_iter().filter_map(|member| Some(self.measured(&self.motion(member)?))).collect();
-        let predictions = self.measured(&motion).into_iter().enumerate().map(|(window, stated)| {
+            members.par_iter().filter_map(|member| Some(self.measured(&self.motion(member)?, member))).collect();
+        let predictions = self.measured(&motion, &stated).into_iter().enumerate().map(|(window, stated)| {
             let own: Vec<Values> = of_members.iter().filter_map(|all| all[window].clone()).collect();
             let otherwise = otherwise.as_ref().and_then(|all| all[window].as_ref());
             let stated = stated?;

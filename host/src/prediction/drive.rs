@@ -17,6 +17,8 @@ struct TooMuch {
     span: Span,
     asked_m: f64,
     key: &'static str,
+    /// The range of the drive in the key's unit.
+    most: String,
     /// The largest value of the key that would fit.
     fits: f64,
 }
@@ -41,7 +43,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
         }
     }
     let mut seen: Vec<Span> = Vec::new();
-    for TooMuch { title, span, asked_m, key, fits } in all {
+    for TooMuch { title, span, asked_m, key, most, fits } in all {
         // A set-up or a record may be used more than once.
         if seen.contains(&span) {
             continue;
@@ -55,8 +57,7 @@ pub fn check(campaign: &Campaign, expected: &[Expected], drive_m: f64) -> Result
             ),
             span,
             allowed: format!(
-                "at most {} m: the drive's output is linear only up to there (settings, calibration.drive)",
-                trim_m(drive_m)
+                "at most {most}: the drive's output is linear only up to there (settings, calibration.drive)"
             ),
             help: Some(format!("write {key} = {fits}")),
         });
@@ -72,10 +73,17 @@ fn trim_m(value: f64) -> String {
 fn amplitude_too_high(set_up: &CampaignSetUp, drive_m: f64) -> Option<TooMuch> {
     let asked_m = set_up.base_amplitude_m;
     (asked_m as f32 > drive_m as f32).then(|| TooMuch {
-        title: format!("set-up {:?} has too large a base amplitude", set_up.name),
+        title: match set_up.force_amplitude_n() {
+            Some(_) => format!("set-up {:?} has too large a force (as P/k)", set_up.name),
+            None => format!("set-up {:?} has too large a base amplitude", set_up.name),
+        },
         span: set_up.base_amplitude_span.clone(),
         asked_m,
         key: set_up.amplitude_key(),
+        most: match set_up.force_amplitude_n() {
+            Some(force_n) => format!("{} N, k times {} m", trim(force_n * drive_m / asked_m), trim_m(drive_m)),
+            None => format!("{} m", trim_m(drive_m)),
+        },
         fits: set_up.amplitude_for(drive_m),
     })
 }
@@ -88,6 +96,7 @@ fn limit_too_high(sine: &SteppedSine, drive_m: f64) -> Option<TooMuch> {
         span: limit.span.clone(),
         asked_m: limit.value,
         key: "drive_limit_m",
+        most: format!("{} m", trim_m(drive_m)),
         fits: two_digits_down(drive_m),
     })
 }
@@ -105,6 +114,7 @@ fn record_too_high(
         title: format!("experiment {experiment:?} on set-up {set_up:?} exceeds the drive's range"),
         span: playback.span.clone(),
         asked_m: peak_m,
+        most: format!("{} m", trim_m(drive_m)),
         key: if playback.key == "amplitude_m" { playback.key } else { "target_peak_m" },
         fits: two_digits_down(drive_m * playback.peak_m() / peak_m),
     })

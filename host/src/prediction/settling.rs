@@ -30,7 +30,8 @@ pub fn advice(campaign: &Campaign) -> Vec<String> {
         let sine = experiment.stepped_sine().filter(|sine| sine.start == Start::FromRest)?;
         of_experiment(set_up, experiment, sine)
     };
-    let pairs = campaign.experiments.iter().flat_map(|e| e.set_ups.iter().map(move |i| (&campaign.set_ups[*i], e)));
+    let once = campaign.experiments.iter().filter(|experiment| experiment.repeat == 0);
+    let pairs = once.flat_map(|e| e.set_ups.iter().map(move |i| (&campaign.set_ups[*i], e)));
     pairs.filter_map(|(set_up, experiment)| judged(set_up, experiment)).collect()
 }
 

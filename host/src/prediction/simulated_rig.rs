@@ -38,7 +38,11 @@ pub fn check(campaign: &Campaign) -> Result<Vec<String>, Refusal> {
                 Kind::Playback(playback) => (playback.key, playback.peak_m(), &playback.span),
                 Kind::FreeVibration(free) => ("start_m", free.start_m.abs(), &free.span),
             };
-            resolved(campaign, key, moved_m, span);
+            let per_m = match &experiment.kind {
+                Kind::SteppedSine(_) => set_up.force_amplitude_n().map(|force_n| force_n / set_up.base_amplitude_m),
+                _ => None,
+            };
+            resolved(campaign, key, (moved_m, per_m), span);
             let level_m = match &experiment.kind {
                 Kind::SteppedSine(sine) if sine.start == Start::FromRest => Some(sine.rest_level_m),
                 Kind::Playback(playback) => Some(playback.rest_level_m),
@@ -124,7 +128,8 @@ fn comes_to_rest(campaign: &Campaign, experiment: usize, level_m: f64) {
 }
 
 /// Reports a motion that reads as zero.
-fn resolved(campaign: &Campaign, key: &str, moved_m: f64, span: &Span) {
+/// `per_m`: the stiffness with which a force is a motion.
+fn resolved(campaign: &Campaign, key: &str, (moved_m, per_m): (f64, Option<f64>), span: &Span) {
     let resolution_m = resolution_m(&campaign.rig);
     let least_m = LEAST_M.max(0.5 * resolution_m);
     if moved_m >= least_m {
@@ -133,7 +138,12 @@ fn resolved(campaign: &Campaign, key: &str, moved_m: f64, span: &Span) {
     campaign.source.report(Problem {
         title: format!("`{key}` is too small: a motion of {moved_m:e} m cannot be measured"),
         span: span.clone(),
-        allowed: format!("must be {least_m:.1e} m or more: the sensors resolve {resolution_m:.1e} m"),
+        allowed: match per_m {
+            Some(k) => {
+                format!("must be {:.1e} N or more: P/k is then {least_m:.1e} m, which the sensors resolve", k * least_m)
+            }
+            None => format!("must be {least_m:.1e} m or more: the sensors resolve {resolution_m:.1e} m"),
+        },
         help: None,
     });
 }

@@ -13,6 +13,13 @@ pub fn predicted_and_measured(campaign: &Campaign) -> Vec<String> {
     let sines = || campaign.experiments.iter().filter_map(|e| e.stepped_sine());
     let mut notes =
         vec!["Predicted: a simulation of the same set-up and times, without noise, on a base that moves exactly as demanded.".to_string()];
+    if campaign.set_ups.iter().any(|s| s.model().is_force_driven) {
+        notes.push(
+            "Set-ups with a force P: their base rests, and what is called z, Z or the base is P/k, the force over the structure's \
+             stiffness; X/Z is the magnification X·k/P."
+                .into(),
+        );
+    }
     if sines().any(|sine| sine.settle_s > 0.0 || sine.longest_dwell_s() > sine.dwell_s) {
         notes.push(
             "Before the run max|x| is predicted from the start of each point, after it for the dwell alone, as measured."

@@ -9,6 +9,7 @@ use damprig_core::model::{Initial, SetUp};
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
 use super::keys::{case, initial, run};
+use crate::input::locate::Step::Key;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
@@ -131,6 +132,16 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     }
     let shared = Shared::of_file(document.as_ref().map(|document| document.get_ref()));
     let spec = setup::read(root, &shared, base, record.map(|record| record.step_s));
+    if spec.as_ref().is_some_and(SetUpSpec::is_start_unknown) {
+        let span = source.locate(&[Key("particle"), Key("start")]).unwrap_or_default();
+        source.report(Problem {
+            title: "`particle.start` = \"unknown\" is for campaigns".into(),
+            span,
+            allowed: "a case has one start: \"centre\", \"at_negative_wall\", \"at_positive_wall\", or `start_m`"
+                .into(),
+            help: Some("simulate it from several starts".into()),
+        });
+    }
     let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
     let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
     let initial_section = root.table_of(&case::INITIAL, None);

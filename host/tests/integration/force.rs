@@ -63,3 +63,29 @@ fn what_moves_the_base_does_not_go_with_a_force() {
         damprig(&folder).args(["run", "test.toml", "--dry-run"]).assert().code(2).stderr(contains(said));
     }
 }
+
+#[test]
+fn a_model_of_another_stiffness_is_compared_at_the_same_force() {
+    let folder = folder_with(&campaign("force_amplitude_n = 0.4"));
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    // Twice the mass at the same frequency: twice the stiffness, so half the motion under the same force.
+    let stiff = campaign("force_amplitude_n = 0.4").replace("mass_kg = 1.6", "mass_kg = 3.2");
+    std::fs::write(folder.path().join("stiff.toml"), stiff).unwrap();
+    let output = damprig(&folder).args(["compare", "out", "--set-ups", "stiff.toml", "--json"]).output().unwrap();
+    let comparison: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let metrics = comparison["experiments"][0]["points"][0]["metrics"].as_array().unwrap();
+    let mut halved = 0;
+    for metric in
+        metrics.iter().filter(|m| ["x_over_z", "x_over_z_lock_in", "x_max"].contains(&m["metric"].as_str().unwrap()))
+    {
+        let of = |which: &str| metric[which]["value"].as_f64().unwrap();
+        let ratio = of("on_ideal_base") / of("measured");
+        assert!((ratio - 0.5).abs() < 1e-4, "{metric}");
+        halved += 1;
+    }
+    assert_eq!(halved, 3, "{metrics:?}");
+    let moved = campaign("base_amplitude_m = 0.001");
+    std::fs::write(folder.path().join("moved.toml"), moved).unwrap();
+    let said = contains("stands on a base that moves, that of the run is driven by a force");
+    damprig(&folder).args(["compare", "out", "--set-ups", "moved.toml"]).assert().code(2).stderr(said);
+}

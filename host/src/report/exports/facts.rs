@@ -31,6 +31,7 @@ pub(super) fn of_run(run: &RunFolder) -> Vec<(&'static str, Fact)> {
         ("interruptions", Fact::Number(m.counters.interruptions as f64)),
     ];
     facts.extend(m.plan.texts().map(|(name, stated)| (name, text(stated))));
+    facts.extend(m.plan.order_seed.map(|seed| ("order_seed", Fact::Number(f64::from(seed)))));
     if let Some(device) = &m.device {
         facts.extend([
             ("rig", text(&device.link)),
@@ -81,5 +82,7 @@ pub(super) fn set_up_columns(set_ups: &[SetUpRecord]) -> Vec<(&'static str, Vec<
         set_ups.iter().map(|s| s.model().as_ref().and_then(value).unwrap_or(f64::NAN)).collect()
     };
     let unmodelled = set_ups.iter().map(|s| f64::from(u8::from(s.has_unmodelled_damper))).collect();
-    PARAMETERS.iter().map(|(name, value)| (*name, of(value))).chain([("has_unmodelled_damper", unmodelled)]).collect()
+    let force_n = set_ups.iter().map(|s| s.force_amplitude_n().unwrap_or(f64::NAN)).collect();
+    let more = [("has_unmodelled_damper", unmodelled), ("force_amplitude_n", force_n)];
+    PARAMETERS.iter().map(|(name, value)| (*name, of(value))).chain(more).collect()
 }

@@ -18,6 +18,7 @@ use arrow_array::RecordBatch;
 use super::atomic_file::{OutFile, to_failure, write_export};
 use super::uff_dataset::{AxisRecord, Dof, FunctionRecord, OrdinateData, header, real, si_units};
 use super::{ExportSelection, ExportSummary, Exporter, RunTable};
+use crate::campaign::Campaign;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::samples::SampleColumn;
 use crate::run_folder::{ReadError, RunFolder};
@@ -61,7 +62,8 @@ impl Exporter for Uff {
                     batches.push(batch);
                     Ok(())
                 })?;
-                let points = points(&batches)?;
+                let mut points = points(&batches)?;
+                sort_shuffled(run, &mut points);
                 writer.responses(points).map_err(|e| failed(&e))?;
             }
             if part.tables.contains(&RunTable::Samples) {
@@ -118,6 +120,20 @@ fn points(batches: &[RecordBatch]) -> Result<Vec<FrfPoint>, ReadError> {
         }
     }
     Ok(points)
+}
+
+/// Sorts the points of experiments whose frequencies were run in random order. A motion that is carried over keeps its order.
+fn sort_shuffled(run: &RunFolder, points: &mut [FrfPoint]) {
+    if run.manifest().plan.order_seed.is_none() {
+        return;
+    }
+    let Ok(campaign) = Campaign::read(&run.path().join("campaign.toml")) else { return };
+    for own in points.chunk_by_mut(|a, b| (&a.set_up, &a.experiment) == (&b.set_up, &b.experiment)) {
+        let experiment = campaign.experiments.iter().find(|e| e.name == own[0].experiment);
+        if experiment.is_some_and(|e| !e.carries_over()) {
+            own.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+        }
+    }
 }
 
 /// Splits points into branches of one set-up and experiment with rising or falling (`true`) frequency. Falling branches are
@@ -198,7 +214,17 @@ impl<W: Write> UffWriter<'_, W> {
             let values: Vec<(f64, f64, f64)> = branch.iter().map(|p| (p.frequency_hz, p.real, p.imaginary)).collect();
             let direction = if is_falling { ", frequency falling" } else { "" };
             let detail = format!("{} points{direction}; X/Z (lock-in): amplitudes and phase", values.len());
-            let id = self.id("x/z".into(), format!("{}, {}", first.set_up, first.experiment), detail);
+            // With a force drive z is the force over k.
+            let record = self.run.manifest().set_ups.iter().find(|s| s.name == first.set_up);
+            let forced = record.and_then(|s| s.model()).filter(|model| model.is_force_driven);
+            let (name, denominator, values) = match forced {
+                Some(model) => {
+                    let k = model.structure.stiffness_n_per_m;
+                    ("x/P", AxisRecord::new(9, "P", "N"), values.iter().map(|v| (v.0, v.1 / k, v.2 / k)).collect())
+                }
+                None => ("x/z", AxisRecord::new(8, "z", "m"), values),
+            };
+            let id = self.id(name.into(), format!("{}, {}", first.set_up, first.experiment), detail);
             self.functions += 1;
             self.rounded += usize::from(values.iter().any(|v| is_rounded(v.0)));
             let function = FunctionRecord {
@@ -211,7 +237,7 @@ impl<W: Write> UffWriter<'_, W> {
                 ordinate: OrdinateData::Uneven(&values),
                 abscissa: AxisRecord::new(18, "frequency", "Hz"),
                 numerator: AxisRecord::new(8, "x", "m"),
-                denominator: AxisRecord::new(8, "z", "m"),
+                denominator,
                 z_axis: (AxisRecord::none(), 0.0),
             };
             function.write(&mut self.file)?;

@@ -59,7 +59,7 @@ const MOST_CURVES: usize = 12;
 /// too many curves.
 #[must_use]
 pub fn groups(campaign: &Campaign) -> Vec<Option<String>> {
-    if stepped_sines(campaign).count() <= MOST_CURVES {
+    if series_of(campaign).count() <= MOST_CURVES {
         return vec![None];
     }
     let sines = campaign.experiments.iter().filter(|e| e.stepped_sine().is_some());
@@ -154,10 +154,16 @@ pub fn stepped_sines(campaign: &Campaign) -> impl Iterator<Item = (&CampaignSetU
     })
 }
 
+/// As [`stepped_sines`], with the repeats of an experiment once.
+fn series_of(campaign: &Campaign) -> impl Iterator<Item = (&CampaignSetUp, &Experiment)> {
+    stepped_sines(campaign).filter(|(_, experiment)| experiment.repeat == 0)
+}
+
 /// Label of the set-up, with the experiment's name if there are several on it.
 fn label(campaign: &Campaign, set_up: &CampaignSetUp, experiment: &Experiment) -> String {
-    let own = stepped_sines(campaign).filter(|(other, _)| other.name == set_up.name).count();
-    if own > 1 { format!("{}: {}", set_up.label, experiment.name) } else { set_up.label.clone() }
+    let own = series_of(campaign).filter(|(other, _)| other.name == set_up.name).count();
+    let label = if own > 1 { format!("{}: {}", set_up.label, experiment.series) } else { set_up.label.clone() };
+    shortened(&label)
 }
 
 /// An experiment with its repeats.
@@ -175,18 +181,44 @@ fn response_curves(
         place,
         label: label(campaign, set_up, experiment),
         detail: describe::set_up(set_up),
-        points: points
-            .iter()
-            .filter(|p| p.set_up == set_up.name && p.experiment == experiment.name)
-            .map(|p| ResponsePoint {
-                frequency_hz: p.frequency_hz,
-                value: value(p),
-                is_settled: p.steadiness.is_settled(),
-            })
-            .collect(),
+        points: means(campaign, points, (set_up, experiment), &value),
     };
-    let drawn = stepped_sines(campaign).filter(|(_, e)| group.is_none_or(|group| e.series == group));
+    let drawn = series_of(campaign).filter(|(_, e)| group.is_none_or(|group| e.series == group));
     drawn.enumerate().map(curve).filter(|c| !c.points.is_empty()).collect()
+}
+
+/// The points of an experiment on a set-up; of its repeats the mean at each frequency, settled if all are.
+fn means(
+    campaign: &Campaign,
+    points: &[PlottedPoint],
+    (set_up, experiment): (&CampaignSetUp, &Experiment),
+    value: &impl Fn(&PlottedPoint) -> f64,
+) -> Vec<ResponsePoint> {
+    let names: Vec<&str> = experiments_of(campaign, &experiment.series).map(|e| e.name.as_str()).collect();
+    let own = points.iter().filter(|p| p.set_up == set_up.name && names.contains(&p.experiment.as_str()));
+    let all = own.map(|p| (p.frequency_hz, value(p), p.steadiness.is_settled()));
+    if names.len() == 1 {
+        return all
+            .map(|(frequency_hz, value, is_settled)| ResponsePoint { frequency_hz, value, is_settled })
+            .collect();
+    }
+    let mut all: Vec<(f64, f64, bool)> = all.collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mean = |same: &[(f64, f64, bool)]| ResponsePoint {
+        frequency_hz: same[0].0,
+        value: same.iter().map(|p| p.1).sum::<f64>() / same.len() as f64,
+        is_settled: same.iter().all(|p| p.2),
+    };
+    all.chunk_by(|a, b| a.0 == b.0).map(mean).collect()
+}
+
+/// A label of at most 48 characters: a longer one would leave no room for the curves.
+pub(super) fn shortened(label: &str) -> String {
+    const MOST: usize = 48;
+    if label.chars().count() <= MOST {
+        return label.to_string();
+    }
+    label.chars().take(MOST - 1).chain(['…']).collect()
 }
 
 /// The natural frequency of all set-ups, Hz, if it is the same.
@@ -216,6 +248,7 @@ fn curves(
             format!("{} s at each frequency{until}, {start}", trimmed(e.dwell_s, 3))
         })
         .collect();
+    how.sort();
     how.dedup();
     let caption = format!("{about}. {}.", how.join("; "));
     draw(&curves, quantity, &ResponseNotes { natural_frequency_hz: common, caption })
@@ -258,7 +291,7 @@ pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> 
     let panels: Vec<HistoryPanel> = campaign
         .experiments
         .iter()
-        .filter(|e| e.stepped_sine().is_none())
+        .filter(|e| e.stepped_sine().is_none() && e.repeat == 0)
         .filter_map(|experiment| {
             // Time from the start of the experiment.
             let history = |all: &Histories, name: &str| -> Option<Vec<(f64, f64)>> {
@@ -269,7 +302,7 @@ pub fn transients(campaign: &Campaign, folder: &Path, rows: &[TransientRow]) -> 
             let set_ups: Vec<_> = experiment.set_ups.iter().filter_map(|i| campaign.set_ups.get(*i)).collect();
             let curves: Vec<HistoryCurve> = set_ups
                 .iter()
-                .filter_map(|s| Some(HistoryCurve { label: s.label.clone(), points: history(&x, &s.name)? }))
+                .filter_map(|s| Some(HistoryCurve { label: shortened(&s.label), points: history(&x, &s.name)? }))
                 .collect();
             let base = experiment.playback().and(set_ups.first()).and_then(|s| history(&z, &s.name));
             let about = match &experiment.kind {

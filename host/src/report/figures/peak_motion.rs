@@ -9,7 +9,7 @@ use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axis::{Axis, Frame, Scale};
-use super::campaign::stepped_sines;
+use super::campaign::{shortened, stepped_sines};
 use super::{Canvas, FINE, FigureError, GREY, INK, Picture, colour, text};
 use crate::campaign::Campaign;
 use crate::report::describe;
@@ -17,6 +17,9 @@ use crate::report::numbers::trimmed;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::journal_state::JournalState;
 use crate::run_folder::{ResultRow, RunFolder};
+
+/// Most motions of a figure, the first ones: their picture is 12 000 points high.
+const MOST_MOTIONS: usize = 40;
 
 /// Cycles of the time history.
 const CYCLES: f64 = 8.0;
@@ -67,12 +70,16 @@ type Key = (String, String, u32);
 /// The drawing library's error, or unreadable samples.
 pub fn draw(campaign: &Campaign, run: &RunFolder, taken: &JournalState) -> Result<Option<Picture>, FigureError> {
     let peaks: Vec<(String, &ResultRow)> = stepped_sines(campaign)
+        .filter(|(_, experiment)| experiment.repeat == 0)
+        .take(MOST_MOTIONS)
         .filter_map(|(set_up, experiment)| {
-            let own = taken.rows().iter().filter(|r| r.set_up == set_up.name && r.experiment == experiment.name);
+            let is_repeat =
+                |name: &str| campaign.experiments.iter().any(|e| e.name == name && e.series == experiment.series);
+            let own = taken.rows().iter().filter(|r| r.set_up == set_up.name && is_repeat(&r.experiment));
             let peak = own.filter(|r| r.x_over_z().is_finite()).max_by(|a, b| a.x_over_z().total_cmp(&b.x_over_z()))?;
             let at = trimmed(peak.frequency_hz, 4);
             let (what, ratio) = (describe::set_up(set_up), trimmed(peak.x_over_z(), 2));
-            let title = format!("{} ({what}), {}: {at} Hz, X/Z = {ratio}", set_up.label, experiment.name);
+            let title = format!("{} ({what}), {}: {at} Hz, X/Z = {ratio}", shortened(&set_up.label), peak.experiment);
             Some((title, peak))
         })
         .collect();

@@ -6,6 +6,7 @@ use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
+use super::campaign::shortened;
 use super::{Canvas, FigureError, GREY, INK, PALE, Picture, colour, text};
 use crate::campaign::CampaignSetUp;
 use crate::report::describe;
@@ -99,7 +100,7 @@ impl Sketch<'_, '_> {
 
     fn set_up(&self, set_up: &CampaignSetUp) -> Result<(), FigureError> {
         let model = set_up.model();
-        self.write(&set_up.label, (14, 14), 13.0, INK, HPos::Left)?;
+        self.write(&shortened(&set_up.label), (14, 14), 13.0, INK, HPos::Left)?;
         self.write(&describe::set_up(set_up), (14, 31), 11.0, GREY, HPos::Left)?;
         self.structure(&model)?;
         match set_up.force_amplitude_n() {

@@ -3,7 +3,7 @@
 use comfy_table::Table;
 
 use super::table;
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Experiment};
 use crate::prediction::{Prediction, Response};
 use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
@@ -14,6 +14,18 @@ use crate::run_folder::schema::results::steadiness_text;
 
 fn ratio(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| trimmed(v, 2))
+}
+
+/// The frequencies in a random order, the first twelve.
+fn order_of(campaign: &Campaign, experiment: &Experiment) -> String {
+    const SHOWN: usize = 12;
+    let frequencies_hz = experiment.frequencies_hz();
+    if campaign.plan.order_seed.is_none() || frequencies_hz.is_empty() || experiment.carries_over() {
+        return String::new();
+    }
+    let first: Vec<String> = frequencies_hz.iter().take(SHOWN).map(|f| trimmed(*f, 4)).collect();
+    let more = if frequencies_hz.len() > SHOWN { ", …" } else { "" };
+    format!(" Hz: {}{more}", first.join(", "))
 }
 
 /// What a person does and what is run, step by step; empty for a campaign that is run as written and instructs nobody.
@@ -28,10 +40,11 @@ pub fn steps(campaign: &Campaign) -> Vec<String> {
     for (place, (set_up, experiments)) in campaign.run_order.iter().enumerate() {
         lines.push(format!("{:3}. {}", place + 1, describe::mounting(&campaign.set_ups[*set_up])));
         for experiment in experiments.iter().map(|&place| &campaign.experiments[place]) {
-            lines.push(match &experiment.instruction {
-                Some(instruction) => format!("     - {}", describe::instruction(experiment, instruction)),
-                None => format!("     - Experiment {:?}.", experiment.name),
-            });
+            let what = match &experiment.instruction {
+                Some(instruction) => describe::instruction(experiment, instruction),
+                None => format!("Experiment {:?}.", experiment.name),
+            };
+            lines.push(format!("     - {what}{}", order_of(campaign, experiment)));
         }
     }
     lines

@@ -124,6 +124,13 @@ impl SetUpRecord {
         particle.or(tmd).or(self.has_unmodelled_damper.then_some("a damper without a model"))
     }
 
+    /// P, N, if a force drives the structure over a fixed base: `base_amplitude_m` is P/k then.
+    #[must_use]
+    pub fn force_amplitude_n(&self) -> Option<f64> {
+        let model = self.model.filter(|model| model.is_force_driven)?;
+        Some(model.structure.stiffness_n_per_m * self.base_amplitude_m)
+    }
+
     /// The set-up in SI units; none in older runs.
     #[must_use]
     pub fn model(&self) -> Option<damprig_core::model::SetUp> {
