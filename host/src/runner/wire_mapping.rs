@@ -119,6 +119,7 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
             seed: u64::from(rig.noise_seed),
             ..SpringPlant::default()
         }),
+        scales: None,
     }
 }
 
