@@ -41,7 +41,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 18] = [
+const HOST_LAYERS: [&str; 19] = [
     "host_time",
     "input",
     "settings",
@@ -56,6 +56,7 @@ const HOST_LAYERS: [&str; 18] = [
     "file_keys",
     "identify",
     "compare",
+    "calibrate",
     "board",
     "report",
     "monitor",

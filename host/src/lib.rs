@@ -5,6 +5,7 @@
 
 #[cfg(feature = "probe")]
 pub mod board;
+pub mod calibrate;
 pub mod campaign;
 pub mod cli;
 pub mod client;

@@ -10,6 +10,7 @@ use damprig_core::settings::{Prepared, Settings, Source as Origin};
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
+use crate::host_time::date_text;
 use crate::input::{Problem, Refusal, Source, Span, replacement};
 
 /// A setting: its path in the file and its value.
@@ -53,21 +54,43 @@ fn table(settings: &Settings) -> Table {
 /// The settings as a file; `head` goes before them as a comment.
 #[must_use]
 pub fn to_toml(settings: &Settings, head: &str) -> String {
+    toml_of(&entries(settings), head)
+}
+
+/// Some settings as a file; `head` goes before them as a comment. Dates are also written as such.
+#[must_use]
+pub fn toml_of(entries: &[Entry], head: &str) -> String {
     let mut text = String::new();
     for line in head.lines() {
         let _ = writeln!(text, "# {line}");
     }
     let mut section = String::new();
-    for (place, value) in entries(settings) {
+    for (place, value) in entries {
         let (key, path) = place.split_last().map_or(("", ""[..].to_string()), |(key, path)| (key, path.join(".")));
         if path != section {
             let _ = write!(text, "\n[{path}]\n");
             section = path;
         }
         // The shortest decimal that reads back as the same number.
-        let _ = writeln!(text, "{key} = {}", decimal(value));
+        let date = if key == "date_days" { format!("   # {}", date_text(*value)) } else { String::new() };
+        let _ = writeln!(text, "{key} = {}{date}", decimal(*value));
     }
     text
+}
+
+/// The settings with other values of some, by their paths; unknown paths are left out. The values are not checked.
+#[must_use]
+pub fn with_values(settings: &Settings, values: &[(&str, f32)]) -> Settings {
+    let mut changed = table(settings);
+    for (path, value) in values {
+        let (tables, key) = path.rsplit_once('.').unwrap_or(("", path));
+        let inner = tables.split('.').try_fold(&mut changed, |table, name| table.get_mut(name)?.as_table_mut());
+        if let Some(place) = inner.and_then(|table| table.get_mut(key)) {
+            *place = Value::Float(f64::from(*value));
+        }
+    }
+    // Of the template's shape, so it is settings.
+    changed.try_into().unwrap_or(*settings)
 }
 
 /// The shortest decimal of a number, as TOML wants it: with a point or an exponent.
@@ -235,14 +258,36 @@ mod tests {
     #[test]
     fn every_setting_is_a_number_with_its_unit_in_its_name() {
         let all = entries(&Settings::default());
-        assert_eq!(all.len(), 45);
+        assert_eq!(all.len(), 66);
         const WITHOUT: [&str; 3] = ["half_cycles_ahead", "friction_coefficient", "ringing"];
-        const UNITS: [&str; 7] = ["_m", "_n", "_s", "_hz", "_counts", "_per_count", "_n_per_m"];
+        const UNITS: [&str; 8] = ["_m", "_n", "_s", "_hz", "_days", "_counts", "_per_count", "_n_per_m"];
         for (place, _) in &all {
             let name = place.last().unwrap().as_str();
             let has_unit = UNITS.iter().any(|unit| name.ends_with(unit)) || WITHOUT.contains(&name);
             assert!(has_unit, "{place:?}");
         }
+    }
+
+    #[test]
+    fn a_date_is_shown_as_a_date_and_reads_back() {
+        let mut settings = Settings::default();
+        settings.calibrated.r#match.date_days = 20_574.0;
+        let text = to_toml(&settings, "");
+        assert!(text.contains("[calibrated.match]\ndate_days = 20574.0   # 2026-05-01\n"), "{text}");
+        assert!(text.contains("[calibrated.x]\ndate_days = 0.0   # never\n"), "{text}");
+        assert_eq!(from_toml(&Source::new("test", text), &Settings::default()).unwrap(), settings);
+    }
+
+    /// The tables of a file from before there were dates of calibrations.
+    #[test]
+    fn a_file_without_dates_of_calibrations_is_read() {
+        let mut before = Settings::default();
+        before.calibration.x.zero_counts = 32_700.0;
+        let own = |(place, _): &Entry| place[0] != "calibrated";
+        let entries: Vec<Entry> = entries(&before).into_iter().filter(own).collect();
+        assert_eq!(entries.len(), 45);
+        let read = from_toml(&Source::new("old.toml", toml_of(&entries, "")), &Settings::default()).unwrap();
+        assert_eq!(read, before);
     }
 
     #[test]

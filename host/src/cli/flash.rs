@@ -199,7 +199,7 @@ fn describe(image: &Image, session: &mut Session) -> Outcome {
     if let Some(supply_v) = about.supply_v {
         say!("  supply    {supply_v:.2} V");
     }
-    for warning in board_check::warnings(about) {
+    for warning in board_check::warnings(session) {
         say!("  warning   {warning}");
     }
     say!("  crash     {}", about.last_crash.map_or("none".into(), |crash| format!("before this start: {crash}")));

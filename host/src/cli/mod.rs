@@ -18,6 +18,8 @@ macro_rules! warn {
 }
 
 mod arguments;
+mod calibrate;
+mod calibrate_operator;
 mod compare;
 mod devices;
 mod documents;
@@ -84,6 +86,8 @@ enum Command {
     Runs(runs::Args),
     /// Show, change, save and copy the settings of a board
     Settings(settings::Args),
+    /// Calibrate the sensors and the drive of a board, guided, or rehearse it
+    Calibrate(Box<calibrate::Args>),
     /// Write a new campaign or case, with comments
     Init(init::Args),
     /// Simulate one case exactly, event by event
@@ -140,6 +144,7 @@ pub fn main() -> ExitCode {
         Command::Flash(args) => without_probe::run("flash", &args),
         #[cfg(not(feature = "probe"))]
         Command::Log(args) => without_probe::run("log", &args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Identify(args) => identify::run(&args),

@@ -322,7 +322,7 @@ fn open(rig: &Address, args: &Args) -> Result<Session, Failure> {
             "note: the board restarted after a crash: {crash}\n  `addr2line -f -e IMAGE` with these addresses gives the source lines"
         );
     }
-    for warning in board_check::warnings(&session.description) {
+    for warning in board_check::warnings(&session) {
         warn!("note: {warning}");
     }
     if session.description.clock_source == ClockSource::InternalOscillator {

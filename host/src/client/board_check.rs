@@ -1,6 +1,11 @@
-//! Checks what a board reports of its hardware: its option bytes and the supply of its converters.
+//! Checks what a board reports of its hardware: its option bytes, the supply of its converters, and whether its channels are
+//! calibrated.
 
-use damprig_protocol::Description;
+use damprig_core::settings::{Calibrated, Period};
+use damprig_protocol::{Description, PlantKind};
+
+use crate::client::session::Session;
+use crate::host_time;
 
 /// Supply for which the calibration's scales hold, V.
 const NOMINAL_SUPPLY_V: f32 = 3.3;
@@ -59,10 +64,28 @@ const OPTION_BYTES: [OptionByte; 6] = [
     OptionByte { name: "NRST_MODE", low_bit: 28, bits: 2, wanted: 3, otherwise: "the reset button may have no effect" },
 ];
 
-/// What is not as it should be with the board's hardware, in words; empty for a simulated board.
+/// What is not as it should be with the board, in words: its hardware, and calibrations that are missing or have expired.
 #[must_use]
-pub fn warnings(description: &Description) -> Vec<String> {
-    of(description.option_bytes, description.supply_v)
+pub fn warnings(session: &Session) -> Vec<String> {
+    let Description { option_bytes, supply_v, plant, .. } = session.description;
+    let mut list = of(option_bytes, supply_v);
+    list.extend(uncalibrated(&session.settings.calibrated, plant, host_time::today_days()));
+    list
+}
+
+/// The channels that were never calibrated, and those whose calibration has expired, on one line. The sensors of a simulated
+/// plant need no calibration; a record of them can expire.
+fn uncalibrated(calibrated: &Calibrated, plant: PlantKind, today_days: f32) -> Option<String> {
+    let names = |is_one: &dyn Fn(&Period) -> bool| {
+        let those = calibrated.periods().into_iter().filter(|(_, period)| is_one(period)).map(|(name, _)| name);
+        those.collect::<Vec<_>>().join(", ")
+    };
+    let never = if plant == PlantKind::Real { names(&Period::is_never) } else { String::new() };
+    let expired = names(&|period| period.has_expired(today_days));
+    let parts = [("never calibrated", never), ("calibration expired", expired)];
+    let told: Vec<String> =
+        parts.iter().filter(|(_, names)| !names.is_empty()).map(|(what, names)| format!("{what}: {names}")).collect();
+    (!told.is_empty()).then(|| format!("{} (`damprig calibrate`, docs/LAB_GUIDE.md)", told.join("; ")))
 }
 
 fn of(option_bytes: Option<u32>, supply_v: Option<f32>) -> Vec<String> {
@@ -119,6 +142,22 @@ mod tests {
         }
         // As delivered.
         assert_eq!(of(Some(0xffef_f8aa), Some(3.3)).len(), 2);
+    }
+
+    #[test]
+    fn channels_without_a_valid_calibration_are_named_on_one_line() {
+        let told = |calibrated: &Calibrated, plant| uncalibrated(calibrated, plant, 20_500.0);
+        let mut calibrated = Calibrated::default();
+        assert_eq!(told(&calibrated, PlantKind::SimulatedF64), None);
+        calibrated.x.date_days = 20_100.0;
+        calibrated.x.valid_days = 365.0;
+        calibrated.z = calibrated.x;
+        calibrated.z.date_days = 20_200.0;
+        let real = told(&calibrated, PlantKind::Real).unwrap();
+        let expected = "never calibrated: match, spring, walls, drive, friction-spring; calibration expired: x (";
+        assert!(real.starts_with(expected) && !real.contains('\n'), "{real}");
+        let simulated = told(&calibrated, PlantKind::SimulatedF32).unwrap();
+        assert!(simulated.starts_with("calibration expired: x ("), "{simulated}");
     }
 
     #[test]

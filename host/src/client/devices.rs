@@ -105,7 +105,7 @@ pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
                     board: session.identity.board.to_string(),
                     firmware: session.identity.firmware.to_string(),
                     last_crash: session.description.last_crash.map(|crash| crash.to_string()),
-                    warnings: board_check::warnings(&session.description),
+                    warnings: board_check::warnings(&session),
                 }
             }
             Err(error) => Answer::None(error.to_string()),

@@ -60,6 +60,25 @@ pub fn student_95(nu: f64) -> f64 {
     X + g[0] / (4.0 * nu) + g[1] / (96.0 * nu.powi(2)) + g[2] / (384.0 * nu.powi(3)) + g[3] / (92_160.0 * nu.powi(4))
 }
 
+/// The probability that Student's t with ν whole degrees of freedom exceeds `t` in magnitude. Abramowitz and Stegun 26.7.3 and 4.
+#[must_use]
+pub fn student_tail(t: f64, nu: u32) -> f64 {
+    let nu = nu.max(1);
+    let angle = (t.abs() / f64::from(nu).sqrt()).atan();
+    let (sine, cosine) = angle.sin_cos();
+    let is_odd = !nu.is_multiple_of(2);
+    let (mut term, mut sum) = (if is_odd { cosine } else { 1.0 }, 0.0);
+    let mut power = if is_odd { 1 } else { 0 };
+    while power + 2 <= nu {
+        sum += term;
+        power += 2;
+        // The coefficients are (1·3·5…)/(2·4·6…) and, for odd ν, (2·4…)/(3·5…).
+        term *= cosine * cosine * f64::from(power - 1) / f64::from(power);
+    }
+    let inside = if is_odd { std::f64::consts::FRAC_2_PI * (angle + sine * sum) } else { sine * sum };
+    (1.0 - inside).clamp(0.0, 1.0)
+}
+
 /// Intercept and slope of a straight line, and their covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
@@ -237,6 +256,16 @@ mod tests {
         for (nu, expected) in [(1.0, 12.706), (2.0, 4.303), (3.0, 3.182), (5.0, 2.571), (10.0, 2.228), (1e6, 1.960)] {
             let factor = student_95(nu);
             assert!((factor / expected - 1.0).abs() < 3e-3, "{nu}: {factor}");
+        }
+    }
+
+    #[test]
+    fn the_tail_beyond_the_tabulated_quantile_is_five_percent() {
+        for (nu, quantile) in [(1, 12.706), (2, 4.303), (3, 3.182), (4, 2.776), (5, 2.571), (10, 2.228), (31, 2.040)] {
+            let tail = student_tail(quantile, nu);
+            // The quantiles are rounded to a thousandth.
+            assert!((tail - 0.05).abs() < 5e-5, "{nu}: {tail}");
+            assert_eq!(student_tail(-quantile, nu), tail);
         }
     }
 

@@ -56,7 +56,7 @@ pub fn device_record(session: &Session) -> Device {
         }
         .to_string(),
         last_crash: session.description.last_crash.map(|crash| crash.to_string()),
-        warnings: board_check::warnings(&session.description),
+        warnings: board_check::warnings(session),
         settings: Some(BoardSettings {
             source: origin_text(session.description.settings).to_string(),
             settings: session.settings,

@@ -124,6 +124,7 @@ pub(super) fn plant(rig: &RigSettings, set_up: &CampaignSetUp, experiment: &Expe
             seed,
             ..SpringPlant::default()
         }),
+        scales: None,
     }
 }
 

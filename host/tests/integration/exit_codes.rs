@@ -47,7 +47,8 @@ fn folder() -> TempDir {
 fn every_command_ends_with_the_exit_code_of_the_table() {
     let (folder, rows) = (folder(), rows());
     assert!(rows.len() > 50, "{} rows", rows.len());
-    let commands = ["run", "devices", "runs", "settings", "simulate", "init", "schema", "keys", "man", "completions"];
+    let commands =
+        ["run", "devices", "runs", "settings", "calibrate", "simulate", "init", "schema", "keys", "man", "completions"];
     assert!(commands.iter().all(|command| rows.iter().any(|(_, line, _)| line[0] == *command)), "a command is missing");
     for (what, arguments, code) in rows {
         let mut command = damprig(&folder);

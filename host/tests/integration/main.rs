@@ -2,6 +2,7 @@
 
 mod analysis;
 mod analysis_account;
+mod calibrate;
 mod common;
 mod compare;
 mod controller;

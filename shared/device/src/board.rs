@@ -76,7 +76,7 @@ pub enum Simulated {
     /// The plant was replaced, and with it the drive of the friction spring.
     PlantReplaced,
     /// The plant has a fault more or less.
-    FaultChanged,
+    PlantChanged,
 }
 
 /// State of a save.

@@ -283,7 +283,7 @@ impl Controller {
             _ if self.saving.is_some() => return Err(Rejected::not_here("the settings are being saved: ask again")),
             Request::SaveSettings => return self.save(request.seq, board),
             Request::Simulator(message) => {
-                if board.simulate(message, &self.rig)? == Simulated::FaultChanged {
+                if board.simulate(message, &self.rig)? == Simulated::PlantChanged {
                     return Ok(Reply::Done);
                 }
                 Command::ReplaceSpring

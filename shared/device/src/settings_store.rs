@@ -23,9 +23,9 @@ const LAYOUT: [u8; 8] = Key::for_path::<Settings>("settings").to_bytes();
 
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Size of a record, bytes, a multiple of the flash's word: 44 numbers of four bytes, header, checksum, and a
+/// Size of a record, bytes, a multiple of the flash's word: 66 numbers of four bytes, header, checksum, and a
 /// reserve.
-const RECORD: usize = 256;
+const RECORD: usize = 320;
 
 /// Size of the header, bytes, the same in every layout: layout hash, sequence number, length of the settings.
 const HEAD: usize = 8 + 4 + 4;
@@ -37,6 +37,7 @@ type Bytes = [u8; RECORD];
 pub struct NotSaved;
 
 /// Content of a page.
+#[allow(clippy::large_enum_variant)] // There is no allocator, so a variant cannot be boxed.
 enum Slot {
     Blank,
     Damaged,

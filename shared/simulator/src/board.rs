@@ -96,6 +96,16 @@ impl<S: PlantScalar> SimulatedBoard<S> {
         self.plant.as_ref()
     }
 
+    fn change(&mut self, change: impl FnOnce(&mut Plant<S>)) -> Result<Simulated, Rejected> {
+        match &mut self.plant {
+            Some(plant) => {
+                change(plant);
+                Ok(Simulated::PlantChanged)
+            }
+            None => Err(Rejected::not_here("set the simulated plant before a change of it")),
+        }
+    }
+
     /// The simulated plant, to inject faults.
     pub fn plant_mut(&mut self) -> Option<&mut Plant<S>> {
         self.plant.as_mut()
@@ -118,7 +128,7 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
         if let Some(point) = rig.begins_from_rest() {
             plant.restart(point);
         }
-        self.sensors = plant.tick(actuators);
+        self.sensors = plant.tick_on(actuators, &rig.settings().calibration);
     }
 
     /// The settings stay in use while the board exists: the controller holds them.
@@ -158,13 +168,9 @@ impl<S: PlantScalar> Board for SimulatedBoard<S> {
                 self.plant = Some(Plant::new(&config)?);
                 Ok(Simulated::PlantReplaced)
             }
-            ToSimulator::Inject(fault) => match &mut self.plant {
-                Some(plant) => {
-                    plant.inject(&fault);
-                    Ok(Simulated::FaultChanged)
-                }
-                None => Err(Rejected::not_here("set the simulated plant before a fault in it")),
-            },
+            ToSimulator::Inject(fault) => self.change(|plant| plant.inject(&fault)),
+            ToSimulator::Place(bench) => self.change(|plant| plant.place(&bench)),
+            ToSimulator::Blow(blow) => self.change(|plant| plant.blow(&blow)),
         }
     }
 

@@ -7,7 +7,7 @@ use postcard_schema::Schema;
 use postcard_schema::key::Key;
 use serde::{Deserialize, Serialize};
 
-use crate::plant::{InjectedFault, PlantConfig};
+use crate::plant::{Bench, Blow, InjectedFault, PlantConfig};
 
 /// A message to the simulator.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -17,6 +17,10 @@ pub enum ToSimulator {
     SetPlant(PlantConfig),
     /// Inject a fault into the plant, or repair it.
     Inject(InjectedFault),
+    /// Put targets before the displacement sensors and weights on the force sensor.
+    Place(Bench),
+    /// Hit a wall.
+    Blow(Blow),
 }
 
 /// Hash of the layout of [`ToSimulator`], names included. It precedes every message, because the protocol's own
@@ -62,7 +66,8 @@ mod tests {
     use super::*;
     use crate::plant::spring::SpringPlant;
     use crate::plant::walls::WallSensors;
-    use crate::plant::{Base, DataSheet, Shaker};
+    use crate::plant::{Base, DataSheet, Shaker, TrueScales};
+    use damprig_core::io::Calibration;
     use damprig_core::model::{FrictionDamper, Particle, Release, SetUp, Structure, Tmd, Wall};
 
     fn longest() -> PlantConfig {
@@ -80,6 +85,7 @@ mod tests {
             data_sheet: Some(DataSheet::default()),
             walls: Some(WallSensors::default()),
             spring: Some(SpringPlant { seed: u64::MAX, ..SpringPlant::default() }),
+            scales: Some(TrueScales::as_set(&Calibration::default())),
             ..PlantConfig::ideal(set_up)
         }
     }

@@ -1,6 +1,7 @@
 //! Text for the terminal: plans, tables of results, summaries.
 
 pub mod analysis;
+pub mod calibration;
 pub mod campaign;
 pub mod comparison;
 pub mod set_ups;

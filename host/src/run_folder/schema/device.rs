@@ -40,7 +40,7 @@ pub struct Device {
     /// Cause of the last crash of the firmware since power-on.
     #[serde(default)]
     pub last_crash: Option<String>,
-    /// Wrong option bytes and a wrong supply of the board, in words.
+    /// Wrong option bytes, a wrong supply, and missing or expired calibrations of the board, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// The board's settings when the run began: the base of the acting settings.

@@ -5,6 +5,7 @@
 //! force sensors and the friction damper has its stepper and [`spring`]. The virtual rig runs the plant in `f64`, the
 //! emulated board in `f32`. [`damprig_core::integrator`] integrates the motion of structure and damper.
 
+pub mod bench;
 pub mod faults;
 mod noise;
 pub mod sensors;
@@ -13,6 +14,7 @@ pub mod spring;
 pub mod table;
 pub mod walls;
 
+pub use bench::{Bench, Blow, Target, TrueScales};
 pub use faults::{End, InjectedFault, SensorFault, Supply};
 pub use sensors::{DataSheet, SensorModel};
 pub use shaker::{Amplifier, Shaker};
@@ -23,8 +25,8 @@ use damprig_core::integrator::polynomial::{self, Polynomial};
 use damprig_core::integrator::sampled::{Flight, Impact, Joined, Observer, Sampled};
 use damprig_core::integrator::units::Units;
 use damprig_core::io::{
-    Actuators, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES, WallCounts,
-    require,
+    Actuators, Calibration, Invalid, Reading, Readings, SUBSAMPLES, Sensor, Sensors, TICK_HZ, Usable, WALL_SUBSAMPLES,
+    WallCounts, require,
 };
 use damprig_core::model::{Initial, SetUp, Structure};
 use damprig_core::scalar::Scalar;
@@ -71,6 +73,8 @@ pub struct PlantConfig {
     pub walls: Option<WallSensors>,
     /// Drive and spring of the friction damper, whose force replaces that of the set-up; `None` for a constant force.
     pub spring: Option<SpringPlant>,
+    /// True scales of the sensors and of the drive; `None` if every board's settings are right.
+    pub scales: Option<TrueScales>,
 }
 
 impl PlantConfig {
@@ -86,6 +90,7 @@ impl PlantConfig {
             data_sheet: None,
             walls: None,
             spring: None,
+            scales: None,
         }
     }
 
@@ -124,6 +129,7 @@ pub struct Plant<S> {
     walls: Option<Walls>,
     spring: Option<SimulatedSpring>,
     faults: Faults,
+    bench: Bench,
     /// Impulse per unit of the structure's change of velocity, N·s.
     impulse_per_kick: f32,
     /// Force of a soft wall per unit of the integrator's, N; `None` for hard walls.
@@ -149,6 +155,9 @@ impl<S: Scalar> Plant<S> {
         config.sensors.validate()?;
         if let Some(sheet) = &config.data_sheet {
             sheet.validate()?;
+        }
+        if let Some(scales) = &config.scales {
+            scales.validate()?;
         }
         let tick_s = 1.0 / f64::from(TICK_HZ);
         let mut steps = Sampled::<S>::steps_per_sample(&config.set_up, tick_s)?;
@@ -179,6 +188,7 @@ impl<S: Scalar> Plant<S> {
             walls: config.walls.as_ref().map(|walls| Walls::new(walls, seed)).transpose()?,
             spring: config.spring.as_ref().map(SimulatedSpring::new).transpose()?,
             faults: Faults::new(seed),
+            bench: Bench::default(),
             impulse_per_kick: (config.set_up.structure.mass_kg * units.velocity_m_per_s()) as f32,
             pressed_n: None,
             force_per_unit_n: config
@@ -186,6 +196,9 @@ impl<S: Scalar> Plant<S> {
                 .has_soft_walls()
                 .then(|| (config.set_up.structure.mass_kg * units.velocity_m_per_s() / units.step_s) as f32),
         };
+        if let (Some(walls), Some(scales)) = (&mut plant.walls, &config.scales) {
+            walls.set_scales(scales.walls);
+        }
         plant.press();
         Ok(plant)
     }
@@ -208,6 +221,21 @@ impl<S: Scalar> Plant<S> {
             && let Some(spring) = &mut self.spring
         {
             spring.broken = broken;
+        }
+    }
+
+    /// Puts targets before the displacement sensors and weights on the force sensor.
+    pub fn place(&mut self, bench: &Bench) {
+        self.bench = *bench;
+        if let Some(spring) = &mut self.spring {
+            spring.hang(bench.spring_n);
+        }
+    }
+
+    /// Hits a wall at the start of the next tick.
+    pub fn blow(&mut self, blow: &Blow) {
+        if let Some(walls) = &mut self.walls {
+            walls.hit(0.0, blow.side, blow.impulse_n_s);
         }
     }
 
@@ -253,12 +281,39 @@ impl<S: Scalar> Plant<S> {
 
     /// Advances one tick under the actuators' demands and returns what the sensors then read.
     pub fn tick(&mut self, actuators: &Actuators) -> Sensors {
+        let (mut sensors, Samples { x_m, z_m, spring_n }) = self.sample(actuators);
+        let [x_range_m, z_range_m] = self.config.sensors.range_m;
+        let [x, z] = [(&x_m, x_range_m), (&z_m, z_range_m)]
+            .map(|(block, range_m)| Reading::within(block, &Usable::of_span(-range_m, range_m)));
+        let span_n = self.spring_span_n();
+        sensors.readings = Readings::new(x, z, &spring_n, &Usable::of_span(span_n.0, span_n.1));
+        sensors
+    }
+
+    /// As [`Plant::tick`] on a board with these settings, which act on the counts of sensors with true scales.
+    pub fn tick_on(&mut self, actuators: &Actuators, settings: &Calibration) -> Sensors {
+        let Some(scales) = self.config.scales else { return self.tick(actuators) };
+        let driven = Actuators { drive_m: scales.driven_m(actuators.drive_m, settings), ..*actuators };
+        let (mut sensors, Samples { x_m, z_m, spring_n }) = self.sample(&driven);
+        sensors.readings = settings.readings(&scales.counts(&x_m, &z_m, &spring_n));
+        sensors
+    }
+
+    /// Lowest and highest reading of the spring's force sensor, N.
+    fn spring_span_n(&self) -> (f32, f32) {
+        let assumed = || (SpringPlant::default().lowest_n, SpringPlant::default().highest_n);
+        self.spring.as_ref().map_or_else(assumed, SimulatedSpring::sensor_span_n)
+    }
+
+    /// Advances one tick and returns what the sensors give, before it is reduced to readings.
+    fn sample(&mut self, actuators: &Actuators) -> (Sensors, Samples) {
         let (x, z) = self.advance(actuators);
+        let of_m = |position_m: f32| S::from_f64(f64::from(position_m));
+        let (x, z) = (self.bench.x.seen(x, z, of_m), self.bench.z.seen(z, z, of_m));
         let mut sensors = Sensors { emergency_stop: self.faults.emergency_stop, ..Sensors::default() };
         let (mut x_m, mut z_m, mut spring_n) = ([0.0; SUBSAMPLES], [0.0; SUBSAMPLES], [0.0; SUBSAMPLES]);
-        let mut span_n = (SpringPlant::default().lowest_n, SpringPlant::default().highest_n);
+        let span_n = self.spring_span_n();
         if let Some(spring) = &mut self.spring {
-            span_n = spring.sensor_span_n();
             (spring_n, sensors.at_limit) = spring.tick(actuators.motor);
             if actuators.motor.steps != 0 {
                 self.press();
@@ -295,10 +350,7 @@ impl<S: Scalar> Plant<S> {
                 }
             }
         }
-        let [x, z] = [(&x_m, x_range_m), (&z_m, z_range_m)]
-            .map(|(block, range_m)| Reading::within(block, &Usable::of_span(-range_m, range_m)));
-        sensors.readings = Readings::new(x, z, &spring_n, &Usable::of_span(span_n.0, span_n.1));
-        sensors
+        (sensors, Samples { x_m, z_m, spring_n })
     }
 
     /// Advances the motion by one tick; returns x and z at the sub-sample instants, m.
@@ -359,6 +411,13 @@ impl<S: Scalar> Plant<S> {
         }
         (sampler.x, z)
     }
+}
+
+/// One tick's samples of the slow sensors.
+struct Samples {
+    x_m: [f32; SUBSAMPLES],
+    z_m: [f32; SUBSAMPLES],
+    spring_n: [f32; SUBSAMPLES],
 }
 
 fn displacement<S: Scalar>(segment: &BaseSegment<S>, t: S) -> S {

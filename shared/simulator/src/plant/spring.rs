@@ -99,6 +99,8 @@ pub struct SimulatedSpring {
     lagged_n: f32,
     energised: bool,
     noise: Noise,
+    /// Force of weights on the sensor, N, in place of the spring's.
+    hung_n: Option<f32>,
     /// The present failures.
     pub broken: Breakage,
 }
@@ -117,6 +119,7 @@ impl SimulatedSpring {
             lagged_n: 0.0,
             energised: false,
             noise: Noise::new(plant.seed, 0),
+            hung_n: None,
             broken: Breakage::default(),
         })
     }
@@ -130,6 +133,11 @@ impl SimulatedSpring {
     /// Changes the stiffness of the spring, N/m.
     pub fn set_stiffness(&mut self, stiffness_n_per_m: f32) {
         self.plant.stiffness_n_per_m = stiffness_n_per_m;
+    }
+
+    /// Hangs weights of this force on the sensor, N; `None` gives it back to the spring.
+    pub fn hang(&mut self, force_n: Option<f32>) {
+        self.hung_n = force_n;
     }
 
     /// Lowest and highest reading of the force sensor, N.
@@ -164,7 +172,7 @@ impl SimulatedSpring {
         for _ in 0..drive.steps.unsigned_abs() {
             self.step(drive.steps > 0);
         }
-        let truth = self.normal_force_n();
+        let truth = self.hung_n.unwrap_or_else(|| self.normal_force_n());
         let sample_s = 1.0 / (damprig_core::io::TICK_HZ * SUBSAMPLES as f32);
         let follow = sample_s / (self.plant.lag_s + sample_s);
         let block = core::array::from_fn(|_| {

@@ -77,6 +77,8 @@ struct Pulse {
 #[derive(Clone, Debug)]
 pub struct Walls {
     sensors: WallSensors,
+    /// Scales of the walls at −d and +d.
+    scales: [ForceScale; 2],
     /// Contact time in ticks.
     contact: f32,
     pulses: Deque<Pulse, MOST_PULSES>,
@@ -91,7 +93,18 @@ impl Walls {
     pub fn new(sensors: &WallSensors, seed: u64) -> Result<Self, Invalid> {
         sensors.validate()?;
         let contact = sensors.contact_s * TICK_HZ;
-        Ok(Self { sensors: *sensors, contact, pulses: Deque::new(), noise: Noise::new(seed, u16::MAX) })
+        Ok(Self {
+            sensors: *sensors,
+            scales: [sensors.scale; 2],
+            contact,
+            pulses: Deque::new(),
+            noise: Noise::new(seed, u16::MAX),
+        })
+    }
+
+    /// Gives each wall a scale of its own.
+    pub fn set_scales(&mut self, scales: [ForceScale; 2]) {
+        self.scales = scales;
     }
 
     /// Adds the pulse of an impact in the present tick: `at` ticks from its start, on `side` (±1), with this impulse
@@ -121,10 +134,13 @@ impl Walls {
 
     fn look<const N: usize>(&mut self, pressed_n: Option<&[[f32; 2]; N]>) -> [WallCounts; N] {
         let sensors = &self.sensors;
-        let (per_newton, zero) = (1.0 / sensors.scale.newtons_per_count, sensors.scale.zero_counts + 0.5);
+        let [low, high] = self.scales.map(|scale| (1.0 / scale.newtons_per_count, scale.zero_counts + 0.5));
         let (range, highest) = (sensors.range_n, f32::from(sensors.highest_counts));
         // The cast truncates.
-        let counts = |force_n: f32| Scalar::min(force_n * per_newton + zero, highest) as u16;
+        let counts = |force_n: f32, (per_newton, zero): (f32, f32)| {
+            let force_n = Scalar::min(Scalar::max(force_n, -range), range);
+            Scalar::min(force_n * per_newton + zero, highest) as u16
+        };
         // Loops rather than closures over arrays: the compiler vectorises them, and this is half of the simulator's time.
         let mut forces_n = [[sensors.offset_n; 2]; N];
         for pulse in &self.pulses {
@@ -150,8 +166,7 @@ impl Walls {
         }
         let mut readings = [WallCounts::default(); N];
         for (reading, forces) in readings.iter_mut().zip(&forces_n) {
-            let [low, high] = forces.map(|force_n| counts(Scalar::min(Scalar::max(force_n, -range), range)));
-            *reading = WallCounts::new(low, high);
+            *reading = WallCounts::new(counts(forces[0], low), counts(forces[1], high));
         }
         readings
     }

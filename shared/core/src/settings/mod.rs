@@ -5,6 +5,10 @@
 //! starts from these settings. While it lasts, an experiment may tighten limits and describe its friction damper's
 //! spring; it may change nothing else.
 
+mod calibrated;
+
+pub use calibrated::{Calibrated, ForceRecord, ImpulseRecord, LengthRecord, Period};
+
 use crate::control::friction_spring::{FrictionSpring, SpringConfig};
 use crate::control::safety::{Safety, SafetyConfig};
 use crate::io::{Calibration, Invalid, WALL_SUBSAMPLES, WALL_USABLE, require};
@@ -24,6 +28,9 @@ pub struct Settings {
     pub spring: SpringConfig,
     /// Thresholds of impact detection.
     pub impacts: ImpactConfig,
+    /// When each channel was calibrated. Settings that were recorded before there was such a table lack it.
+    #[serde(default)]
+    pub calibrated: Calibrated,
 }
 
 impl Default for Settings {
@@ -34,6 +41,7 @@ impl Default for Settings {
             safety: SafetyConfig::default(),
             spring: SpringConfig::default(),
             impacts: ImpactConfig::default(),
+            calibrated: Calibrated::default(),
         }
     }
 }
@@ -45,11 +53,12 @@ impl Settings {
     /// # Errors
     /// Names the first parameter out of range.
     pub fn validate(&self) -> Result<(), Invalid> {
-        let Self { calibration, safety, spring, impacts } = self;
+        let Self { calibration, safety, spring, impacts, calibrated } = self;
         calibration.validate()?;
         safety.validate()?;
         spring.validate()?;
         impacts.validate()?;
+        calibrated.validate()?;
         let walls = WALL_USABLE.map(|counts| calibration.walls.to_force_n(f32::from(counts)));
         for (name, limit, most) in [
             ("safety.limits.structure_m", safety.limits.structure_m, calibration.x.usable_m().amplitude()),
