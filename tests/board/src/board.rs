@@ -817,7 +817,7 @@ mod tests {
     /// Runs a program for one millisecond.
     fn run(code: &[u16], handler: u32) -> (Board, Result<(), Failure>) {
         let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-        let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+        let set_up = SetUp::bare(structure);
         let config = Config::new(PlantConfig::ideal(set_up));
         let mut board = Board::new(Image::of_code(code, handler), &config).unwrap();
         let outcome = board.run_until(Time::from_ms(100));

@@ -54,7 +54,7 @@ impl Arguments {
             friction_coefficient: 0.08,
             wall: Wall::Restitution { coefficient: self.restitution },
         });
-        let set_up = SetUp { structure, particle, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+        let set_up = SetUp { particle, ..SetUp::bare(structure) };
         PlantConfig {
             base: Base::Shaker(Shaker::default()),
             walls: particle.map(|_| WallSensors::default()),

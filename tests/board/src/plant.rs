@@ -504,13 +504,7 @@ mod tests {
 
     fn plant() -> Plant {
         let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-        let mut config = PlantConfig::ideal(SetUp {
-            structure,
-            particle: None,
-            friction_damper: None,
-            tmd: None,
-            gravity_m_per_s2: 9.81,
-        });
+        let mut config = PlantConfig::ideal(SetUp::bare(structure));
         config.sensors.noise_rms_m = 0.0;
         Plant::new(&config, Relay::default()).unwrap()
     }

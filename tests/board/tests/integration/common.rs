@@ -43,7 +43,7 @@ pub fn image() -> Option<Image> {
 /// The source document's structure without a damper, on a shaker that feels its reaction force.
 pub fn bare() -> PlantConfig {
     let structure = Structure::from_modal(1.6, 2.5, 0.0038);
-    let set_up = SetUp { structure, particle: None, friction_damper: None, tmd: None, gravity_m_per_s2: 9.81 };
+    let set_up = SetUp::bare(structure);
     PlantConfig { base: Base::Shaker(Shaker::default()), ..PlantConfig::ideal(set_up) }
 }
 
