@@ -26,6 +26,7 @@ mod limits;
 mod monitor;
 mod monitor_folder;
 mod mutations;
+mod noise;
 mod not_files;
 mod output;
 mod predicted;
