@@ -10,6 +10,7 @@ pub mod comparison;
 pub mod frequency_response;
 pub mod simulated_motion;
 pub mod time_histories;
+pub mod transfer_function;
 
 use std::path::Path;
 use std::sync::{Arc, Once};
