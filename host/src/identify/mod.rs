@@ -14,6 +14,7 @@ mod motion_of_run;
 pub mod response;
 pub mod restitution;
 pub mod set_up_file;
+pub mod sound;
 pub mod statistics;
 pub mod table;
 pub mod time_response;

@@ -2,6 +2,7 @@
 
 mod response;
 mod restitution;
+mod sound;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,7 @@ Examples:
   damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
   damprig identify restitution drops.csv --out identified.toml --update
   damprig identify friction incline.csv --out identified.toml --update
+  damprig identify sound impacts.wav --calibration tone.wav --background quiet.wav
   damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
 
 A campaign or a case reads the written file with set_up_file = \"identified.toml\" at its top.
@@ -62,6 +64,8 @@ enum What {
     Friction(FrictionArgs),
     /// Stiffness and loss factor of a soft wall from a DMA table
     Wall(WallArgs),
+    /// Sound pressure levels of a recording
+    Sound(sound::SoundArgs),
 }
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -189,6 +193,7 @@ pub fn run(args: &Args) -> Outcome {
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
             finish(&args.out, &args.source, identified.map_err(Failure::input)?)
         }
+        What::Sound(args) => finish(&args.out, &args.source, sound::identify(args).map_err(Failure::input)?),
         What::Wall(args) => finish(&args.out, &args.source, wall(args).map_err(Failure::input)?),
     }
 }

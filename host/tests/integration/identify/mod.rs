@@ -8,6 +8,7 @@ mod flights;
 mod refusals;
 mod response;
 mod set_up_file;
+mod sound;
 mod tables;
 mod time_response;
 
