@@ -7,6 +7,7 @@ use damprig_core::io::TICK_HZ;
 use damprig_core::model::Structure;
 
 use super::keys::{campaign, experiment};
+use super::playback;
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
 use super::{CampaignSetUp, Plan, RigSettings};
@@ -187,7 +188,7 @@ fn read(
         return None;
     }
     let read = match kind {
-        Some(1) => transient::playback(&section, index).map(Kind::Playback),
+        Some(1) => playback::read(&section, index).map(Kind::Playback),
         Some(2) => transient::impulse(&section).map(Kind::Playback),
         Some(3) => transient::free_vibration(&section, rig).map(Kind::FreeVibration),
         // Without a kind, the keys of the most frequent one are checked.

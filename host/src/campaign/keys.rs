@@ -11,7 +11,7 @@ use crate::input::key::DefaultValue::{From, Number, Word};
 use crate::input::key::Need::{Default, Forbidden, If, IfWord, Optional, Required};
 use crate::input::key::Range::{Above, Between, Inside, NotNegative, NotZero, Positive, Whole, ZeroOr};
 use crate::input::key::{Key, Kind, Quantity, Table, key, number, tables, word};
-use crate::motion_record::{BASE_RECORD, RECORD_SCALE};
+use crate::motion_record::{BASE_RECORD, ENVELOPE, NOISE, OF_FILE, RECORD_NOISE, RECORD_SCALE};
 use crate::setup::{self, set_up_keys};
 
 /// The highest drive frequency, Hz.
@@ -58,10 +58,17 @@ const MOST_REPEATS: f64 = 100.0;
 const KINDS: &[&str] = &["stepped_sine", "playback", "impulse", "free_vibration"];
 
 /// The keys of the record that a playback plays.
-pub const PLAYED_RECORD: Table = Table { path: "experiment", kind: Some("playback"), ..BASE_RECORD };
+const PLAYED_RECORD: Table = Table { path: "experiment", kind: Some("playback"), ..BASE_RECORD };
+
+/// The tables of the record or the noise that a playback plays.
+pub const PLAYED: [Table; 3] = [
+    PLAYED_RECORD,
+    Table { path: "experiment.noise", ..NOISE },
+    Table { path: "experiment.noise.envelope", ..ENVELOPE },
+];
 
 tables! {
-    "All tables of a campaign other than those of structure and dampers, and [`PLAYED_RECORD`]."
+    "All tables of a campaign other than those of structure and dampers, and [`PLAYED`]."
 
     "The top of a campaign. Structure and dampers at the top are for all set-ups: a set-up has the keys that it leaves out from here."
     campaign("") {
@@ -306,12 +313,12 @@ tables! {
         ];
     }
 
-    "The base follows a recorded motion."
+    "The base follows a recorded motion, or noise from a seed."
     playback("experiment", "playback") {
-        TARGET: If(&RECORD_SCALE, "scale", &Forbidden, &Optional), [
-            number("target_peak_m", NotZero, "peak to which the record is scaled").usual(1e-5, 0.05),
+        TARGET: If(&RECORD_SCALE, "scale", &Forbidden, &If(&RECORD_NOISE, "noise", &Required, &Optional)), [
+            number("target_peak_m", NotZero, "peak to which the record or the noise is scaled").usual(1e-5, 0.05),
         ];
-        BASELINE: Optional, [
+        BASELINE: OF_FILE, [
             word("baseline", &["none", "linear"], "the line that is removed; linear for an acceleration, none for a displacement when left out"),
         ];
         SAMPLE_RATE: Optional, [SAMPLE_RATE_KEY];

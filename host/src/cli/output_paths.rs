@@ -22,7 +22,7 @@ pub fn check(
 ) -> Result<(), Failure> {
     // The tables beside --out are written for a case with walls only.
     let has_walls = case.set_up.particle.is_some();
-    let record = case.record.as_ref().map(|record| ("the record of the case", record.file.clone()));
+    let record = case.record.as_ref().and_then(|record| Some(("the record of the case", record.file.clone()?)));
     let read = [Some(("the case file", path.to_path_buf())), record];
     let history = out.map(|out| ("--out", out.path().to_path_buf()));
     let beside = out.filter(|_| has_walls);

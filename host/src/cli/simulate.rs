@@ -98,7 +98,8 @@ const LONG_CYCLES: f64 = 30.0;
 /// Cycles in that panel.
 const LAST_CYCLES: f64 = 10.0;
 
-fn picture(text: &str) -> Result<PathBuf, String> {
+/// Parses the file of a figure.
+pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
         Some("svg" | "png") => Ok(path),

@@ -39,7 +39,7 @@ impl FileKind {
     pub fn tables(self) -> Vec<Table> {
         let parts = setup::TABLES.iter().filter(|table| !table.path.is_empty());
         match self {
-            Self::Campaign => campaign::TABLES.iter().chain([&campaign::PLAYED_RECORD]).chain(parts).copied().collect(),
+            Self::Campaign => campaign::TABLES.iter().chain(&campaign::PLAYED).chain(parts).copied().collect(),
             Self::Case => [simulation::TABLES, setup::TABLES, motion_record::TABLES].concat(),
             Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
         }

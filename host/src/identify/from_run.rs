@@ -32,7 +32,12 @@ pub struct Choice {
 
 impl Choice {
     /// The one pair of set-up and experiment that fits. `what` names the kind of experiment in messages.
-    fn only(&self, run: &RunFolder, pairs: &[(String, String)], what: &str) -> Result<usize, CannotIdentify> {
+    pub(super) fn only(
+        &self,
+        run: &RunFolder,
+        pairs: &[(String, String)],
+        what: &str,
+    ) -> Result<usize, CannotIdentify> {
         let is_wanted = |wanted: &Option<String>, name: &String| wanted.as_ref().is_none_or(|wanted| wanted == name);
         let fitting: Vec<usize> = (0..pairs.len())
             .filter(|n| is_wanted(&self.set_up, &pairs[*n].0) && is_wanted(&self.experiment, &pairs[*n].1))
@@ -65,7 +70,7 @@ impl Choice {
 }
 
 /// The samples of a signal in these ticks of an experiment: times from the first tick, s, and values.
-fn signal(
+pub(super) fn signal(
     run: &RunFolder,
     (set_up, experiment, segment): (&str, &str, f64),
     ticks: std::ops::Range<f64>,
@@ -126,7 +131,7 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
         )));
     }
     let (t_s, x_m) = signal(&run, (set_up, experiment, *segment), *start..*end, "x_m")?;
-    check_gaps(&t_s).map_err(|text| failed(&text))?;
+    check_gaps(&t_s, "the release").map_err(|text| failed(&text))?;
     Ok(FreeVibration {
         taken_from: format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()),
         t_s,
@@ -193,14 +198,14 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.
-fn check_gaps(t_s: &[f64]) -> Result<(), String> {
+pub(super) fn check_gaps(t_s: &[f64], since: &str) -> Result<(), String> {
     let mut steps: Vec<f64> = t_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let all = steps.clone();
     steps.sort_by(f64::total_cmp);
     let usual = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
     match all.iter().position(|step| *step > 1.5 * usual) {
         Some(n) => Err(format!(
-            "samples are missing: {:.4} s after the release there is a gap of {:.4} s\n  run the experiment again; \
+            "samples are missing: {:.4} s after {since} there is a gap of {:.4} s\n  run the experiment again; \
              `damprig runs verify` shows what was lost",
             t_s[n], all[n]
         )),

@@ -6,18 +6,25 @@
 pub mod decay;
 pub mod decay_motion;
 mod decay_record;
+pub mod flights;
+mod flights_of_run;
 pub mod friction;
 mod from_run;
+mod motion_of_run;
 pub mod response;
 pub mod restitution;
 pub mod set_up_file;
+pub mod sound;
 pub mod statistics;
 pub mod table;
+pub mod time_response;
 pub mod wall;
 
 use serde::Serialize;
 
+pub use flights_of_run::{ParticleRun, particle_run};
 pub use from_run::{Choice, FreeVibration, free_vibration, stepped_sine};
+pub use motion_of_run::{OfRun, response_of_run};
 pub use statistics::Value;
 
 /// Why nothing could be identified: file, place, value, what is allowed, and what to do.

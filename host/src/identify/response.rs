@@ -6,11 +6,10 @@
 use std::f64::consts::PI;
 
 use super::statistics::fit;
-use super::table::{METRES, Quantity, Table, X};
+use super::table::{Quantity, Table, X, Z};
 use super::{CannotIdentify, Estimate};
 
 const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)], about: "drive frequency", most: 1e4 };
-const Z: Quantity = Quantity { stem: "z", units: METRES, about: "amplitude of the base", most: 0.5 };
 const PHASE: Quantity = Quantity {
     stem: "phase",
     units: &[("rad", 1.0), ("deg", PI / 180.0)],

@@ -28,6 +28,8 @@ pub const METRES: &[(&str, f64)] = &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6)];
 pub const TIME: Quantity = Quantity { stem: "t", units: SECONDS, about: "time", most: 1e6 };
 /// Displacement of the structure.
 pub const X: Quantity = Quantity { stem: "x", units: METRES, about: "displacement of the structure", most: 0.5 };
+/// Displacement of the base.
+pub const Z: Quantity = Quantity { stem: "z", units: METRES, about: "displacement of the base", most: 0.5 };
 
 impl Quantity {
     fn name(&self, unit: &str) -> String {

@@ -1,14 +1,16 @@
-//! Recorded base motion: reading CSV and AT2 files, and the motion between the samples.
+//! Recorded base motion: reading CSV and AT2 files, noise from a seed, and the motion between the samples.
 
 mod at2;
 mod keys;
+mod noise;
 mod read;
 mod record;
 mod units;
 
 pub use keys::TABLES;
-pub(crate) use keys::base_record::{FILE as RECORD_FILE, SCALE as RECORD_SCALE};
-pub(crate) use keys::{BASE_RECORD, read_record};
+pub(crate) use keys::base_record::{FILE as RECORD_FILE, NOISE as RECORD_NOISE, SCALE as RECORD_SCALE};
+pub(crate) use keys::{BASE_RECORD, ENVELOPE, Motion, NOISE, OF_FILE, read_motion, read_peak};
+pub use noise::Noise;
 pub use read::resolve;
 pub(crate) use read::{Rows, rows};
 pub use record::{Play, Quantity, Record};

@@ -84,7 +84,7 @@ pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
     for sample in &mut samples {
         *sample *= factor;
     }
-    Ok(Record { file: path.to_path_buf(), quantity, step_s, samples })
+    Ok(Record { file: Some(path.to_path_buf()), quantity, step_s, samples })
 }
 
 /// "did you mean": files beside a missing one.

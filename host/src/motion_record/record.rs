@@ -27,8 +27,8 @@ pub enum Quantity {
 /// Evenly spaced samples of the base's motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
-    /// File it was read from.
-    pub file: PathBuf,
+    /// File it was read from; none if it was generated.
+    pub file: Option<PathBuf>,
     /// Quantity of the samples.
     pub quantity: Quantity,
     /// Time step, s; greater than 0.
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     fn record(quantity: Quantity, samples: &[f64]) -> Record {
-        Record { file: PathBuf::new(), quantity, step_s: 0.1, samples: samples.to_vec() }
+        Record { file: None, quantity, step_s: 0.1, samples: samples.to_vec() }
     }
 
     #[test]

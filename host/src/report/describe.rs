@@ -62,7 +62,8 @@ fn sentence(text: &str) -> String {
 #[must_use]
 pub fn excitation(case: &Case) -> String {
     if let Some(record) = &case.record {
-        let file = record.file.file_name().unwrap_or_default().to_string_lossy();
+        let file = record.file.as_ref().and_then(|file| file.file_name());
+        let file = file.map_or("noise".into(), |name| name.to_string_lossy());
         let peak = match record.quantity {
             Quantity::Acceleration => format!("acceleration, peak {} m/s²", significant(record.peak(), 4)),
             Quantity::Displacement => format!("displacement, peak {}", millimetres(record.peak())),

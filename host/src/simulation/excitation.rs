@@ -8,7 +8,7 @@ use damprig_core::integrator::exact::Excitation;
 use super::keys::{base_fixed, base_half_sine, base_sine, base_versine, force_half_sine, force_sine};
 use crate::input::Section;
 use crate::input::key::Quantity as Declared;
-use crate::motion_record::{BASE_RECORD, Record, read_record};
+use crate::motion_record::{BASE_RECORD, Motion, Record, read_motion, read_peak};
 use crate::setup::BASE_AMPLITUDE;
 
 /// Excitation of a case.
@@ -16,7 +16,7 @@ use crate::setup::BASE_AMPLITUDE;
 pub(super) enum CaseExcitation {
     /// In closed form.
     ClosedForm(Excitation),
-    /// A recorded base motion.
+    /// A recorded base motion, or noise.
     Recorded(Record),
 }
 
@@ -57,7 +57,15 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
                 })
             })
         }
-        _ => read_record(s, find).map(CaseExcitation::Recorded),
+        _ => {
+            let (motion, peak_m) = (read_motion(s, find), read_peak(s));
+            match motion {
+                Some(Motion::Recorded(record)) => Some(record),
+                Some(Motion::Noise(noise)) => peak_m.map(|peak_m| noise.record(noise.rate_hz(), peak_m)),
+                None => None,
+            }
+            .map(CaseExcitation::Recorded)
+        }
     };
     s.finish();
     base

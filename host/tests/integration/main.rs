@@ -28,6 +28,7 @@ mod limits;
 mod monitor;
 mod monitor_folder;
 mod mutations;
+mod noise;
 mod not_files;
 mod output;
 mod plan;

@@ -48,10 +48,11 @@ impl<'t> Writer<'t> {
     fn table(&mut self, path: &'static str) -> Lines {
         let mut tables: Vec<&Table> = self.tables.iter().filter(|table| table.path == path).collect();
         let mut lines = Lines::new();
-        if let Some(kind) = tables[0].kind {
-            let place = self.rng.usize(..tables.len());
-            lines.push(("kind", format!("{:?}", tables[place].kind.unwrap_or(kind))));
-            tables = vec![tables[place]];
+        if tables[0].kind.is_some() {
+            let kind = tables[self.rng.usize(..tables.len())].kind;
+            lines.push(("kind", format!("{:?}", kind.expect("all of a path have one"))));
+            // Tables of a kind complete each other.
+            tables.retain(|table| table.kind == kind);
         }
         for quantity in tables.iter().flat_map(|table| table.quantities) {
             // The file would have to exist.
@@ -94,7 +95,7 @@ impl<'t> Writer<'t> {
                 format!("{{ {} }}", lines.join(", "))
             }
             Kind::Word(words) => format!("{:?}", words[self.rng.usize(..words.len())]),
-            Kind::Number(_) => format!("{:?}", self.number(key.name)),
+            Kind::Number(_) => format!("{:?}", self.number(path, key.name)),
             Kind::Numbers(_) => "[0.0, 0.05]".into(),
             Kind::Text => "\"some.csv\"".into(),
             Kind::TextOrPlace => "2".into(),
@@ -103,8 +104,12 @@ impl<'t> Writer<'t> {
     }
 
     /// A number of realistic magnitude, so that any combination is a valid set-up.
-    fn number(&mut self, key: &str) -> f64 {
+    fn number(&mut self, path: &str, key: &str) -> f64 {
         let (low, high) = match (key, Unit::of(key).map_or("", |unit| unit.symbol)) {
+            ("seed", _) => return f64::from(self.rng.u8(..)),
+            ("from_hz", _) => (0.1, 1.0),
+            ("to_hz", _) => (5.0, 10.0),
+            ("duration_s", _) if path == "base.noise" => (4.0, 8.0),
             ("start_m", _) => (-4e-5, 4e-5),
             ("steady_from_cycle", _) => return f64::from(self.rng.u8(..3)),
             (_, "kg") => (1.0, 1.9),
@@ -232,7 +237,8 @@ fn a_number_is_refused_outside_its_declared_range_and_read_within() {
                 Range::NotZero | Range::Positive => (if least > 0.0 { least } else { 1e-300 }, most),
                 Range::NotNegative => (0.0, most),
                 Range::Between(low, high) | Range::Whole(low, high) => (low, high),
-                Range::Above(..) | Range::Inside(..) | Range::ZeroOr(..) => panic!("no case has {}", key.name),
+                Range::Above(low, high) => (low.max(least), high),
+                Range::Inside(..) | Range::ZeroOr(..) => panic!("no case has {}", key.name),
             };
             let below = if range == Range::NotZero { 0.0 } else { low - 0.1 * low.abs().max(1e-3) };
             // With a top-level Z the base's own amplitude is refused.

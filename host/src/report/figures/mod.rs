@@ -12,6 +12,7 @@ pub mod peak_motion;
 pub mod set_ups;
 pub mod simulated_motion;
 pub mod time_histories;
+pub mod transfer_function;
 
 use std::path::Path;
 use std::sync::{Arc, Once};

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::campaign::Campaign;
-use crate::campaign::transient::{RECORDS, kept_record};
+use crate::campaign::transient::{Origin, RECORDS, kept_record};
 use crate::run_folder::checksum::{self, FileRecord};
 use crate::run_folder::journal::{JOURNAL, Journal};
 use crate::run_folder::schema::manifest::{MANIFEST, Manifest};
@@ -88,17 +88,29 @@ impl OutputFolder {
         self.write("campaign.toml", text)
     }
 
-    /// Copies the motion records that the campaign plays, so that the run can be resumed wherever the folder is.
+    /// Copies the motion records that the campaign plays, so that the run can be resumed wherever the folder is, and writes the noise
+    /// that it plays.
     ///
     /// # Errors
-    /// When one cannot be copied.
+    /// When one cannot be copied or written.
     pub fn keep_records(&self, campaign: &Campaign) -> Result<(), StorageError> {
         for (index, experiment) in campaign.experiments.iter().enumerate() {
-            let Some(file) = experiment.playback().and_then(|playback| playback.file.as_ref()) else { continue };
-            let to = kept_record(&self.path, index, file);
-            let failed = |e: std::io::Error| StorageError::new("copy the record to", &to, e);
-            fs::create_dir_all(self.path.join(RECORDS)).map_err(failed)?;
-            fs::copy(file, &to).map_err(failed)?;
+            let Some(playback) = experiment.playback() else { continue };
+            let copies = self.path.join(RECORDS);
+            let make = || fs::create_dir_all(&copies).map_err(|e| StorageError::new("create the folder", &copies, e));
+            match &playback.origin {
+                Origin::File(file) => {
+                    make()?;
+                    let to = kept_record(&self.path, index, file);
+                    fs::copy(file, &to).map_err(|e| StorageError::new("copy the record to", &to, e))?;
+                }
+                Origin::Noise => {
+                    make()?;
+                    let to = kept_record(&self.path, index, Path::new("noise.csv"));
+                    own_files::replace(&to, playback.csv().as_bytes())?;
+                }
+                Origin::Shape => {}
+            }
         }
         Ok(())
     }

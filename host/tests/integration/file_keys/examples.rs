@@ -102,7 +102,7 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 6] = [
+pub const MORE_CASES: [&str; 7] = [
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 friction_damper = { spring = { normal_force_n = 1 } }
@@ -140,6 +140,11 @@ structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 
 base = { kind = "half_sine", amplitude_m = -0.003, duration_s = 0.2 }
 initial = { x_m = 0.01, v_m_per_s = 0.1, y_m = 0.01, u_m_per_s = 0 }
 tmd = { mass_ratio = 0.1, stiffness_n_per_m = 30, damping_ratio = 0.1 }
+run = { duration_s = 4 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "record", target_peak_m = 0.002, noise = { seed = 3, from_hz = 0.5, to_hz = 8, duration_s = 5, envelope = { rise_s = 0.5, fall_s = 0.5 } } }
 run = { duration_s = 4 }
 "#,
 ];

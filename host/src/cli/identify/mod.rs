@@ -1,5 +1,9 @@
 //! `damprig identify`: identifies parameters of the rig and writes them as a set-up file.
 
+mod response;
+mod restitution;
+mod sound;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -8,12 +12,10 @@ use clap::{Args as ClapArgs, Subcommand};
 use super::arguments::positive;
 use super::outcome::{Failure, Outcome};
 use crate::identify::decay::{self, Model};
-use crate::identify::restitution::Approach;
 use crate::identify::table::{Table, X};
 use crate::identify::wall::Pad;
 use crate::identify::{
-    CannotIdentify, Choice, Estimate, FreeVibration, Identification, free_vibration, friction, response, restitution,
-    set_up_file, stepped_sine, wall,
+    CannotIdentify, Choice, Estimate, FreeVibration, Identification, free_vibration, friction, set_up_file, wall,
 };
 use crate::input::Source;
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
@@ -36,8 +38,11 @@ Examples:
   damprig identify decay runs/20260601-101500-release-ab12 --out identified.toml
   damprig identify decay release.csv --mass-kg 1.6 --json
   damprig identify response sweep.csv
+  damprig identify response noise --plot response.svg
+  damprig identify restitution runs/20260601-101500-spid-ab12 --out identified.toml --update
   damprig identify restitution drops.csv --out identified.toml --update
   damprig identify friction incline.csv --out identified.toml --update
+  damprig identify sound impacts.wav --calibration tone.wav --background quiet.wav
   damprig identify wall dma.csv --shape-factor-m 0.07 --frequency-hz 40 --out soft.toml
 
 A campaign or a case reads the written file with set_up_file = \"identified.toml\" at its top.
@@ -51,14 +56,16 @@ Exit codes:
 enum What {
     /// Natural frequency, damping ratio and Coulomb friction from a free vibration
     Decay(DecayArgs),
-    /// Natural frequency and damping ratio from a stepped sine
-    Response(ResponseArgs),
-    /// Coefficient of restitution and contact time from drop tests and force records
-    Restitution(RestitutionArgs),
+    /// Natural frequency and damping ratio from a stepped sine, or from x and z over time
+    Response(response::ResponseArgs),
+    /// Coefficient of restitution, clearance and contact time from a run with impacts, from drop tests and force records
+    Restitution(restitution::RestitutionArgs),
     /// Friction coefficient from an incline, or friction force per deflection of a spring
     Friction(FrictionArgs),
     /// Stiffness and loss factor of a soft wall from a DMA table
     Wall(WallArgs),
+    /// Sound pressure levels of a recording
+    Sound(sound::SoundArgs),
 }
 
 /// Natural frequency, damping ratio and Coulomb friction of the structure from a free vibration.
@@ -88,43 +95,6 @@ struct DecayArgs {
     /// Relative standard uncertainty of the displacement sensor's scale, from its calibration; it acts on the friction
     #[arg(long, value_name = "SHARE", value_parser = positive)]
     scale_uncertainty: Option<f64>,
-
-    #[command(flatten)]
-    out: OutArgs,
-}
-
-/// Natural frequency and damping ratio of the bare structure from its frequency response.
-#[derive(Debug, ClapArgs)]
-struct ResponseArgs {
-    /// Run with a stepped sine, or CSV file with the columns frequency_hz, x_m, z_m (amplitudes) and phase_rad or phase_deg if
-    /// known
-    #[arg(value_name = "SOURCE")]
-    source: PathBuf,
-
-    #[command(flatten)]
-    choice: ChoiceArgs,
-
-    #[command(flatten)]
-    out: OutArgs,
-}
-
-/// Coefficient of restitution and contact time.
-///
-/// The columns say which test it is. Impact times: t_s, with several drops also drop (their number). Heights: drop_height_m and
-/// rebound_height_m. Force on the wall: t_s and force_n.
-#[derive(Debug, ClapArgs)]
-struct RestitutionArgs {
-    /// CSV file
-    #[arg(value_name = "FILE")]
-    source: PathBuf,
-
-    /// Mass of the body that hits the force sensor
-    #[arg(long, value_name = "KG", value_parser = positive, requires = "approach_m_per_s")]
-    mass_kg: Option<f64>,
-
-    /// Its velocity before each impact
-    #[arg(long, value_name = "M/S", value_parser = positive, requires = "mass_kg")]
-    approach_m_per_s: Option<f64>,
 
     #[command(flatten)]
     out: OutArgs,
@@ -203,8 +173,8 @@ struct OutArgs {
     #[arg(long, requires = "out", conflicts_with = "force")]
     update: bool,
 
-    /// Replace an existing file of --out
-    #[arg(long, requires = "out")]
+    /// Replace existing files
+    #[arg(long)]
     force: bool,
 }
 
@@ -215,12 +185,15 @@ struct OutArgs {
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Decay(args) => finish(&args.out, &args.source, decay(args).map_err(Failure::input)?),
-        What::Response(args) => finish(&args.out, &args.source, response(args).map_err(Failure::input)?),
-        What::Restitution(args) => finish(&args.out, &args.source, restitution(args).map_err(Failure::input)?),
+        What::Response(args) => finish(&args.out, &args.source, response::identify(args)?),
+        What::Restitution(args) => {
+            finish(&args.out, &args.source, restitution::identify(args).map_err(Failure::input)?)
+        }
         What::Friction(args) => {
             let identified = of_table(&args.source, |table| friction::identify(table, args.gravity));
             finish(&args.out, &args.source, identified.map_err(Failure::input)?)
         }
+        What::Sound(args) => finish(&args.out, &args.source, sound::identify(args).map_err(Failure::input)?),
         What::Wall(args) => finish(&args.out, &args.source, wall(args).map_err(Failure::input)?),
     }
 }
@@ -246,18 +219,6 @@ fn decay(args: &DecayArgs) -> Result<Identification, CannotIdentify> {
     Ok(identified)
 }
 
-fn response(args: &ResponseArgs) -> Result<Identification, CannotIdentify> {
-    let (taken_from, points, remarks) = if args.source.is_file() {
-        let table = Table::read(&args.source)?;
-        (table.file().to_string(), response::points(&table)?, Vec::new())
-    } else {
-        let run = find(&args.source).map_err(|e| CannotIdentify(e.to_string()))?;
-        stepped_sine(&run, &args.choice.choice())?
-    };
-    let estimates = response::identify(&points).map_err(|error| CannotIdentify(format!("{taken_from}: {error}")))?;
-    Ok(Identification { remarks, ..Identification::new(taken_from, estimates) })
-}
-
 /// Identifies from a table.
 fn of_table(
     source: &Path,
@@ -265,15 +226,6 @@ fn of_table(
 ) -> Result<Identification, CannotIdentify> {
     let table = Table::read(source)?;
     Ok(Identification::new(table.file(), identify(&table)?))
-}
-
-fn restitution(args: &RestitutionArgs) -> Result<Identification, CannotIdentify> {
-    let approach = args.mass_kg.zip(args.approach_m_per_s);
-    let approach = approach.map(|(mass_kg, velocity_m_per_s)| Approach { mass_kg, velocity_m_per_s });
-    let mut identified = of_table(&args.source, |table| restitution::identify(table, approach))?;
-    identified.words = vec![("particle.wall.kind", "restitution")];
-    identified.remarks = vec!["restitution depends on the approach velocity: test at that of the experiment".into()];
-    Ok(identified)
 }
 
 fn wall(args: &WallArgs) -> Result<Identification, CannotIdentify> {

@@ -1,0 +1,157 @@
+//! Reads sound recordings: WAV files of one channel, and CSV tables with `t_s` and the microphone's signal.
+
+use std::path::Path;
+
+use hound::{SampleFormat, WavReader};
+
+use crate::identify::CannotIdentify;
+use crate::identify::table::{Quantity, Table};
+use crate::input::regular;
+
+/// Columns that a table may have for the microphone's signal: in volt, in pascal, or without a unit.
+const SIGNALS: [Quantity; 3] = [
+    Quantity { stem: "sound", units: &[("v", 1.0), ("mv", 1e-3)], about: "voltage of the microphone", most: 1e3 },
+    Quantity { stem: "sound", units: &[("pa", 1.0)], about: "sound pressure", most: 1e4 },
+    Quantity { stem: "sound", units: &[("", 1.0)], about: "signal of the microphone", most: 1e12 },
+];
+
+/// A sound recording of one channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Its file.
+    pub file: String,
+    /// Whether its samples are pascals: it needs no calibration.
+    pub is_pascal: bool,
+    /// Samples per second.
+    pub sample_rate_hz: f64,
+    /// Samples; of a WAV file as shares of full scale.
+    pub samples: Vec<f64>,
+}
+
+/// Lowest sample rate at which sound can be evaluated, Hz.
+const LEAST_RATE_HZ: f64 = 8000.0;
+
+/// Samples at the end of the span in a row that count as clipped, and as the span of a converter.
+const CLIPPED_RUN: usize = 3;
+
+/// Share of full scale from which a sample is at the end of the span.
+const FULL_SCALE: f64 = 0.9999;
+
+impl Recording {
+    /// Reads a file; `channel`, counted from 1, chooses one of several.
+    ///
+    /// # Errors
+    /// An unreadable file; several channels without a choice; an unknown sample format; clipped samples; a low sample rate.
+    pub fn read(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+        let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+        let recording = if is_table { Self::of_table(path, channel) } else { Self::of_wav(path, channel) }?;
+        if recording.sample_rate_hz < LEAST_RATE_HZ {
+            return Err(recording.refuse(format!(
+                "{} samples per second are too few for sound: at least {LEAST_RATE_HZ}\n  record with 44100 Hz or 48000 Hz",
+                recording.sample_rate_hz
+            )));
+        }
+        if let Some(at) = recording.clipped_at(!is_table) {
+            return Err(recording.refuse(format!(
+                "it is clipped: {CLIPPED_RUN} samples in a row are at the end of the span, first at {:.4} s\n  record again with a lower \
+                 gain",
+                at as f64 / recording.sample_rate_hz
+            )));
+        }
+        Ok(recording)
+    }
+
+    fn of_table(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+        let table = Table::read(path)?;
+        if channel.is_some_and(|channel| channel != 1) {
+            return Err(table.refuse("--channel is for a WAV file; a table has one column sound_v, sound_pa or sound"));
+        }
+        let t_s = table.times()?;
+        let signal = SIGNALS.iter().find(|signal| table.has(signal)).unwrap_or(&SIGNALS[0]);
+        let samples = table.column(signal)?;
+        if t_s.len() < 2 {
+            return Err(table.refuse("one sample is no sound"));
+        }
+        let sample_rate_hz = (t_s.len() - 1) as f64 / (t_s[t_s.len() - 1] - t_s[0]);
+        let is_pascal = *signal == SIGNALS[1];
+        Ok(Self { file: table.file().into(), is_pascal, sample_rate_hz, samples })
+    }
+
+    fn of_wav(path: &Path, channel: Option<u16>) -> Result<Self, CannotIdentify> {
+        let file = path.display().to_string();
+        let refuse = |text: String| CannotIdentify(format!("{file}: {text}"));
+        let open = regular::open(path).map_err(|e| CannotIdentify(format!("cannot read {file}: {e}")))?;
+        let reader = WavReader::new(std::io::BufReader::new(open)).map_err(|error| {
+            refuse(format!(
+                "this is not a WAV file of a known kind: {error}\n  save it as PCM of 16, 24 or 32 bit, or as 32 bit floating point; a \
+                 table needs the extension .csv"
+            ))
+        })?;
+        let spec = reader.spec();
+        let chosen = match (spec.channels, channel) {
+            (1, None | Some(1)) => 0,
+            (channels, Some(channel)) if (1..=channels).contains(&channel) => usize::from(channel - 1),
+            (channels, Some(channel)) => {
+                return Err(refuse(format!("--channel {channel}: the file has the channels 1 to {channels}")));
+            }
+            (channels, None) => {
+                return Err(refuse(format!(
+                    "it has {channels} channels: which one is the microphone?\n  choose it with --channel 1 to --channel {channels}"
+                )));
+            }
+        };
+        let damaged = |error: hound::Error| refuse(format!("it is damaged: {error}\n  copy or record it again"));
+        let every = usize::from(spec.channels.max(1));
+        let samples: Vec<f64> = match spec.sample_format {
+            SampleFormat::Float => {
+                let all: Result<Vec<f32>, _> = reader.into_samples::<f32>().collect();
+                let all = all.map_err(damaged)?;
+                all.iter().skip(chosen).step_by(every).map(|sample| f64::from(*sample)).collect()
+            }
+            SampleFormat::Int => {
+                let full = 2f64.powi(i32::from(spec.bits_per_sample) - 1);
+                let all: Result<Vec<i32>, _> = reader.into_samples::<i32>().collect();
+                let all = all.map_err(damaged)?;
+                all.iter().skip(chosen).step_by(every).map(|sample| f64::from(*sample) / full).collect()
+            }
+        };
+        if let Some(at) = samples.iter().position(|sample| !sample.is_finite()) {
+            return Err(refuse(format!("sample {} is no number\n  record it again", at + 1)));
+        }
+        if samples.is_empty() {
+            return Err(refuse("it has no samples".into()));
+        }
+        Ok(Self { file, is_pascal: false, sample_rate_hz: f64::from(spec.sample_rate), samples })
+    }
+
+    /// Place of the first clipped sample. The span of a table's converter is not known: there the largest magnitude counts as its end.
+    fn clipped_at(&self, is_share: bool) -> Option<usize> {
+        let largest = self.samples.iter().fold(0.0f64, |most, sample| most.max(sample.abs()));
+        let end = if is_share { FULL_SCALE } else { largest };
+        // A silent recording is not clipped.
+        if largest < end || largest == 0.0 {
+            return None;
+        }
+        let is_at_end =
+            |run: &[f64]| run.iter().all(|sample| sample.abs() >= end && sample.signum() == run[0].signum());
+        self.samples.windows(CLIPPED_RUN).position(is_at_end)
+    }
+
+    /// Whether all samples are the same.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        self.samples.windows(2).all(|pair| pair[0] == pair[1])
+    }
+
+    /// Length, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.samples.len() as f64 / self.sample_rate_hz
+    }
+
+    /// An error of this file.
+    #[must_use]
+    pub fn refuse(&self, text: impl std::fmt::Display) -> CannotIdentify {
+        CannotIdentify(format!("{}: {text}", self.file))
+    }
+}
