@@ -219,8 +219,8 @@ def test_ticks_and_colours_are_those_of_the_report(still, open_page):
     assert ticks["linear"] == ["2.0", "2.2", "2.4", "2.6", "2.8", "3.0"]
     assert ticks["half"] == ["0.5"] and ticks["empty"] == [0.5, 2] and ticks["minus"] == ["−10", "0", "10"]
     source = (HOST / "report/figures/mod.rs").read_text()
-    table = re.findall(r"\(0x(..), 0x(..), 0x(..)\),", source.split("const COLOURS")[1].split("];")[0])
-    curves = page.evaluate("""[...Array(8).keys()].map((i) =>
+    table = re.findall(r"\(0x(..), 0x(..), 0x(..)\),", source.split("const ALL")[1].split("];")[0])
+    curves = page.evaluate("""[...Array(12).keys()].map((i) =>
       getComputedStyle(document.documentElement).getPropertyValue(`--curve-${i}`).trim())""")
     assert curves == ["#" + "".join(colour) for colour in table]
 

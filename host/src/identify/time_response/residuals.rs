@@ -71,13 +71,13 @@ impl Noise {
         let size = sensitivities.len();
         let sum = |weight: &dyn Fn(f64) -> f64| {
             DMatrix::from_fn(size, size, |i, j| {
-                let products = sensitivities[i].iter().zip(&sensitivities[j]).zip(h_squared).enumerate();
-                let of = |(n, ((a, b), h)): (usize, ((&Complex<f64>, &Complex<f64>), &f64))| {
+                let (a, b) = (&sensitivities[i], &sensitivities[j]);
+                let of = |n: usize| {
                     // Each line stands for its negative frequency too, except the first.
                     let sides = if n == 0 { 1.0 } else { 2.0 };
-                    sides * weight(*h) * (a * b.conj()).re
+                    sides * weight(h_squared[n]) * (a[n] * b[n].conj()).re
                 };
-                products.map(of).sum::<f64>() / count as f64
+                (0..a.len().min(b.len()).min(h_squared.len())).map(of).sum::<f64>() / count as f64
             })
         };
         [sum(&|_| self.white_m2), sum(&|h| self.resonant_m2 * h)]

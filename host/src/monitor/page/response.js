@@ -47,13 +47,13 @@ export class Response {
 
   #predictions(pen) {
     for (const curve of this.model.curves) {
-      pen.path(curve.predicted, `curve-${curve.index % 8}`, { width: 1.2, alpha: 0.8, dash: [2, 3] });
+      pen.path(curve.predicted, `curve-${curve.index % 12}`, { width: 1.2, alpha: 0.8, dash: [2, 3] });
     }
   }
 
   #curves(pen) {
     this.model.curves.forEach((curve, i) => {
-      const name = `curve-${curve.index % 8}`;
+      const name = `curve-${curve.index % 12}`;
       const dash = curve.nth > 0 ? [6, 2 + 2 * curve.nth] : [];
       const points = this.sorted[i];
       pen.path(points.map((p) => [p.frequency_hz, p.x_over_z]), name, { width: 2, dash });
@@ -123,7 +123,7 @@ function svg(name, attributes) {
 }
 
 function swatch(curve) {
-  const picture = svg("svg", { width: 30, height: 14, "aria-hidden": "true", class: `tint curve-${curve.index % 8}` });
+  const picture = svg("svg", { width: 30, height: 14, "aria-hidden": "true", class: `tint curve-${curve.index % 12}` });
   const dash = curve.nth > 0 ? `6 ${2 + 2 * curve.nth}` : "none";
   const points = outline(curve.index).map(([x, y]) => `${15 + x * 0.85},${7 + y * 0.85}`).join(" ");
   picture.append(

@@ -18,7 +18,7 @@ const isDark = () => (document.documentElement.dataset.theme ?? (system.matches 
 function changed(button) {
   const style = getComputedStyle(document.documentElement);
   const names = ["paper", "sheet", "ink", "grey", "line", "grid", "good", "bad", "warn"];
-  for (let i = 0; i < 8; i += 1) names.push(`curve-${i}`);
+  for (let i = 0; i < 12; i += 1) names.push(`curve-${i}`);
   colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   button.textContent = isDark() ? "Light" : "Dark";
   for (const listener of listeners) listener();
@@ -27,7 +27,7 @@ function changed(button) {
 // A colour of look.css by its name without dashes: "ink", "curve-3".
 export const colour = (name) => colours[name] ?? "#888888";
 export const fontFamily = () => getComputedStyle(document.body).fontFamily;
-export const curveColour = (index) => colour(`curve-${index % 8}`);
+export const curveColour = (index) => colour(`curve-${index % 12}`);
 export const onTheme = (listener) => listeners.push(listener);
 
 export function start(button) {
