@@ -27,7 +27,7 @@ pub fn write_checked(path: &str, mat: MatFile, expected: &[TableSums]) -> Result
     let is_dated = SystemTime::now().duration_since(UNIX_EPOCH).is_ok_and(|since| since.as_secs() < YEAR_10000_S);
     if !is_dated {
         return Err(
-            "a .mat file states its date, and the clock of this machine is not set; set it, or write .csv".into()
+            "a .mat file states its date, and the clock of this machine is not set; set it, or use --format csv or a .csv file".into()
         );
     }
     save_matfile_v7(path, mat, false).map_err(|e| e.to_string())?;
