@@ -1,4 +1,4 @@
-//! Transient experiments: playback of a record or of noise, an impulse, a free vibration from a release. [`super::playback`] reads
+//! Transient experiments: playback of a record or of noise, an impulse, a free vibration from a release. `playback` reads
 //! the playback.
 
 use std::path::{Path, PathBuf};

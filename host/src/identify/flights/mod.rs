@@ -3,7 +3,7 @@
 //! Between two impacts on opposite walls the particle flies over a known distance in a known time, so its velocity follows from the
 //! impact times, x at these times and the clearance d: y changes by x(t₂) + s₂d − x(t₁) − s₁d, with the wall s = ±1. Friction
 //! changes the velocity evenly in flight. The structure's velocity at an impact, its jump there and its position come from a fit
-//! to x on both sides ([`kink`]). Two equations hold for each impact, with β = m/M, the particle's velocities u and the
+//! to x on both sides (`kink`). Two equations hold for each impact, with β = m/M, the particle's velocities u and the
 //! structure's velocity v before the impact:
 //!
 //! - impact law: u_after = u_before − (1 + e)/(1 + β)·(u_before − v)

@@ -45,7 +45,8 @@ fn data_sheet(seed: u64) -> (SensorModel, Option<DataSheet>) {
 /// A record is as long as a person waits: 3.5 time constants at ζ = 0.0038.
 #[test]
 fn a_minute_of_noise_gives_frequency_and_damping_with_intervals_that_cover_the_truth() {
-    let all: [(&str, fn(u64) -> (SensorModel, Option<DataSheet>)); 2] = [("ideal", ideal), ("data sheet", data_sheet)];
+    type Sensors = fn(u64) -> (SensorModel, Option<DataSheet>);
+    let all: [(&str, Sensors); 2] = [("ideal", ideal), ("data sheet", data_sheet)];
     for (name, sensors) in all {
         for zeta in [0.0038, 0.02] {
             let (mut frequency, mut damping) = (Claim::default(), Claim::default());
