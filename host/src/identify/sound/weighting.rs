@@ -13,13 +13,13 @@ use realfft::num_complex::Complex;
 /// A frequency weighting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Weighting {
-    /// A.
+    /// Follows the ear at moderate levels
     #[value(name = "A", alias = "a")]
     A,
-    /// C.
+    /// Nearly flat from 31.5 Hz to 8 kHz
     #[value(name = "C", alias = "c")]
     C,
-    /// None.
+    /// No weighting
     #[value(name = "Z", alias = "z")]
     Z,
 }
