@@ -41,7 +41,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 19] = [
+const HOST_LAYERS: [&str; 20] = [
     "host_time",
     "input",
     "settings",
@@ -53,6 +53,7 @@ const HOST_LAYERS: [&str; 19] = [
     "prediction",
     "runner",
     "simulation",
+    "study",
     "file_keys",
     "identify",
     "compare",

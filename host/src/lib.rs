@@ -23,6 +23,7 @@ pub mod runner;
 pub mod settings;
 pub mod setup;
 pub mod simulation;
+pub mod study;
 
 /// Name and version, as files and reports carry it.
 pub const VERSION_LINE: &str = concat!("damprig ", env!("CARGO_PKG_VERSION"));

@@ -57,6 +57,8 @@ enum KindArg {
     Case,
     /// Set-up files, which campaigns and cases name
     SetUp,
+    /// Studies, for damprig study
+    Study,
 }
 
 const SCHEMA_HELP: &str = "\
@@ -67,7 +69,7 @@ Editors with a TOML extension (Even Better TOML, taplo) then complete and check 
 first line is
   #:schema campaign.schema.json";
 
-/// Prints all keys of campaigns, cases and set-up files, with unit, range, default and meaning (Markdown).
+/// Prints all keys of campaigns, cases, set-up files and studies, with unit, range, default and meaning (Markdown).
 #[derive(Debug, ClapArgs)]
 pub struct Keys {}
 
@@ -80,6 +82,7 @@ pub fn schema(args: &Schema) -> Outcome {
         KindArg::Campaign => FileKind::Campaign,
         KindArg::Case => FileKind::Case,
         KindArg::SetUp => FileKind::SetUp,
+        KindArg::Study => FileKind::Study,
     };
     say!("{:#}", schema::schema(kind));
     Ok(())

@@ -40,6 +40,7 @@ mod run_progress;
 mod runs;
 mod settings;
 mod simulate;
+mod study;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;
@@ -90,15 +91,17 @@ enum Command {
     Calibrate(Box<calibrate::Args>),
     /// Write a new campaign or case, with comments
     Init(init::Args),
-    /// Simulate one case exactly, event by event
+    /// Simulate cases exactly, event by event
     Simulate(simulate::Args),
+    /// Run a study: a case over many values of its keys
+    Study(study::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
     Compare(compare::Args),
-    /// Print the JSON Schema of campaigns, cases or set-up files, for editors
+    /// Print the JSON Schema of campaigns, cases, set-up files or studies, for editors
     Schema(documents::Schema),
-    /// Print the keys of campaigns, cases and set-up files
+    /// Print the keys of campaigns, cases, set-up files and studies
     Keys(documents::Keys),
     /// Print the completions of a shell
     Completions(documents::Completions),
@@ -147,6 +150,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

@@ -54,3 +54,35 @@ impl SimulationBar {
         }
     }
 }
+
+/// Progress of a study.
+pub struct StudyBar {
+    name: String,
+    bar: ProgressBar,
+}
+
+impl StudyBar {
+    /// For a study of so many points.
+    #[must_use]
+    pub fn new(name: &str, points: u64) -> Self {
+        let name = shown_in_line(name).into_owned();
+        let bar = bar(points);
+        bar.set_message(name.clone());
+        Self { name, bar }
+    }
+
+    /// Shows the number of points that are done, and the best value so far.
+    pub fn reach(&self, done: u64, best: Option<&str>) {
+        if done > self.bar.position() {
+            self.bar.set_position(done);
+        }
+        if let Some(best) = best {
+            self.bar.set_message(format!("{}  best {best}", self.name));
+        }
+    }
+
+    /// Removes the bar.
+    pub fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,33 +1,39 @@
 //! `damprig simulate`: simulates a case and writes its summary, time history and figure.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
+use damprig_core::model::SetUp;
 use serde::Serialize;
 
 use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
 use crate::motion_record::Quantity;
+use crate::report::describe;
 use crate::report::figures::simulated_motion::{self, COLUMNS};
 use crate::report::numbers::significant;
 use crate::report::terminal;
 use crate::simulation::analysis::Analysis;
 use crate::simulation::envelope::Envelope;
 use crate::simulation::time_history::{TablePath, TimeHistory};
-use crate::simulation::{Case, RunOptions, SimulationResult, cost, simulate};
+use crate::simulation::{Case, RunOptions, SetValues, SimulationResult, cost, simulate};
 
-/// Simulates one case exactly: locates every impact, stick and slip.
+/// Simulates cases exactly: locates every impact, stick and slip.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// Case file (TOML or JSON); host/cases has examples
-    #[arg(value_name = "CASE")]
-    case: PathBuf,
+    /// Case files (TOML or JSON); host/cases has examples
+    #[arg(value_name = "CASE", required = true)]
+    cases: Vec<PathBuf>,
 
-    /// Print the complete result as one JSON object
+    /// Set a key in place of the file's value, with its tables: particle.wall.coefficient=0.5; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+
+    /// Print the complete result as one JSON object, a line for each case
     #[arg(long)]
     json: bool,
 
@@ -68,6 +74,8 @@ Examples:
   damprig simulate host/cases/soft-wall.toml --out soft.parquet --rate 1000
   damprig simulate host/cases/record.toml --json
   damprig simulate host/cases/spid.toml --analyse
+  damprig simulate host/cases/spid.toml --set particle.clearance_ratio=15 --set base.frequency_ratio=0.98
+  damprig simulate host/cases/spid.toml host/cases/tmd.toml
 
 A displacement record that starts with a velocity reaches it smoothly over its first interval, which
 changes the first moments of the motion; the summary and the JSON state the velocity.
@@ -80,13 +88,43 @@ Exit codes:
   2    the command line or the case is wrong; nothing was written
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
 
-/// The result, with the analysis under its own key if requested.
+/// The case as simulated.
 #[derive(Serialize)]
-struct WithAnalysis<'a> {
+struct Simulated<'a> {
+    name: &'a str,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    set: &'a String,
+    set_up: &'a SetUp,
+    excitation: String,
+    cycle_s: f64,
+    duration_s: f64,
+    /// The length that X is divided by in the text, and its symbol.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<(f64, &'static str)>,
+}
+
+/// The result with its case, and the analysis under its own key if requested.
+#[derive(Serialize)]
+struct Answer<'a> {
+    case: Simulated<'a>,
     #[serde(flatten)]
     result: &'a SimulationResult,
     #[serde(skip_serializing_if = "Option::is_none")]
     analysis: Option<Analysis>,
+}
+
+impl<'a> Simulated<'a> {
+    fn of(case: &'a Case, values: &'a SetValues) -> Self {
+        Self {
+            name: &case.name,
+            set: &values.lines,
+            set_up: &case.set_up,
+            excitation: describe::excitation(case),
+            cycle_s: case.cycle_s(),
+            duration_s: case.run.duration_s,
+            reference: case.reference_m(),
+        }
+    }
 }
 
 /// Default rows per period of a time history.
@@ -113,16 +151,47 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
 /// # Errors
 /// Bad input, an unwritable file, an interrupted run.
 pub fn run(args: &Args) -> Outcome {
-    let (case, unusual) = Case::read_with_warnings(&args.case).map_err(Failure::input)?;
-    super::output_paths::check(&args.case, &case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
-    let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(&case)));
-    let envelopes = envelopes(args, &case)?;
-    let cost = cost::estimate(&case).map_err(Failure::input)?;
-    let longest_part_s = cost::longest_part_s(&case, rate_hz).map_err(Failure::input)?;
+    if let ([_, second, ..], Some(flag)) = (&args.cases[..], args.out_file()) {
+        return Err(Failure::Input(format!(
+            "{flag} is for one case, and {} is a second one\n  simulate them one by one",
+            second.display()
+        )));
+    }
+    let values = SetValues::from_arguments(&args.set).map_err(Failure::input)?;
+    let read = |path: &PathBuf| Case::read_changed(path, &values).map_err(Failure::input);
+    let cases = args.cases.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
+    for (place, (path, (case, unusual))) in args.cases.iter().zip(cases).enumerate() {
+        if place > 0 && !args.json {
+            say!("");
+        }
+        simulate_one(args, path, (&case, &unusual), &values, &stop)?;
+    }
+    Ok(())
+}
+
+impl Args {
+    /// The flag of an output file, if one is given.
+    fn out_file(&self) -> Option<&'static str> {
+        self.out.as_ref().map(|_| "--out").or(self.plot.as_ref().map(|_| "--plot"))
+    }
+}
+
+fn simulate_one(
+    args: &Args,
+    path: &Path,
+    (case, unusual): (&Case, &[String]),
+    values: &SetValues,
+    stop: &AtomicBool,
+) -> Outcome {
+    super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
+    let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(case)));
+    let envelopes = envelopes(args, case)?;
+    let cost = cost::estimate(case).map_err(Failure::input)?;
+    let longest_part_s = cost::longest_part_s(case, rate_hz).map_err(Failure::input)?;
     unusual.iter().for_each(|warning| warn!("warning: {warning}"));
-    for warning in terminal::simulation::warnings(&case, &cost, args.out.as_ref().zip(rate_hz)) {
+    for warning in terminal::simulation::warnings(case, &cost, args.out.as_ref().zip(rate_hz)) {
         warn!("warning: {warning}");
     }
     let mut history = match (&args.out, rate_hz) {
@@ -138,7 +207,7 @@ pub fn run(args: &Args) -> Outcome {
         !stop.load(Ordering::Relaxed)
     };
     let options = RunOptions { keep: args.json, longest_part_s, go_on: &mut go_on };
-    let result = simulate(&case, &mut viewer, options).map_err(Failure::input);
+    let result = simulate(case, &mut viewer, options).map_err(Failure::input);
     bar.end();
     let result = result?;
     let (whole, last) = viewer.1;
@@ -147,8 +216,8 @@ pub fn run(args: &Args) -> Outcome {
     let drawn = args
         .plot
         .as_ref()
-        .map_or(Ok(()), |path| simulated_motion::of_case(&case, whole.as_ref(), last.as_ref())?.save(path));
-    let analysis = if args.analyse && result.stopped_at_s.is_none() { Analysis::of(&case) } else { None };
+        .map_or(Ok(()), |path| simulated_motion::of_case(case, whole.as_ref(), last.as_ref())?.save(path));
+    let analysis = if args.analyse && result.stopped_at_s.is_none() { Analysis::of(case) } else { None };
     if args.analyse && case.record.is_some() {
         warn!("warning: --analyse does not support recorded base motions");
     }
@@ -157,10 +226,10 @@ pub fn run(args: &Args) -> Outcome {
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
-        let both = WithAnalysis { result: &result, analysis };
-        say!("{}", serde_json::to_string(&both).map_err(Failure::failed)?);
+        let answer = Answer { case: Simulated::of(case, values), result: &result, analysis };
+        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
     } else {
-        say!("{}", terminal::simulation::summary(&case, &result));
+        say!("{}", terminal::simulation::summary(case, &result));
         if let Some(analysis) = &analysis {
             say!("\n{}", terminal::analysis::text(analysis));
         }

@@ -7,7 +7,7 @@ pub mod schema;
 
 use crate::input::key::{MOST_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
-use crate::{campaign, motion_record, setup, simulation};
+use crate::{campaign, motion_record, setup, simulation, study};
 
 /// The kinds of input files with declared keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,11 +18,13 @@ pub enum FileKind {
     Case,
     /// A set-up file, which a campaign or a case names.
     SetUp,
+    /// A study, for `damprig study`.
+    Study,
 }
 
 impl FileKind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Campaign, Self::Case, Self::SetUp];
+    pub const ALL: [Self; 4] = [Self::Campaign, Self::Case, Self::SetUp, Self::Study];
 
     /// What such a file is, in one line.
     #[must_use]
@@ -31,6 +33,7 @@ impl FileKind {
             Self::Campaign => "Campaign of damprig: set-ups and experiments, for `damprig run`",
             Self::Case => "Case of damprig: one simulation, for `damprig simulate`",
             Self::SetUp => "Set-up file of damprig, for the key `set_up_file` of a campaign or a case",
+            Self::Study => "Study of damprig: a case over many values of its keys, for `damprig study`",
         }
     }
 
@@ -42,6 +45,7 @@ impl FileKind {
             Self::Campaign => campaign::TABLES.iter().chain(&campaign::PLAYED).chain(parts).copied().collect(),
             Self::Case => [simulation::TABLES, setup::TABLES, motion_record::TABLES].concat(),
             Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
+            Self::Study => study::TABLES.to_vec(),
         }
     }
 }

@@ -20,7 +20,7 @@ type Section = (&'static str, &'static str, Vec<Table>);
 pub fn reference() -> String {
     let own = |file: FileKind| file.tables().into_iter().filter(|table| !is_part(table.path)).collect();
     let parts = FileKind::SetUp.tables().into_iter().filter(|table| is_part(table.path)).collect();
-    let sections: [Section; 4] = [
+    let sections: [Section; 5] = [
         (
             "Campaign",
             "For `damprig run`. Structure and dampers have the keys of a set-up, below.",
@@ -38,6 +38,7 @@ pub fn reference() -> String {
             parts,
         ),
         ("Set-up file", "For the key `set_up_file` of a campaign or a case; docs/IDENTIFY.md.", own(FileKind::SetUp)),
+        ("Study", "For `damprig study`; docs/STUDIES.md.", own(FileKind::Study)),
     ];
     let mut page = HEAD.to_string();
     for (title, introduction, tables) in &sections {

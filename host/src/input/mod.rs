@@ -52,10 +52,13 @@ pub struct Source {
     is_recorded: bool,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
-    attached: OnceLock<Attached>,
+    attached: [OnceLock<Attached>; MOST_ATTACHED],
 }
 
-/// A file that this one names; its places begin after the end of this one.
+/// Most texts attached to a source: a file that it names, and values set from outside.
+const MOST_ATTACHED: usize = 2;
+
+/// A text beside this one; its places begin after the end of this one and of those attached before.
 #[derive(Debug)]
 struct Attached {
     name: String,
@@ -96,7 +99,7 @@ impl Source {
             is_recorded: false,
             problems: Mutex::default(),
             warnings: Mutex::default(),
-            attached: OnceLock::new(),
+            attached: Default::default(),
         }
     }
 
@@ -155,18 +158,22 @@ impl Source {
         &self.text
     }
 
-    /// Attaches a file that this one names, so that problems in it are shown with its own name and lines. Returns its text
-    /// after as many blanks as this text has bytes: parse that. One file can be attached.
+    /// Attaches a text, for example a file that this one names, so that problems in it are shown with its own name and lines.
+    /// Returns it after as many blanks as its places are shifted by: parse that. Two texts can be attached.
     #[must_use]
     pub fn attach(&self, name: &str, text: &str) -> String {
-        let offset = self.text.len() + 1;
-        let _ = self.attached.set(Attached { name: name.to_string(), text: text.to_string(), offset });
+        let last = self.attached.iter().filter_map(OnceLock::get).last();
+        let offset = last.map_or(self.text.len(), |last| last.offset + last.text.len()) + 1;
+        if let Some(free) = self.attached.iter().find(|place| place.get().is_none()) {
+            let _ = free.set(Attached { name: name.to_string(), text: text.to_string(), offset });
+        }
         " ".repeat(offset) + text
     }
 
     /// The name and text of the file that a place is in, and the place in that text.
     fn place(&self, span: &Span) -> (&str, &str, Span) {
-        match self.attached.get().filter(|attached| span.start >= attached.offset) {
+        let attached = self.attached.iter().filter_map(OnceLock::get).filter(|text| span.start >= text.offset).last();
+        match attached {
             Some(file) => (&file.name, &file.text, span.start - file.offset..span.end.saturating_sub(file.offset)),
             None => (&self.name, &self.text, span.clone()),
         }
@@ -181,8 +188,20 @@ impl Source {
 
     /// Parses `text` as TOML in place of the source's own; `title` is the problem's title when it is not TOML.
     pub fn read_toml<T>(&self, text: &str, title: &str, read: impl FnOnce(&Section) -> Option<T>) -> Option<T> {
+        self.read_changed_toml(text, title, |_| (), read)
+    }
+
+    /// The same, with `change` made to the document before it is read.
+    pub fn read_changed_toml<'t, T>(
+        &self,
+        text: &'t str,
+        title: &str,
+        change: impl FnOnce(&mut DeTable<'t>),
+        read: impl FnOnce(&Section) -> Option<T>,
+    ) -> Option<T> {
         match DeTable::parse(text) {
-            Ok(document) => {
+            Ok(mut document) => {
+                change(document.get_mut());
                 let root = Section::root(self, &document);
                 let found = read(&root);
                 root.finish();

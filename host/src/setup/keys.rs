@@ -63,7 +63,7 @@ tables! {
         ];
         CLEARANCE: Required, [
             number("clearance_m", Positive, "d, half the free travel").usual(1e-4, 0.5),
-            number("clearance_ratio", Positive, "d/Z, half the free travel over the base amplitude").usual(0.5, 100.0),
+            number("clearance_ratio", Positive, "d/Z, half the free travel over the base amplitude; over P/k of a force, over x0 of a free vibration").usual(0.5, 100.0),
         ];
         FRICTION: Default(Number(0.0)), [
             number("friction_coefficient", NotNegative, "μi of the dry friction between particle and structure").usual(0.0, 0.6),

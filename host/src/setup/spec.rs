@@ -182,6 +182,12 @@ impl SetUpSpec {
         self
     }
 
+    /// The structure.
+    #[must_use]
+    pub fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
     /// The table of a damper that it has, if any.
     #[must_use]
     pub fn damper(&self) -> Option<&'static str> {

@@ -5,10 +5,12 @@ use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp};
+use toml::de::DeTable;
 
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
 use super::keys::{case, initial, run};
+use super::set_values::{self, SetValues};
 use crate::input::locate::Step::Key;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
@@ -58,9 +60,16 @@ impl Case {
     /// # Errors
     /// As [`Case::read`].
     pub fn read_with_warnings(path: &Path) -> Result<(Self, Vec<String>), Refusal> {
+        Self::read_changed(path, &SetValues::default())
+    }
+
+    /// Reads a file with some of its values set from outside; also the warnings of unusual values.
+    ///
+    /// # Errors
+    /// As [`Case::read`]; of a value from outside the message names its origin.
+    pub fn read_changed(path: &Path, values: &SetValues) -> Result<(Self, Vec<String>), Refusal> {
         let source = Source::read(path)?;
-        let name = path.file_stem().map_or_else(|| "case".into(), |s| s.to_string_lossy().to_string());
-        let case = Self::parse(&source, &name)?;
+        let case = Self::parse_changed(&source, &default_name(path), values)?;
         Ok((case, source.warnings()))
     }
 
@@ -69,7 +78,15 @@ impl Case {
     /// # Errors
     /// As [`Case::read`].
     pub fn parse(source: &Source, name: &str) -> Result<Self, Refusal> {
-        let case = read(source, name);
+        Self::parse_changed(source, name, &SetValues::default())
+    }
+
+    /// Parses a text with some of its values set from outside.
+    ///
+    /// # Errors
+    /// As [`Case::read_changed`].
+    pub fn parse_changed(source: &Source, name: &str, values: &SetValues) -> Result<Self, Refusal> {
+        let case = read(source, name, values);
         source.verdict()?;
         // A reader that returns `None` has reported why.
         case.ok_or_else(|| Refusal(format!("{name}: the case could not be read")))
@@ -81,14 +98,17 @@ impl Case {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
     }
 
-    /// The reference length of displacement ratios and its symbol: Z of a sine or a pulse, x0 of a free vibration. `None`
-    /// for a record, a force or a structure at rest.
+    /// The reference length of displacement ratios and its symbol: Z of a sine or a pulse, P/k of a harmonic force, x0 of a free
+    /// vibration. `None` for a record, a pulse of force or a structure at rest.
     #[must_use]
     pub fn reference_m(&self) -> Option<(f64, &'static str)> {
         let reference = match self.excitation {
             Excitation::Sine { amplitude_m, .. }
             | Excitation::HalfSine { amplitude_m, .. }
             | Excitation::Versine { amplitude_m, .. } => (amplitude_m.abs(), "Z"),
+            Excitation::ForceSine { amplitude_n, .. } => {
+                (amplitude_n.abs() / self.set_up.structure.stiffness_n_per_m, "(P/k)")
+            }
             Excitation::Fixed if self.record.is_none() => (self.initial.x_m.abs(), "x0"),
             _ => return None,
         };
@@ -106,13 +126,33 @@ impl Case {
     }
 }
 
-fn read(source: &Source, name: &str) -> Option<Case> {
-    if is_json(source) {
-        // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
-        return source
-            .read_toml(&json_case::to_toml(source)?, "this JSON cannot be read", |root| read_root(root, name));
-    }
-    source.read_toml(source.text(), "this is not TOML", |root| read_root(root, name))
+/// The name of a case without one of its own: that of its file.
+#[must_use]
+pub fn default_name(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "case".into(), |stem| stem.to_string_lossy().to_string())
+}
+
+fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
+    // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
+    let (toml, title) = match is_json(source) {
+        true => (json_case::to_toml(source)?, "this JSON cannot be read"),
+        false => (source.text().to_string(), "this is not TOML"),
+    };
+    let shifted = source.attach(&values.origin, &values.lines);
+    let set = match DeTable::parse(&shifted) {
+        Ok(set) => set,
+        Err(error) => {
+            source.report(Problem {
+                title: "a value set from outside is not TOML".into(),
+                span: error.span().unwrap_or_default(),
+                allowed: error.message().to_string(),
+                help: None,
+            });
+            return None;
+        }
+    };
+    let values = set.get_ref();
+    source.read_changed_toml(&toml, title, |own| set_values::put(own, values, ""), |root| read_root(root, name))
 }
 
 fn read_root(root: &Section, name: &str) -> Option<Case> {
@@ -123,7 +163,9 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         Some(CaseExcitation::Recorded(record)) => Some(record),
         _ => None,
     };
-    let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m));
+    let initial_section = root.table_of(&case::INITIAL, None);
+    let x0_m = initial_section.as_ref().and_then(|s| s.scalar(&initial::X)).filter(|x0_m| *x0_m != 0.0);
+    let base = case_excitation.as_ref().map_or(BaseAmplitude::Unread, |it| base_amplitude(it, stated_m, x0_m));
     let source = root.source();
     let file = set_up_file::attach(root, None);
     let document = file.as_ref().and_then(|file| file.parse(source));
@@ -142,9 +184,12 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
             help: Some("simulate it from several starts".into()),
         });
     }
-    let z_m = if let BaseAmplitude::Is(z_m) = base { z_m } else { 0.0 };
+    let z_m = match (base, &spec) {
+        (BaseAmplitude::Is(z_m), _) => z_m,
+        (BaseAmplitude::Force(force_n), Some(spec)) => force_n / spec.structure().stiffness_n_per_m,
+        _ => 0.0,
+    };
     let start_m = spec.filter(SetUpSpec::places_particle).map(|spec| spec.particle_start_m(z_m));
-    let initial_section = root.table_of(&case::INITIAL, None);
     let initial = read_initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
     let run_section = root.table_of(&case::RUN, None);
     let run = run_section.as_ref().and_then(|s| read_run(s, record.map(Record::duration_s)));
@@ -153,11 +198,12 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
         let help = "write base = { kind = \"sine\", frequency_hz = … } to move the base by it, or leave it out";
         root.reject(BASE_AMPLITUDE.name(), "is not used: the case has no ratio and no moving base", Some(help.into()));
     }
-    let (excitation, record) = match case_excitation {
-        CaseExcitation::ClosedForm(excitation) => (excitation, None),
+    // In a case the force is the excitation.
+    let set_up = SetUp { is_force_driven: false, ..spec.at(z_m) };
+    let (excitation, record) = match case_excitation.on(set_up.structure.angular_frequency_rad_per_s()) {
+        CaseExcitation::ClosedForm(excitation) | CaseExcitation::FrequencyRatio(excitation) => (excitation, None),
         CaseExcitation::Recorded(record) => (Excitation::Fixed, Some(record)),
     };
-    let set_up = spec.at(z_m);
     for invalid in [set_up.validate(), excitation.validate(), set_up.validate_initial(&initial)] {
         let Err(invalid) = invalid else { continue };
         // The model's own checks, for example a particle outside its cavity.
@@ -183,7 +229,7 @@ fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitati
     let force = root.table_of(&case::FORCE, None).map(|s| (s.span(), excitation::force(&s)));
     let fixed = CaseExcitation::ClosedForm(Excitation::Fixed);
     let Some((span, force)) = force else { return base.unwrap_or(Some(fixed)) };
-    if base.is_some_and(|base| base.is_some_and(|base| base != fixed)) {
+    if base.is_some_and(|base| base.is_some_and(|base| !base.is_none())) {
         root.source().report(Problem {
             title: "`force` and a moving `base` are both given".into(),
             span,
@@ -191,18 +237,24 @@ fn read_excitation(root: &Section, stated_m: Option<f64>) -> Option<CaseExcitati
             help: Some("write base = {kind = \"fixed\"}, or leave out `force`".into()),
         });
     }
-    force.map(CaseExcitation::ClosedForm)
+    force
 }
 
-/// Z: the amplitude of the base motion, else the one stated in the set-up.
-fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>) -> BaseAmplitude {
+/// What ratios refer to: Z, the amplitude of the base motion, or the one stated in the set-up; P of a force; x0 of a free vibration.
+fn base_amplitude(excitation: &CaseExcitation, stated_m: Option<f64>, x0_m: Option<f64>) -> BaseAmplitude {
+    let free_m = x0_m.filter(|_| excitation.is_none());
+    let force_n = excitation.amplitude_n().filter(|force_n| *force_n > 0.0);
     match (excitation.amplitude_m(), stated_m) {
         (Some(0.0), _) => BaseAmplitude::Absent("the base's amplitude is 0"),
         (Some(z_m), _) | (None, Some(z_m)) => BaseAmplitude::Is(z_m),
         (None, None) if matches!(excitation, CaseExcitation::Recorded(_)) => {
             BaseAmplitude::Absent("a record has no amplitude")
         }
-        (None, None) => BaseAmplitude::Absent("the base of this case is fixed"),
+        (None, None) => match (free_m, force_n) {
+            (Some(x0_m), _) => BaseAmplitude::Is(x0_m.abs()),
+            (None, Some(force_n)) => BaseAmplitude::Force(force_n),
+            (None, None) => BaseAmplitude::Absent("the base of this case is fixed"),
+        },
     }
 }
 

@@ -16,22 +16,62 @@ use crate::setup::BASE_AMPLITUDE;
 pub(super) enum CaseExcitation {
     /// In closed form.
     ClosedForm(Excitation),
+    /// A sine whose angular frequency is stated as Ω/ωn.
+    FrequencyRatio(Excitation),
     /// A recorded base motion, or noise.
     Recorded(Record),
 }
 
 impl CaseExcitation {
+    fn closed_form(&self) -> Option<&Excitation> {
+        match self {
+            Self::ClosedForm(excitation) | Self::FrequencyRatio(excitation) => Some(excitation),
+            Self::Recorded(_) => None,
+        }
+    }
+
     /// Z, the amplitude of a sine or a pulse of the base, m, 0 or greater.
     pub(super) fn amplitude_m(&self) -> Option<f64> {
-        match self {
-            Self::ClosedForm(
-                Excitation::Sine { amplitude_m, .. }
-                | Excitation::HalfSine { amplitude_m, .. }
-                | Excitation::Versine { amplitude_m, .. },
-            ) => Some(amplitude_m.abs()),
+        match self.closed_form()? {
+            Excitation::Sine { amplitude_m, .. }
+            | Excitation::HalfSine { amplitude_m, .. }
+            | Excitation::Versine { amplitude_m, .. } => Some(amplitude_m.abs()),
             _ => None,
         }
     }
+
+    /// P, the amplitude of a harmonic force, N, 0 or greater.
+    pub(super) fn amplitude_n(&self) -> Option<f64> {
+        match self.closed_form()? {
+            Excitation::ForceSine { amplitude_n, .. } => Some(amplitude_n.abs()),
+            _ => None,
+        }
+    }
+
+    /// Whether nothing moves the base and no force acts.
+    pub(super) fn is_none(&self) -> bool {
+        self.closed_form() == Some(&Excitation::Fixed)
+    }
+
+    /// The same on a structure of angular frequency ωn, which a frequency ratio refers to.
+    pub(super) fn on(self, natural_rad_per_s: f64) -> Self {
+        match self {
+            Self::FrequencyRatio(mut excitation) => {
+                if let Excitation::Sine { angular_frequency_rad_per_s, .. }
+                | Excitation::ForceSine { angular_frequency_rad_per_s, .. } = &mut excitation
+                {
+                    *angular_frequency_rad_per_s *= natural_rad_per_s;
+                }
+                Self::ClosedForm(excitation)
+            }
+            other => other,
+        }
+    }
+}
+
+/// A sine as its frequency is written: in rad/s, Hz, or over ωn.
+fn sine(is_ratio: bool, excitation: Excitation) -> CaseExcitation {
+    if is_ratio { CaseExcitation::FrequencyRatio(excitation) } else { CaseExcitation::ClosedForm(excitation) }
 }
 
 /// Reads `base`. `stated_m` is the Z stated in the set-up; `find` resolves the path of a record.
@@ -43,8 +83,9 @@ pub(super) fn base(s: &Section, stated_m: Option<f64>, find: &dyn Fn(&str) -> Pa
             let amplitude = amplitude(s, &base_sine::AMPLITUDE, stated_m);
             let frequency = angular_frequency(s, &base_sine::FREQUENCY);
             let phase = s.scalar(&base_sine::PHASE);
-            amplitude.zip(frequency).zip(phase).map(|((amplitude_m, angular_frequency_rad_per_s), phase_rad)| {
-                CaseExcitation::ClosedForm(Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad })
+            amplitude.zip(frequency).zip(phase).map(|((amplitude_m, (is_ratio, frequency)), phase_rad)| {
+                let angular_frequency_rad_per_s = frequency;
+                sine(is_ratio, Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, phase_rad })
             })
         }
         pulse @ (2 | 3) => {
@@ -85,31 +126,34 @@ fn amplitude(s: &Section, quantity: &Declared, stated_m: Option<f64>) -> Option<
 }
 
 /// Reads `force`, which acts on the structure over a fixed base.
-pub(super) fn force(s: &Section) -> Option<Excitation> {
+pub(super) fn force(s: &Section) -> Option<CaseExcitation> {
     let force = match s.variant(&[force_sine::TABLE, force_half_sine::TABLE])? {
         0 => {
             let amplitude = s.scalar(&force_sine::AMPLITUDE);
             let frequency = angular_frequency(s, &force_sine::FREQUENCY);
             let phase = s.scalar(&force_sine::PHASE);
-            amplitude.zip(frequency).zip(phase).map(|((amplitude_n, angular_frequency_rad_per_s), phase_rad)| {
-                Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, phase_rad }
+            amplitude.zip(frequency).zip(phase).map(|((amplitude_n, (is_ratio, frequency)), phase_rad)| {
+                let angular_frequency_rad_per_s = frequency;
+                sine(is_ratio, Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, phase_rad })
             })
         }
         _ => {
             let amplitude = s.scalar(&force_half_sine::AMPLITUDE);
             let duration = s.scalar(&force_half_sine::DURATION);
-            amplitude
-                .zip(duration)
-                .map(|(amplitude_n, duration_s)| Excitation::ForceHalfSine { amplitude_n, duration_s })
+            amplitude.zip(duration).map(|(amplitude_n, duration_s)| {
+                CaseExcitation::ClosedForm(Excitation::ForceHalfSine { amplitude_n, duration_s })
+            })
         }
     };
     s.finish();
     force
 }
 
-fn angular_frequency(s: &Section, quantity: &Declared) -> Option<f64> {
+/// Ω in rad/s, or over ωn, and whether it is that ratio.
+fn angular_frequency(s: &Section, quantity: &Declared) -> Option<(bool, f64)> {
     match s.one_of(quantity)? {
-        (0, omega) => Some(omega),
-        (_, frequency) => Some(TAU * frequency),
+        (0, omega) => Some((false, omega)),
+        (1, frequency) => Some((false, TAU * frequency)),
+        (_, ratio) => Some((true, ratio)),
     }
 }

@@ -11,6 +11,8 @@ const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives 
 
 const ANGULAR: Key = number("angular_frequency_rad_per_s", Positive, "Ω, the angular frequency").usual(0.6, 630.0);
 const HERTZ: Key = number("frequency_hz", Positive, "Ω/2π, the frequency").usual(0.1, 100.0);
+const FREQUENCY_RATIO: Key =
+    number("frequency_ratio", Positive, "Ω/ωn, the frequency over the structure's natural one").usual(0.05, 20.0);
 
 tables! {
     "All tables of a case other than those of its set-up."
@@ -31,7 +33,7 @@ tables! {
     "A sine: z = Z sin(Ωt + φ)."
     base_sine("base", "sine") {
         AMPLITUDE: UNLESS_STATED, [number("amplitude_m", NotNegative, "Z; or `base_amplitude_m` at the top of the case").usual(0.0, 0.05)];
-        FREQUENCY: Required, [ANGULAR, HERTZ];
+        FREQUENCY: Required, [ANGULAR, HERTZ, FREQUENCY_RATIO];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
     }
 
@@ -50,7 +52,7 @@ tables! {
     "A harmonic force: P sin(Ωt + φ)."
     force_sine("force", "sine") {
         AMPLITUDE: Required, [number("amplitude_n", NotNegative, "P").usual(0.0, 1000.0)];
-        FREQUENCY: Required, [ANGULAR, HERTZ];
+        FREQUENCY: Required, [ANGULAR, HERTZ, FREQUENCY_RATIO];
         PHASE: Default(Number(0.0)), [number("phase_rad", Any, "φ")];
     }
 

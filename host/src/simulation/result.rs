@@ -27,7 +27,7 @@ pub struct SimulationResult {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_at_s: Option<f64>,
     /// The last twenty cycles of a run that reached its end and has as many.
-    #[serde(skip)]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub last_cycles: Option<LastCycles>,
 }
 

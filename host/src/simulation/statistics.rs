@@ -5,6 +5,7 @@
 //! [`LastCyclesMeter`].
 
 use damprig_core::integrator::exact::response::Wanted;
+use serde::Serialize;
 
 use super::motion::{AccumulationRecord, ImpactRecord, MotionState, Piece, Viewer};
 
@@ -198,7 +199,7 @@ pub struct LastCyclesMeter {
 }
 
 /// The last cycles of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LastCycles {
     /// Mean of the last ten cycles' largest |x|, m.
     pub mean_cycle_max_m: f64,

@@ -230,7 +230,9 @@ fn an_at2_file_is_the_same_record_as_its_values_in_g() {
     let at2 = bench.answer(&format!("{STRUCTURE}{run}base = {{ kind = \"record\", file = \"shake.AT2\" }}\n"));
     let text = "kind = \"record\", file = \"shake.txt\", quantity = \"acceleration\", unit = \"g\", time_step_s = 0.05";
     let csv = bench.answer(&format!("{STRUCTURE}{run}base = {{ {text} }}\n"));
-    assert_eq!(at2, csv);
+    for part in ["x_m", "v_m_per_s", "summary"] {
+        assert_eq!(at2[part], csv[part], "{part}");
+    }
     let other = text.replace("unit = \"g\"", "unit = \"m/s2\", scale = 9.80665");
     assert!(apart(&at2, &bench.answer(&format!("{STRUCTURE}{run}base = {{ {other} }}\n"))) < 1e-14);
 }

@@ -6,6 +6,7 @@ pub mod campaign;
 pub mod comparison;
 pub mod set_ups;
 pub mod simulation;
+pub mod study;
 mod table;
 pub mod transients;
 

@@ -4,6 +4,7 @@
 //! Here such a panic is an error of the file, without the panic's own message.
 
 use std::cell::Cell;
+use std::collections::HashMap;
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Once;
@@ -33,6 +34,18 @@ pub fn read_columns(
     names: &[&str],
 ) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
     open(path, Some(names))
+}
+
+/// The metadata of a file's schema.
+///
+/// # Errors
+/// As [`read`].
+pub fn metadata(path: &Path) -> Result<HashMap<String, String>, ReadError> {
+    let failed = |message: String| ReadError(format!("{}: {message}", path.display()));
+    let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
+    let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string()));
+    let builder = opened.and_then(|opened| opened).map_err(|e| failed(format!("not a whole Parquet file: {e}")))?;
+    Ok(builder.schema().metadata().clone().into())
 }
 
 fn open(

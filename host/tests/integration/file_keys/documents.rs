@@ -7,16 +7,18 @@ use damprig::campaign::Campaign;
 use damprig::file_keys::FileKind;
 use damprig::input::Source;
 use damprig::simulation::Case;
+use damprig::study::Study;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, SET_UP_FILE};
+use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_STUDIES, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 
 pub const CAMPAIGN: &str = "campaign";
 pub const CASE: &str = "case";
 pub const SET_UP: &str = "set-up";
+pub const STUDY: &str = "study";
 
 pub fn own(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -29,7 +31,7 @@ pub fn json_of(toml: &str) -> Value {
 /// All shipped files and those of this test: name, kind, content.
 pub fn files() -> Vec<(String, &'static str, Value)> {
     let mut files = Vec::new();
-    for (folder, kind) in [("campaigns", CAMPAIGN), ("cases", CASE)] {
+    for (folder, kind) in [("campaigns", CAMPAIGN), ("cases", CASE), ("studies", STUDY)] {
         let entries = std::fs::read_dir(own(folder)).unwrap().flatten().map(|entry| entry.path());
         for path in entries.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
             files.push((path.display().to_string(), kind, json_of(&std::fs::read_to_string(&path).unwrap())));
@@ -40,6 +42,7 @@ pub fn files() -> Vec<(String, &'static str, Value)> {
     files.push(("more campaigns".into(), CAMPAIGN, json_of(MORE_CAMPAIGN)));
     files.extend(MORE_CASES.map(|text| ("more cases".into(), CASE, json_of(text))));
     files.push(("set-up file".into(), SET_UP, json_of(SET_UP_FILE)));
+    files.extend(MORE_STUDIES.map(|text| ("more studies".into(), STUDY, json_of(text))));
     files
 }
 
@@ -47,6 +50,7 @@ pub fn kind_of(name: &str) -> FileKind {
     match name {
         CAMPAIGN => FileKind::Campaign,
         CASE => FileKind::Case,
+        STUDY => FileKind::Study,
         _ => FileKind::SetUp,
     }
 }
@@ -68,7 +72,8 @@ impl Documents {
             let output = damprig(&folder).args(["schema", kind]).output().unwrap();
             serde_json::from_slice(&output.stdout).expect("a schema is JSON")
         };
-        let schemas = json!({ CAMPAIGN: printed(CAMPAIGN), CASE: printed(CASE), SET_UP: printed(SET_UP) });
+        let schemas =
+            json!({ CAMPAIGN: printed(CAMPAIGN), CASE: printed(CASE), SET_UP: printed(SET_UP), STUDY: printed(STUDY) });
         let Some(python) = python() else {
             println!("left out: no Python with jsonschema (tests/run makes one; DAMPRIG_PYTHON names one)");
             return;
@@ -103,6 +108,17 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
     match kind {
         CAMPAIGN => Campaign::parse(Source::new(name, text)).is_ok(),
         CASE => Case::parse(&Source::new(name, text), "case").is_ok(),
+        STUDY => {
+            let [cases, studies] = ["cases", "studies"].map(|name| folder.path().join(name));
+            for folder in [&cases, &studies] {
+                std::fs::create_dir(folder).unwrap();
+            }
+            for case in ["spid.toml", "soft-wall.toml"] {
+                std::fs::copy(own("cases").join(case), cases.join(case)).unwrap();
+            }
+            std::fs::write(studies.join("file.toml"), text).unwrap();
+            Study::read(&studies.join("file.toml")).is_ok()
+        }
         _ => {
             std::fs::write(folder.path().join("identified.toml"), text).unwrap();
             let campaign = "set_up_file = \"identified.toml\"\nname = \"t\"\nstructure = { mass_kg = 1.6 }\n\

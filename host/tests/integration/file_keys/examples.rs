@@ -102,7 +102,17 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 7] = [
+pub const MORE_CASES: [&str; 9] = [
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+force = { kind = "sine", amplitude_n = 1, frequency_ratio = 0.9 }
+run = { duration_s = 1 }
+"#,
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "sine", amplitude_m = 0.001, frequency_ratio = 0.9 }
+run = { duration_s = 1 }
+"#,
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 friction_damper = { spring = { normal_force_n = 1 } }
@@ -167,3 +177,47 @@ taken_from = "a run"
 date = "2026-06-01"
 damprig = "damprig 0.1.0"
 "#;
+
+pub const MORE_STUDIES: [&str; 3] = [
+    r#"
+name = "more"
+case = "../cases/soft-wall.toml"
+metrics = ["peak_contact_force_n", "max_abs_x_m"]
+objective = "max_abs_x_m"
+goal = "maximum"
+points_per_part = 10
+sampling = { method = "latin_hypercube", count = 5, seed = 3 }
+record = { duration_s = 4, settle_s = 1 }
+
+[[axis]]
+key = "particle.clearance_m"
+from = 0.01
+to = 0.02
+scale = "log"
+
+[[axis]]
+key = "particle.wall.release"
+words = ["zero_force", "zero_penetration"]
+reduce = "mean"
+"#,
+    r#"
+case = "../cases/spid.toml"
+metrics = ["x_over_z"]
+record = { cycles = 10, settle_cycles = 2 }
+ensemble = { starts = 3, quantiles = [0.1, 0.9] }
+
+[[axis]]
+key = "base.frequency_hz"
+values = [2.4, 2.5]
+"#,
+    r#"
+case = "../cases/spid.toml"
+metrics = ["rms_x_m"]
+sampling = { method = "sobol", count = 5 }
+
+[[axis]]
+key = "base.frequency_ratio"
+from = 0.9
+to = 1.1
+"#,
+];

@@ -1,0 +1,128 @@
+//! `damprig study`: runs a study and keeps its table.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::{Args as ClapArgs, Subcommand};
+
+use super::outcome::{Failure, Outcome};
+use super::progress::StudyBar;
+use crate::report::numbers::{duration, significant};
+use crate::report::terminal;
+use crate::study::data_set::{DataSet, TABLE};
+use crate::study::run::{self, Ending, Progress};
+use crate::study::{Study, evaluate};
+
+/// Runs studies: a case over many values of its keys.
+#[derive(Debug, ClapArgs)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// Run a study on all cores; goes on where an earlier run stopped
+    Run(RunArgs),
+}
+
+/// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = RUN_HELP)]
+struct RunArgs {
+    /// Study file (TOML); host/studies has examples
+    #[arg(value_name = "STUDY")]
+    study: PathBuf,
+
+    /// Folder of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+
+    /// Print points, simulations, cycles and estimated time, and simulate nothing more
+    #[arg(long)]
+    dry_run: bool,
+
+    /// Start although the estimate is more than a day
+    #[arg(long)]
+    long: bool,
+}
+
+const RUN_HELP: &str = "\
+Examples:
+  damprig study run host/studies/clearance-and-restitution.toml
+  damprig study run my-study.toml --dry-run
+  damprig study run my-study.toml --out /data/my-study
+
+The folder gets table.parquet, a row for each point, with units and the study in its metadata: pandas, polars and
+DuckDB read it as it is. Ctrl-C stops after the points being computed; the same command goes on.
+
+Exit codes:
+  0    success
+  1    a file could not be written
+  2    the command line, the study or its case is wrong
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
+
+/// Estimated time above which a study starts only with --long, s.
+const DAY_S: f64 = 86_400.0;
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// Bad input, an unwritable file, an interrupted run.
+pub fn run(args: &Args) -> Outcome {
+    match &args.what {
+        What::Run(args) => run_study(args),
+    }
+}
+
+fn run_study(args: &RunArgs) -> Outcome {
+    let study = Study::read(&args.study).map_err(Failure::input)?;
+    let cores = rayon::current_num_threads();
+    let estimate_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
+    let scope = terminal::study::scope(&study, run::cycles(&study));
+    if args.dry_run {
+        say!("{scope}");
+        say!("about {} on {cores} cores", duration(estimate_s));
+        return Ok(());
+    }
+    if estimate_s > DAY_S && !args.long {
+        return Err(Failure::Input(format!(
+            "{}: {scope}: about {} on {cores} cores\n  start it with --long, or make it smaller; nothing was written",
+            args.study.display(),
+            duration(estimate_s)
+        )));
+    }
+    let name = crate::simulation::case::default_name(&args.study);
+    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("studies").join(name));
+    let data_set = DataSet::open(&study, &folder).map_err(Failure::input)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    say!("{scope}; about {} on {cores} cores", duration(estimate_s));
+    let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
+    let report = |progress: &Progress| {
+        let best = progress.best.map(|(_, value)| format!("{} {}", study.objective.name(), significant(value, 5)));
+        bar.reach(progress.done, best.as_deref());
+        !stop.load(Ordering::Relaxed)
+    };
+    let ending = run::run(&study, &data_set, |_| true, &report);
+    bar.end();
+    let (ending, last) = ending.map_err(Failure::input)?;
+    if ending == Ending::Stopped {
+        return Err(Failure::Interrupted(format!(
+            "stopped after {} of {} points; the same command goes on with them",
+            last.done, last.rows
+        )));
+    }
+    let table = data_set.join(&study).map_err(Failure::failed)?;
+    debug_assert!(table.ends_with(TABLE));
+    if let Some((row, value)) = last.best {
+        say!("{}", terminal::study::best(&study, row, value));
+    } else {
+        let column = evaluate::main_column(&study, study.objective);
+        warn!("warning: no point has a value of {column}");
+    }
+    say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
+    Ok(())
+}

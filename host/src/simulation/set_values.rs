@@ -1,0 +1,150 @@
+//! Values of a case that are set from outside its file: by `--set key=value` and by the axes of a study.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::keys;
+use crate::input::Refusal;
+use crate::input::key::Quantity;
+use crate::{motion_record, setup};
+
+/// Values in place of those of a case, as lines of TOML: `particle.wall.coefficient = 0.5`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SetValues {
+    /// Who sets them, as messages name it: `--set`.
+    pub origin: String,
+    /// A line for each value.
+    pub lines: String,
+}
+
+impl SetValues {
+    /// From `key=value` texts of a command line. A value that is no TOML is a text without its quotes.
+    ///
+    /// # Errors
+    /// Names the text without `=`, without a key, or with a key that another one sets too.
+    pub fn from_arguments(arguments: &[String]) -> Result<Self, Refusal> {
+        let mut lines = String::new();
+        for argument in arguments {
+            let refused = |why: &str| {
+                Refusal(format!("--set {argument:?}: {why}; write for example --set particle.wall.coefficient=0.5"))
+            };
+            let (key, value) = argument.split_once('=').ok_or_else(|| refused("there is no `=`"))?;
+            let (key, value) = (key.trim(), value.trim());
+            let is_key = !key.is_empty() && key.split('.').all(|part| !part.is_empty() && part.chars().all(is_bare));
+            if !is_key {
+                return Err(refused("before the `=` stands the key with its tables, separated by points"));
+            }
+            if value.is_empty() {
+                return Err(refused("there is no value after the `=`"));
+            }
+            let as_it_is = format!("{key} = {value}\n");
+            let is_one_value = DeTable::parse(&as_it_is).is_ok_and(|read| read.get_ref().len() == 1);
+            let quoted = toml::Value::from(value).to_string();
+            lines.push_str(&if is_one_value { as_it_is } else { format!("{key} = {quoted}\n") });
+            if let Err(error) = DeTable::parse(&lines) {
+                return Err(refused(error.message()));
+            }
+        }
+        Ok(Self { origin: "--set".into(), lines })
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+}
+
+fn is_bare(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_' || c == '-'
+}
+
+/// Puts `values` into `own`, the table of a case at `path`. A table with a `kind` replaces the case's own, others are put in key by
+/// key. The other keys of a quantity are removed: a `clearance_ratio` replaces a `clearance_m`.
+pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
+    for (key, value) in values {
+        let name = key.get_ref().as_ref();
+        for other in alternatives(path, name) {
+            own.remove(other);
+        }
+        let inside = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+        let own_table = own.get_mut(name).and_then(|own| match own.get_mut() {
+            DeValue::Table(own) => Some(own),
+            _ => None,
+        });
+        match (own_table, value.get_ref()) {
+            (Some(own), DeValue::Table(values)) if !values.contains_key("kind") => put(own, values, &inside),
+            _ => {
+                own.insert(key.clone(), Spanned::clone(value));
+            }
+        }
+    }
+}
+
+/// The other keys of the quantity that a table has under this key.
+fn alternatives(path: &str, name: &str) -> impl Iterator<Item = &'static str> {
+    let has = |quantity: &&Quantity| quantity.key(name).is_some();
+    let quantities = [keys::TABLES, setup::TABLES, motion_record::TABLES].concat().into_iter();
+    let found: Vec<&'static Quantity> =
+        quantities.filter(|table| table.path == path).flat_map(|table| table.quantities.iter().filter(has)).collect();
+    let name = name.to_string();
+    found.into_iter().flat_map(|quantity| quantity.keys).map(|key| key.name).filter(move |other| *other != name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changed(case: &str, set: &[&str]) -> String {
+        let arguments: Vec<String> = set.iter().map(ToString::to_string).collect();
+        let values = SetValues::from_arguments(&arguments).expect("the arguments are sound");
+        let mut document = DeTable::parse(case).expect("it is TOML");
+        let set = DeTable::parse(&values.lines).expect("it is TOML");
+        put(document.get_mut(), set.get_ref(), "");
+        format!("{:?}", document.get_ref().iter().map(shown).collect::<Vec<_>>())
+    }
+
+    fn shown((key, value): (&Spanned<std::borrow::Cow<'_, str>>, &Spanned<DeValue<'_>>)) -> String {
+        match value.get_ref() {
+            DeValue::Table(table) => format!("{}{:?}", key.get_ref(), table.iter().map(shown).collect::<Vec<_>>()),
+            DeValue::Float(number) => format!("{}={}", key.get_ref(), number.as_str()),
+            DeValue::Integer(number) => format!("{}={}", key.get_ref(), number.as_str()),
+            DeValue::String(text) => format!("{}='{text}'", key.get_ref()),
+            _ => unreachable!("not in these tests"),
+        }
+        .replace('"', "")
+    }
+
+    #[test]
+    fn a_value_replaces_the_other_key_of_its_quantity_and_leaves_the_rest() {
+        let case = "particle = {mass_kg = 1, clearance_m = 0.02, wall = {kind = 'restitution', coefficient = 0.5}}";
+        let all = changed(case, &["particle.clearance_ratio=12.5", "particle.wall.coefficient=0.25"]);
+        assert!(all.contains("mass_kg=1") && all.contains("clearance_ratio=12.5"), "{all}");
+        assert!(!all.contains("clearance_m") && all.contains("kind='restitution', coefficient=0.25"), "{all}");
+    }
+
+    #[test]
+    fn a_table_with_its_kind_replaces_the_table_and_a_missing_table_is_made() {
+        let case = "particle = {wall = {kind = 'restitution', coefficient = 0.5}}";
+        let all = changed(case, &["particle.wall={kind='voigt', material='rubber'}", "friction_damper.force_n=0.5"]);
+        assert!(all.contains("kind='voigt'") && !all.contains("coefficient"), "{all}");
+        assert!(all.contains("friction_damper") && all.contains("force_n=0.5"), "{all}");
+    }
+
+    #[test]
+    fn a_word_needs_no_quotes_and_a_wrong_argument_is_named() {
+        assert!(changed("", &["particle.start=at_negative_wall"]).contains("start='at_negative_wall'"));
+        for (wrong, why) in [
+            ("particle.start", "no `=`"),
+            ("=3", "the key"),
+            ("a..b=3", "the key"),
+            ("a=", "no value"),
+            ("a b=1", "the key"),
+        ] {
+            let answer = SetValues::from_arguments(&[wrong.to_string()]).expect_err(wrong).0;
+            assert!(answer.contains(why) && answer.contains(wrong.trim()), "{answer}");
+        }
+        let twice = ["a.b=1".to_string(), "a.b=2".to_string()];
+        assert!(SetValues::from_arguments(&twice).expect_err("twice").0.contains("duplicate"));
+    }
+}

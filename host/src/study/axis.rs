@@ -1,0 +1,280 @@
+//! An axis of a study: a key of the case and its values.
+
+use super::keys::axis as keys;
+use crate::input::key::Unit;
+use crate::input::{Section, Span};
+
+/// The value of an axis at a point.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A number, in the key's unit.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+impl Value {
+    /// As a TOML value.
+    #[must_use]
+    pub fn toml(&self) -> String {
+        match self {
+            Self::Number(number) => format!("{number:?}"),
+            Self::Word(word) => toml::Value::from(word.as_str()).to_string(),
+        }
+    }
+}
+
+/// Where the values of an axis come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// These numbers.
+    Numbers(Vec<f64>),
+    /// These words.
+    Words(Vec<String>),
+    /// Drawn between two ends, evenly or evenly in the logarithm.
+    Drawn {
+        /// Lower end.
+        from: f64,
+        /// Upper end.
+        to: f64,
+        /// Even in the logarithm.
+        is_log: bool,
+    },
+}
+
+/// How the points of an axis become one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reduction {
+    /// The largest value.
+    Maximum,
+    /// The smallest value.
+    Minimum,
+    /// The mean.
+    Mean,
+}
+
+impl Reduction {
+    const ALL: [Self; 3] = [Self::Maximum, Self::Minimum, Self::Mean];
+
+    /// Of some values, with the place of the largest or smallest; not a number if one of them is not.
+    #[must_use]
+    pub fn of(self, values: &[f64]) -> (f64, usize) {
+        if let Some(place) = values.iter().position(|value| value.is_nan()) {
+            return (f64::NAN, place);
+        }
+        let extreme = |is_better: fn(f64, f64) -> bool| {
+            let mut best = 0;
+            for place in 1..values.len() {
+                if is_better(values[place], values[best]) {
+                    best = place;
+                }
+            }
+            (values.get(best).copied().unwrap_or(f64::NAN), best)
+        };
+        match self {
+            Self::Maximum => extreme(|new, old| new > old),
+            Self::Minimum => extreme(|new, old| new < old),
+            Self::Mean => (values.iter().sum::<f64>() / values.len() as f64, 0),
+        }
+    }
+
+    /// As study files write it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Maximum => "maximum",
+            Self::Minimum => "minimum",
+            Self::Mean => "mean",
+        }
+    }
+}
+
+/// An axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// The key with its tables: `particle.clearance_ratio`.
+    pub key: String,
+    /// Its values.
+    pub values: Values,
+    /// Whether the values are spaced evenly in the logarithm.
+    pub is_log: bool,
+    /// How its points become one, if they do.
+    pub reduce: Option<Reduction>,
+    /// Where the study file has it.
+    pub span: Span,
+}
+
+impl Axis {
+    /// Number of its values; 1 for a drawn axis.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        match &self.values {
+            Values::Numbers(numbers) => numbers.len(),
+            Values::Words(words) => words.len(),
+            Values::Drawn { .. } => 1,
+        }
+    }
+
+    /// Its value at a place of a grid, or at a share of a drawn range, 0 to 1.
+    #[must_use]
+    pub fn value(&self, place: usize, share: f64) -> Value {
+        match &self.values {
+            Values::Numbers(numbers) => Value::Number(numbers[place]),
+            Values::Words(words) => Value::Word(words[place].clone()),
+            Values::Drawn { from, to, is_log } => Value::Number(between(*from, *to, *is_log, share)),
+        }
+    }
+
+    /// The key's last part, which ends with its unit.
+    #[must_use]
+    pub fn short_key(&self) -> &str {
+        self.key.rsplit('.').next().unwrap_or(&self.key)
+    }
+
+    /// Symbol of its unit; empty for a plain number or a word.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        Unit::of(self.short_key()).map_or("", |unit| unit.symbol)
+    }
+
+    /// The values with which the case is checked before the study: all of a list, both ends of a drawn range.
+    #[must_use]
+    pub fn checked_values(&self) -> Vec<Value> {
+        match &self.values {
+            Values::Drawn { from, to, .. } => vec![Value::Number(*from), Value::Number(*to)],
+            _ => (0..self.count()).map(|place| self.value(place, 0.0)).collect(),
+        }
+    }
+}
+
+/// A value between two ends: exactly the ends at 0 and 1.
+fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
+    match share {
+        0.0 => from,
+        1.0 => to,
+        _ if is_log => from * libm::exp(share * libm::log(to / from)),
+        _ => from + share * (to - from),
+    }
+}
+
+/// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from.
+pub(super) fn read(s: &Section, has_sampling: bool) -> Option<Axis> {
+    let key = s.text_of(&keys::KEY);
+    let (from, to) = (s.placed(&keys::FROM), s.placed(&keys::TO));
+    let count = s.scalar(&keys::COUNT);
+    let is_log = s.word(&keys::SCALE) == Some(1);
+    let numbers = s.is_given(&keys::VALUES).then(|| s.given(&keys::VALUES));
+    let reduce = s.word(&keys::REDUCE).map(|place| Reduction::ALL[place]);
+    s.finish();
+    let key = key?;
+    let is_key = key
+        .value
+        .split('.')
+        .all(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_'));
+    if !is_key {
+        let help = "for example key = \"particle.clearance_ratio\"".to_string();
+        s.refuse(
+            keys::KEY.name(),
+            &key.span,
+            "must be a key of the case with its tables, separated by points",
+            Some(help),
+        );
+        return None;
+    }
+    let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
+    let values = match numbers {
+        Some(_) if is_range => {
+            s.reject(
+                keys::VALUES.name(),
+                "does not go with `from`, `to` and `count`",
+                Some("leave out the range, or the list".into()),
+            );
+            return None;
+        }
+        Some(given) => read_list(s, given?.1)?,
+        None => {
+            let (from, to) = match (from, to) {
+                (Some(from), Some(to)) => (from, to),
+                _ if !is_range => {
+                    s.reject(
+                        keys::KEY.name(),
+                        "has no values",
+                        Some("give `from`, `to` and `count`, or `values`".into()),
+                    );
+                    return None;
+                }
+                _ => {
+                    if !s.is_given(&keys::FROM) || !s.is_given(&keys::TO) {
+                        s.reject(keys::KEY.name(), "has half a range", Some("give both `from` and `to`".into()));
+                    }
+                    return None;
+                }
+            };
+            if to.value <= from.value {
+                let help = if to.value == from.value { "give one value as values = […]" } else { "exchange them" };
+                s.refuse("to", &to.span, format!("must be greater than `from` = {}", from.value), Some(help.into()));
+                return None;
+            }
+            if is_log && from.value <= 0.0 {
+                s.refuse("from", &from.span, "must be greater than 0 with scale = \"log\"", None);
+                return None;
+            }
+            let (from, to) = (from.value, to.value);
+            match count {
+                Some(count) => {
+                    let last = count - 1.0;
+                    Values::Numbers((0..count as usize).map(|n| between(from, to, is_log, n as f64 / last)).collect())
+                }
+                None if s.is_given(&keys::COUNT) => return None,
+                None if has_sampling && reduce.is_none() => Values::Drawn { from, to, is_log },
+                None => {
+                    let help = "give `count`, or draw from the range with a table [sampling]".to_string();
+                    s.reject(keys::KEY.name(), "has a range without a number of values", Some(help));
+                    return None;
+                }
+            }
+        }
+    };
+    Some(Axis { key: key.value, values, is_log, reduce, span: key.span })
+}
+
+fn read_list(s: &Section, given: crate::input::section::Given) -> Option<Values> {
+    use crate::input::section::Given;
+    let values = match given {
+        Given::Numbers(numbers) => Values::Numbers(numbers.into_iter().map(|number| number.value).collect()),
+        Given::Texts(words) => Values::Words(words.into_iter().map(|word| word.value).collect()),
+        _ => return None,
+    };
+    let is_empty = match &values {
+        Values::Numbers(numbers) => numbers.is_empty(),
+        Values::Words(words) => words.is_empty(),
+        Values::Drawn { .. } => false,
+    };
+    if is_empty {
+        let key = s.written(&keys::VALUES).map_or("values", |key| key.name);
+        s.reject(key, "must have at least one value", None);
+        return None;
+    }
+    Some(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_has_both_its_ends_exactly_and_a_log_range_even_ratios() {
+        assert_eq!([between(0.1, 0.7, false, 0.0), between(0.1, 0.7, false, 1.0)], [0.1, 0.7]);
+        assert_eq!([between(0.1, 0.7, true, 0.0), between(0.1, 0.7, true, 1.0)], [0.1, 0.7]);
+        let middle = between(1.0, 100.0, true, 0.5);
+        assert!((middle - 10.0).abs() < 1e-14, "{middle}");
+    }
+
+    #[test]
+    fn a_reduction_gives_the_value_and_its_place_and_a_missing_value_stays_missing() {
+        assert_eq!(Reduction::Maximum.of(&[1.0, 3.0, 2.0]), (3.0, 1));
+        assert_eq!(Reduction::Minimum.of(&[2.0, 3.0, 1.0]), (1.0, 2));
+        assert_eq!(Reduction::Mean.of(&[2.0, 4.0]).0, 3.0);
+        assert!(Reduction::Maximum.of(&[1.0, f64::NAN]).0.is_nan());
+    }
+}

@@ -1,0 +1,323 @@
+//! Simulates the points of a study.
+
+use std::time::{Duration, Instant};
+
+use damprig_core::integrator::exact::Exact;
+use damprig_core::integrator::exact::response::{Response, Wanted};
+
+use super::axis::{Reduction, Value};
+use super::file::Study;
+use super::metric::{Figures, Metric, Periodicity};
+use crate::input::Refusal;
+use crate::simulation::{Case, RunOptions, simulate};
+
+/// What is counted of each simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    /// Counted cycles, or else
+    pub cycles: Option<f64>,
+    /// counted time, s.
+    pub duration_s: Option<f64>,
+    /// Cycles simulated before.
+    pub settle_cycles: f64,
+    /// Time simulated before, s; rounded up to whole cycles.
+    pub settle_s: f64,
+}
+
+/// The counted part of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Counted {
+    cycle_s: f64,
+    first_cycle: f64,
+    end_s: f64,
+}
+
+impl Counted {
+    fn of(case: &Case, record: Option<Record>) -> Self {
+        let cycle_s = case.cycle_s();
+        let Some(record) = record else {
+            let first_cycle = case.run.steady_from_cycle.unwrap_or(0) as f64;
+            return Self { cycle_s, first_cycle, end_s: case.run.duration_s };
+        };
+        let first_cycle = record.settle_cycles.max((record.settle_s / cycle_s - 1e-9).ceil());
+        let length_s = record.cycles.map_or(record.duration_s.unwrap_or(0.0), |cycles| cycles * cycle_s);
+        // A whole number of cycles ends on a cycle.
+        let end_s = match record.cycles {
+            Some(cycles) => (first_cycle + cycles) * cycle_s,
+            None => first_cycle * cycle_s + length_s,
+        };
+        Self { cycle_s, first_cycle, end_s }
+    }
+}
+
+/// A column of the table that is computed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name.
+    pub name: String,
+    /// Symbol of its unit; empty for a plain number.
+    pub unit: &'static str,
+    /// Meaning.
+    pub doc: String,
+}
+
+/// The computed columns of a study's table, in the order of the values of [`row`].
+#[must_use]
+pub fn columns(study: &Study) -> Vec<Column> {
+    let mut columns = Vec::new();
+    for metric in &study.metrics {
+        let (name, unit, doc) = (metric.name(), metric.unit(), metric.doc());
+        let mut push = |name: String, doc: String| columns.push(Column { name, unit, doc });
+        match &study.ensemble {
+            None => push(name.into(), doc.into()),
+            Some(ensemble) => {
+                push(format!("{name}_min"), format!("{doc}; smallest over the starts"));
+                for quantile in &ensemble.quantiles {
+                    push(quantile_name(name, *quantile), format!("{doc}; quantile {quantile} over the starts"));
+                }
+                push(format!("{name}_max"), format!("{doc}; largest over the starts"));
+            }
+        }
+        if study.ensemble.is_none() {
+            for axis in extreme_axes(study) {
+                let axis = &study.axes[axis];
+                columns.push(Column {
+                    name: format!("{name}_at_{}", axis.short_key()),
+                    unit: axis.unit(),
+                    doc: format!("where {} is the {} of {name}", axis.key, axis.reduce.map_or("", Reduction::name)),
+                });
+            }
+        }
+    }
+    columns.push(Column {
+        name: "unresolved".into(),
+        unit: "",
+        doc: "how often too many events fell on one instant and the motion went on without resolving them".into(),
+    });
+    columns
+}
+
+/// Name of a quantile's column: `x_over_z_q05`.
+fn quantile_name(metric: &str, quantile: f64) -> String {
+    let percent = 100.0 * quantile;
+    if (percent - percent.round()).abs() < 1e-9 {
+        format!("{metric}_q{:02.0}", percent)
+    } else {
+        format!("{metric}_q{percent}").replace('.', "_")
+    }
+}
+
+/// The column that stands for a metric in maps and for the best point: the metric itself, or its median over the starts.
+#[must_use]
+pub fn main_column(study: &Study, metric: Metric) -> String {
+    let Some(ensemble) = &study.ensemble else { return metric.name().into() };
+    let nearest = ensemble.quantiles.iter().min_by(|a, b| (*a - 0.5).abs().total_cmp(&(*b - 0.5).abs()));
+    nearest.map_or_else(|| format!("{}_max", metric.name()), |quantile| quantile_name(metric.name(), *quantile))
+}
+
+/// Reduced axes with a largest or smallest value, and so a place of it.
+fn extreme_axes(study: &Study) -> impl Iterator<Item = usize> {
+    let is_extreme = |place: &usize| study.axes[*place].reduce != Some(Reduction::Mean);
+    study.points.reduced().iter().copied().filter(is_extreme)
+}
+
+/// Computes a row of the table: values of the columns that [`columns`] names.
+///
+/// # Errors
+/// The refusal of a case that the axes make.
+pub fn row(study: &Study, row: u64) -> Result<Vec<f64>, Refusal> {
+    let points = study.points.points_per_row(&study.axes).unwrap_or(0);
+    let shares: Vec<Option<f64>> = match &study.ensemble {
+        None => vec![None],
+        Some(ensemble) => ensemble.shares.iter().copied().map(Some).collect(),
+    };
+    // By metric, then by start, then by point.
+    let mut values = vec![vec![Vec::with_capacity(points as usize); shares.len()]; study.metrics.len()];
+    let mut unresolved = 0.0;
+    for point in 0..points {
+        let case = study.case_with(&study.points.values(&study.axes, row, point))?;
+        for (start, share) in shares.iter().enumerate() {
+            let case = share.map_or_else(|| case.clone(), |share| started_at(&case, share));
+            let (figures, given_up) = figures(&case, study.record)?;
+            unresolved += given_up;
+            let needs_analysis = study.metrics.iter().any(|metric| metric.needs_analysis());
+            let periodicity = needs_analysis.then(|| periodicity(&case, study.record));
+            let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
+            for (metric, values) in study.metrics.iter().zip(&mut values) {
+                values[start].push(metric.value(&figures, reference_m, periodicity.as_ref()));
+            }
+        }
+    }
+    let mut row_values = Vec::new();
+    for of_metric in &values {
+        let reduced: Vec<(f64, Vec<Value>)> = of_metric.iter().map(|values| reduce(study, row, values)).collect();
+        match &study.ensemble {
+            None => {
+                row_values.push(reduced[0].0);
+                let number = |value: &Value| if let Value::Number(number) = value { *number } else { f64::NAN };
+                row_values.extend(extreme_axes(study).map(|axis| number(&reduced[0].1[axis])));
+            }
+            Some(ensemble) => {
+                let mut sorted: Vec<f64> = reduced.iter().map(|(value, _)| *value).collect();
+                sorted.sort_by(f64::total_cmp);
+                row_values.push(quantile(&sorted, 0.0));
+                row_values.extend(ensemble.quantiles.iter().map(|share| quantile(&sorted, *share)));
+                row_values.push(quantile(&sorted, 1.0));
+            }
+        }
+    }
+    row_values.push(unresolved);
+    Ok(row_values)
+}
+
+/// The case with its particle at this share of the clearance from the centre.
+fn started_at(case: &Case, share: f64) -> Case {
+    let mut case = case.clone();
+    if let Some(particle) = &case.set_up.particle {
+        case.initial.y_m = case.initial.x_m + share * particle.clearance_m;
+    }
+    case
+}
+
+/// A quantile of sorted values, linear between them (type 7 of Hyndman and Fan); not a number if one of them is not.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    // `total_cmp` sorts them to the ends.
+    if sorted.first().is_none_or(|first| first.is_nan()) || sorted.last().is_some_and(|last| last.is_nan()) {
+        return f64::NAN;
+    }
+    let at = share * (sorted.len() - 1) as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])
+}
+
+/// Reduces the values at all points of a row to one, with the values of the axes there.
+fn reduce(study: &Study, row: u64, values: &[f64]) -> (f64, Vec<Value>) {
+    let mut level: Vec<(f64, u64)> = values.iter().copied().zip(0..).collect();
+    for &axis in study.points.reduced().iter().rev() {
+        let Some(reduction) = study.axes[axis].reduce else { continue };
+        level = level
+            .chunks(study.axes[axis].count())
+            .map(|chunk| {
+                let (value, place) = reduction.of(&chunk.iter().map(|(value, _)| *value).collect::<Vec<_>>());
+                (value, chunk[place].1)
+            })
+            .collect();
+    }
+    let (value, point) = level[0];
+    (value, study.points.values(&study.axes, row, point))
+}
+
+/// Simulates a case; also how often the event search was given up.
+fn figures(case: &Case, record: Option<Record>) -> Result<(Figures, f64), Refusal> {
+    if case.record.is_some() {
+        return figures_on_record(case);
+    }
+    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
+    let counted = Counted::of(case, record);
+    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
+    let from_s = counted.first_cycle * counted.cycle_s;
+    motion.run(from_s, &mut ());
+    let first_cycle = counted.first_cycle as u64;
+    let wanted = Wanted { cycle_s: Some(counted.cycle_s), steady_from_cycle: Some(first_cycle), whole_run: true };
+    let mut response = Response::new(wanted);
+    response.skip_to(first_cycle);
+    motion.run(counted.end_s, &mut response);
+    response.finish(motion.time_s());
+    let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
+    let figures = Figures {
+        mean_cycle_max_m,
+        largest_cycle_max_m,
+        max_abs_x_m: response.max_abs_x_m(),
+        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
+        rms_x_m: response.rms_x_m(),
+        impacts: response.impact_count() as f64,
+        cycles: (counted.end_s - from_s) / counted.cycle_s,
+        // A soft wall that was never touched has exerted no force.
+        peak_contact_force_n: response.peak_contact_force_n().unwrap_or(0.0),
+    };
+    Ok((figures, f64::from(motion.unresolved())))
+}
+
+fn figures_on_record(case: &Case) -> Result<(Figures, f64), Refusal> {
+    let mut go_on = |_: f64| true;
+    let options = RunOptions { keep: false, longest_part_s: case.run.duration_s, go_on: &mut go_on };
+    let summary = simulate(case, &mut (), options).map_err(|invalid| Refusal(invalid.to_string()))?.summary;
+    let figures = Figures {
+        mean_cycle_max_m: f64::NAN,
+        largest_cycle_max_m: f64::NAN,
+        max_abs_x_m: summary.max_abs_x_m,
+        max_abs_x_minus_z_m: summary.max_abs_x_minus_z_m,
+        rms_x_m: summary.rms_x_m,
+        impacts: summary.impact_count as f64,
+        cycles: case.run.duration_s / case.cycle_s(),
+        peak_contact_force_n: summary.peak_contact_force_n.unwrap_or(0.0),
+    };
+    Ok((figures, f64::from(summary.unresolved)))
+}
+
+fn periodicity(case: &Case, record: Option<Record>) -> Periodicity {
+    let mut case = case.clone();
+    case.run.duration_s = Counted::of(&case, record).end_s;
+    Periodicity::of(&case)
+}
+
+/// Longest computing time of [`trial_s`], about.
+const TRIAL: Duration = Duration::from_millis(50);
+
+/// Estimated computing time of a row, s, from the beginning of one of its simulations.
+///
+/// # Errors
+/// The refusal of a case that the axes make.
+pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
+    let start = Instant::now();
+    let case = study.case_with(&study.points.values(&study.axes, row, 0))?;
+    let reading_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let simulating_s = if case.record.is_some() {
+        figures(&case, None)?;
+        start.elapsed().as_secs_f64()
+    } else {
+        let end_s = Counted::of(&case, study.record).end_s;
+        let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)
+            .map_err(|invalid| Refusal(invalid.to_string()))?;
+        let mut response = Response::new(Wanted { cycle_s: Some(case.cycle_s()), ..Wanted::default() });
+        let mut until_s = (8.0 * case.cycle_s()).min(end_s);
+        loop {
+            motion.run(until_s, &mut response);
+            if until_s >= end_s || start.elapsed() > TRIAL {
+                break;
+            }
+            until_s = (2.0 * until_s).min(end_s);
+        }
+        start.elapsed().as_secs_f64() * end_s / until_s
+    };
+    let needs_analysis = study.metrics.iter().any(|metric| metric.needs_analysis());
+    // The analysis runs the motion again, and some of its periods many times.
+    let times = if needs_analysis { 4.0 } else { 1.0 };
+    Ok((reading_s + times * simulating_s) * study.simulations_per_row() as f64)
+}
+
+/// Simulated cycles of a row at its first point, for estimates and for the size of parts.
+#[must_use]
+pub fn cycles_per_row(study: &Study) -> f64 {
+    let values = study.points.values(&study.axes, 0, 0);
+    let cycles = study.case_with(&values).map_or(1.0, |case| {
+        let counted = Counted::of(&case, study.record);
+        counted.end_s / counted.cycle_s
+    });
+    cycles * study.simulations_per_row() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quantile_lies_between_the_sorted_values() {
+        let sorted = [1.0, 2.0, 4.0];
+        assert_eq!([0.0, 0.25, 0.5, 0.75, 1.0].map(|share| quantile(&sorted, share)), [1.0, 1.5, 2.0, 3.0, 4.0]);
+        assert!(quantile(&[1.0, f64::NAN], 0.0).is_nan());
+        assert_eq!(quantile_name("x_over_z", 0.05), "x_over_z_q05");
+        assert_eq!(quantile_name("x_over_z", 0.975), "x_over_z_q97_5");
+    }
+}

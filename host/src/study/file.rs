@@ -1,0 +1,319 @@
+//! Reads a study file: the case, its axes, and what is computed.
+
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::axis::{self, Axis, Value};
+use super::evaluate::Record;
+use super::keys::{ensemble, record, sampling, study as keys};
+use super::metric::Metric;
+use super::points::{Method, Points, Sampling};
+use crate::input::{Problem, Refusal, Section, Source, near};
+use crate::simulation::case::default_name;
+use crate::simulation::{Case, SetValues};
+
+/// Most corners of the grid that are checked before a study.
+const MOST_CORNERS: u32 = 64;
+
+/// Most values of one axis that are checked before a study.
+const MOST_CHECKED: usize = 1_000;
+
+/// Quantiles over the starts unless the study states others.
+const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
+
+/// Several starts of the particle at each point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ensemble {
+    /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1.
+    pub shares: Vec<f64>,
+    /// Quantiles over the starts that the table has, rising.
+    pub quantiles: Vec<f64>,
+}
+
+/// A study as read.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Name, as figures show it.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// Path of the case.
+    pub case_path: PathBuf,
+    /// Text of the case.
+    pub case_text: String,
+    /// Axes in the order of the file.
+    pub axes: Vec<Axis>,
+    /// What its points are.
+    pub points: Points,
+    /// What is counted; as the case's `run` says without one.
+    pub record: Option<Record>,
+    /// Several starts, if any.
+    pub ensemble: Option<Ensemble>,
+    /// What is computed, in the order of the file.
+    pub metrics: Vec<Metric>,
+    /// The metric whose best value is marked.
+    pub objective: Metric,
+    /// The largest value is the best.
+    pub is_maximum: bool,
+    /// Rows of a part of the results, if the study states them.
+    pub rows_per_part: Option<u64>,
+    /// SHA-256 of all that the results follow from: study, case, and the files that the case names.
+    pub identity: String,
+}
+
+impl Study {
+    /// Reads a study and its case, and checks the case at the ends of every axis.
+    ///
+    /// # Errors
+    /// Lists all problems of the file, or those of the case with values of the axes.
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        let source = Source::read(path)?;
+        let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path));
+        source.verdict()?;
+        let mut study = study.ok_or_else(|| Refusal(format!("{}: the study could not be read", path.display())))?;
+        study.check(&source)?;
+        study.identity = study.digest();
+        Ok(study)
+    }
+
+    /// Rows of the table.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.points.rows(&self.axes).unwrap_or(u64::MAX)
+    }
+
+    /// Simulations behind each row.
+    #[must_use]
+    pub fn simulations_per_row(&self) -> u64 {
+        let starts = self.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len()) as u64;
+        self.points.points_per_row(&self.axes).unwrap_or(u64::MAX).saturating_mul(starts)
+    }
+
+    /// The case with values of the axes.
+    ///
+    /// # Errors
+    /// Names the key, its value and what is allowed.
+    pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
+        let line = |(axis, value): (&Axis, &Value)| format!("{} = {}\n", axis.key, value.toml());
+        let lines: String = self.axes.iter().zip(values).map(line).collect();
+        let set = SetValues { origin: "the axes of the study".into(), lines };
+        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str());
+        Case::parse_changed(&source, &default_name(&self.case_path), &set)
+    }
+
+    /// Whether `new` is a better value of the objective than `old`.
+    #[must_use]
+    pub fn is_better(&self, new: f64, old: f64) -> bool {
+        if self.is_maximum { new > old } else { new < old }
+    }
+
+    /// Checks each value of each axis with the first values of the others, and the corners of the grid.
+    fn check(&self, source: &Source) -> Result<(), Refusal> {
+        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        self.check_metrics(source, &first)?;
+        for (place, axis) in self.axes.iter().enumerate() {
+            for value in axis.checked_values().into_iter().take(MOST_CHECKED) {
+                let mut values = first.clone();
+                values[place] = value;
+                self.check_at(&values)?;
+            }
+        }
+        let ends: Vec<[Value; 2]> = self.axes.iter().filter_map(ends).collect();
+        let corners = 1u32.checked_shl(ends.len() as u32).map_or(MOST_CORNERS, |all| all.min(MOST_CORNERS));
+        for corner in 0..corners {
+            let end = |(place, ends): (usize, &[Value; 2])| ends[(corner >> place.min(31) & 1) as usize].clone();
+            self.check_at(&ends.iter().enumerate().map(end).collect::<Vec<_>>())?;
+        }
+        Ok(())
+    }
+
+    fn check_at(&self, values: &[Value]) -> Result<(), Refusal> {
+        let case = self.case_with(values)?;
+        if self.ensemble.is_some() && case.set_up.particle.is_none() {
+            return Err(Refusal(format!(
+                "[ensemble] is for a particle, and {} has none\n  leave it out",
+                self.case_path.display()
+            )));
+        }
+        if self.record.is_some() && case.record.is_some() {
+            return Err(Refusal(format!(
+                "[record] counts cycles, and the base of {} follows a record\n  leave it out: the whole record counts",
+                self.case_path.display()
+            )));
+        }
+        Ok(())
+    }
+
+    fn check_metrics(&self, source: &Source, values: &[Value]) -> Result<(), Refusal> {
+        let case = self.case_with(values)?;
+        for metric in &self.metrics {
+            if let Some(why) = metric.refusal(&case) {
+                source.report(Problem {
+                    title: format!("the metric {:?} does not go with this case", metric.name()),
+                    span: source.locate(&[crate::input::locate::Step::Key(keys::METRICS.name())]).unwrap_or_default(),
+                    allowed: why.into(),
+                    help: None,
+                });
+            }
+        }
+        source.verdict()
+    }
+
+    fn digest(&self) -> String {
+        let mut digest = Sha256::new();
+        for part in [super::data_set::FORMAT, crate::VERSION_LINE, &self.text, &self.case_text] {
+            digest.update((part.len() as u64).to_le_bytes());
+            digest.update(part);
+        }
+        // The other files that the case names: what it was read to be at its first point.
+        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        if let Ok(case) = self.case_with(&first) {
+            digest.update(format!("{case:?}"));
+        }
+        digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// Both ends of an axis.
+fn ends(axis: &Axis) -> Option<[Value; 2]> {
+    let mut values = axis.checked_values();
+    let last = values.pop()?;
+    let first = values.into_iter().next().unwrap_or_else(|| last.clone());
+    Some([first, last])
+}
+
+fn read_root(root: &Section, path: &Path) -> Option<Study> {
+    let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
+    let case = root.text_of(&keys::CASE).and_then(|case| {
+        let case_path = path.parent().unwrap_or(Path::new("")).join(&case.value);
+        match Source::read(&case_path) {
+            Ok(source) => Some((case_path, source.text().to_string())),
+            Err(error) => {
+                let help = "write the path of a case relative to the study".to_string();
+                root.refuse("case", &case.span, error.to_string().replace('\n', ";"), Some(help));
+                None
+            }
+        }
+    });
+    let metrics = read_metrics(root);
+    let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
+    let goal = root.word(&keys::GOAL);
+    let rows_per_part = root.scalar(&keys::PART);
+    let sampling_section = root.table_of(&keys::SAMPLING, None);
+    let sampling = sampling_section.as_ref().and_then(read_sampling);
+    let axes: Vec<Option<Axis>> =
+        root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some())).collect();
+    let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
+    let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
+    let axes = axes.into_iter().collect::<Option<Vec<Axis>>>()?;
+    check_axes(root, &axes, sampling);
+    let (metrics, (case_path, case_text)) = (metrics?, case?);
+    let objective = objective.or(metrics.first().copied())?;
+    if !metrics.contains(&objective) {
+        let help = Some(format!("add {:?} to `metrics`", objective.name()));
+        root.reject(keys::OBJECTIVE.name(), "must be one of the metrics", help);
+    }
+    let points = Points::new(&axes, sampling);
+    if points.rows(&axes).is_none() || points.points_per_row(&axes).is_none() {
+        root.reject(keys::AXIS.name(), "has more points than a program can count", None);
+    }
+    Some(Study {
+        name,
+        text: root.source().text().to_string(),
+        case_path,
+        case_text,
+        points,
+        axes,
+        record: record.unwrap_or(Some(None))?,
+        ensemble: ensemble.unwrap_or(Some(None))?,
+        metrics,
+        objective,
+        is_maximum: goal? == 1,
+        rows_per_part: rows_per_part.map(|rows| rows as u64),
+        identity: String::new(),
+    })
+}
+
+fn read_metrics(root: &Section) -> Option<Vec<Metric>> {
+    let texts = root.texts_of(&keys::METRICS)?;
+    let mut metrics = Vec::new();
+    for text in &texts {
+        let Some(metric) = Metric::ALL.into_iter().find(|metric| metric.name() == text.value) else {
+            let names = Metric::ALL.map(Metric::name);
+            let help = near(&text.value, names).first().map(|name| format!("did you mean {name:?}?"));
+            root.refuse(keys::METRICS.name(), &text.span, format!("must be of {}", names.join(", ")), help);
+            return None;
+        };
+        if metrics.contains(&metric) {
+            root.refuse(keys::METRICS.name(), &text.span, "is named twice", None);
+            return None;
+        }
+        metrics.push(metric);
+    }
+    if metrics.is_empty() {
+        root.reject(keys::METRICS.name(), "must name at least one metric", None);
+        return None;
+    }
+    Some(metrics)
+}
+
+fn check_axes(root: &Section, axes: &[Axis], sampling: Option<Sampling>) {
+    if axes.is_empty() {
+        root.source().report(Problem {
+            title: "`axis` is missing".into(),
+            span: root.span(),
+            allowed: "a study varies at least one key of its case".into(),
+            help: Some("add a table [[axis]] with `key` and `values`".into()),
+        });
+    }
+    for (place, axis) in axes.iter().enumerate() {
+        if axes[..place].iter().any(|other| other.key == axis.key) {
+            root.refuse(keys::AXIS.name(), &axis.span, "two axes have this key", Some("leave one out".into()));
+        }
+    }
+    let is_drawn = axes.iter().any(|axis| matches!(axis.values, axis::Values::Drawn { .. }));
+    if sampling.is_some() && !is_drawn {
+        let help = "leave out the `count` of the axes that are to be drawn from, or this table";
+        root.reject(keys::SAMPLING.name(), "there is no range to draw from", Some(help.into()));
+    }
+}
+
+fn read_sampling(s: &Section) -> Option<Sampling> {
+    let method = s.word(&sampling::METHOD);
+    let count = s.scalar(&sampling::COUNT);
+    let seed = s.scalar(&sampling::SEED);
+    s.finish();
+    let method = if method? == 0 { Method::LatinHypercube } else { Method::Sobol };
+    Some(Sampling { method, count: count? as usize, seed: seed.unwrap_or(1.0) as u64 })
+}
+
+fn read_record(s: &Section) -> Option<Option<Record>> {
+    let length = s.one_of(&record::LENGTH);
+    let settle = s.one_of(&record::SETTLE);
+    s.finish();
+    let (length, settle) = (length?, settle?);
+    Some(Some(Record {
+        cycles: (length.0 == 0).then_some(length.1),
+        duration_s: (length.0 == 1).then_some(length.1),
+        settle_cycles: if settle.0 == 0 { settle.1 } else { 0.0 },
+        settle_s: if settle.0 == 1 { settle.1 } else { 0.0 },
+    }))
+}
+
+fn read_ensemble(s: &Section) -> Option<Option<Ensemble>> {
+    let starts = s.scalar(&ensemble::STARTS);
+    let quantiles = s.numbers_of(&ensemble::QUANTILES);
+    let is_given = s.is_given(&ensemble::QUANTILES);
+    s.finish();
+    let last = starts? - 1.0;
+    let shares = (0..=last as usize).map(|n| 2.0 * (n as f64 / last) - 1.0).collect();
+    let mut quantiles: Vec<f64> = match quantiles {
+        Some(quantiles) => quantiles.iter().map(|number| number.value).collect(),
+        None if is_given => return None,
+        None => QUANTILES.to_vec(),
+    };
+    quantiles.sort_by(f64::total_cmp);
+    quantiles.dedup();
+    Some(Some(Ensemble { shares, quantiles }))
+}

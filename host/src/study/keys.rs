@@ -1,0 +1,67 @@
+//! Declares the keys of a study file.
+
+use super::metric::Metric;
+use crate::input::key::DefaultValue::{Number, Word};
+use crate::input::key::Need::{Default, IfWord, Optional, Required};
+use crate::input::key::Range::{Any, Between, Positive, Whole};
+use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, names, number, tables, word};
+
+/// Names of the metrics.
+pub(super) const METRIC_NAMES: &[&str] = names!(Metric::ALL, metric => metric.name());
+
+tables! {
+    "All tables of a study."
+
+    "The top level of a study."
+    study("") {
+        NAME: Optional, [key("name", Kind::Text, "name of the study in figures; the file name when left out")];
+        CASE: Required, [key("case", Kind::Text, "the case that the study varies; relative to this file")];
+        METRICS: Required, [key("metrics", Kind::Texts, "what is computed at each point, e.g. metrics = [\"x_over_z\"]; docs/STUDIES.md lists them")];
+        OBJECTIVE: Optional, [word("objective", METRIC_NAMES, "the metric whose best value is shown and marked; the first metric when left out")];
+        GOAL: Default(Word("minimum")), [word("goal", &["minimum", "maximum"], "whether the smallest or the largest value of the objective is the best")];
+        AXIS: Required, [key("axis", Kind::Tables, "what is varied, a table for each key of the case")];
+        SAMPLING: Optional, [key("sampling", Kind::Table, "points drawn from the ranges of the axes without a `count`, in place of a grid")];
+        RECORD: Optional, [key("record", Kind::Table, "what is counted of each simulation; default: as the case's `run` says")];
+        PART: Optional, [number("points_per_part", Whole(1.0, 1e6), "points of a part of the results: a kill costs those being computed; default: about two million cycles")];
+        ENSEMBLE: Optional, [key("ensemble", Kind::Table, "several starts of the particle at each point")];
+    }
+
+    "An axis: one key of the case and its values."
+    axis("axis") {
+        KEY: Required, [key("key", Kind::Text, "the key with its tables, as in the case: particle.clearance_ratio")];
+        FROM: Optional, [number("from", Any, "first value of a range")];
+        TO: Optional, [number("to", Any, "last value of the range; greater than `from`")];
+        COUNT: Optional, [number("count", Whole(2.0, 1e6), "number of values of the range; left out with [sampling]: drawn from the range")];
+        SCALE: Default(Word("linear")), [word("scale", &["linear", "log"], "spacing of the values in the range")];
+        VALUES: Optional, [
+            key("values", Kind::Numbers(Any), "the values, in place of a range"),
+            key("words", Kind::Texts, "the values of a key that takes words, in place of a range"),
+        ];
+        REDUCE: Optional, [word("reduce", &["maximum", "minimum", "mean"], "the points of this axis become one: the largest (smallest, mean) value over it")];
+    }
+
+    "Points drawn from the ranges of the axes without a `count`."
+    sampling("sampling") {
+        METHOD: Required, [word("method", &["latin_hypercube", "sobol"], "how points are drawn")];
+        COUNT: Required, [number("count", Whole(1.0, 1e8), "number of points")];
+        SEED: IfWord(&METHOD, "latin_hypercube", &Default(Number(1.0)), &Optional), [number("seed", Whole(0.0, MOST_WHOLE), "of the random numbers of a Latin hypercube")];
+    }
+
+    "What is counted of each simulation."
+    record("record") {
+        LENGTH: Required, [
+            number("cycles", Whole(1.0, 1e9), "counted cycles of the drive, or of the structure without one"),
+            number("duration_s", Positive, "counted time; the cycle maxima are those of its whole cycles"),
+        ];
+        SETTLE: Default(Number(0.0)), [
+            number("settle_cycles", Whole(0.0, 1e9), "cycles simulated before, from rest, not counted"),
+            number("settle_s", Positive, "time simulated before, from rest, not counted; rounded up to whole cycles"),
+        ];
+    }
+
+    "Several starts of the particle at each point."
+    ensemble("ensemble") {
+        STARTS: Required, [number("starts", Whole(2.0, 10_000.0), "number of starts, evenly spread from one wall to the other")];
+        QUANTILES: Optional, [key("quantiles", Kind::Numbers(Between(0.0, 1.0)), "quantiles over the starts that the table has; default: 0.05, 0.5 and 0.95")];
+    }
+}

@@ -1,0 +1,191 @@
+//! The points of a study: a grid of the axes, or draws from their ranges times the grid of the others.
+
+use rand_core::{RngCore, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use sobol::Sobol;
+use sobol::params::JoeKuoD6;
+
+use super::axis::{Axis, Value, Values};
+
+/// How points are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// In each dimension one point in each of `count` equal parts (McKay, Beckman and Conover 1979).
+    LatinHypercube,
+    /// Sobol's sequence with the direction numbers of Joe and Kuo (2008), from its first point.
+    Sobol,
+}
+
+/// Drawn points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    /// How.
+    pub method: Method,
+    /// How many.
+    pub count: usize,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+impl Sampling {
+    /// Shares of the ranges, 0 to 1, a list of `dimensions` for each point.
+    #[must_use]
+    pub fn shares(&self, dimensions: usize) -> Vec<Vec<f64>> {
+        match self.method {
+            Method::Sobol => Sobol::<f64>::new(dimensions, &JoeKuoD6::standard()).take(self.count).collect(),
+            Method::LatinHypercube => latin_hypercube(self.count, dimensions, self.seed),
+        }
+    }
+}
+
+fn latin_hypercube(count: usize, dimensions: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut unit = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let mut points = vec![vec![0.0; dimensions]; count];
+    for dimension in 0..dimensions {
+        let mut part: Vec<usize> = (0..count).collect();
+        // Fisher and Yates.
+        for last in (1..count).rev() {
+            part.swap(last, ((unit() * (last + 1) as f64) as usize).min(last));
+        }
+        for (point, part) in points.iter_mut().zip(part) {
+            point[dimension] = (part as f64 + unit()) / count as f64;
+        }
+    }
+    points
+}
+
+/// The points of a study. A row of the table is a point of the axes that are kept; the points of reduced axes become one.
+#[derive(Clone, Debug)]
+pub struct Points {
+    kept: Vec<usize>,
+    reduced: Vec<usize>,
+    drawn: Vec<usize>,
+    shares: Option<Vec<Vec<f64>>>,
+}
+
+impl Points {
+    /// Of axes, some of which may be drawn from.
+    #[must_use]
+    pub fn new(axes: &[Axis], sampling: Option<Sampling>) -> Self {
+        let places = |of: &dyn Fn(&Axis) -> bool| {
+            axes.iter().enumerate().filter(|(_, axis)| of(axis)).map(|(place, _)| place).collect::<Vec<_>>()
+        };
+        let drawn = places(&|axis| matches!(axis.values, Values::Drawn { .. }));
+        let shares = sampling.map(|sampling| sampling.shares(drawn.len()));
+        Self {
+            kept: places(&|axis| axis.reduce.is_none()),
+            reduced: places(&|axis| axis.reduce.is_some()),
+            drawn,
+            shares,
+        }
+    }
+
+    /// Places of the axes that are columns of the table.
+    #[must_use]
+    pub fn kept(&self) -> &[usize] {
+        &self.kept
+    }
+
+    /// Places of the axes whose points become one.
+    #[must_use]
+    pub fn reduced(&self) -> &[usize] {
+        &self.reduced
+    }
+
+    /// Rows of the table; `None` if there are more than a program can count.
+    #[must_use]
+    pub fn rows(&self, axes: &[Axis]) -> Option<u64> {
+        let draws = self.shares.as_ref().map_or(1, Vec::len) as u64;
+        self.kept.iter().try_fold(draws, |rows, &place| rows.checked_mul(axes[place].count() as u64))
+    }
+
+    /// Simulations behind a row, without several starts; `None` if there are more than a program can count.
+    #[must_use]
+    pub fn points_per_row(&self, axes: &[Axis]) -> Option<u64> {
+        self.reduced.iter().try_fold(1u64, |points, &place| points.checked_mul(axes[place].count() as u64))
+    }
+
+    /// The values of all axes at a point: the first axis varies slowest, a draw slower than any.
+    #[must_use]
+    pub fn values(&self, axes: &[Axis], row: u64, point: u64) -> Vec<Value> {
+        let mut places = vec![0usize; axes.len()];
+        let rest = unravel(row, &self.kept, axes, &mut places);
+        unravel(point, &self.reduced, axes, &mut places);
+        let share = |place: usize| {
+            let dimension = self.drawn.iter().position(|drawn| *drawn == place)?;
+            Some(self.shares.as_ref()?[rest as usize][dimension])
+        };
+        axes.iter().enumerate().map(|(place, axis)| axis.value(places[place], share(place).unwrap_or(0.0))).collect()
+    }
+}
+
+/// Writes the place along each of the `chosen` axes; returns what is left of the number.
+fn unravel(number: u64, chosen: &[usize], axes: &[Axis], places: &mut [usize]) -> u64 {
+    chosen.iter().rev().fold(number, |rest, &axis| {
+        let count = axes[axis].count() as u64;
+        places[axis] = (rest % count) as usize;
+        rest / count
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::axis::Reduction;
+    use super::*;
+
+    fn axis(key: &str, values: Values, reduce: Option<Reduction>) -> Axis {
+        Axis { key: key.into(), values, is_log: false, reduce, span: 0..0 }
+    }
+
+    #[test]
+    fn a_latin_hypercube_has_one_point_in_each_part_of_each_dimension() {
+        let points = latin_hypercube(50, 3, 7);
+        for dimension in 0..3 {
+            let mut parts: Vec<usize> = points.iter().map(|point| (point[dimension] * 50.0) as usize).collect();
+            parts.sort_unstable();
+            assert_eq!(parts, (0..50).collect::<Vec<_>>());
+        }
+        assert_eq!(points, latin_hypercube(50, 3, 7));
+        assert_ne!(points, latin_hypercube(50, 3, 8));
+    }
+
+    #[test]
+    fn sobol_points_are_those_of_joe_and_kuo() {
+        // The first points of their reference program, in three dimensions.
+        let points = Sampling { method: Method::Sobol, count: 5, seed: 1 }.shares(3);
+        let expected =
+            [[0.0, 0.0, 0.0], [0.5, 0.5, 0.5], [0.75, 0.25, 0.25], [0.25, 0.75, 0.75], [0.375, 0.375, 0.625]];
+        assert_eq!(points, expected.map(Vec::from));
+    }
+
+    #[test]
+    fn rows_run_through_the_kept_axes_and_points_through_the_reduced_ones() {
+        let number = Values::Numbers;
+        let axes = [
+            axis("a", number(vec![1.0, 2.0]), None),
+            axis("f", number(vec![7.0, 8.0, 9.0]), Some(Reduction::Maximum)),
+            axis("b", number(vec![0.1, 0.2, 0.3]), None),
+        ];
+        let points = Points::new(&axes, None);
+        assert_eq!((points.rows(&axes), points.points_per_row(&axes)), (Some(6), Some(3)));
+        let at = |row, point| {
+            let values = points.values(&axes, row, point);
+            values.iter().map(|value| if let Value::Number(n) = value { *n } else { f64::NAN }).collect::<Vec<_>>()
+        };
+        assert_eq!(at(0, 0), [1.0, 7.0, 0.1]);
+        assert_eq!(at(1, 2), [1.0, 9.0, 0.2]);
+        assert_eq!(at(5, 1), [2.0, 8.0, 0.3]);
+    }
+
+    #[test]
+    fn draws_are_multiplied_by_the_grid_of_the_other_axes() {
+        let axes = [
+            axis("a", Values::Drawn { from: 10.0, to: 20.0, is_log: false }, None),
+            axis("w", Values::Words(vec!["x".into(), "y".into()]), None),
+        ];
+        let points = Points::new(&axes, Some(Sampling { method: Method::Sobol, count: 4, seed: 1 }));
+        assert_eq!(points.rows(&axes), Some(8));
+        assert_eq!(points.values(&axes, 5, 0), [Value::Number(17.5), Value::Word("y".into())]);
+    }
+}

@@ -1,0 +1,124 @@
+//! Runs a study on this machine: part after part, the rows of each on all cores.
+
+use rayon::prelude::*;
+
+use super::data_set::DataSet;
+use super::evaluate::{columns, cycles_per_row, main_column, row, trial_s};
+use super::file::Study;
+use crate::input::Refusal;
+
+/// Rows tried for an estimate.
+const TRIED_ROWS: u64 = 8;
+
+/// Where a study is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Rows of the table.
+    pub rows: u64,
+    /// Rows that are done, those of an earlier run among them.
+    pub done: u64,
+    /// The best row so far and its value of the objective.
+    pub best: Option<(u64, f64)>,
+}
+
+/// How a study ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All parts are there.
+    Complete,
+    /// It was stopped; the parts so far are kept.
+    Stopped,
+}
+
+/// Estimated computing time of a whole study on one core, s, from the beginnings of some simulations spread over it.
+///
+/// # Errors
+/// The refusal of a case that the axes make.
+pub fn estimate_s(study: &Study) -> Result<f64, Refusal> {
+    let rows = study.rows();
+    let tried = rows.min(TRIED_ROWS);
+    let mut seconds = 0.0;
+    for n in 0..tried {
+        // In the middle of each eighth: not along an edge of the table.
+        let row = (n as f64 + 0.5) / tried as f64 * rows as f64;
+        seconds += trial_s(study, (row as u64).min(rows - 1))?;
+    }
+    Ok(seconds * rows as f64 / tried as f64)
+}
+
+/// Simulated cycles of a whole study, about.
+#[must_use]
+pub fn cycles(study: &Study) -> f64 {
+    cycles_per_row(study) * study.rows() as f64
+}
+
+/// Runs every part that `chosen` names and that is not there yet. `report` sees the progress after each part and within it; it
+/// answers whether to go on.
+///
+/// # Errors
+/// A case that the axes make and that is refused, a part that is not of this study, a part that cannot be written.
+pub fn run(
+    study: &Study,
+    data_set: &DataSet,
+    chosen: impl Fn(u64) -> bool,
+    report: &(dyn Fn(&Progress) -> bool + Sync),
+) -> Result<(Ending, Progress), Refusal> {
+    let manifest = data_set.manifest();
+    let parts: Vec<u64> = (0..manifest.parts()).filter(|part| chosen(*part)).collect();
+    let size = |part: u64| manifest.rows_of(part).end - manifest.rows_of(part).start;
+    let mut progress = Progress { rows: parts.iter().map(|part| size(*part)).sum(), done: 0, best: None };
+    let objective = place_of_objective(study);
+    let mut missing = Vec::new();
+    for part in parts {
+        match data_set.part(part).map_err(|error| Refusal(error.0))? {
+            Some(batch) => {
+                let column = batch.column_by_name(&main_column(study, study.objective));
+                let values = column.and_then(|column| column.as_any().downcast_ref::<arrow_array::Float64Array>());
+                for (place, value) in values.into_iter().flatten().enumerate() {
+                    progress.meet(study, manifest.rows_of(part).start + place as u64, value.unwrap_or(f64::NAN));
+                }
+                progress.done += size(part);
+            }
+            None => missing.push(part),
+        }
+    }
+    for part in missing {
+        if !report(&progress) {
+            return Ok((Ending::Stopped, progress));
+        }
+        let numbers = manifest.rows_of(part);
+        let rows: Option<Vec<Vec<f64>>> = {
+            let computed = |number: u64| {
+                // A part of few long rows is stopped within it.
+                if !report(&Progress { done: progress.done + number - numbers.start, ..progress.clone() }) {
+                    return Ok(None);
+                }
+                row(study, number).map(Some)
+            };
+            numbers.clone().into_par_iter().map(computed).collect::<Result<_, Refusal>>()?
+        };
+        let Some(rows) = rows else { return Ok((Ending::Stopped, progress)) };
+        data_set.write_part(study, part, &rows).map_err(|error| Refusal(error.to_string()))?;
+        for (number, values) in numbers.zip(&rows) {
+            progress.meet(study, number, values[objective]);
+        }
+        progress.done += rows.len() as u64;
+    }
+    report(&progress);
+    Ok((Ending::Complete, progress))
+}
+
+impl Progress {
+    fn meet(&mut self, study: &Study, row: u64, value: f64) {
+        let is_best = self.best.is_none_or(|(_, best)| study.is_better(value, best));
+        if is_best && !value.is_nan() {
+            self.best = Some((row, value));
+        }
+    }
+}
+
+/// Place of the objective among the computed columns.
+fn place_of_objective(study: &Study) -> usize {
+    let name = main_column(study, study.objective);
+    columns(study).iter().position(|column| column.name == name).unwrap_or(0)
+}

@@ -1,0 +1,262 @@
+//! `damprig study`: a table of points that equal single simulations, whatever the threads and interruptions.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::common::{damprig, read_parquet};
+use arrow_array::RecordBatch;
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const CASE: &str = "\
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
+particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }
+run = { duration_s = 8 }
+";
+
+const TWO_AXES: &str = "\
+case = \"case.toml\"
+metrics = [\"x_over_z\", \"max_abs_x_m\", \"rms_x_m\", \"impacts_per_cycle\"]
+points_per_part = 4
+[[axis]]
+key = \"particle.clearance_ratio\"
+values = [6, 9, 12]
+[[axis]]
+key = \"particle.wall.coefficient\"
+from = 0.3
+to = 0.8
+count = 3
+";
+
+fn folder(study: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("case.toml"), CASE).unwrap();
+    std::fs::write(folder.path().join("study.toml"), study).unwrap();
+    folder
+}
+
+fn run(folder: &TempDir, threads: &str, more: &[&str]) -> Output {
+    let mut command = damprig(folder);
+    command.env("RAYON_NUM_THREADS", threads).args(["study", "run", "study.toml"]).args(more);
+    command.output().unwrap()
+}
+
+fn done(folder: &TempDir) -> RecordBatch {
+    let output = run(folder, "2", &["--out", "out"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    table(&folder.path().join("out/table.parquet"))
+}
+
+fn table(path: &Path) -> RecordBatch {
+    let batches = read_parquet(path.to_path_buf());
+    arrow_select::concat::concat_batches(&batches[0].schema(), &batches).unwrap()
+}
+
+fn column(table: &RecordBatch, name: &str) -> Vec<f64> {
+    let column = table.column_by_name(name).unwrap_or_else(|| panic!("no {name} in {:?}", table.schema()));
+    let values = column.as_primitive::<Float64Type>();
+    values.iter().map(|value| value.unwrap_or(f64::NAN)).collect()
+}
+
+fn simulated(folder: &TempDir, set: &[String]) -> Value {
+    let mut command = damprig(folder);
+    command.args(["simulate", "case.toml", "--json"]);
+    for value in set {
+        command.args(["--set", value]);
+    }
+    serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON")
+}
+
+fn refused(study: &str, words: &[&str]) {
+    let folder = folder(study);
+    let output = run(&folder, "2", &["--out", "out"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{study}\n{told}");
+    for word in words {
+        assert!(told.contains(word), "no {word:?} in:\n{told}");
+    }
+    assert!(!folder.path().join("out").exists(), "{study}");
+}
+
+#[test]
+fn every_point_equals_a_single_simulation() {
+    let folder = folder(TWO_AXES);
+    let table = done(&folder);
+    assert_eq!(table.num_rows(), 9);
+    let (d, e) = (column(&table, "particle.clearance_ratio"), column(&table, "particle.wall.coefficient"));
+    for row in 0..9 {
+        let set = [
+            format!("particle.clearance_ratio={:?}", d[row]),
+            format!("particle.wall.coefficient={:?}", e[row]),
+            "run.cycle_s=0.4".into(),
+            "run.steady_from_cycle=0".into(),
+        ];
+        let summary = &simulated(&folder, &set)["summary"];
+        let single = |key: &str| summary[key].as_f64().unwrap();
+        assert_eq!(column(&table, "max_abs_x_m")[row], single("max_abs_x_m"));
+        assert_eq!(column(&table, "rms_x_m")[row], single("rms_x_m"));
+        let mean = single("steady_mean_cycle_max_abs_x_m") / 0.003;
+        assert!((column(&table, "x_over_z")[row] / mean - 1.0).abs() < 1e-14);
+        assert_eq!(column(&table, "impacts_per_cycle")[row], single("impact_count") / 20.0);
+    }
+}
+
+#[test]
+fn the_table_is_the_same_for_one_thread_and_two_and_after_a_part_was_lost() {
+    let folder = folder(TWO_AXES);
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(run(&folder, "1", &["--out", "one"]).status.success());
+    assert!(run(&folder, "2", &["--out", "two"]).status.success());
+    assert_eq!(bytes("one/table.parquet"), bytes("two/table.parquet"));
+    std::fs::remove_file(folder.path().join("two/parts/00000001.parquet")).unwrap();
+    std::fs::remove_file(folder.path().join("two/table.parquet")).unwrap();
+    assert!(run(&folder, "2", &["--out", "two"]).status.success());
+    assert_eq!(bytes("one/table.parquet"), bytes("two/table.parquet"));
+}
+
+#[test]
+fn the_file_says_what_it_is() {
+    let folder = folder(TWO_AXES);
+    let _ = done(&folder);
+    let metadata = metadata_of(&folder.path().join("out/table.parquet"));
+    assert_eq!(metadata["damprig.study"], TWO_AXES);
+    assert_eq!(metadata["damprig.case"], CASE);
+    assert!(metadata["damprig.version"].starts_with("damprig "));
+    let table = table(&folder.path().join("out/table.parquet"));
+    let schema = table.schema();
+    let field = schema.field_with_name("max_abs_x_m").unwrap();
+    assert_eq!(field.metadata().get("unit").map(String::as_str), Some("m"));
+}
+
+fn metadata_of(path: &Path) -> std::collections::HashMap<String, String> {
+    damprig::run_folder::read::parquet_file::metadata(path).expect("it is a Parquet file")
+}
+
+#[test]
+fn a_band_becomes_its_peak_with_its_place() {
+    let band = "[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2.4\nto = 2.6\ncount = 5\n";
+    let metrics = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n[record]\ncycles = 30\nsettle_cycles = 10\n";
+    let clearance = "[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [8, 10]\n";
+    let whole = done(&folder(&format!("{metrics}{clearance}{band}")));
+    let peaks = done(&folder(&format!("{metrics}{clearance}{band}reduce = \"maximum\"\n")));
+    let (all, frequency) = (column(&whole, "x_over_z"), column(&whole, "base.frequency_hz"));
+    for row in 0..2 {
+        let of_row = &all[5 * row..5 * row + 5];
+        let most = of_row.iter().copied().fold(0.0, f64::max);
+        let at = of_row.iter().position(|value| *value == most).unwrap();
+        assert_eq!(column(&peaks, "x_over_z")[row], most);
+        assert_eq!(column(&peaks, "x_over_z_at_frequency_hz")[row], frequency[at]);
+    }
+}
+
+#[test]
+fn an_ensemble_has_its_quantiles_over_starts_from_wall_to_wall() {
+    let top = "case = \"case.toml\"\nmetrics = [\"rms_x_m\"]\n";
+    let axis = "[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [9]\n";
+    let ensemble = "[ensemble]\nstarts = 3\nquantiles = [0.5]\n";
+    let folder = folder(&format!("{top}{ensemble}{axis}"));
+    let table = done(&folder);
+    let starts = ["at_negative_wall", "centre", "at_positive_wall"].map(|start| {
+        let set = ["particle.clearance_ratio=9".into(), format!("particle.start={start}")];
+        simulated(&folder, &set)["summary"]["rms_x_m"].as_f64().unwrap()
+    });
+    let mut sorted = starts;
+    sorted.sort_by(f64::total_cmp);
+    let found = ["rms_x_m_min", "rms_x_m_q50", "rms_x_m_max"].map(|name| column(&table, name)[0]);
+    assert_eq!(found, sorted);
+}
+
+#[test]
+fn drawn_points_lie_in_their_ranges_and_words_are_values_too() {
+    let folder = folder(
+        "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\n[sampling]\nmethod = \"sobol\"\ncount = 8\n\
+         [[axis]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\nscale = \"log\"\n\
+         [[axis]]\nkey = \"particle.start\"\nwords = [\"centre\", \"at_positive_wall\"]\n",
+    );
+    let table = done(&folder);
+    assert_eq!(table.num_rows(), 16);
+    let clearance = column(&table, "particle.clearance_ratio");
+    assert!(clearance.iter().all(|d| (5.0..=20.0).contains(d)) && clearance[0] == 5.0);
+    assert!((clearance[2] - 10.0).abs() < 1e-12, "the second point of the sequence is the middle, of the logarithm");
+    let starts = table.column_by_name("particle.start").unwrap().as_string::<i32>();
+    assert_eq!([starts.value(0), starts.value(1)], ["centre", "at_positive_wall"]);
+}
+
+#[test]
+fn a_wrong_study_is_refused_with_what_is_wrong_and_what_to_do() {
+    let one = "[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [9]\n";
+    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";
+    let cases: &[(&str, &[&str])] = &[
+        (
+            "[[axis]]\nkey = \"particle.clearence_m\"\nvalues = [0.01]\n",
+            &["unknown key", "particle.clearence_m", "clearance_m"],
+        ),
+        (
+            "[[axis]]\nkey = \"particle.clearance_m\"\nfrom = 0.02\nto = 0.01\ncount = 3\n",
+            &["study.toml:6", "greater than `from` = 0.02", "exchange"],
+        ),
+        ("[[axis]]\nkey = \"particle.clearance_m\"\nfrom = 0.02\nto = 0.02\ncount = 3\n", &["values = […]"]),
+        ("[[axis]]\nkey = \"particle.clearance_m\"\nfrom = 0.01\nto = 0.02\n", &["count", "[sampling]"]),
+        ("[[axis]]\nkey = \"particle.clearance_m\"\nvalues = []\n", &["at least one value"]),
+        ("[[axis]]\nkey = \"particle.clearance_m\"\n", &["no values"]),
+        (
+            "[[axis]]\nkey = \"particle.wall.coefficient\"\nvalues = [0.5, 1.5]\n",
+            &["the axes of the study", "1.5", "from 0 to 1"],
+        ),
+        ("", &["`axis` is missing"]),
+    ];
+    for (axis, words) in cases {
+        refused(&format!("{top}{axis}"), words);
+    }
+    refused(
+        &format!("case = \"cas.toml\"\nmetrics = [\"x_over_z\"]\n{one}"),
+        &["cas.toml", "did you mean", "case.toml"],
+    );
+    refused(
+        &format!("case = \"case.toml\"\nmetrics = [\"x_over_y\"]\n{one}"),
+        &["x_over_y", "did you mean \"x_over_z\""],
+    );
+    refused(
+        &format!("case = \"case.toml\"\nmetrics = [\"peak_contact_force_n\"]\n{one}"),
+        &["peak_contact_force_n", "hard wall", "voigt"],
+    );
+    refused(&format!("{top}objective = \"rms_x_m\"\n{one}"), &["objective", "one of the metrics"]);
+    refused(&format!("{top}{one}{one}"), &["two axes"]);
+}
+
+#[test]
+fn a_study_that_changed_since_its_parts_were_written_is_refused() {
+    let folder = folder(TWO_AXES);
+    assert!(run(&folder, "2", &["--out", "out"]).status.success());
+    for (file, from, to, words) in [
+        ("study.toml", "12]", "13]", "the study file has changed"),
+        ("case.toml", "0.0038", "0.0039", "the case has changed"),
+    ] {
+        let path = folder.path().join(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.replace(from, to)).unwrap();
+        let output = run(&folder, "2", &["--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && told.contains(words) && told.contains("--out"), "{told}");
+        std::fs::write(&path, text).unwrap();
+    }
+    std::fs::write(folder.path().join("out/parts/00000000.parquet"), b"PAR1").unwrap();
+    let told = run(&folder, "2", &["--out", "out"]);
+    let told = String::from_utf8_lossy(&told.stderr);
+    assert!(told.contains("00000000.parquet") && told.contains("remove"), "{told}");
+}
+
+#[test]
+fn a_dry_run_says_how_much_it_is_and_a_study_of_days_needs_a_word() {
+    let small = folder(TWO_AXES);
+    let output = run(&small, "2", &["--dry-run"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("9 points") && said.contains("180 cycles"), "{said}");
+    assert!(!small.path().join("studies").exists());
+    let many = TWO_AXES.replace("values = [6, 9, 12]", "from = 1\nto = 30\ncount = 1000000");
+    let large = format!("{many}[record]\ncycles = 1000000000\n");
+    refused(&large, &["about", "--long"]);
+}
