@@ -1,6 +1,6 @@
 //! `damprig study`: runs a study and keeps its table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -10,9 +10,11 @@ use clap::{Args as ClapArgs, Subcommand};
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::report::numbers::{duration, significant};
-use crate::report::terminal;
+use crate::report::{figures, page, terminal};
+use crate::run_folder::own_files;
 use crate::study::data_set::{DataSet, TABLE};
 use crate::study::run::{self, Ending, Progress};
+use crate::study::table::StudyTable;
 use crate::study::{Study, evaluate};
 
 /// Runs studies: a case over many values of its keys.
@@ -63,6 +65,9 @@ Exit codes:
   1    a file could not be written
   2    the command line, the study or its case is wrong
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
+
+/// Name of the page.
+const PAGE: &str = "study.html";
 
 /// Estimated time above which a study starts only with --long, s.
 const DAY_S: f64 = 86_400.0;
@@ -116,13 +121,31 @@ fn run_study(args: &RunArgs) -> Outcome {
         )));
     }
     let table = data_set.join(&study).map_err(Failure::failed)?;
-    debug_assert!(table.ends_with(TABLE));
+    let mut summary = vec![scope];
     if let Some((row, value)) = last.best {
-        say!("{}", terminal::study::best(&study, row, value));
+        summary.push(terminal::study::best(&study, row, value));
+        say!("{}", summary[1]);
     } else {
         let column = evaluate::main_column(&study, study.objective);
         warn!("warning: no point has a value of {column}");
     }
     say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
+    let page = write_figures(&study, &folder, &summary, last.best.map(|(row, _)| row)).map_err(Failure::failed)?;
+    say!("Page:  {}", page.display());
     Ok(())
+}
+
+/// Draws the figures of a study from its table and writes them and the page.
+fn write_figures(study: &Study, folder: &Path, summary: &[String], best: Option<u64>) -> Result<PathBuf, String> {
+    let table = StudyTable::read(&folder.join(TABLE)).map_err(|error| error.to_string())?;
+    let figures = figures::study::draw(study, &table, best);
+    for figure in &figures {
+        match &figure.picture {
+            Ok(picture) => picture.write(folder, &figure.stem).map_err(|error| error.to_string())?,
+            Err(error) => warn!("warning: {}: {error}", figure.stem),
+        }
+    }
+    let page = folder.join(PAGE);
+    own_files::replace(&page, page::study::page(study, summary, figures).as_bytes()).map_err(|e| e.to_string())?;
+    Ok(page)
 }

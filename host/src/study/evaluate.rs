@@ -107,12 +107,17 @@ fn quantile_name(metric: &str, quantile: f64) -> String {
     }
 }
 
+/// The quantile over the starts that stands for all of them: the one nearest the median. `None` without several starts.
+#[must_use]
+pub fn main_quantile(study: &Study) -> Option<f64> {
+    let quantiles = study.ensemble.as_ref()?.quantiles.iter().copied();
+    quantiles.min_by(|a, b| (a - 0.5).abs().total_cmp(&(b - 0.5).abs()))
+}
+
 /// The column that stands for a metric in maps and for the best point: the metric itself, or its median over the starts.
 #[must_use]
 pub fn main_column(study: &Study, metric: Metric) -> String {
-    let Some(ensemble) = &study.ensemble else { return metric.name().into() };
-    let nearest = ensemble.quantiles.iter().min_by(|a, b| (*a - 0.5).abs().total_cmp(&(*b - 0.5).abs()));
-    nearest.map_or_else(|| format!("{}_max", metric.name()), |quantile| quantile_name(metric.name(), *quantile))
+    main_quantile(study).map_or_else(|| metric.name().into(), |quantile| quantile_name(metric.name(), quantile))
 }
 
 /// Reduced axes with a largest or smallest value, and so a place of it.

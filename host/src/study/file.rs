@@ -313,6 +313,14 @@ fn read_ensemble(s: &Section) -> Option<Option<Ensemble>> {
         None if is_given => return None,
         None => QUANTILES.to_vec(),
     };
+    if quantiles.is_empty() {
+        s.reject(
+            ensemble::QUANTILES.name(),
+            "must have at least one quantile",
+            Some("leave it out for 0.05, 0.5 and 0.95".into()),
+        );
+        return None;
+    }
     quantiles.sort_by(f64::total_cmp);
     quantiles.dedup();
     Some(Some(Ensemble { shares, quantiles }))

@@ -12,6 +12,7 @@ mod keys;
 pub mod metric;
 pub mod points;
 pub mod run;
+pub mod table;
 
 pub use file::Study;
 pub use keys::TABLES;

@@ -186,6 +186,34 @@ fn drawn_points_lie_in_their_ranges_and_words_are_values_too() {
 }
 
 #[test]
+fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
+    let range =
+        |key: &str, from: &str, to: &str| format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 6\n");
+    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\", \"cycle_spread\"]\n";
+    let (clearance, restitution) =
+        (range("particle.clearance_ratio", "5", "20"), range("particle.wall.coefficient", "0.2", "0.9"));
+    let ensemble = "[ensemble]\nstarts = 3\n";
+    let picture = |study: &str| {
+        let folder = folder(study);
+        let _ = done(&folder);
+        let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+        let page = read("study.html");
+        assert!(page.contains("default-src 'none'") && !page.contains("src=\"http"), "the page loads something");
+        assert_eq!(page.matches("<svg").count(), 2);
+        assert!(folder.path().join("out/x_over_z.png").is_file());
+        read("x_over_z.svg")
+    };
+    let map = picture(&format!("{top}{clearance}{restitution}"));
+    assert!(map.contains("hatch-0") && map.contains("smallest: ") && map.contains("particle.wall.coefficient"));
+    let one = picture(&format!("{top}{clearance}{ensemble}"));
+    assert!(one.contains("<polygon") && one.contains("median over the starts"));
+    let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 6\n", ""));
+    let points = picture(&drawn);
+    // The dots, and the mark of the best one.
+    assert_eq!(points.matches("<circle").count(), 21);
+}
+
+#[test]
 fn a_wrong_study_is_refused_with_what_is_wrong_and_what_to_do() {
     let one = "[[axis]]\nkey = \"particle.clearance_ratio\"\nvalues = [9]\n";
     let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";

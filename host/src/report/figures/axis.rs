@@ -5,7 +5,7 @@
 
 use plotters::element::{PathElement, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{Color, FontTransform};
+use plotters::style::{Color, FontTransform, ShapeStyle};
 
 use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
 
@@ -136,31 +136,41 @@ impl Frame {
     /// The drawing library's error.
     pub fn draw(&self, canvas: &Canvas) -> Result<(), FigureError> {
         let (left, top, right, bottom) = self.bounds;
-        let line = |points: Vec<(i32, i32)>, style: plotters::style::ShapeStyle| {
-            canvas.draw(&PathElement::new(points, style)).map_err(FigureError::of)
-        };
-        let label = text(13.0, INK);
         let (major, minor) = self.y.ticks();
-        for value in minor {
-            let (_, y) = self.point(self.x.from, value);
-            line(vec![(left, y), (right, y)], PALE.mix(0.45).stroke_width(1))?;
+        for (values, colour) in [(minor, PALE.mix(0.45)), (major, PALE.mix(1.0))] {
+            for value in values {
+                let (_, y) = self.point(self.x.from, value);
+                line(canvas, vec![(left, y), (right, y)], colour.stroke_width(1))?;
+            }
         }
-        for value in major {
+        for value in self.x.ticks().0 {
+            let (x, _) = self.point(value, self.y.from);
+            line(canvas, vec![(x, top), (x, bottom)], PALE.stroke_width(1))?;
+        }
+        self.draw_border(canvas)
+    }
+
+    /// Draws frame, ticks and labels.
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn draw_border(&self, canvas: &Canvas) -> Result<(), FigureError> {
+        let (left, top, right, bottom) = self.bounds;
+        let label = text(13.0, INK);
+        for value in self.y.ticks().0 {
             let (_, y) = self.point(self.x.from, value);
-            line(vec![(left, y), (right, y)], PALE.stroke_width(1))?;
-            line(vec![(left - 5, y), (left, y)], INK.stroke_width(1))?;
+            line(canvas, vec![(left - 5, y), (left, y)], INK.stroke_width(1))?;
             let style = label.clone().pos(Pos::new(HPos::Right, VPos::Center));
             canvas.draw(&Text::new(self.y.tick_label(value), (left - 9, y), style)).map_err(FigureError::of)?;
         }
         for value in self.x.ticks().0 {
             let (x, _) = self.point(value, self.y.from);
-            line(vec![(x, top), (x, bottom)], PALE.stroke_width(1))?;
-            line(vec![(x, bottom), (x, bottom + 5)], INK.stroke_width(1))?;
+            line(canvas, vec![(x, bottom), (x, bottom + 5)], INK.stroke_width(1))?;
             let style = label.clone().pos(Pos::new(HPos::Center, VPos::Top));
             canvas.draw(&Text::new(self.x.tick_label(value), (x, bottom + 9), style)).map_err(FigureError::of)?;
         }
         let corners = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
-        line(corners, INK.stroke_width(1))?;
+        line(canvas, corners, INK.stroke_width(1))?;
         let centred = Pos::new(HPos::Center, VPos::Center);
         let title = text(15.0, INK).pos(centred);
         let below = ((left + right) / 2, bottom + 42);
@@ -187,6 +197,10 @@ impl Frame {
         let style = text(13.0, GREY).pos(Pos::new(HPos::Center, VPos::Bottom));
         canvas.draw(&Text::new(label.to_string(), (across, top - 4), style)).map_err(FigureError::of)
     }
+}
+
+fn line(canvas: &Canvas, points: Vec<(i32, i32)>, style: ShapeStyle) -> Result<(), FigureError> {
+    canvas.draw(&PathElement::new(points, style)).map_err(FigureError::of)
 }
 
 #[cfg(test)]

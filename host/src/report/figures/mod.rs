@@ -11,6 +11,9 @@ pub mod frequency_response;
 pub mod peak_motion;
 pub mod set_ups;
 pub mod simulated_motion;
+pub mod study;
+mod study_curves;
+mod study_map;
 pub mod time_histories;
 pub mod transfer_function;
 
@@ -140,10 +143,22 @@ impl Picture {
     ///
     /// # Errors
     /// The drawing library's error.
-    pub fn overlay(mut self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
+    pub fn overlay(self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
+        self.layer(FINE, draw)
+    }
+
+    /// Draws above everything so far, in points.
+    ///
+    /// # Errors
+    /// The drawing library's error.
+    pub fn above(self, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
+        self.layer(1, draw)
+    }
+
+    fn layer(mut self, steps: i32, draw: impl FnOnce(&Canvas) -> Result<(), FigureError>) -> Result<Self, FigureError> {
         let mut svg = String::new();
         {
-            // The overlay is cut out of an SVG of its own, which only has to be large enough.
+            // The layer is cut out of an SVG of its own, which only has to be large enough.
             let canvas = SVGBackend::with_string(&mut svg, (100_000, 100_000)).into_drawing_area();
             draw(&canvas)?;
             canvas.present().map_err(FigureError::of)?;
@@ -151,12 +166,21 @@ impl Picture {
         let inside =
             |svg: &str| Some((svg.find("<svg")? + svg[svg.find("<svg")?..].find('>')? + 1, svg.rfind("</svg>")?));
         let (Some((from, to)), Some((_, end))) = (inside(&svg), inside(&self.svg)) else {
-            return Err(FigureError("the overlay is not SVG".into()));
+            return Err(FigureError("the layer is not SVG".into()));
         };
         let layer = shown(&svg[from..to]);
-        let layer = format!("<g transform=\"scale({})\">{layer}</g>\n", 1.0 / f64::from(FINE));
+        let layer = format!("<g transform=\"scale({})\">{layer}</g>\n", 1.0 / f64::from(steps));
         self.svg.insert_str(end, &layer);
         Ok(self)
+    }
+
+    /// Adds elements of SVG that the drawing library does not have, above everything so far. `elements` must be well-formed.
+    #[must_use]
+    pub fn with_elements(mut self, elements: &str) -> Self {
+        if let Some(end) = self.svg.rfind("</svg>") {
+            self.svg.insert_str(end, elements);
+        }
+        self
     }
 
     /// The figure as SVG.

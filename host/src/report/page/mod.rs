@@ -9,6 +9,7 @@ mod gaps;
 mod health;
 mod repeats;
 mod set_ups;
+pub mod study;
 mod tables;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};

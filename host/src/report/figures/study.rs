@@ -1,0 +1,246 @@
+//! The figures of a study: for each metric a map over two axes, curves over one, or the drawn points.
+
+use super::study_curves::{self, Curve, CurveLabels};
+use super::study_map::{self, Map, MapAxis};
+use super::{FigureError, Picture};
+use crate::report::numbers::significant;
+use crate::study::Study;
+use crate::study::axis::{Axis, Value, Values};
+use crate::study::evaluate::{main_column, main_quantile};
+use crate::study::metric::Metric;
+use crate::study::table::{StudyTable, numbers};
+
+/// Values on both axes from which a map is drawn rather than curves.
+const LEAST_OF_MAP: usize = 5;
+
+/// Most curves of a figure.
+const MOST_CURVES: usize = 12;
+
+/// A figure of a study.
+#[derive(Debug)]
+pub struct StudyFigure {
+    /// Name of its file, without extension.
+    pub stem: String,
+    /// Caption.
+    pub caption: String,
+    /// The figure, or why it could not be drawn.
+    pub picture: Result<Picture, FigureError>,
+}
+
+/// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point.
+#[must_use]
+pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>) -> Vec<StudyFigure> {
+    study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, *metric)).collect()
+}
+
+/// Kept axes that are grids of at least two numbers, the longest first.
+fn grids(study: &Study) -> Vec<usize> {
+    let count = |place: &usize| study.axes[*place].count();
+    let mut places: Vec<usize> =
+        study.points.kept().iter().copied().filter(|p| numbers(study, *p).is_some() && count(p) > 1).collect();
+    // Equally long ones stay in the order of the file.
+    places.sort_by_key(|place| std::cmp::Reverse(count(place)));
+    places
+}
+
+fn draw_metric(study: &Study, table: &StudyTable, best: Option<u64>, metric: Metric) -> Option<StudyFigure> {
+    let column = main_column(study, metric);
+    let values = table.column(&column).filter(|values| values.iter().any(|value| value.is_finite()))?;
+    let sheet = Sheet { study, table, metric, values, column, best };
+    let is_drawn = study.points.kept().iter().any(|place| matches!(study.axes[*place].values, Values::Drawn { .. }));
+    let (picture, caption) = match &grids(study)[..] {
+        _ if is_drawn => sheet.drawn_points(),
+        [a, b, ..] if study.axes[*b].count() >= LEAST_OF_MAP => sheet.map(*a.min(b), *a.max(b)),
+        [a, ..] => sheet.curves(*a),
+        [] => return None,
+    };
+    Some(StudyFigure { stem: metric.name().into(), caption, picture })
+}
+
+/// Quantity and unit of an axis: `particle.clearance_ratio`, `base.frequency_hz (Hz)`.
+fn label(axis: &Axis) -> String {
+    if axis.unit().is_empty() { axis.key.clone() } else { format!("{} ({})", axis.key, axis.unit()) }
+}
+
+struct Sheet<'a> {
+    study: &'a Study,
+    table: &'a StudyTable,
+    metric: Metric,
+    values: Vec<f64>,
+    column: String,
+    best: Option<u64>,
+}
+
+impl Sheet<'_> {
+    fn axis(&self, place: usize) -> &Axis {
+        &self.study.axes[place]
+    }
+
+    /// The values of all axes in a row.
+    fn at(&self, row: u64) -> Vec<Value> {
+        self.study.points.values(&self.study.axes, row, 0)
+    }
+
+    fn number(values: &[Value], place: usize) -> f64 {
+        if let Value::Number(number) = values[place] { number } else { f64::NAN }
+    }
+
+    /// The row that a slice goes through: the best one, or the first.
+    fn through(&self) -> u64 {
+        self.best.unwrap_or(0)
+    }
+
+    /// Kept axes other than these, with their values in the row that the slice goes through.
+    fn others(&self, shown: &[usize]) -> Vec<(usize, Value)> {
+        let there = self.at(self.through());
+        let kept = self.study.points.kept().iter().filter(|place| !shown.contains(place));
+        kept.map(|place| (*place, there[*place].clone())).collect()
+    }
+
+    fn words(&self, others: &[(usize, Value)]) -> String {
+        let word = |(place, value): &(usize, Value)| {
+            let axis = self.axis(*place);
+            let value = match value {
+                Value::Number(number) => significant(*number, 5),
+                Value::Word(word) => word.clone(),
+            };
+            format!("{} = {value} {}", axis.short_key(), axis.unit()).trim_end().to_string()
+        };
+        others.iter().map(word).collect::<Vec<_>>().join(", ")
+    }
+
+    fn title(&self, others: &[(usize, Value)]) -> String {
+        let words = self.words(others);
+        if words.is_empty() { self.study.name.clone() } else { format!("{}: {words}", self.study.name) }
+    }
+
+    /// The best point's text, if this is the figure of the objective.
+    fn best_words(&self) -> Option<(u64, String)> {
+        let row = self.best.filter(|_| self.metric == self.study.objective)?;
+        let what = if self.study.is_maximum { "largest" } else { "smallest" };
+        Some((row, format!("{what}: {}", significant(self.values[row as usize], 5))))
+    }
+
+    fn value_label(&self) -> String {
+        match main_quantile(self.study) {
+            None => self.metric.label().into(),
+            Some(0.5) => format!("{} – median over the starts", self.metric.label()),
+            Some(quantile) => format!("{} – quantile {quantile} over the starts", self.metric.label()),
+        }
+    }
+
+    /// Rows of the slice over these axes: where each value of the axes is.
+    fn slice(&self, shown: &[usize]) -> Vec<u64> {
+        let others = self.others(shown);
+        let is_in = |row: &u64| {
+            let values = self.at(*row);
+            others.iter().all(|(place, value)| values[*place] == *value)
+        };
+        (0..self.values.len() as u64).filter(is_in).collect()
+    }
+
+    fn map(&self, x: usize, y: usize) -> (Result<Picture, FigureError>, String) {
+        let others = self.others(&[x, y]);
+        let rising = |place: usize| {
+            let mut values = numbers(self.study, place).unwrap_or_default().to_vec();
+            values.sort_by(f64::total_cmp);
+            values.dedup();
+            values
+        };
+        let map_axis = |place: usize| MapAxis {
+            label: label(self.axis(place)),
+            values: rising(place),
+            is_log: self.axis(place).is_log,
+        };
+        let (across, up) = (map_axis(x), map_axis(y));
+        let (columns, cells) = (across.values.len(), across.values.len() * up.values.len());
+        let find = |axis: &MapAxis, value: f64| axis.values.iter().position(|v| *v == value).unwrap_or(0);
+        let mut values = vec![f64::NAN; cells];
+        let marks: Vec<(&str, Vec<bool>)> = [
+            ("differs from cycle to cycle by more than 1 %", self.table.varies(self.study)),
+            ("depends on the start by more than 1 %", self.table.depends_on_start(self.study, self.metric)),
+        ]
+        .into_iter()
+        .filter_map(|(words, marks)| Some((words, marks?)))
+        .collect();
+        let mut marked: Vec<(String, Vec<bool>)> =
+            marks.iter().map(|(words, _)| ((*words).to_string(), vec![false; cells])).collect();
+        for row in self.slice(&[x, y]) {
+            let there = self.at(row);
+            let cell = find(&up, Self::number(&there, y)) * columns + find(&across, Self::number(&there, x));
+            values[cell] = self.values[row as usize];
+            for ((_, cells), (_, rows)) in marked.iter_mut().zip(&marks) {
+                cells[cell] = rows[row as usize];
+            }
+        }
+        let best = self.best_words().map(|(row, words)| {
+            let there = self.at(row);
+            ((Self::number(&there, x), Self::number(&there, y)), words)
+        });
+        let title = self.title(&others);
+        let map = Map { title, x: across, y: up, label: self.value_label(), values, marked, best };
+        let caption =
+            format!("{}: {}, as computed at each point; lines of equal value.", self.column, self.metric.doc());
+        (study_map::draw(&map), caption)
+    }
+
+    fn curves(&self, x: usize) -> (Result<Picture, FigureError>, String) {
+        // One curve for each combination of the other axes, or only the one through the best point.
+        let all: Vec<u64> = (0..self.values.len() as u64).collect();
+        let count = all.len() / self.axis(x).count();
+        let rows = if count <= MOST_CURVES { all } else { self.slice(&[x]) };
+        let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
+        let quantiles = self.study.ensemble.as_ref().map(|_| {
+            ["min", "max"].map(|end| self.table.column(&format!("{}_{end}", self.metric.name())).unwrap_or_default())
+        });
+        for row in rows {
+            let there = self.at(row);
+            let kept = self.study.points.kept().iter().filter(|place| **place != x);
+            let others: Vec<(usize, Value)> = kept.map(|place| (*place, there[*place].clone())).collect();
+            let known = curves.iter().position(|(of, _)| *of == others);
+            let known = known.unwrap_or_else(|| {
+                let label = self.words(&others);
+                curves.push((others, Curve { label, points: Vec::new(), band: Vec::new(), is_scattered: false }));
+                curves.len() - 1
+            });
+            let at = Self::number(&there, x);
+            curves[known].1.points.push((at, self.values[row as usize]));
+            if let Some([low, high]) = &quantiles {
+                curves[known].1.band.push((at, low[row as usize], high[row as usize]));
+            }
+        }
+        let mut curves: Vec<Curve> = curves.into_iter().map(|(_, curve)| curve).collect();
+        for curve in &mut curves {
+            curve.points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            curve.band.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let best =
+            self.best_words().map(|(row, words)| ((Self::number(&self.at(row), x), self.values[row as usize]), words));
+        let others = if curves.len() == 1 { self.others(&[x]) } else { Vec::new() };
+        let labels = CurveLabels {
+            title: self.title(&others),
+            x: label(self.axis(x)),
+            is_log: self.axis(x).is_log,
+            y: self.value_label(),
+            best,
+        };
+        let band =
+            if quantiles.is_some() { "; the band is from the smallest to the largest over the starts" } else { "" };
+        (study_curves::draw(&curves, &labels), format!("{}: {}{band}.", self.column, self.metric.doc()))
+    }
+
+    /// The value over the first drawn axis.
+    fn drawn_points(&self) -> (Result<Picture, FigureError>, String) {
+        let is_drawn = |place: &&usize| matches!(self.axis(**place).values, Values::Drawn { .. });
+        let x = self.study.points.kept().iter().find(is_drawn).copied().unwrap_or(0);
+        let point = |row: u64| (Self::number(&self.at(row), x), self.values[row as usize]);
+        let points = (0..self.values.len() as u64).map(point).collect();
+        let curve = Curve { label: String::new(), points, band: Vec::new(), is_scattered: true };
+        let best = self.best_words().map(|(row, words)| (point(row), words));
+        let is_log = matches!(self.axis(x).values, Values::Drawn { is_log: true, .. });
+        let labels =
+            CurveLabels { title: self.study.name.clone(), x: label(self.axis(x)), is_log, y: self.value_label(), best };
+        let caption = format!("{}: {}, of all drawn points.", self.column, self.metric.doc());
+        (study_curves::draw(&[curve], &labels), caption)
+    }
+}
