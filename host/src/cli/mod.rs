@@ -18,6 +18,7 @@ macro_rules! warn {
 }
 
 mod arguments;
+mod bifurcation;
 mod calibrate;
 mod calibrate_operator;
 mod compare;
@@ -93,6 +94,8 @@ enum Command {
     Init(init::Args),
     /// Simulate cases exactly, event by event
     Simulate(simulate::Args),
+    /// Draw a bifurcation diagram: sweep a key of a case up and down
+    Bifurcation(bifurcation::Args),
     /// Run a study: a case over many values of its keys
     Study(study::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
@@ -150,6 +153,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Bifurcation(args) => bifurcation::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),

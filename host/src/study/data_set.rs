@@ -205,15 +205,9 @@ impl DataSet {
     /// When the file cannot be written.
     pub fn write_part(&self, study: &Study, part: u64, rows: &[Vec<f64>]) -> Result<(), StorageError> {
         let path = self.part_path(part);
-        let failed = |error: &dyn std::fmt::Display| StorageError::new("write", &path, error);
         let schema = schema(study, &self.manifest);
-        let batch = batch(study, &schema, self.manifest.rows_of(part).start, rows).map_err(|error| failed(&error))?;
-        let mut bytes = Vec::new();
-        let mut writer = ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema)))
-            .map_err(|error| failed(&error))?;
-        writer.write(&batch).map_err(|error| failed(&error))?;
-        writer.close().map_err(|error| failed(&error))?;
-        own_files::replace(&path, &bytes)
+        let batch = batch(study, &schema, self.manifest.rows_of(part).start, rows);
+        write_table(&path, &batch.map_err(|error| StorageError::new("write", &path, error))?)
     }
 
     /// Joins all parts to one table, part by part: memory does not grow with the table.
@@ -239,6 +233,21 @@ impl DataSet {
         fs::rename(&beside, &path).map_err(|error| failed(&error))?;
         Ok(path)
     }
+}
+
+/// Writes a table as a whole Parquet file.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_table(path: &Path, table: &RecordBatch) -> Result<(), StorageError> {
+    let failed = |error: &dyn std::fmt::Display| StorageError::new("write", path, error);
+    let schema = table.schema();
+    let mut bytes = Vec::new();
+    let mut writer =
+        ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema))).map_err(|error| failed(&error))?;
+    writer.write(table).map_err(|error| failed(&error))?;
+    writer.close().map_err(|error| failed(&error))?;
+    own_files::replace(path, &bytes)
 }
 
 fn first_row(batch: &RecordBatch) -> Option<u64> {

@@ -5,6 +5,7 @@
 //! results as parts that survive a kill, [`run`] does all of it on this machine.
 
 pub mod axis;
+pub mod bifurcation;
 pub mod data_set;
 pub mod evaluate;
 pub mod file;

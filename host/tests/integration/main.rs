@@ -2,6 +2,7 @@
 
 mod analysis;
 mod analysis_account;
+mod bifurcation;
 mod calibrate;
 mod common;
 mod compare;

@@ -1,0 +1,145 @@
+//! Bifurcation diagrams: a key of a case is changed in steps, up or down, and the motion goes on from step to step.
+//!
+//! At each value the cycles after a transient are sampled at drive phase 0: the Poincaré section. A motion that repeats every k
+//! cycles has k points, a chaotic one fills a set. Where up and down differ, two motions exist.
+
+use damprig_core::integrator::exact::response::{Response, Wanted};
+use damprig_core::integrator::exact::{Exact, Excitation};
+use damprig_core::model::Initial;
+
+use crate::input::{Refusal, Source};
+use crate::simulation::{Case, SetValues};
+
+/// What is swept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// The key with its tables.
+    pub key: String,
+    /// Its values, rising.
+    pub values: Vec<f64>,
+    /// Cycles at each value that are not sampled.
+    pub settle_cycles: u32,
+    /// Cycles at each value that are sampled.
+    pub cycles: u32,
+}
+
+/// Direction of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// From the smallest value to the largest.
+    Up,
+    /// From the largest value to the smallest.
+    Down,
+}
+
+impl Direction {
+    /// Name in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Up => "up",
+            Self::Down => "down",
+        }
+    }
+}
+
+/// A cycle: the state at its end, at drive phase 0, and its largest |x|.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Direction of the sweep.
+    pub direction: Direction,
+    /// Value of the key.
+    pub value: f64,
+    /// x, m.
+    pub x_m: f64,
+    /// x′, m/s.
+    pub v_m_per_s: f64,
+    /// y − x of particle or tuned mass, m; 0 without one.
+    pub offset_m: f64,
+    /// y′ − x′, m/s.
+    pub slide_m_per_s: f64,
+    /// Largest |x| of the cycle, m.
+    pub cycle_max_m: f64,
+}
+
+/// The cases of a sweep, one for each value.
+///
+/// # Errors
+/// A case that the key and a value make and that is refused, or that is not driven by a sine.
+pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &SetValues) -> Result<Vec<Case>, Refusal> {
+    let case = |value: &f64| {
+        let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
+        let values = SetValues { origin: "--axis and --set".into(), lines };
+        let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
+        match case.excitation {
+            Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
+            _ => Err(Refusal(format!(
+                "{source_name}: a bifurcation diagram needs a sine\n  write base = {{ kind = \"sine\", … }} or force = {{ kind = \"sine\", … }}"
+            ))),
+        }
+    };
+    sweep.values.iter().map(case).collect()
+}
+
+/// Sweeps in one direction. `go_on` sees the number of values done; its `false` stops the sweep there.
+///
+/// # Errors
+/// A value that is not physical.
+pub fn run(
+    cases: &[Case],
+    sweep: &Sweep,
+    direction: Direction,
+    go_on: &mut dyn FnMut(usize) -> bool,
+) -> Result<Vec<Sample>, Refusal> {
+    let mut order: Vec<usize> = (0..cases.len()).collect();
+    if direction == Direction::Down {
+        order.reverse();
+    }
+    let mut samples = Vec::new();
+    let mut start: Option<Initial> = None;
+    for (done, place) in order.into_iter().enumerate() {
+        if !go_on(done) {
+            break;
+        }
+        let case = &cases[place];
+        let initial = start.map_or(case.initial, |start| inside(start, case));
+        let mut motion = Exact::new(&case.set_up, &case.excitation, &initial)
+            .map_err(|invalid| Refusal(format!("{} = {}: {invalid}", sweep.key, sweep.values[place])))?;
+        let cycle_s = std::f64::consts::TAU / case.excitation.angular_frequency_rad_per_s();
+        let settled = f64::from(sweep.settle_cycles);
+        motion.run(settled * cycle_s, &mut ());
+        for cycle in 0..sweep.cycles {
+            let first = u64::from(sweep.settle_cycles + cycle);
+            let mut response =
+                Response::new(Wanted { cycle_s: Some(cycle_s), steady_from_cycle: Some(first), whole_run: false });
+            response.skip_to(first);
+            motion.run((settled + f64::from(cycle) + 1.0) * cycle_s, &mut response);
+            response.finish(motion.time_s());
+            let state = motion.state();
+            samples.push(Sample {
+                direction,
+                value: sweep.values[place],
+                x_m: state.x_m,
+                v_m_per_s: state.v_m_per_s,
+                offset_m: state.offset_m,
+                slide_m_per_s: state.slide_m_per_s,
+                cycle_max_m: response.last_cycle_max_m().unwrap_or(f64::NAN),
+            });
+        }
+        let state = motion.state();
+        start = Some(Initial {
+            x_m: state.x_m,
+            v_m_per_s: state.v_m_per_s,
+            y_m: state.y_m(),
+            u_m_per_s: state.u_m_per_s(),
+        });
+    }
+    Ok(samples)
+}
+
+/// The state with a particle that a smaller cavity has no room for put at its wall.
+fn inside(state: Initial, case: &Case) -> Initial {
+    let Some(particle) = case.set_up.particle.filter(|_| !case.set_up.has_soft_walls()) else { return state };
+    let offset_m = (state.y_m - state.x_m).clamp(-particle.clearance_m, particle.clearance_m);
+    Initial { y_m: state.x_m + offset_m, ..state }
+}
