@@ -4,7 +4,7 @@ use damprig_core::settings::Settings;
 
 use super::fit::{self, Line, Outlier};
 use super::readings::Point;
-use super::{CannotCalibrate, Channel};
+use super::{CannotCalibrate, Channel, walls};
 use crate::identify::Estimate;
 use crate::identify::statistics::{Value, line};
 
@@ -32,7 +32,6 @@ pub struct Solved {
 }
 
 const BY_LINE: &str = "line through the readings";
-const BY_RATIO: &str = "mean of the ratios";
 
 /// Fits the points of a channel on a board with these settings. `allows_reversed`: a falling reading is meant.
 ///
@@ -45,7 +44,7 @@ pub fn solve(
     allows_reversed: bool,
 ) -> Result<Solved, CannotCalibrate> {
     match channel {
-        Channel::Walls => walls(points, settings),
+        Channel::Walls => walls::solve(points, settings),
         Channel::Drive => drive(points, settings, allows_reversed),
         _ => by_line(channel, points, settings, allows_reversed),
     }
@@ -130,7 +129,7 @@ fn too_few(channel: Channel, points: &[Point]) -> CannotCalibrate {
 
 /// Refuses a gain that differs from the old one by more than an error of assumption.
 /// Of a sensor that is mounted the other way round, the sign is meant.
-fn plausible(channel: Channel, change: f64) -> Result<(), CannotCalibrate> {
+pub(super) fn plausible(channel: Channel, change: f64) -> Result<(), CannotCalibrate> {
     let change = change.abs();
     // The stiffness in the settings may be a guess.
     if channel == Channel::FrictionSpring || (1.0 / MOST_CHANGE..=MOST_CHANGE).contains(&change) {
@@ -337,83 +336,6 @@ fn delay(omega: &[f64], leads: &[f64]) -> Option<Value> {
     Some(Value { value: slope, standard_uncertainty: (variance / squares).sqrt(), degrees_of_freedom: nu })
 }
 
-/// Both walls share a scale: the mean of their ratios.
-fn walls(points: &[Point], settings: &Settings) -> Result<Solved, CannotCalibrate> {
-    let unusable = points.iter().position(|p| p.reference <= 0.0 || p.reading <= 0.0);
-    if let Some(at) = unusable {
-        return Err(CannotCalibrate::values(format!(
-            "blow {}: an impulse of {} N·s with a reading of {} N·s: both must be greater than 0",
-            at + 1,
-            points[at].reference,
-            points[at].reading
-        )));
-    }
-    let of = |side: i8| -> Vec<Point> { points.iter().filter(|p| p.side == side).copied().collect() };
-    let sides: Vec<(&str, Vec<Point>)> = [("at −d", of(-1)), ("at +d", of(1)), ("without a side", of(0))]
-        .into_iter()
-        .filter(|(_, p)| !p.is_empty())
-        .collect();
-    if points.len() < fit::FEWEST_POINTS || sides.iter().any(|(_, points)| points.len() < 3) {
-        return Err(CannotCalibrate::values(format!(
-            "too few blows: {} in all\n  at least three on each wall that was hit are needed, better ten",
-            points.len()
-        )));
-    }
-    let means: Vec<(&str, Value)> = sides.iter().filter_map(|(name, p)| Some((*name, fit::ratio(p)?))).collect();
-    let (change, remarks) = joint(&means);
-    plausible(Channel::Walls, change.value)?;
-    let (gain, _) = old(Channel::Walls, settings);
-    let gains = |value: &Value| value.mapped(value.value * gain, gain);
-    let mut estimates =
-        vec![Estimate::new("gain", "N/count", BY_RATIO, &gains(&change)).of_key(keys(Channel::Walls).0)];
-    for (name, value) in means.iter().filter(|_| means.len() > 1) {
-        let quantity = if *name == "at −d" { "gain of the wall at −d" } else { "gain of the wall at +d" };
-        estimates.push(Estimate::new(quantity, "N/count", BY_RATIO, &gains(value)));
-    }
-    let residuals: Vec<f64> = points.iter().map(|p| p.reading - p.reference / change.value).collect();
-    let squares: f64 = residuals.iter().map(|r| r * r).sum();
-    let mut outliers = Vec::new();
-    for side in [-1, 1, 0] {
-        let places: Vec<usize> = (0..points.len()).filter(|i| points[*i].side == side).collect();
-        let found = fit::outlying_ratios(&of(side));
-        outliers.extend(
-            found.iter().map(|o| Outlier { point: places[o.point], off: o.off * points[places[o.point]].reading }),
-        );
-    }
-    let residual_rms = (squares / (points.len() as f64 - 1.0)).sqrt();
-    Ok(Solved { estimates, change, residuals, residual_rms, outliers, remarks })
-}
-
-/// The joint ratio of the walls. If they differ, half of the difference is the error of either, and counts as uncertainty.
-fn joint(means: &[(&str, Value)]) -> (Value, Vec<String>) {
-    let [(_, low), (_, high)] = means else {
-        let only =
-            means.first().map_or(Value { value: 1.0, standard_uncertainty: 0.0, degrees_of_freedom: 1.0 }, |m| m.1);
-        return (only, vec!["one wall alone was hit: the other is taken to have the same scale".into()]);
-    };
-    let value = 0.5 * (low.value + high.value);
-    let own = 0.5 * low.standard_uncertainty.hypot(high.standard_uncertainty);
-    let (difference, expected) = (high.value - low.value, 2.0 * own);
-    let degrees_of_freedom = low.degrees_of_freedom + high.degrees_of_freedom;
-    if difference.abs() <= 2.0 * expected {
-        let remark = format!(
-            "both walls agree: they differ by {:.2} %, within {:.2} %",
-            100.0 * difference / value,
-            200.0 * expected / value
-        );
-        return (Value { value, standard_uncertainty: own, degrees_of_freedom }, vec![remark]);
-    }
-    let remark = format!(
-        "the walls differ: the one at +d needs {:+.2} ± {:.2} % more gain than the one at −d, and both share one scale. The mean \
-         is off by {:.2} % on either; if that is too much, match the sensors or their amplifiers",
-        100.0 * difference / value,
-        100.0 * expected / value,
-        50.0 * (difference / value).abs()
-    );
-    let standard_uncertainty = own.hypot(0.5 * difference);
-    (Value { value, standard_uncertainty, degrees_of_freedom }, vec![remark])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -488,22 +410,5 @@ mod tests {
         let solved = solve(Channel::Match, &list, &Settings::default(), false).unwrap();
         assert!((solved.change.value - 1.0 / 0.97).abs() < 1e-9);
         assert!((solved.estimates.last().unwrap().value - 4e-5).abs() < 1e-12, "{:?}", solved.estimates);
-    }
-
-    #[test]
-    fn walls_that_differ_are_told_apart_from_walls_that_scatter() {
-        let blows = |high: f64| -> Vec<Point> {
-            let scatter = [1.01, 0.99, 1.005, 0.995, 1.0, 1.008, 0.992, 1.003, 0.997, 1.0];
-            let one =
-                |side: i8, factor: f64| scatter.map(|e| Point { side, ..Point::new(0.1 * e * factor, 0.1) }).to_vec();
-            [one(-1, 1.02), one(1, high)].concat()
-        };
-        let settings = Settings::default();
-        let same = solve(Channel::Walls, &blows(1.021), &settings, false).unwrap();
-        assert!(same.remarks[0].contains("both walls agree"), "{:?}", same.remarks);
-        let differ = solve(Channel::Walls, &blows(1.08), &settings, false).unwrap();
-        assert!(differ.remarks[0].contains("the walls differ"), "{:?}", differ.remarks);
-        assert!((differ.change.value - 1.05).abs() < 1e-6 && differ.change.standard_uncertainty > 0.029);
-        assert!(told(Channel::Walls, &blows(1.0)[..2]).contains("too few blows"));
     }
 }

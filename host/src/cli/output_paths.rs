@@ -39,6 +39,12 @@ pub fn check(
                 file.display()
             )));
         }
+        if file.is_dir() {
+            return Err(Failure::Input(format!(
+                "{role}: cannot write {}: it is a folder\n  give the name of a file in it; nothing was written",
+                file.display()
+            )));
+        }
         if !force && file.symlink_metadata().is_ok() {
             let message = format!("{role}: cannot write {}: {EXISTS}\n  nothing was written", file.display());
             return Err(Failure::Input(message));

@@ -1,9 +1,9 @@
-//! The simulations behind an uncertainty of prediction: identified parameters, the scale of z and the particle's start vary together
-//! over the members of an ensemble.
+//! The simulations behind an uncertainty of prediction: identified parameters, the scale of z, the force of the friction spring
+//! and the particle's start vary together over the members of an ensemble.
 //!
 //! Each member takes in each dimension the middle of one of [`MEMBERS`] equal parts, a part of its own (a Latin square), so that the
 //! spread of a linear response is the propagated uncertainty without the scatter of random draws. A quantity of standard uncertainty u
-//! varies evenly over ± √3 u, which has that standard deviation. With more than five identified
+//! varies evenly over ± √3 u, which has that standard deviation. With more than four identified
 //! parameters, dimensions repeat.
 
 use std::path::Path;
@@ -41,10 +41,11 @@ fn deviation(member: usize, dimension: usize) -> f64 {
     3.0_f64.sqrt() * place(member, dimension)
 }
 
-/// Dimensions: the start of the particle, the scale of z, then the identified parameters.
+/// Dimensions: the start of the particle, the scale of z, the force of the friction damper's spring, then the identified parameters.
 const START: usize = 0;
 const SCALE: usize = 1;
-const PARAMETERS: usize = 2;
+const SPRING: usize = 2;
+const PARAMETERS: usize = 3;
 
 /// A simulation to run: a model, its start, and the factor of the base motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,10 +117,11 @@ impl Models {
         Some(Member { initial: Self::initial(&self.set_up, x_m, moved), ..self.stated(x_m) })
     }
 
-    /// The members that show the uncertainty of the prediction; none if nothing varies.
-    pub(super) fn members(&self, x_m: f64) -> Vec<Member> {
+    /// The members that show the uncertainty of the prediction; none if nothing varies. `spring`: relative standard uncertainty of the
+    /// friction force.
+    pub(super) fn members(&self, x_m: f64, spring: f64) -> Vec<Member> {
         let start_varies = self.set_up.model().particle.is_some();
-        if !start_varies && !self.has_parameters() && self.scale == 0.0 {
+        if !start_varies && !self.has_parameters() && self.scale == 0.0 && spring == 0.0 {
             return Vec::new();
         }
         let member = |n: usize| {
@@ -130,8 +132,12 @@ impl Models {
                 // The whole travel; the stated start is one of many.
                 (true, false) => place(n, START) - place_of(set_up),
             };
+            let mut model = set_up.model();
+            if let Some(damper) = &mut model.friction_damper {
+                damper.force_n *= (1.0 + spring * deviation(n, SPRING)).max(0.0);
+            }
             Member {
-                model: set_up.model(),
+                model,
                 initial: Self::initial(set_up, x_m, moved),
                 base_factor: self.force_factor(&set_up.model()) * (1.0 + self.scale * deviation(n, SCALE)),
             }

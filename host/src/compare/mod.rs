@@ -14,6 +14,7 @@ mod point;
 mod prediction;
 mod recorded;
 mod source;
+mod spring;
 mod transient;
 mod uncertainty;
 
@@ -177,7 +178,9 @@ impl Compared<'_> {
         let model = models.set_up.model();
         if models.set_up.spring().is_some() {
             notes.push(
-                "The friction force is that of the spring's target; the error of the spring is not included.".into(),
+                "The friction force comes from the spring that the rig adjusts: as it was measured, or its target with the tolerance \
+                 of its controller."
+                    .into(),
             );
         }
         let is_start_unknown = own.spec.is_start_unknown() || !self.is_simulated;

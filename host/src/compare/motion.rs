@@ -13,6 +13,7 @@ use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::{Initial, SetUp};
 
+use super::spring::SpringForce;
 use crate::prediction::watch::MotionWatch;
 
 /// Length of a tick, s.
@@ -53,7 +54,8 @@ pub(super) struct SimulatedMotion {
     pub(super) pulses: Vec<WallPulse>,
 }
 
-/// Simulates a set-up. `base_m` has z at the ends of the ticks, from two ticks before the first to one tick after the last.
+/// Simulates a set-up. `base_m` has z at the ends of the ticks, from two ticks before the first to one tick after the last; `spring` has
+/// the share of the friction force in each tick.
 ///
 /// # Errors
 /// A set-up that cannot be simulated.
@@ -61,6 +63,7 @@ pub(super) fn simulate(
     set_up: &SetUp,
     initial: &Initial,
     base_m: &[f64],
+    spring: &SpringForce,
     detection: &ImpactConfig,
 ) -> Result<SimulatedMotion, Invalid> {
     let parts = Sampled::<f64>::steps_per_sample(set_up, TICK_S)?;
@@ -74,7 +77,13 @@ pub(super) fn simulate(
         parts: f64::from(parts),
     };
     let mut readings = Vec::with_capacity(base_m.len().saturating_sub(3));
-    for around in base_m.windows(4) {
+    let friction_n = set_up.friction_damper.map(|damper| damper.force_n);
+    let mut share = 1.0;
+    for (n, around) in base_m.windows(4).enumerate() {
+        if let Some(force_n) = friction_n.filter(|_| spring.share(n) != share) {
+            share = spring.share(n);
+            motion.set_damper_force_n(share * force_n, set_up);
+        }
         let [before, start, end, after] = [around[0], around[1], around[2], around[3]];
         let tick = BaseSegment::hermite(start, end, 0.5 * (end - before), 0.5 * (after - start));
         observer.taken = 0;

@@ -12,6 +12,7 @@ use super::metric::{self, PointWindow};
 use super::motion::{SimulatedMotion, TICK_S};
 use super::prediction::{Answer, Prediction, Question, Window, metrics};
 use super::recorded::Recorded;
+use super::spring::SpringForce;
 use super::{Compared, ComparedPoint, History, Residual};
 use crate::campaign::{CampaignSetUp, Experiment, Start, SteppedSine};
 use crate::run_folder::ResultRow;
@@ -83,11 +84,14 @@ impl Compared<'_> {
             Ok(drive) => drive,
             Err(why) => return rows.iter().map(|row| self.without_simulation(row, models, &why)).collect(),
         };
-        let ideal = self.answer(&drive, models, &BaseMotion::following(&drive.sine.demand_m), 0.0);
         let ticks = drive.sine.from_tick..drive.end_tick;
+        let z_m: Vec<f64> = rows.iter().map(|row| f64::from(row.z_amplitude_m)).collect();
+        let spring = self.spring_force(own, models, recorded, &ticks, (&z_m, rows[0].frequency_hz));
+        let ideal = self.answer(&drive, models, (&BaseMotion::following(&drive.sine.demand_m), 0.0), &spring);
         let z_noise_m = z_noise_m(rows);
         let measured_base = self.measured_base(recorded, &ticks, models, z_noise_m);
-        let measured = measured_base.as_ref().ok().and_then(|base| self.answer(&drive, models, base, z_noise_m));
+        let measured =
+            measured_base.as_ref().ok().and_then(|base| self.answer(&drive, models, (base, z_noise_m), &spring));
         let why_not = match (&measured_base, &measured) {
             (Err(why), _) => Some(why.clone()),
             (Ok(_), None) => Some("the set-up cannot be simulated".into()),
@@ -101,6 +105,7 @@ impl Compared<'_> {
                 let (on_measured, on_ideal) = (own_of(&measured), own_of(&ideal));
                 let mut point = self.point(row, models, on_measured.as_ref(), on_ideal.as_ref());
                 point.remarks.extend(base_remark(row, own.base_amplitude_m));
+                point.remarks.extend(spring.remark());
                 point.without_measured_base.clone_from(&why_not);
                 let shown = measured.as_ref().or(ideal.as_ref());
                 if let Some(shown) = shown {
@@ -149,7 +154,13 @@ impl Compared<'_> {
         point
     }
 
-    fn answer(&self, drive: &Drive, models: &Models, base: &BaseMotion, z_noise_m: f64) -> Option<Answer> {
+    fn answer(
+        &self,
+        drive: &Drive,
+        models: &Models,
+        (base, z_noise_m): (&BaseMotion, f64),
+        spring: &SpringForce,
+    ) -> Option<Answer> {
         let kind = Self::walls_of(models);
         let of_row = |row: &&ResultRow| Window {
             ticks: window(row, drive.sine.from_tick),
@@ -169,8 +180,24 @@ impl Compared<'_> {
             };
             metric::of_simulated_point(motion, &window, kind)
         };
-        let question = Question { models, start_m: 0.0, base, detection: &self.detection, windows, measure };
+        let question = Question { models, start_m: 0.0, base, spring, detection: &self.detection, windows, measure };
         question.answer()
+    }
+
+    /// The force of a friction damper's spring in these ticks; that of the model if its friction does not come from a spring.
+    pub(super) fn spring_force(
+        &self,
+        own: &CampaignSetUp,
+        models: &Models,
+        recorded: Option<&Recorded>,
+        ticks: &Range<u64>,
+        kept_by: (&[f64], f64),
+    ) -> SpringForce {
+        if models.set_up.spring().is_none() {
+            return SpringForce::exact();
+        }
+        let config = &self.campaign.rig.board.spring;
+        SpringForce::of(own, config, self.is_simulated, recorded, ticks, kept_by)
     }
 
     /// The base motion as measured in these ticks, or why there is none.

@@ -9,6 +9,7 @@ use super::base::BaseMotion;
 use super::ensemble::{self, Member, Models};
 use super::metric::{Metric, Values};
 use super::motion::{SimulatedMotion, TICK_S, simulate};
+use super::spring::SpringForce;
 use super::{COVERAGE_FACTOR, ComparedMetric, Predicted, Uncertain, Verdict};
 
 /// Values of a prediction with their standard uncertainties, and whether neighbouring starts part.
@@ -42,6 +43,8 @@ pub(super) struct Question<'a, M> {
     pub(super) models: &'a Models,
     pub(super) start_m: f64,
     pub(super) base: &'a BaseMotion,
+    /// The force of the friction damper's spring.
+    pub(super) spring: &'a SpringForce,
     pub(super) detection: &'a ImpactConfig,
     /// The measured parts of the motion.
     pub(super) windows: Vec<Window>,
@@ -53,14 +56,14 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     fn motion(&self, member: &Member) -> Option<SimulatedMotion> {
         let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
         let base = scaled.as_ref().unwrap_or(self.base);
-        simulate(&member.model, &member.initial, &base.ends_m, self.detection).ok()
+        simulate(&member.model, &member.initial, &base.ends_m, self.spring, self.detection).ok()
     }
 
     /// The motion on the base read with a parabola of another width.
     fn base_otherwise(&self, member: &Member) -> Option<SimulatedMotion> {
         let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
         let base = scaled.as_ref().unwrap_or(self.base);
-        simulate(&member.model, &member.initial, base.otherwise_m.as_ref()?, self.detection).ok()
+        simulate(&member.model, &member.initial, base.otherwise_m.as_ref()?, self.spring, self.detection).ok()
     }
 
     /// The values in all windows. Ratios refer to the run's own z.
@@ -84,7 +87,7 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
         let parts = |window: &Window| neighbour.as_ref().is_some_and(|other| parted(&motion, other, &window.ticks));
         let are_sensitive: Vec<bool> = self.windows.iter().map(parts).collect();
         let otherwise = self.base_otherwise(&stated).map(|motion| self.measured(&motion, &stated));
-        let members = self.models.members(self.start_m);
+        let members = self.models.members(self.start_m, self.spring.uncertainty);
         let of_members: Vec<Vec<Option<Values>>> =
             members.par_iter().filter_map(|member| Some(self.measured(&self.motion(member)?, member))).collect();
         let predictions = self.measured(&motion, &stated).into_iter().enumerate().map(|(window, stated)| {

@@ -1,4 +1,4 @@
-//! The samples of x and z of a run, segment by segment.
+//! The samples of x, z and the friction spring's force of a run, segment by segment.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,6 +13,8 @@ pub(super) struct Recorded {
     ticks: Vec<u64>,
     x_m: Vec<f32>,
     z_m: Vec<f32>,
+    /// Force of the friction damper's spring, N; empty if it was not recorded.
+    spring_n: Vec<f32>,
 }
 
 impl Recorded {
@@ -67,6 +69,31 @@ impl Recorded {
         None
     }
 
+    /// The force of the friction damper's spring in each of these ticks as the mean over `window` ticks around it, N, and the RMS noise
+    /// of a sample; `None` if it was not recorded, or not in every window.
+    pub(super) fn spring_n(&self, ticks: &Range<u64>, window: f64) -> Option<(Vec<f64>, f64)> {
+        let half = (0.5 * window) as u64;
+        let from = self.ticks.partition_point(|tick| tick + half < ticks.start);
+        let until = self.ticks.partition_point(|tick| *tick < ticks.end + half);
+        let (at, forces) = (self.ticks.get(from..until)?, self.spring_n.get(from..until)?);
+        let steps = forces.windows(2).map(|pair| f64::from(pair[1] - pair[0]).powi(2));
+        let noise_n = (0.5 * steps.sum::<f64>() / forces.len().saturating_sub(1).max(1) as f64).sqrt();
+        let (mut first, mut next, mut sum) = (0, 0, 0.0);
+        let mut mean = |tick: u64| {
+            while next < at.len() && at[next] <= tick + half {
+                sum += f64::from(forces[next]);
+                next += 1;
+            }
+            while first < next && at[first] + half < tick {
+                sum -= f64::from(forces[first]);
+                first += 1;
+            }
+            (next > first).then(|| sum / (next - first) as f64)
+        };
+        let means: Option<Vec<f64>> = ticks.clone().map(&mut mean).collect();
+        means.filter(|means| means.iter().all(|force_n| force_n.is_finite())).map(|means| (means, noise_n))
+    }
+
     /// Samples per tick, at most 1; 0 without samples.
     pub(super) fn density(&self) -> f64 {
         match (self.ticks.first(), self.ticks.last()) {
@@ -113,6 +140,8 @@ impl AllRecorded {
         let (ticks, z_m) = (read("tick")?, read("z_m")?);
         // A run may have recorded z alone.
         let x_m = if batch.column_by_name("x_m").is_some() { Some(read("x_m")?) } else { None };
+        let spring_n =
+            if batch.column_by_name("spring_force_n").is_some() { Some(read("spring_force_n")?) } else { None };
         let mut from = 0;
         while from < ticks.len() {
             let key = |n: usize| (&set_ups[n], &experiments[n], segments[n] as u32);
@@ -122,6 +151,7 @@ impl AllRecorded {
             own.ticks.extend(ticks[from..until].iter().map(|tick| *tick as u64));
             own.z_m.extend(z_m[from..until].iter().map(|z| *z as f32));
             own.x_m.extend(x_m.iter().flat_map(|x| &x[from..until]).map(|x| *x as f32));
+            own.spring_n.extend(spring_n.iter().flat_map(|force| &force[from..until]).map(|force| *force as f32));
             from = until;
         }
         Ok(())
@@ -138,7 +168,7 @@ mod tests {
     use super::*;
 
     fn recorded(ticks: impl Iterator<Item = u64> + Clone, z: impl Fn(u64) -> f32) -> Recorded {
-        Recorded { z_m: ticks.clone().map(z).collect(), x_m: Vec::new(), ticks: ticks.collect() }
+        Recorded { z_m: ticks.clone().map(z).collect(), ticks: ticks.collect(), ..Recorded::default() }
     }
 
     #[test]
@@ -149,6 +179,19 @@ mod tests {
         assert_eq!(whole.z_m(&(98..101), 1), None);
         let gap = recorded((10..100).filter(|tick| *tick != 50), |tick| tick as f32);
         assert!(gap.z_m(&(10..50), 0).is_some() && gap.z_m(&(45..55), 0).is_none());
+    }
+
+    #[test]
+    fn the_force_of_a_spring_is_the_mean_around_a_tick() {
+        let ticks = 0..1000;
+        let force = |tick: u64| if tick < 500 { 1.0 } else { 2.0 };
+        let own = Recorded { spring_n: ticks.clone().map(force).collect(), ..recorded(ticks, |_| 0.0) };
+        let (forces_n, _) = own.spring_n(&(100..900), 100.0).unwrap();
+        assert_eq!(forces_n.len(), 800);
+        assert!((forces_n[0] - 1.0).abs() < 1e-12 && (forces_n[799] - 2.0).abs() < 1e-12);
+        assert!((forces_n[400] - 1.5).abs() < 0.01, "{}", forces_n[400]);
+        assert_eq!(own.spring_n(&(900..1200), 100.0), None, "samples are missing");
+        assert_eq!(recorded(0..1000, |_| 0.0).spring_n(&(100..900), 100.0), None, "it was not recorded");
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::metric;
 use super::motion::{SimulatedMotion, TICK_S, simulate};
 use super::prediction::{Answer, Question, Window, metrics};
 use super::recorded::Recorded;
+use super::spring::SpringForce;
 use super::{Compared, ComparedPoint, History, Residual};
 use crate::campaign::{CampaignSetUp, Experiment, FreeVibration, Playback};
 use crate::run_folder::schema::segment_id::SegmentId;
@@ -49,13 +50,16 @@ impl Compared<'_> {
         let id = SegmentId { set_up: row.set_up.clone(), experiment: row.experiment.clone(), segment: row.segment };
         let recorded = self.recorded.segment(&id);
         let noise_m = self.noise_m(self.recorded_x_m(recorded, &ticks));
+        // The spring keeps its force during a transient.
+        let spring = self.spring_force(own, models, recorded, &ticks, (&[], 0.0)).mean();
         let simulated = match (experiment.playback(), experiment.free_vibration()) {
             _ if !is_sound || row.end_tick - row.start_tick > MOST_TICKS => None,
-            (Some(playback), _) => Some(self.playback(playback, models, recorded, (&ticks, noise_m))),
-            (None, Some(free)) => self.release(free, models, recorded, (row, noise_m)),
+            (Some(playback), _) => Some(self.playback(playback, (models, &spring), recorded, (&ticks, noise_m))),
+            (None, Some(free)) => self.release(free, (models, &spring), recorded, (row, noise_m)),
             (None, None) => None,
         };
-        let point = self.transient_point((row, noise_m), &id, recorded, models, simulated);
+        let mut point = self.transient_point((row, noise_m), &id, recorded, models, simulated);
+        point.remarks.extend(spring.remark());
         self.done();
         vec![point]
     }
@@ -63,7 +67,7 @@ impl Compared<'_> {
     fn playback(
         &self,
         playback: &Playback,
-        models: &Models,
+        (models, spring): (&Models, &SpringForce),
         recorded: Option<&Recorded>,
         (ticks, z_noise_m): (&Range<u64>, f64),
     ) -> Simulated {
@@ -73,7 +77,7 @@ impl Compared<'_> {
         let measure = |motion: &SimulatedMotion, _: usize| metric::of_simulated_playback(motion, &window, kind);
         let answer = |base: &BaseMotion, z_noise_m: f64| {
             let watched = Window { ticks: window.clone(), cycles: 1.0, z_noise_m, ..Window::default() };
-            self.of_transient(models, 0.0, base, watched, &measure)
+            self.of_transient((models, spring), 0.0, base, watched, &measure)
         };
         let ideal = answer(&BaseMotion::following(&demand), 0.0);
         let base = self.measured_base(recorded, ticks, models, z_noise_m);
@@ -85,7 +89,7 @@ impl Compared<'_> {
     fn release(
         &self,
         free: &FreeVibration,
-        models: &Models,
+        (models, spring): (&Models, &SpringForce),
         recorded: Option<&Recorded>,
         (row, z_noise_m): (&TransientRow, f64),
     ) -> Option<Simulated> {
@@ -96,7 +100,7 @@ impl Compared<'_> {
         let measured_ticks = (row.end_tick - row.start_tick) as usize;
         let stated = models.stated(start_m);
         let at_rest = BaseMotion::at_rest(measured_ticks + period_ticks.min(LONGEST_FALL) as usize);
-        let motion = simulate(&stated.model, &stated.initial, &at_rest.ends_m, &self.detection).ok()?;
+        let motion = simulate(&stated.model, &stated.initial, &at_rest.ends_m, spring, &self.detection).ok()?;
         // A simulated plant is put back in every tick, and read at its end.
         let held_m = if self.is_simulated { motion.readings.first()?.x_m } else { start_m as f32 };
         let (_, detected) = metric::release(&motion, free, held_m)?;
@@ -109,7 +113,7 @@ impl Compared<'_> {
         let answer = |base: &BaseMotion, z_noise_m: f64| {
             let cycles = f64::from(row.cycles.max(1));
             let watched = Window { ticks: window.clone(), cycles, z_noise_m, end_m: row.end_m, ..Window::default() };
-            self.of_transient(models, start_m, base, watched, &measure)
+            self.of_transient((models, spring), start_m, base, watched, &measure)
         };
         let ideal = answer(&at_rest, 0.0);
         let begins = row.start_tick.checked_sub(detected as u64);
@@ -125,14 +129,14 @@ impl Compared<'_> {
 
     fn of_transient(
         &self,
-        models: &Models,
+        (models, spring): (&Models, &SpringForce),
         start_m: f64,
         base: &BaseMotion,
         window: Window,
         measure: &(impl Fn(&SimulatedMotion, usize) -> Option<metric::Values> + Sync),
     ) -> Option<Answer> {
         let windows = vec![window];
-        Question { models, start_m, base, detection: &self.detection, windows, measure }.answer()
+        Question { models, start_m, base, spring, detection: &self.detection, windows, measure }.answer()
     }
 
     fn transient_point(

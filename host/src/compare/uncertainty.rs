@@ -42,8 +42,14 @@ pub(super) struct Sensors {
 }
 
 /// Standard uncertainty of a value that is anywhere within ± `half_width`.
-fn rectangular(half_width: f64) -> f64 {
+pub(super) fn rectangular(half_width: f64) -> f64 {
     half_width / 3.0_f64.sqrt()
+}
+
+/// Relative standard uncertainty of the scale of a sensor of this linearity: a deviation from the straight line of at most L of the
+/// range, odd and cubic, changes the scale by up to 2.6 L.
+pub(super) fn by_linearity(linearity: f64) -> f64 {
+    rectangular(1.5 * 3.0_f64.sqrt() * linearity)
 }
 
 fn root_sum(parts: &[f64]) -> f64 {
@@ -53,8 +59,6 @@ fn root_sum(parts: &[f64]) -> f64 {
 impl Sensors {
     /// Of the rig of a run; `stated` is the relative standard uncertainty of both scales, if a person knows it.
     pub(super) fn of(rig: &RigSettings, is_simulated: bool, stated: Option<f64>) -> Self {
-        // A deviation from the straight line of at most L of the range, odd and cubic, changes the scale by up to 2.6 L.
-        let by_linearity = |linearity: f64| rectangular(1.5 * 3.0_f64.sqrt() * linearity);
         let [range_m, _] = rig.sensor_range_m();
         let (scale, scale_from, step_m, skew_s) = match (is_simulated, &rig.data_sheet) {
             (true, None) => {

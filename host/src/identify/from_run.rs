@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::CannotIdentify;
-use super::response::{LEAST, Point};
+use super::response::{DrivenBy, LEAST, Point, Response};
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
 use crate::run_folder::schema::results::steadiness_of;
@@ -140,12 +140,12 @@ pub fn free_vibration(path: &Path, choice: &Choice) -> Result<FreeVibration, Can
     })
 }
 
-/// Reads the settled points of a stepped sine on the bare structure: what they were taken from, the points, and remarks. X/Z (cycle
-/// maxima) is corrected by its deviation from its limit, where the run has it.
+/// Reads the settled points of a stepped sine on the bare structure. X/Z (cycle maxima) is corrected by its deviation from its limit,
+/// where the run has it. Under a force z is P/k with the stiffness k of the campaign, so X/P = (X/Z)/k does not depend on that k.
 ///
 /// # Errors
 /// No run, no stepped sine or several of them; a set-up with a damper; too few settled points.
-pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>, Vec<String>), CannotIdentify> {
+pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<Response, CannotIdentify> {
     let run = RunFolder::open(path).map_err(|e| CannotIdentify(e.to_string()))?;
     let failed = |e: &dyn std::fmt::Display| CannotIdentify(format!("{}: {e}", path.display()));
     let mut found: Vec<((String, String), Point, bool)> = Vec::new();
@@ -175,14 +175,12 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
             "set-up {set_up:?} has {damper}: its response is not that of the structure\n  measure one of the bare structure"
         )));
     }
-    if record.and_then(|record| record.model()).is_some_and(|model| model.is_force_driven) {
-        return Err(failed(&format!(
-            "set-up {set_up:?} is driven by a force; the fit is for a base that moves\n  measure one with base_amplitude_m, or a \
-             free vibration for `damprig identify decay`"
-        )));
-    }
+    let forced = record.and_then(|record| record.model()).filter(|model| model.is_force_driven);
+    let (driven_by, stiffness_n_per_m) =
+        forced.map_or((DrivenBy::Base, 1.0), |model| (DrivenBy::Force, model.structure.stiffness_n_per_m));
     let own = || found.iter().filter(|f| f.0 == (set_up.clone(), experiment.clone()));
-    let points: Vec<Point> = own().filter(|f| f.2 && f.1.ratio.is_finite()).map(|f| f.1).collect();
+    let usable = own().filter(|f| f.2 && f.1.ratio.is_finite());
+    let points: Vec<Point> = usable.map(|f| Point { ratio: f.1.ratio / stiffness_n_per_m, ..f.1 }).collect();
     let (all, settled) = (own().count(), points.len());
     if settled < LEAST {
         return Err(failed(&format!(
@@ -194,7 +192,8 @@ pub fn stepped_sine(path: &Path, choice: &Choice) -> Result<(String, Vec<Point>,
         0 => vec![],
         _ => vec![format!("{settled} of {all} points are steady or stationary, and used")],
     };
-    Ok((format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id()), points, remarks))
+    let taken_from = format!("{}, set-up {set_up:?}, experiment {experiment:?}", run.id());
+    Ok(Response { taken_from, driven_by, points, remarks })
 }
 
 /// Refuses a record with lost rows: their share of the swings is unknown.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::CannotIdentify;
 use super::from_run::{Choice, check_gaps, signal, stepped_sine};
-use super::response::Point;
+use super::response::Response;
 use super::time_response::Motion;
 use crate::run_folder::RunFolder;
 use crate::run_folder::read::columns::{numbers, texts};
@@ -12,8 +12,8 @@ use crate::run_folder::read::columns::{numbers, texts};
 /// What an experiment of a run has for a frequency response.
 #[derive(Clone, Debug)]
 pub enum OfRun {
-    /// The points of a stepped sine: what they were taken from, the points, and remarks.
-    Points(String, Vec<Point>, Vec<String>),
+    /// The points of a stepped sine.
+    Points(Response),
     /// x and z of a playback or a pulse.
     Motion(Motion),
 }
@@ -42,7 +42,7 @@ pub fn response_of_run(path: &Path, choice: &Choice) -> Result<OfRun, CannotIden
     let Some(played) = played.get(chosen) else {
         let (set_up, experiment) = pairs[chosen].clone();
         let choice = Choice { set_up: Some(set_up), experiment: Some(experiment) };
-        return stepped_sine(path, &choice).map(|(from, points, remarks)| OfRun::Points(from, points, remarks));
+        return stepped_sine(path, &choice).map(OfRun::Points);
     };
     let (set_up, experiment) = &played.names;
     let record = run.manifest().set_ups.iter().find(|record| record.name == *set_up);

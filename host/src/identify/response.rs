@@ -1,9 +1,11 @@
-//! Natural frequency and damping ratio from a frequency response: amplitudes of structure and base, and their phase.
+//! Natural frequency and damping ratio from a frequency response: amplitudes of structure and base, or of structure and force, and
+//! their phase.
 //!
-//! X/Z = (1 + 2ζrj)/(1 − r² + 2ζrj) with r = f/fn, for absolute displacements of a structure with viscous damping. The relative
-//! deviations are fitted by least squares: of the complex ratio where there is a phase, else of its logarithm.
+//! On a moved base X/Z = (1 + 2ζrj)/(1 − r² + 2ζrj) with r = f/fn, for absolute displacements of a structure with viscous damping. Under
+//! a force on the structure the receptance X/P = 1/(k·(1 − r² + 2ζrj)), which also gives the stiffness k and the mass k/ω². The
+//! relative deviations are fitted by least squares: of the complex ratio where there is a phase, else of its logarithm.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 use super::statistics::fit;
 use super::table::{Quantity, Table, X, Z};
@@ -13,32 +15,57 @@ const FREQUENCY: Quantity = Quantity { stem: "frequency", units: &[("hz", 1.0)],
 const PHASE: Quantity = Quantity {
     stem: "phase",
     units: &[("rad", 1.0), ("deg", PI / 180.0)],
-    about: "phase of x relative to z",
+    about: "phase of x relative to z, or to the force",
     most: 10.0,
 };
+const FORCE: Quantity = Quantity { stem: "force", units: &[("n", 1.0)], about: "force on the structure", most: 1e5 };
+
+/// What moves the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DrivenBy {
+    /// Its base, by z.
+    Base,
+    /// A force on the structure, over a base at rest.
+    Force,
+}
+
+/// Points of a response, and what they were taken from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Response {
+    /// Run, set-up and experiment, or a file, in words.
+    pub taken_from: String,
+    /// What moves the structure.
+    pub driven_by: DrivenBy,
+    /// The points.
+    pub points: Vec<Point>,
+    /// What has to be known about them.
+    pub remarks: Vec<String>,
+}
 
 /// A measured point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Drive frequency, Hz.
     pub frequency_hz: f64,
-    /// Amplitude of x over that of z.
+    /// Amplitude of x over that of z, or over that of the force, m/N.
     pub ratio: f64,
-    /// Phase of x relative to z, rad.
+    /// Phase of x relative to z or to the force, rad.
     pub phase_rad: Option<f64>,
     /// Standard uncertainty of the ratio, relative, if it is known; only the relation of the points' values counts, and the
     /// result's uncertainty is not smaller than they make it.
     pub uncertainty: Option<f64>,
 }
 
-/// The points of a table.
+/// The points of a table: of x and z, or of x and a force.
 ///
 /// # Errors
 /// Missing columns; values that are not positive.
-pub fn points(table: &Table) -> Result<Vec<Point>, CannotIdentify> {
-    let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(&Z)?);
+pub fn points(table: &Table) -> Result<Response, CannotIdentify> {
+    let driven_by = if table.has(&FORCE) && !table.has(&Z) { DrivenBy::Force } else { DrivenBy::Base };
+    let drive = if driven_by == DrivenBy::Force { &FORCE } else { &Z };
+    let (f, x, z) = (table.column(&FREQUENCY)?, table.column(&X)?, table.column(drive)?);
     let phase = if table.has(&PHASE) { Some(table.column(&PHASE)?) } else { None };
-    (0..f.len())
+    let points: Result<Vec<Point>, CannotIdentify> = (0..f.len())
         .map(|row| {
             if !(f[row] > 0.0 && x[row] > 0.0 && z[row] > 0.0) {
                 let text = format!("line {}: frequency and amplitudes must be greater than 0", table.line(row));
@@ -47,15 +74,19 @@ pub fn points(table: &Table) -> Result<Vec<Point>, CannotIdentify> {
             let phase_rad = phase.as_ref().map(|phase| phase[row]);
             Ok(Point { frequency_hz: f[row], ratio: x[row] / z[row], phase_rad, uncertainty: None })
         })
-        .collect()
+        .collect();
+    Ok(Response { taken_from: table.file().into(), driven_by, points: points?, remarks: Vec::new() })
 }
 
-/// Real and imaginary part of X/Z.
-fn response(frequency_hz: f64, natural_hz: f64, zeta: f64) -> (f64, f64) {
-    let r = frequency_hz / natural_hz;
-    let (stiff, loss) = (1.0 - r * r, 2.0 * zeta * r);
+/// Real and imaginary part of X/Z, of the parameters fn and ζ, or of X/P, m/N, of fn, ζ and k.
+fn response(frequency_hz: f64, parameters: &[f64]) -> (f64, f64) {
+    let r = frequency_hz / parameters[0];
+    let (stiff, loss) = (1.0 - r * r, 2.0 * parameters[1] * r);
     let square = stiff * stiff + loss * loss;
-    ((stiff + loss * loss) / square, loss * (stiff - 1.0) / square)
+    match parameters.get(2) {
+        None => ((stiff + loss * loss) / square, loss * (stiff - 1.0) / square),
+        Some(stiffness) => (stiff / square / stiffness, -loss / square / stiffness),
+    }
 }
 
 /// Least relative uncertainty of a point: of sensors and calibration.
@@ -64,11 +95,11 @@ const LEAST_UNCERTAINTY: f64 = 1e-4;
 /// Points that a fit needs at least.
 pub(super) const LEAST: usize = 5;
 
-/// Identifies fn and ζ.
+/// Identifies fn and ζ; under a force also the stiffness and the mass.
 ///
 /// # Errors
 /// Too few points, none near the resonance, a response of another kind.
-pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
+pub fn identify(points: &[Point], driven_by: DrivenBy) -> Result<Vec<Estimate>, CannotIdentify> {
     let refuse = |text: String| Err(CannotIdentify(text));
     if points.len() < LEAST {
         return refuse(format!("{} points are too few: at least {LEAST} about the resonance are needed", points.len()));
@@ -76,7 +107,15 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
     let Some(peak) = points.iter().max_by(|a, b| a.ratio.total_cmp(&b.ratio)) else {
         return refuse("there are no points".into());
     };
-    if peak.ratio < 1.5 {
+    let is_forced = driven_by == DrivenBy::Force;
+    let lowest = points.iter().map(|point| point.ratio).fold(f64::INFINITY, f64::min);
+    if is_forced && peak.ratio < 1.5 * lowest {
+        return refuse(format!(
+            "the largest X/P is {:.3} times the smallest: there is no resonance among the points\n  sweep over the natural frequency",
+            peak.ratio / lowest
+        ));
+    }
+    if !is_forced && peak.ratio < 1.5 {
         return refuse(format!(
             "the largest X/Z is {:.3}, at {} Hz: there is no resonance among the points\n  sweep over the natural frequency",
             peak.ratio, peak.frequency_hz
@@ -95,7 +134,7 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
     }
     let model = |p: &[f64], out: &mut Vec<f64>| {
         for point in points {
-            let (real, imaginary) = response(point.frequency_hz, p[0], p[1]);
+            let (real, imaginary) = response(point.frequency_hz, p);
             let w = weight(point);
             if has_phase {
                 out.extend([w * real / point.ratio, w * imaginary / point.ratio]);
@@ -105,10 +144,19 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
         }
     };
     // The peak between two points is missed: several starts, the best fit.
-    let starts = [0.0, -0.02, 0.02, -0.005, 0.005].map(|share| [peak.frequency_hz * (1.0 + share), 0.5 / peak.ratio]);
-    let fits = starts.iter().filter_map(|start| fit(&measured, start, &[1e-7 * start[0], 1e-4 * start[1]], model));
+    let shares = [0.0, -0.02, 0.02, -0.005, 0.005];
+    let starts: Vec<Vec<f64>> = if is_forced {
+        // The peak is 1/(2ζk).
+        let of = |zeta: f64| shares.map(|share| vec![peak.frequency_hz * (1.0 + share), zeta, 0.5 / zeta / peak.ratio]);
+        [0.002, 0.01, 0.05].into_iter().flat_map(of).collect()
+    } else {
+        shares.map(|share| vec![peak.frequency_hz * (1.0 + share), 0.5 / peak.ratio]).to_vec()
+    };
+    let steps =
+        |start: &[f64]| -> Vec<f64> { start.iter().zip([1e-7, 1e-4, 1e-4]).map(|(s, part)| part * s).collect() };
+    let fits = starts.iter().filter_map(|start| fit(&measured, start, &steps(start), model));
     let best = fits
-        .filter(|fit| fit.parameters[0] > 0.0 && fit.parameters[1] > 0.0)
+        .filter(|fit| fit.parameters.iter().all(|value| *value > 0.0))
         .min_by(|a, b| a.variance().total_cmp(&b.variance()));
     let Some(best) = best else {
         return refuse(
@@ -137,11 +185,26 @@ pub fn identify(points: &[Point]) -> Result<Vec<Estimate>, CannotIdentify> {
             2.0 * zeta.value * natural.value
         ));
     }
-    let method = if has_phase { "fit of the complex frequency response" } else { "fit of the amplitude response" };
-    Ok(vec![
+    let method = match (is_forced, has_phase) {
+        (false, true) => "fit of the complex frequency response",
+        (false, false) => "fit of the amplitude response",
+        (true, true) => "fit of the complex receptance",
+        (true, false) => "fit of the receptance's amplitude",
+    };
+    let mut estimates = vec![
         Estimate::new("natural frequency", "Hz", method, &natural).of_key("structure.natural_frequency_hz"),
         Estimate::new("damping ratio", "", method, &zeta).of_key("structure.damping_ratio"),
-    ])
+    ];
+    if is_forced {
+        let stiffness = best.value(2, variance);
+        let of_stiffness = 1.0 / (TAU * natural.value).powi(2);
+        let value = stiffness.value * of_stiffness;
+        // fn is known so much better than k that its share and the correlation do not count.
+        let mass = stiffness.mapped(value, of_stiffness);
+        estimates.push(Estimate::new("mass", "kg", method, &mass).of_key("structure.mass_kg"));
+        estimates.push(Estimate::new("stiffness", "N/m", method, &stiffness));
+    }
+    Ok(estimates)
 }
 
 #[cfg(test)]
@@ -151,7 +214,7 @@ mod tests {
     /// Closed form: |X/Z|² = (1 + (2ζr)²)/((1 − r²)² + (2ζr)²), and x lags.
     #[test]
     fn the_response_is_that_of_a_moved_base() {
-        let (real, imaginary) = response(2.6, 2.5, 0.01);
+        let (real, imaginary) = response(2.6, &[2.5, 0.01]);
         let (r, d): (f64, f64) = (2.6 / 2.5, 2.0 * 0.01 * 2.6 / 2.5);
         let expected = ((1.0 + d * d) / ((1.0 - r * r).powi(2) + d * d)).sqrt();
         assert!((real.hypot(imaginary) / expected - 1.0).abs() < 1e-12);
@@ -159,5 +222,17 @@ mod tests {
         // H·(1 − r² + dj) = 1 + dj.
         let (a, b) = (1.0 - r * r, d);
         assert!((real * a - imaginary * b - 1.0).abs() < 1e-12 && (real * b + imaginary * a - d).abs() < 1e-12);
+    }
+
+    /// X/P = 1/(k − MΩ² + cΩj), from mass, dashpot and spring.
+    #[test]
+    fn the_receptance_is_that_of_mass_dashpot_and_spring() {
+        let (mass, natural_hz, zeta, hz): (f64, f64, f64, f64) = (1.6, 2.5, 0.01, 2.6);
+        let (omega, drive) = (TAU * natural_hz, TAU * hz);
+        let (stiff, loss) = (mass * omega * omega - mass * drive * drive, 2.0 * zeta * mass * omega * drive);
+        let (real, imaginary) = response(hz, &[natural_hz, zeta, mass * omega * omega]);
+        assert!(
+            (real * stiff - imaginary * loss - 1.0).abs() < 1e-12 && (real * loss + imaginary * stiff).abs() < 1e-12
+        );
     }
 }

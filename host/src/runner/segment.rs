@@ -240,6 +240,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         self.record_all()?;
         self.fetch_missing(self.progress.end_index() as u16)?;
+        self.note_impacts();
         if self.run.every_ticks > 0 {
             self.run.end_telemetry()?;
         }
@@ -448,6 +449,8 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         }
         let row = wire_mapping::row(self.task.set_up, self.task.label(index), result);
         self.run.watcher.point(&row);
+        // A point that is in the journal is not measured again: its impacts must be there before it.
+        self.note_impacts();
         self.run.note(Entry::Result(Box::new(row)));
     }
 
@@ -455,6 +458,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let Task { set_up, experiment, id, .. } = self.task;
         let row = transients::row(set_up, experiment, id.segment, result, &self.run.campaign.rig.board.impacts);
         self.run.watcher.transient(&row);
+        self.note_impacts();
         self.run.note(Entry::Transient(Box::new(row)));
     }
 

@@ -222,6 +222,60 @@ fn identified_parameters_give_the_prediction_their_uncertainty() {
     assert!(said.contains("structure.damping_ratio"), "{said}");
 }
 
+/// Springs set to a friction ratio, a force and a deflection, on ideal sensors of x and z.
+const SPRINGS: [(&str, f64, &str); 4] = [
+    ("ratio", 0.0015, "friction_damper = { spring = { friction_ratio = 0.6 } }"),
+    ("force", 0.003, "friction_damper = { spring = { normal_force_n = 2.4 } }"),
+    ("deflection", 0.003, "friction_damper = { spring = { deflection_m = 0.0047 } }"),
+    ("strong", 0.003, "friction_damper = { spring = { normal_force_n = 8.0, friction_coefficient = 0.09 } }"),
+];
+
+/// A run with these springs; the seed draws the noise of their force sensor. `signals`: what is recorded besides x and z.
+fn with_springs(seed: u32, signals: &str) -> (TempDir, String) {
+    let campaign = campaign(&format!("[rig]\nnoise_seed = {seed}\n"), &SPRINGS, SWEEP)
+        .replace("signals = [\"x\", \"z\"]", &format!("signals = [\"x\", \"z\"{signals}]"));
+    (ran(&campaign), campaign)
+}
+
+/// The controller keeps the force within its dead band, which is the whole uncertainty here: no quantity may differ. A recorded force
+/// has the noise of its reading without contact alone, drawn once for a set-up: that more than one of 4 set-ups differs has a
+/// probability of 1.4 %.
+#[test]
+fn a_spring_agrees_whether_its_force_was_recorded_or_not() {
+    let seeds = if std::env::var_os("DAMPRIG_FULL").is_some() { 1..=5 } else { 1..=1 };
+    for seed in seeds {
+        for (base, signals) in [("on_measured_base", ", \"spring_force\""), ("on_ideal_base", "")] {
+            let (folder, _) = with_springs(seed, signals);
+            let errors = errors(&compared(&folder, &[]), base);
+            assert_eq!(errors.len(), 4 * 3 * 5);
+            let own: Vec<_> = errors.into_iter().filter(|e| e.3.abs() > 1.0).collect();
+            assert!(own.is_empty() || !signals.is_empty(), "{own:?}");
+            let mut set_ups: Vec<String> = own.iter().map(|e| e.0.clone()).collect();
+            set_ups.dedup();
+            assert!(set_ups.len() <= 1, "{own:?}");
+        }
+    }
+}
+
+/// A force that is 3 % larger than it was: a recorded one is known to some tenths of a per mille, one of 8 N without a record to
+/// ± 0.02 N/√3 · 2 · 1.09 = 0.3 %.
+#[test]
+fn a_friction_force_that_is_3_percent_larger_differs() {
+    for (signals, set_ups) in [(", \"spring_force\"", &["force", "strong"][..]), ("", &["strong"])] {
+        let (folder, campaign) = with_springs(1, signals);
+        let wrong = campaign.replace("normal_force_n = 2.4 ", "normal_force_n = 2.472 ").replace("= 8.0,", "= 8.24,");
+        std::fs::write(folder.path().join("wrong.toml"), wrong).unwrap();
+        let errors = errors(&compared(&folder, &["--set-ups", "wrong.toml"]), "on_measured_base");
+        let of = |set_up: &str, metric: &str| {
+            errors.iter().find(|e| e.0 == set_up && e.1 == 2.5 && e.2 == metric).unwrap().3
+        };
+        for set_up in set_ups {
+            // More friction: the model moves less.
+            assert!(of(set_up, "x_over_z") > 2.0 && of(set_up, "x_rms") > 2.0, "{signals} {set_up}: {errors:?}");
+        }
+    }
+}
+
 #[test]
 fn without_z_at_every_tick_only_the_ideal_base_is_simulated() {
     let folder = ran(&short());

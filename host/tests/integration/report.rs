@@ -2,6 +2,7 @@
 //! names.
 
 use std::path::Path;
+use std::process::Command;
 
 use crate::common::{Fate, Served, cut_off, damprig, folder_with, manifest, short};
 use damprig_core::io::Sensor;
@@ -81,6 +82,34 @@ fn several_runs_have_one_page_with_all_curves_in_one_figure() {
     }
     assert_eq!(page.matches("6 of 6 points;").count(), 2);
     damprig(&folder).args(["runs", "report", "first", "third"]).assert().code(2).stderr(contains("third"));
+}
+
+#[test]
+fn the_curves_of_many_runs_have_a_figure_for_each_set_up() {
+    let folder = folder_with(&short());
+    damprig(&folder).args(["run", "test.toml", "--out", "run-0"]).assert().success();
+    let names: Vec<String> = (0..7).map(|n| format!("run-{n}")).collect();
+    for name in &names[1..] {
+        let copied = Command::new("cp").args(["-r", "run-0", name]).current_dir(folder.path()).status().unwrap();
+        assert!(copied.success());
+    }
+    damprig(&folder).args(["runs", "report"]).args(&names).assert().success();
+    let page = std::fs::read_to_string(folder.path().join("runs.html")).unwrap();
+    // 7 runs with 2 curves each.
+    assert!(page.contains("<h3>bare</h3>") && page.contains("<h3>hybrid</h3>"));
+    assert_eq!(page.matches("over frequency of all runs").count(), 2);
+}
+
+#[test]
+fn long_notes_are_folded_below_the_results() {
+    let notes = "A word about it.\\n".repeat(100);
+    let plan = format!("\n[plan]\noperator = \"A. B.\"\nnotes = \"{notes}\"\n");
+    let folder = folder_with(&(short() + &plan));
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let page = page(&folder.path().join("out"));
+    let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
+    assert!(place("operator: A. B.") < place("Results") && place("characters, below the results") < place("Results"));
+    assert!(place("A word about it.") > place("Results") && place("<details") < place("A word about it."));
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::common::{
 };
 use arrow_array::RecordBatch;
 use damprig::run_folder::journal;
+use damprig::run_folder::schema::journal_entry::Entry;
 use damprig::run_folder::schema::journal_state::JournalState;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -39,6 +40,39 @@ fn longer() -> String {
     let carried = "\n[[experiment]]\nname = \"carried\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.45, 2.55]\nstart = \"carry_over\"\nset_ups = [\"bare\"]\nsettle_s = 2.0\ndwell_s = 4.0\n";
     let more = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.05 }";
     short().replace("frequencies_hz = [2.4, 2.5, 2.6]", more).replace("rate_hz = 100", "rate_hz = 1000") + carried
+}
+
+/// A result in the journal is kept when the run is resumed after a kill, so the impacts of its point must stand before it.
+#[test]
+fn the_impacts_of_a_point_are_in_the_journal_before_its_result() {
+    let release = "\n[[experiment]]\nname = \"release\"\nkind = \"free_vibration\"\nstart_m = 0.035\nmeasure_s = 4.0\n";
+    let campaign = short() + release;
+    let folder = folder_with(&campaign);
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let entries = journal::read(&folder.path().join("out")).unwrap().entries;
+    let mut with_impacts = 0;
+    for (place, entry) in entries.iter().enumerate() {
+        let (set_up, experiment, segment, ticks) = match entry {
+            Entry::Result(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
+            Entry::Transient(row) => (&row.set_up, &row.experiment, row.segment, row.start_tick..row.end_tick),
+            _ => continue,
+        };
+        let impacts_in = |entries: &[Entry]| -> usize {
+            let own = entries.iter().filter_map(|entry| match entry {
+                Entry::Impacts(some)
+                    if some.id.set_up == *set_up && some.id.experiment == *experiment && some.id.segment == segment =>
+                {
+                    Some(some.impacts.iter().filter(|impact| ticks.contains(&u64::from(impact.tick))).count())
+                }
+                _ => None,
+            });
+            own.sum()
+        };
+        let all = impacts_in(&entries);
+        assert_eq!(impacts_in(&entries[..place]), all, "{set_up}, {experiment}, {ticks:?}");
+        with_impacts += usize::from(all > 0);
+    }
+    assert!(with_impacts >= 2, "{with_impacts}");
 }
 
 /// Number of kills: 8, or `DAMPRIG_KILLS`.

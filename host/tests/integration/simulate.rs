@@ -279,3 +279,14 @@ fn a_mat_file_has_the_numbers_of_the_parquet_file() {
         }
     }
 }
+
+#[test]
+fn an_output_that_is_a_folder_is_refused_before_the_simulation() {
+    let folder = folder(&spid("{ duration_s = 1.2 }"));
+    std::fs::create_dir(folder.path().join("motion.csv")).unwrap();
+    for force in [&[][..], &["--force"]] {
+        let said = contains("--out: cannot write motion.csv: it is a folder").and(contains("nothing was written"));
+        let arguments = ["simulate", "case.toml", "--out", "motion.csv"];
+        damprig(&folder).args(arguments).args(force).assert().code(2).stdout("").stderr(said);
+    }
+}

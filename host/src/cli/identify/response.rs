@@ -8,20 +8,21 @@ use super::{ChoiceArgs, OutArgs};
 use crate::cli::arguments::{not_negative, positive};
 use crate::cli::outcome::Failure;
 use crate::cli::simulate::picture;
+use crate::identify::response::Response;
 use crate::identify::table::{TIME, Table, X, Z};
 use crate::identify::time_response::{self, Motion, TimeResponse, Wanted};
 use crate::identify::{CannotIdentify, Identification, OfRun, response, response_of_run};
 use crate::report::figures::transfer_function;
 use crate::run_folder::read::folder::find;
 
-/// Natural frequency and damping ratio of the bare structure from its response to the base.
+/// Natural frequency and damping ratio of the bare structure from its response to the base, or to a force.
 ///
-/// Of a stepped sine: the response is fitted to the points. Of x and z over time (a playback of noise or another broadband motion): x is
+/// Of a stepped sine: the response is fitted to the points; under a force that of X/P, which also gives the mass. Of x and z over time (a playback of noise or another broadband motion): x is
 /// simulated from z and fitted; H1 and coherence by Welch's method show whether x follows z.
 #[derive(Debug, ClapArgs)]
 pub(super) struct ResponseArgs {
-    /// Run with a stepped sine or a playback, or CSV file. Columns of points: frequency_hz, x_m, z_m (amplitudes) and phase_rad or
-    /// phase_deg if known; of a motion: t_s, x_m, z_m
+    /// Run with a stepped sine or a playback, or CSV file. Columns of points: frequency_hz, x_m, z_m or force_n (amplitudes) and phase_rad
+    /// or phase_deg if known; of a motion: t_s, x_m, z_m
     #[arg(value_name = "SOURCE")]
     pub(super) source: PathBuf,
 
@@ -77,15 +78,15 @@ pub(super) fn identify(args: &ResponseArgs) -> Result<Identification, Failure> {
         response_of_run(&run, &args.choice.choice()).map_err(Failure::input)?
     };
     match from {
-        OfRun::Points(taken_from, points, remarks) => {
+        OfRun::Points(Response { taken_from, driven_by, points, remarks }) => {
             if let Some(option) = args.option_of_a_motion() {
                 let text = format!(
                     "{option} is for x and z over time; {taken_from} has points of a frequency response\n  leave it out"
                 );
                 return Err(Failure::Input(text));
             }
-            let estimates =
-                response::identify(&points).map_err(|error| Failure::input(format!("{taken_from}: {error}")))?;
+            let estimates = response::identify(&points, driven_by)
+                .map_err(|error| Failure::input(format!("{taken_from}: {error}")))?;
             Ok(Identification { remarks, ..Identification::new(taken_from, estimates) })
         }
         OfRun::Motion(motion) => {
@@ -105,7 +106,7 @@ pub(super) fn identify(args: &ResponseArgs) -> Result<Identification, Failure> {
 /// Points or a motion, by the columns of a table.
 fn response_of_table(table: &Table) -> Result<OfRun, CannotIdentify> {
     if !table.has(&TIME) {
-        return Ok(OfRun::Points(table.file().into(), response::points(table)?, Vec::new()));
+        return response::points(table).map(OfRun::Points);
     }
     let t_s = table.times()?;
     let step_s = (t_s[t_s.len() - 1] - t_s[0]) / (t_s.len() - 1).max(1) as f64;

@@ -10,7 +10,7 @@ pub mod output_error;
 mod residuals;
 pub mod welch;
 
-use super::response::{self, Point};
+use super::response::{self, DrivenBy, Point};
 use super::{CannotIdentify, Estimate};
 use output_error::OutputError;
 use welch::{Segments, Spectrum};
@@ -168,7 +168,7 @@ fn by_h1(spectrum: &Spectrum, natural_hz: f64, width_hz: f64, length_s: f64) -> 
             uncertainty: Some(line.relative_uncertainty(spectrum.averages)),
         })
         .collect();
-    let estimates = response::identify(&points).map_err(|error| format!("H1: {error}"))?;
+    let estimates = response::identify(&points, DrivenBy::Base).map_err(|error| format!("H1: {error}"))?;
     // The window lowers the peak by a third of the square of the widths' ratio; as an uncertainty, that over √3.
     let bias = (1.0 / resolution).powi(2) / 3.0 / 3f64.sqrt();
     let widened = |mut estimate: Estimate, method, bias: f64| {

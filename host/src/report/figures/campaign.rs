@@ -77,14 +77,41 @@ pub fn response(campaign: &Campaign, points: &[PlottedPoint], group: Option<&str
     curves(campaign, (points, group), &quantity, ABOUT_X_OVER_Z, |p| p.x_over_z)
 }
 
-/// X/Z (cycle maxima) over frequency of several runs, given by name, campaign and points; `None` without a point.
-///
-/// # Errors
-/// The drawing library's error.
-pub fn responses_of_runs(runs: &[(&str, &Campaign, Vec<PlottedPoint>)]) -> Result<Option<Picture>, FigureError> {
+/// A run in a figure of several: its name, its campaign, its points.
+pub type PlottedRun<'a> = (&'a str, &'a Campaign, Vec<PlottedPoint>);
+
+/// X/Z (cycle maxima) over frequency of several runs: one figure without a name, or one for each set-up, by its name, if that would be too
+/// many curves; none without a point.
+#[must_use]
+pub fn responses_of_runs(runs: &[PlottedRun]) -> Vec<(Option<String>, Result<Picture, FigureError>)> {
+    let all = curves_of_runs(runs, None);
+    let mut names: Vec<&str> = Vec::new();
+    for set_up in runs.iter().flat_map(|(_, campaign, _)| &campaign.set_ups) {
+        if !names.contains(&set_up.name.as_str()) {
+            names.push(&set_up.name);
+        }
+    }
+    let groups = if all.len() <= MOST_CURVES {
+        vec![(None, all)]
+    } else {
+        names.iter().map(|name| (Some((*name).to_string()), curves_of_runs(runs, Some(name)))).collect()
+    };
+    let common = common_natural_hz(runs.iter().map(|(_, campaign, _)| *campaign));
+    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
+    let drawn = |(name, curves): (Option<String>, Vec<ResponseCurve>)| {
+        let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
+        (name, draw(&curves, &quantity, &notes))
+    };
+    groups.into_iter().filter(|(_, curves)| !curves.is_empty()).map(drawn).collect()
+}
+
+/// The curves of X/Z of several runs; of one set-up, or of all.
+fn curves_of_runs(runs: &[PlottedRun], set_up: Option<&str>) -> Vec<ResponseCurve> {
     let mut curves: Vec<ResponseCurve> = Vec::new();
     for (name, campaign, points) in runs {
-        let own = response_curves(campaign, (points, None), |p| p.x_over_z);
+        let points: Vec<PlottedPoint> =
+            points.iter().filter(|point| set_up.is_none_or(|set_up| point.set_up == set_up)).cloned().collect();
+        let own = response_curves(campaign, (&points, None), |p| p.x_over_z);
         let place = curves.len();
         curves.extend(own.into_iter().enumerate().map(|(n, curve)| ResponseCurve {
             place: place + n,
@@ -92,13 +119,7 @@ pub fn responses_of_runs(runs: &[(&str, &Campaign, Vec<PlottedPoint>)]) -> Resul
             ..curve
         }));
     }
-    if curves.is_empty() {
-        return Ok(None);
-    }
-    let quantity = Ordinate { label: X_OVER_Z, scale: Scale::Log };
-    let common = common_natural_hz(runs.iter().map(|(_, campaign, _)| *campaign));
-    let notes = ResponseNotes { natural_frequency_hz: common, caption: format!("{ABOUT_X_OVER_Z}.") };
-    draw(&curves, &quantity, &notes).map(Some)
+    curves
 }
 
 /// Phase of x relative to z over frequency, as [`response`].

@@ -43,7 +43,7 @@ pub fn page(run: &RunFolder) -> Page {
     Page { html: document(&title, &content), unreadable: data.all_unreadable() }
 }
 
-/// Makes one page of several runs: their frequency responses in one figure, then the content of each page.
+/// Makes one page of several runs: their frequency responses in one figure, or in one for each set-up, then the content of each page.
 #[must_use]
 pub fn page_of_runs(runs: &[RunFolder]) -> Page {
     let all: Vec<PageData> = runs.iter().map(PageData::of).collect();
@@ -55,10 +55,9 @@ pub fn page_of_runs(runs: &[RunFolder]) -> Page {
         "Amplitude ratio X/Z (cycle maxima) over frequency of all runs. Hollow markers: not steady within the dwell.";
     let content = html! {
         header { h1 { (all.len()) " runs" } @for data in &all { p.under { (data.id) } } }
-        @match responses_of_runs(&plotted) {
-            Ok(None) => {}
-            Ok(Some(picture)) => (drawn(Ok(picture), caption)),
-            Err(error) => (drawn(Err(error), caption)),
+        @for (set_up, picture) in responses_of_runs(&plotted) {
+            @if let Some(set_up) = set_up { h3 { (set_up) } }
+            (drawn(picture, caption))
         }
         @for (run, data) in runs.iter().zip(&all) { article { (self::content(run, data)) } }
         (footer())
@@ -86,12 +85,19 @@ fn content(run: &RunFolder, data: &PageData) -> Markup {
         header {
             h1 { (m.campaign) }
             p.under { (data.id) " · started " (tables::moment(&m.started)) }
-            @for (name, text) in m.plan.texts() { p.under { (name) ": " (text) } }
+            @for (name, text) in m.plan.texts() {
+                @if is_long(text) {
+                    p.under { (name) ": " (text.chars().count()) " characters, below the results" }
+                } @else {
+                    p.under { (name) ": " (text) }
+                }
+            }
             @if let Some(seed) = m.plan.order_seed { p.under { "random order, seed " (seed) } }
             (health::state(data))
         }
         (health::warnings(data))
         section { h2 { "Results" } (responses(data)) (tables::peaks(data)) (motions(run, data)) (histories(run, data)) (tables::transients(data)) (repeats::repeats(data)) }
+        (long_texts(data))
         section { h2 { "Set-ups and experiments" } (sketches(data)) (set_ups::set_ups(data)) (set_ups::experiments(data)) (set_ups::acting(data)) }
         @if !data.points.is_empty() {
             section.on-screen { h2 { "All points" } (tables::results(data)) }
@@ -101,6 +107,32 @@ fn content(run: &RunFolder, data: &PageData) -> Markup {
         }
         section { h2 { "Samples, link and losses" } (health::link(data)) }
         section { h2 { "Rig and program" } (health::versions(data)) }
+    }
+}
+
+/// Characters of a text above the results; a longer one is folded below them.
+const MOST_CHARACTERS: usize = 400;
+
+fn is_long(text: &str) -> bool {
+    text.chars().count() > MOST_CHARACTERS || text.lines().count() > 8
+}
+
+/// The long texts of the campaign's plan, folded.
+fn long_texts(data: &PageData) -> Markup {
+    let texts: Vec<(&str, &str)> = data.manifest.plan.texts().filter(|(_, text)| is_long(text)).collect();
+    html! {
+        @if !texts.is_empty() {
+            section {
+                h2 { "Notes" }
+                @for (name, text) in texts {
+                    details.on-screen {
+                        summary { (name) " (" (text.chars().count()) " characters)" }
+                        p.text { (text) }
+                    }
+                    p.note.in-print { "Not printed: " (name) " (" (text.chars().count()) " characters)." }
+                }
+            }
+        }
     }
 }
 

@@ -63,3 +63,17 @@ pub(super) fn or_default<'de, D: Deserializer<'de>, T: Default + DeserializeOwne
     let value = serde_json::Value::deserialize(from)?;
     Ok(serde_json::from_value(value).unwrap_or_default())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As a run recorded it before there were dates of calibrations.
+    #[test]
+    fn settings_without_dates_of_calibrations_are_read() {
+        let board = BoardSettings { source: "stored".into(), settings: Settings::default() };
+        let mut value = serde_json::to_value(&board).unwrap();
+        assert!(value.as_object_mut().unwrap().remove("calibrated").is_some());
+        assert_eq!(serde_json::from_value::<BoardSettings>(value).unwrap(), board);
+    }
+}

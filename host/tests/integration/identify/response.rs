@@ -6,6 +6,10 @@ use predicates::str::contains;
 use crate::common::{damprig, folder_with};
 
 fn sweep(dwell: &str, damper: &str) -> String {
+    sweep_by("base_amplitude_m = 0.0004", dwell, damper)
+}
+
+fn sweep_by(amplitude: &str, dwell: &str, damper: &str) -> String {
     format!(
         r#"name = "sweep"
 [structure]
@@ -14,7 +18,7 @@ natural_frequency_hz = 2.50
 damping_ratio = 0.0038
 [[set_up]]
 name = "bare"
-base_amplitude_m = 0.0004
+{amplitude}
 {damper}
 [[experiment]]
 name = "sweep"
@@ -43,6 +47,40 @@ fn the_points_of_a_run_are_corrected_by_their_deviation_from_the_limit() {
         let value = answer["estimates"][place]["value"].as_f64().unwrap();
         assert!((value / truth - 1.0).abs() < 4e-3, "{answer}");
     }
+}
+
+/// k = 1.6 kg·(2π·2.5 Hz)² = 394.78 N/m.
+#[test]
+fn a_run_under_a_force_gives_mass_and_stiffness_too() {
+    let dwell = "dwell_s = 32\nsteady = { longest_dwell_s = 96, tolerance = 0.02 }";
+    let folder = folder_with(&sweep_by("force_amplitude_n = 0.15", dwell, ""));
+    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
+    let identified = |arguments: &[&str]| {
+        let output = damprig(&folder).args(["identify", "response"]).args(arguments).arg("--json").output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        for (place, (truth, within)) in
+            [(2.5, 1e-3), (0.0038, 0.03), (1.6, 0.02), (394.784, 0.02)].into_iter().enumerate()
+        {
+            let ends = &answer["estimates"][place]["interval_95"];
+            let (low, high) = (ends[0].as_f64().unwrap(), ends[1].as_f64().unwrap());
+            assert!(low < truth && truth < high && high - low < within * truth, "{answer}");
+        }
+        answer
+    };
+    let answer = identified(&["run", "--out", "identified.toml"]);
+    assert_eq!(answer["estimates"][2]["key"], "structure.mass_kg", "{answer}");
+    let written = std::fs::read_to_string(folder.path().join("identified.toml")).unwrap();
+    assert!(written.contains("mass_kg = 1.6") || written.contains("mass_kg = 1.5"), "{written}");
+    // A table of amplitudes, from the closed form, rounded to four digits.
+    let row = |hz: f64| {
+        let r = hz / 2.5;
+        let x_m = 0.15 / 394.784 / ((1.0 - r * r).powi(2) + (2.0 * 0.0038 * r).powi(2)).sqrt();
+        format!("{hz},{x_m:.3e},0.15\n")
+    };
+    let rows: String = [2.2, 2.4, 2.48, 2.49, 2.5, 2.51, 2.52, 2.6, 2.8].map(row).concat();
+    std::fs::write(folder.path().join("points.csv"), format!("frequency_hz,x_m,force_n\n{rows}")).unwrap();
+    identified(&["points.csv"]);
 }
 
 #[test]

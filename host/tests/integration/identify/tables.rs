@@ -181,8 +181,8 @@ fn a_frequency_response_gives_frequency_and_damping() {
     for with_phase in [true, false] {
         let found = |place: usize| {
             move |rng: &mut Rng| {
-                let points = response::points(&table(&text(rng, with_phase))).unwrap();
-                response::identify(&points).unwrap().remove(place)
+                let read = response::points(&table(&text(rng, with_phase))).unwrap();
+                response::identify(&read.points, read.driven_by).unwrap().remove(place)
             }
         };
         let name = if with_phase { "with phase" } else { "amplitudes alone" };

@@ -68,6 +68,64 @@ pub(super) struct Limit {
     pub(super) converges: bool,
     /// RMS of what the exponential leaves unexplained, over the RMS of the amplitudes about their mean; 0 to 1.
     pub(super) unexplained: f32,
+    /// Factor of the decaying part from cycle to cycle.
+    lambda: Complex,
+    /// Modulus of the decaying part in the first cycle.
+    decaying: f32,
+    /// Number of cycles.
+    cycles: u32,
+}
+
+impl Limit {
+    /// A limit of 0 that nothing is known about.
+    pub(super) const UNKNOWN: Self = Self { uncertainty: f32::MAX, converges: false, ..Self::at(0.0) };
+
+    /// A limit that has been reached.
+    const fn at(amplitude: f32) -> Self {
+        Self {
+            amplitude,
+            uncertainty: 0.0,
+            converges: true,
+            unexplained: 0.0,
+            lambda: (0.0, 0.0),
+            decaying: 0.0,
+            cycles: 0,
+        }
+    }
+
+    /// By how much the decaying part raises the mean cycle maximum above the mean amplitude, in the signal's unit.
+    pub(super) fn beat(&self) -> f32 {
+        raised_by_beat(self.lambda) * self.decaying * mean_power(modulus(self.lambda), self.cycles)
+    }
+}
+
+/// By how much a vibration that decays and beats with the drive raises the mean of the cycle maxima, over the mean of its amplitude
+/// per cycle. `lambda`: its factor from cycle to cycle.
+///
+/// A cycle has two peaks of |x|, of which the larger counts. The beat turns by θ = arg λ in a cycle, so by θ/2 from peak to peak: the
+/// vibration b raises them by b cos β and b cos(β + θ/2). The larger of two numbers is their mean, plus half of their distance; over
+/// all β the mean of that is b·(2/π) sin(θ/4). The amplitude over a cycle that turns by θ is b·sin(θ/2)/(θ/2).
+fn raised_by_beat(lambda: Complex) -> f32 {
+    let theta = libm::atan2f(lambda.1, lambda.0).abs();
+    theta / (core::f32::consts::TAU * libm::cosf(0.25 * theta))
+}
+
+/// Mean of 1, q, q² … over `count` terms, for q from 0; 1 for a q above 1.
+fn mean_power(q: f32, count: u32) -> f32 {
+    let away = 1.0 - q;
+    // Below, rounding would spoil the difference.
+    if away < 1e-4 {
+        return 1.0;
+    }
+    let (mut power, mut square, mut left) = (1.0, q, count);
+    while left > 0 {
+        if left & 1 == 1 {
+            power *= square;
+        }
+        square *= square;
+        left >>= 1;
+    }
+    (1.0 - power) / (count as f32 * away)
 }
 
 impl Approach {
@@ -117,8 +175,7 @@ impl Approach {
         let covariance = minus(products, times(to, conjugate(mean_from)));
         // Amplitudes equal to the last bit are at their limit.
         if spread_from <= 0.0 || spread_to <= 0.0 {
-            let amplitude = modulus(plus(self.first, self.last));
-            return Some(Limit { amplitude, uncertainty: 0.0, converges: true, unexplained: 0.0 });
+            return Some(Limit::at(modulus(plus(self.first, self.last))));
         }
         let lambda = scaled(covariance, 1.0 / spread_from);
         let away = minus((1.0, 0.0), lambda);
@@ -136,6 +193,9 @@ impl Approach {
             uncertainty: Scalar::sqrt(variance),
             converges: square(lambda) < 1.0 || lambda.0 < 0.0,
             unexplained: Scalar::sqrt(residual / spread_to),
+            lambda,
+            decaying: modulus(limit),
+            cycles: self.pairs + 1,
         })
     }
 }
@@ -157,6 +217,44 @@ mod tests {
         let limit = approach.limit().unwrap();
         assert!(limit.converges && limit.unexplained < 1e-3, "{limit:?}");
         assert!((limit.amplitude - 1.0).abs() < 1e-4, "{limit:?}");
+    }
+
+    /// x = sin(2πt) + b e^(−t/τ) sin(2πrt + φ), t in cycles: its cycle maxima and amplitudes, for twelve phases φ.
+    #[test]
+    fn the_rise_of_the_cycle_maxima_by_a_beat_is_known_to_half() {
+        const TICKS: usize = 400;
+        for (ratio, decay, b) in [(1.25, 0.9, 0.2), (1.4, 0.95, 0.1), (0.8, 0.9, 0.2), (0.9, 0.97, 0.1)] {
+            for phase in 0..12 {
+                let (mut approach, mut maxima) = (Approach::default(), 0.0);
+                for cycle in 0..60 {
+                    let (mut sum, mut largest) = ((0.0, 0.0), 0.0f64);
+                    for tick in 0..TICKS {
+                        let t = f64::from(cycle) + tick as f64 / TICKS as f64;
+                        let turn = core::f64::consts::TAU * t;
+                        let beat = libm::sin(ratio * turn + 0.5236 * f64::from(phase));
+                        let x = libm::sin(turn) + b * libm::pow(decay, t) * beat;
+                        let share = 2.0 / TICKS as f64 * x;
+                        sum = (sum.0 + share * libm::sin(turn), sum.1 + share * libm::cos(turn));
+                        largest = largest.max(x.abs());
+                    }
+                    maxima += largest / 60.0;
+                    approach.push((sum.0 as f32, sum.1 as f32));
+                }
+                let limit = approach.limit().unwrap();
+                let risen = maxima as f32 - approach.mean_modulus();
+                // The beat's phases are few, the rise of each lies between 0 and π/2 of the mean; b²/4 is the second order.
+                assert!((risen - limit.beat()).abs() < 0.5 * limit.beat() + 2e-4, "{ratio} {phase}: {risen} {limit:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_mean_of_powers_is_that_of_their_sum() {
+        for (q, count) in [(0.0, 7), (0.9, 60), (0.999, 1000), (0.99999, 50), (1.2, 10)] {
+            let terms = (0..count).map(|n| libm::pow(f64::from(q), f64::from(n)).min(1.0));
+            let exact = terms.sum::<f64>() / f64::from(count);
+            assert!((f64::from(mean_power(q, count)) - exact).abs() < 1e-3, "{q} {count}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Verdicts on the steadiness of drawn set-ups, against the limit that the same set-up without noise reaches.
 //!
-//! 40 set-ups, or 600 with `DAMPRIG_FULL`. The limit is that of a run whose point settles for 20 time constants of the
+//! 40 set-ups and 40 bare structures whose free vibration beats, or 600 of each with `DAMPRIG_FULL`. The limit is that of a run whose point settles for 20 time constants of the
 //! bare structure, without sensor noise, measured over 128 cycles.
 
 use std::f64::consts::TAU;
@@ -89,6 +89,30 @@ impl Point {
         Self { plant, frequency_hz, z_m, settle_s, dwell_s, time_constant_s }
     }
 
+    /// A well-damped bare structure off resonance that has settled for some time constants only: its free vibration still beats with
+    /// the drive.
+    fn draw_beating(seed: u64) -> Self {
+        let mut draw = Draw(Xoshiro128PlusPlus::seed_from_u64(seed));
+        let natural_hz = draw.between(1.5, 5.0);
+        let damping_ratio = draw.log_between(0.005, 0.05);
+        let ratio = if draw.chance(0.5) { draw.between(0.6, 0.95) } else { draw.between(1.05, 1.6) };
+        let frequency_hz = f64::from((natural_hz * ratio) as f32);
+        let mut plant = PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, natural_hz, damping_ratio)));
+        plant.sensors.seed = seed;
+        if draw.chance(0.3) {
+            plant.data_sheet = Some(DataSheet::default());
+        }
+        let time_constant_s = 1.0 / (damping_ratio * TAU * natural_hz);
+        Self {
+            plant,
+            frequency_hz,
+            z_m: draw.log_between(5e-4, 3e-3),
+            settle_s: (draw.between(0.5, 3.0) * time_constant_s).max(2.0),
+            dwell_s: draw.between(12.0, 80.0) / frequency_hz,
+            time_constant_s,
+        }
+    }
+
     /// The result of the point; none if an interlock ended it.
     fn measure(&self, plant: PlantConfig, settle_s: f64, dwell_s: f64) -> Option<PointResult> {
         let mut host = Host::new(plant);
@@ -135,8 +159,7 @@ struct Judged {
     result: PointResult,
 }
 
-fn judge(seed: u64) -> Option<Judged> {
-    let point = Point::draw(seed);
+fn judge(seed: u64, point: &Point) -> Option<Judged> {
     let (result, limit) = (point.measured()?, point.limit()?);
     Some(Judged {
         seed,
@@ -148,7 +171,7 @@ fn judge(seed: u64) -> Option<Judged> {
     })
 }
 
-fn judge_all(count: u64) -> Vec<Judged> {
+fn judge_all(count: u64, draw: fn(u64) -> Point) -> Vec<Judged> {
     let next = AtomicU64::new(0);
     let work = || {
         let mut done = vec![];
@@ -157,7 +180,7 @@ fn judge_all(count: u64) -> Vec<Judged> {
             if seed >= count {
                 return done;
             }
-            done.extend(judge(2_000_000 + seed));
+            done.extend(judge(2_000_000 + seed, &draw(2_000_000 + seed)));
         }
     };
     std::thread::scope(|scope| {
@@ -169,7 +192,7 @@ fn judge_all(count: u64) -> Vec<Judged> {
 #[test]
 fn a_point_called_steady_is_within_1_percent_of_its_limit_and_most_points_within_are_called_steady() {
     let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
-    let judged = judge_all(if is_full { 600 } else { 40 });
+    let judged = judge_all(if is_full { 600 } else { 40 }, Point::draw);
     let count = |test: &dyn Fn(&Judged) -> bool| judged.iter().filter(|judged| test(judged)).count();
     let is_within = |judged: &Judged| judged.deviation.abs() <= 0.01;
     let is = |verdict: Steadiness| move |judged: &Judged| judged.verdict == verdict;
@@ -194,6 +217,25 @@ fn a_point_called_steady_is_within_1_percent_of_its_limit_and_most_points_within
     // A scatter of 1 % may hide in a motion that does not repeat; its X/Z is within 1 % then.
     let wrong = count(&|j| !j.repeats && is(Steadiness::Steady)(j) && j.deviation.abs() > 0.01 + j.limit_interval);
     assert!(wrong as f64 <= 0.05 * steady.max(20) as f64, "{wrong} of {steady}");
+}
+
+#[test]
+fn a_point_whose_free_vibration_still_beats_is_called_steady_only_within_1_percent_of_its_limit() {
+    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let judged = judge_all(if is_full { 600 } else { 40 }, Point::draw_beating);
+    let is_within = |judged: &&Judged| judged.deviation.abs() <= 0.01;
+    let is_steady = |judged: &&Judged| judged.verdict == Steadiness::Steady;
+    let called = judged.iter().filter(is_steady).count();
+    let right = judged.iter().filter(is_steady).filter(is_within).count();
+    let within = judged.iter().filter(is_within).count();
+    println!("beating: {called} of {} called steady, {right} of them within 1 %; {within} within 1 %", judged.len());
+    for judged in judged.iter().filter(is_steady).filter(|judged| !is_within(judged)) {
+        println!("seed {}: {:.4} from its limit: {:?}", judged.seed, judged.deviation, judged.result);
+    }
+    // As above; of 500 points, one standard deviation is 0.45 % and 1.4 %.
+    let [least_right, least_found] = if is_full { [0.985, 0.88] } else { [0.95, 0.8] };
+    assert!(right as f64 >= least_right * called as f64 && called > 10, "{right} of {called}");
+    assert!(right as f64 >= least_found * within as f64, "{right} of {within}");
 }
 
 /// The bare structure of the source document at resonance.
