@@ -21,6 +21,7 @@ mod arguments;
 mod calibrate;
 mod calibrate_operator;
 mod compare;
+mod continue_;
 mod devices;
 mod documents;
 #[cfg(feature = "probe")]
@@ -92,6 +93,8 @@ enum Command {
     Init(init::Args),
     /// Simulate one case exactly, event by event
     Simulate(simulate::Args),
+    /// Follow periodic orbits of a case over a parameter: stability, bifurcations, grazings
+    Continue(continue_::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
@@ -147,6 +150,7 @@ pub fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Init(args) => init::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Continue(args) => continue_::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

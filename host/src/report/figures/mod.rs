@@ -5,6 +5,7 @@
 //! built in, so a figure looks the same on every machine.
 
 pub mod axis;
+pub mod branches;
 pub mod campaign;
 pub mod comparison;
 pub mod frequency_response;
