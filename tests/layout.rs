@@ -8,13 +8,14 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 9] = [
+const DIRECTIONS: [(&str, &[&str]); 10] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
+    ("damprig-continuation", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    ("damprig", &["damprig-continuation", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
@@ -41,7 +42,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 20] = [
+const HOST_LAYERS: [&str; 21] = [
     "host_time",
     "input",
     "settings",
@@ -54,6 +55,7 @@ const HOST_LAYERS: [&str; 20] = [
     "runner",
     "simulation",
     "study",
+    "continuation",
     "file_keys",
     "identify",
     "compare",

@@ -10,6 +10,7 @@ pub mod campaign;
 pub mod cli;
 pub mod client;
 pub mod compare;
+pub mod continuation;
 pub mod file_keys;
 pub mod host_time;
 pub mod identify;

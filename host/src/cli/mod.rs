@@ -22,6 +22,7 @@ mod bifurcation;
 mod calibrate;
 mod calibrate_operator;
 mod compare;
+mod continue_;
 mod devices;
 mod documents;
 #[cfg(feature = "probe")]
@@ -98,6 +99,8 @@ enum Command {
     Bifurcation(bifurcation::Args),
     /// Run a study: a case over many values of its keys
     Study(study::Args),
+    /// Follow periodic orbits of a case over a parameter: stability, bifurcations, grazings
+    Continue(continue_::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
@@ -155,6 +158,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Bifurcation(args) => bifurcation::run(&args),
         Command::Study(args) => study::run(&args),
+        Command::Continue(args) => continue_::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

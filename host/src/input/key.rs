@@ -253,7 +253,7 @@ impl Unit {
     }
 
     /// Why the magnitude of `value` is not allowed, if it is not.
-    pub(super) fn refusal(&self, value: f64) -> Option<String> {
+    pub(crate) fn refusal(&self, value: f64) -> Option<String> {
         let Self { symbol, least, most, .. } = self;
         let space = if symbol.is_empty() { "" } else { " " };
         match value.abs() {

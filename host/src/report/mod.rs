@@ -4,6 +4,7 @@
 //! `numbers`, `parameters` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
 //! other.
 
+pub mod branch_table;
 pub mod compared;
 pub mod describe;
 pub mod exports;

@@ -6,6 +6,7 @@
 
 pub mod axis;
 pub mod bifurcation;
+pub mod branches;
 pub mod campaign;
 pub mod comparison;
 pub mod frequency_response;

@@ -1,0 +1,210 @@
+//! The result of a continuation, for tables, figures and JSON.
+
+use damprig_continuation::{Branch, BranchEnd, Curve, Diagram, Orbit, Origin, Special, SpecialKind};
+use serde::Serialize;
+
+use super::parameters::ParameterKey;
+
+/// Branches of periodic orbits.
+#[derive(Clone, Debug, Serialize)]
+pub struct Found {
+    /// Name of the case.
+    pub case: String,
+    /// Key of the parameter.
+    pub parameter: &'static str,
+    /// Its symbol and unit.
+    #[serde(skip)]
+    pub label: &'static str,
+    /// Name of its column in tables.
+    #[serde(skip)]
+    pub column: String,
+    /// The branches.
+    pub branches: Vec<FoundBranch>,
+    /// Values of the parameter at which a new start found no periodic orbit, and why.
+    pub gaps: Vec<FoundGap>,
+    /// Key of the second parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_parameter: Option<&'static str>,
+    /// Curves of special points in both parameters.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub curves: Vec<FoundCurve>,
+}
+
+/// A curve of special points in two parameters.
+#[derive(Clone, Debug, Serialize)]
+pub struct FoundCurve {
+    /// Number of the branch with the special point.
+    pub branch: usize,
+    /// Kind.
+    pub kind: &'static str,
+    /// What it means.
+    pub meaning: String,
+    /// How it ends at its first and last point.
+    pub ends: [&'static str; 2],
+    /// Both parameters and max |x|, m.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl FoundCurve {
+    pub(super) fn of(branch: usize, curve: &Curve) -> Self {
+        let of_end = |end| match end {
+            BranchEnd::Range => "end of a range",
+            BranchEnd::Grazing => "another grazing",
+            BranchEnd::Closed => "its own start",
+            BranchEnd::NoConvergence => "no convergence",
+            BranchEnd::TooLong => "largest number of points",
+        };
+        Self {
+            branch,
+            kind: curve.kind.name(),
+            meaning: curve.meaning.clone(),
+            ends: curve.ends.map(of_end),
+            points: curve.orbits.iter().map(|o| [o.parameters[0], o.parameters[1], o.peak_x_m]).collect(),
+        }
+    }
+}
+
+/// A start without an orbit.
+#[derive(Clone, Debug, Serialize)]
+pub struct FoundGap {
+    /// The parameter.
+    pub parameter: f64,
+    /// Why.
+    pub why: String,
+}
+
+/// A branch.
+#[derive(Clone, Debug, Serialize)]
+pub struct FoundBranch {
+    /// Number, from 1.
+    pub number: usize,
+    /// Where it comes from.
+    pub origin: String,
+    /// Drive periods of its orbits.
+    pub periods: u32,
+    /// Events in an orbit.
+    pub events: usize,
+    /// How it ends at its first and last orbit.
+    pub ends: [&'static str; 2],
+    /// Its special points.
+    pub special_points: Vec<FoundSpecial>,
+    /// Its orbits.
+    pub orbits: Vec<FoundOrbit>,
+}
+
+/// A special point.
+#[derive(Clone, Debug, Serialize)]
+pub struct FoundSpecial {
+    /// Kind.
+    pub kind: &'static str,
+    /// What it means.
+    pub meaning: String,
+    /// The parameter.
+    pub parameter: f64,
+    /// Error of the parameter by the last step of its location.
+    pub parameter_error: f64,
+    /// max |x| there, m.
+    pub peak_x_m: f64,
+    /// Number of orbits of the branch before it.
+    pub after_orbits: usize,
+}
+
+/// An orbit.
+#[derive(Clone, Debug, Serialize)]
+pub struct FoundOrbit {
+    /// The parameter.
+    pub parameter: f64,
+    /// Whether it is stable.
+    pub is_stable: bool,
+    /// max |x|, m.
+    pub peak_x_m: f64,
+    /// Mean over the drive periods of max |x| in each, m.
+    pub mean_cycle_peak_x_m: f64,
+    /// max |y − x|, m.
+    pub peak_offset_m: f64,
+    /// Impacts in an orbit.
+    pub impacts: u32,
+    /// The fastest approach speed, m/s.
+    pub fastest_impact_m_per_s: f64,
+    /// Floquet multipliers, real and imaginary part.
+    pub multipliers: Vec<[f64; 2]>,
+}
+
+impl Found {
+    pub(super) fn of(case: &str, parameter: &ParameterKey, diagram: &Diagram) -> Self {
+        let branches = diagram.branches.iter().enumerate().map(|(n, branch)| FoundBranch::of(n, branch)).collect();
+        let gaps = diagram.gaps.iter().map(|(at, why)| FoundGap { parameter: *at, why: why.to_string() }).collect();
+        Self {
+            case: case.into(),
+            parameter: parameter.key,
+            label: parameter.label,
+            column: parameter.column(),
+            branches,
+            gaps,
+            second_parameter: None,
+            curves: Vec::new(),
+        }
+    }
+}
+
+impl FoundBranch {
+    fn of(place: usize, branch: &Branch) -> Self {
+        let origin = match branch.origin {
+            Origin::Simulation(at) => format!("simulation at {at}"),
+            Origin::BranchPoint { branch, special } => {
+                format!("special point {} of branch {}", special + 1, branch + 1)
+            }
+        };
+        let of_end = |(end, is_first): (BranchEnd, bool)| match end {
+            BranchEnd::Range => "end of the range",
+            BranchEnd::Grazing => "grazing",
+            BranchEnd::Closed if is_first && matches!(branch.origin, Origin::BranchPoint { .. }) => "branch point",
+            BranchEnd::Closed => "its own start",
+            BranchEnd::NoConvergence => "no convergence",
+            BranchEnd::TooLong => "largest number of orbits",
+        };
+        Self {
+            number: place + 1,
+            origin,
+            periods: branch.sequence.periods,
+            events: branch.orbits.first().map_or(0, |_| branch.events()),
+            ends: [of_end((branch.ends[0], true)), of_end((branch.ends[1], false))],
+            special_points: branch.specials.iter().map(|(n, special)| FoundSpecial::of(*n, special)).collect(),
+            orbits: branch.orbits.iter().map(FoundOrbit::of).collect(),
+        }
+    }
+}
+
+impl FoundSpecial {
+    fn of(after_orbits: usize, special: &Special) -> Self {
+        Self {
+            kind: special.kind.name(),
+            meaning: special.meaning.clone(),
+            parameter: special.parameter,
+            parameter_error: special.parameter_error,
+            peak_x_m: special.orbit.peak_x_m,
+            after_orbits,
+        }
+    }
+
+    /// Whether the branch ends here.
+    #[must_use]
+    pub fn is_grazing(&self) -> bool {
+        self.kind == SpecialKind::Grazing(Vec::new()).name()
+    }
+}
+
+impl FoundOrbit {
+    fn of(orbit: &Orbit) -> Self {
+        Self {
+            parameter: orbit.parameters[0],
+            is_stable: orbit.is_stable(),
+            peak_x_m: orbit.peak_x_m,
+            mean_cycle_peak_x_m: orbit.mean_cycle_peak_x_m,
+            peak_offset_m: orbit.peak_offset_m,
+            impacts: orbit.impacts,
+            fastest_impact_m_per_s: orbit.fastest_impact_m_per_s,
+            multipliers: orbit.multipliers.iter().map(|m| [m.re, m.im]).collect(),
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Declares the keys of a continuation file.
+
+use crate::input::key::DefaultValue::{Number, Word};
+use crate::input::key::Need::{Default, Optional, Required};
+use crate::input::key::Range::{Above, Any, Whole};
+use crate::input::key::{Kind, Quantity, Table, key, number, tables, word};
+
+tables! {
+    "All tables of a continuation file."
+
+    "What is followed: the case, its parameter and the range."
+    file("") {
+        CASE: Required, [key("case", Kind::Text, "the case file, relative to this file")];
+        PARAMETER: Required, [key("parameter", Kind::Text, "the parameter by its key in a case, e.g. \"particle.clearance_m\"")];
+        FROM: Required, [number("from", Any, "lower end of the range, in the unit of the parameter")];
+        TO: Required, [number("to", Any, "upper end of the range")];
+        START_AT: Optional, [number("start_at", Any, "value at which the first orbit is simulated; default: that of the case")];
+        BRANCHES: Default(Word("main")), [
+            word("branches", &["main", "all"], "whether branches are followed that branch off at a period doubling or where the symmetry breaks"),
+        ];
+        RESTARTS: Default(Number(6.0)), [
+            number("restarts", Whole(0.0, 100.0), "most new starts by simulation beyond grazings"),
+        ];
+        STEP: Default(Number(0.01)), [number("longest_step", Above(0.0, 0.2), "longest step, as a share of the range")];
+        SETTLE: Default(Number(6000.0)), [
+            number("settle_periods", Whole(200.0, 1e6), "most drive periods that a simulation may take to repeat"),
+        ];
+        SECOND: Optional, [key("second", Kind::Table, "a second parameter: curves of the special points in both")];
+    }
+
+    "The second parameter."
+    second("second") {
+        PARAMETER: Required, [key("parameter", Kind::Text, "the parameter by its key in a case")];
+        FROM: Required, [number("from", Any, "lower end of the range")];
+        TO: Required, [number("to", Any, "upper end of the range")];
+    }
+}

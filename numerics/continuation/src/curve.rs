@@ -1,0 +1,305 @@
+//! Curves of special points in two parameters.
+//!
+//! A grazing adds its conditions to the boundary value problem. A fold or a period doubling adds σ = 0, where σ solves
+//! `[J b; cᵀ 0] [v; σ] = [0; 1]` with the derivatives J of the (twisted) problem: σ is zero where J is singular. Its gradient is
+//! `−wᵀ (∂J/∂z) v` with the solution w of the transposed system; nested dual numbers give it exactly.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::boundary_problem::{BoundaryProblem, Condition, Linearised};
+use crate::branch::{BranchEnd, Steps};
+use crate::dual::Dual;
+use crate::newton::{Solution, solve};
+use crate::orbit::Orbit;
+use crate::parameter::Parameter;
+use crate::sequence::Sequence;
+use crate::special::{Special, SpecialKind};
+use crate::system::System;
+
+/// A curve of special points of one kind.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Kind.
+    pub kind: SpecialKind,
+    /// What it means.
+    pub meaning: String,
+    /// The orbits on it, each with the values of both parameters.
+    pub orbits: Vec<Orbit>,
+    /// How it ends at its first and at its last orbit. A grazing there means that another event is grazed too.
+    pub ends: [BranchEnd; 2],
+}
+
+/// The condition of a curve.
+enum Defining {
+    /// Conditions on the flow, with an unknown time or without.
+    Conditions(Vec<Condition>, bool),
+    /// The twisted problem is singular; the vectors b and c.
+    Singular(f64, DVector<f64>, DVector<f64>),
+}
+
+struct CurveFollower<'a> {
+    problem: BoundaryProblem<'a>,
+    ranges: [(f64, f64); 2],
+    weights: DVector<f64>,
+}
+
+/// A violation shallower than this, relative to the motion, is the grazing of the curve itself or that of its mirror image.
+const SHALLOW: f64 = 1e-7;
+
+/// Shortest step.
+const SHORTEST: f64 = 1e-7;
+
+impl System {
+    /// Follows a special point that was found over `parameters[0]` in both parameters. `None` for kinds that are not followed: points
+    /// where branches cross, and Neimark-Sacker points.
+    #[must_use]
+    pub fn curve(
+        &self,
+        sequence: &Sequence,
+        special: &Special,
+        parameters: [Parameter; 2],
+        ranges: [(f64, f64); 2],
+        steps: Steps,
+    ) -> Option<Curve> {
+        let problem = BoundaryProblem { system: self, sequence, parameters: &parameters };
+        let size = problem.len();
+        let values = [special.parameter, self.value(parameters[1])];
+        let mut defining = match &special.kind {
+            SpecialKind::Grazing(conditions) => {
+                Defining::Conditions(conditions.clone(), conditions.iter().any(Condition::has_time))
+            }
+            SpecialKind::Fold | SpecialKind::PeriodDoubling => {
+                let twist = if special.kind == SpecialKind::Fold { 1.0 } else { -1.0 };
+                let linear = problem.linearise::<f64>(&special.unknowns, &values, twist);
+                let matrix = DMatrix::from_fn(size, size, |row, k| linear.by_unknowns[row][k]);
+                let svd = matrix.svd(true, true);
+                let left = svd.u?.column(size - 1).into_owned();
+                Defining::Singular(twist, left, svd.v_t?.row(size - 1).transpose())
+            }
+            _ => return None,
+        };
+        let extra = usize::from(matches!(defining, Defining::Conditions(_, true)));
+        let mean = special.unknowns.iter().map(|u| u * u).sum::<f64>() / size as f64;
+        let mut weights = DVector::from_element(size + 2 + extra, 1.0 / (size as f64 * mean.max(1.0)));
+        (weights[size], weights[size + 1]) = (1.0, 1.0);
+        let follower = CurveFollower { problem, ranges, weights };
+        let mut start = DVector::from_column_slice(&special.unknowns).resize_vertically(size + 2 + extra, 0.0);
+        for n in 0..2 {
+            start[size + n] = (values[n] - ranges[n].0) / (ranges[n].1 - ranges[n].0);
+        }
+        if extra == 1 {
+            start[size + 2] = special.touch_time;
+        }
+        // Along the second parameter first: the point was found over the first one.
+        let mut along = DVector::zeros(size + 2 + extra);
+        along[size + 1] = 1.0;
+        let start = follower.correct(&mut defining, start.clone(), &start, &along, 0.0)?.unknowns;
+        let along = follower.tangent(&defining, &start, &along)?;
+        let (ahead, ahead_end) = follower.trace(&mut defining, &start, &along, steps);
+        let (mut back, back_end) = follower.trace(&mut defining, &start, &-along, steps);
+        back.reverse();
+        back.push(follower.orbit(&start));
+        back.extend(ahead);
+        Some(Curve {
+            kind: special.kind.clone(),
+            meaning: special.meaning.clone(),
+            orbits: back,
+            ends: [back_end, ahead_end],
+        })
+    }
+}
+
+type Point = DVector<f64>;
+
+impl CurveFollower<'_> {
+    fn values(&self, point: &Point) -> [f64; 2] {
+        let size = self.problem.len();
+        std::array::from_fn(|n| self.ranges[n].0 + (self.ranges[n].1 - self.ranges[n].0) * point[size + n])
+    }
+
+    fn unknowns<'p>(&self, point: &'p Point) -> &'p [f64] {
+        &point.as_slice()[..self.problem.len()]
+    }
+
+    fn orbit(&self, point: &Point) -> Orbit {
+        self.problem.orbit(self.unknowns(point), &self.values(point))
+    }
+
+    fn inner(&self, a: &Point, b: &Point) -> f64 {
+        a.iter().zip(b).zip(&self.weights).map(|((a, b), w)| a * b * w).sum()
+    }
+
+    /// Residual and derivatives of the orbit and the defining conditions; the last row is free.
+    fn derivatives(&self, defining: &Defining, point: &Point) -> Option<(Point, DMatrix<f64>)> {
+        let size = self.problem.len();
+        let (unknowns, values) = (self.unknowns(point), self.values(point));
+        let scale: [f64; 2] = std::array::from_fn(|n| self.ranges[n].1 - self.ranges[n].0);
+        let Linearised { residual, by_unknowns, by_parameters } = self.problem.linearise::<f64>(unknowns, &values, 1.0);
+        let extent = point.len();
+        let mut right = DVector::from_vec(residual).resize_vertically(extent, 0.0);
+        let mut matrix = DMatrix::zeros(extent, extent);
+        for row in 0..size {
+            for k in 0..size {
+                matrix[(row, k)] = by_unknowns[row][k];
+            }
+            for n in 0..2 {
+                matrix[(row, size + n)] = by_parameters[n][row] * scale[n];
+            }
+        }
+        match defining {
+            Defining::Conditions(conditions, has_time) => {
+                let time = if *has_time { point[size + 2] } else { 0.0 };
+                for (n, condition) in conditions.iter().enumerate() {
+                    let (value, gradient, by_parameter, by_time) =
+                        self.problem.condition(*condition, unknowns, &values, time);
+                    let row = size + n;
+                    right[row] = value;
+                    for k in 0..size {
+                        matrix[(row, k)] = gradient[k];
+                    }
+                    for n in 0..2 {
+                        matrix[(row, size + n)] = by_parameter[n] * scale[n];
+                    }
+                    if *has_time {
+                        matrix[(row, size + 2)] = by_time;
+                    }
+                }
+            }
+            Defining::Singular(twist, left, right_null) => {
+                let (sigma, v, w) = self.singular(unknowns, &values, *twist, (left, right_null))?;
+                right[size] = sigma;
+                let along: Vec<Dual<f64>> =
+                    unknowns.iter().zip(&v).map(|(value, slope)| Dual { value: *value, slope: *slope }).collect();
+                let second = self.problem.linearise(&along, &values.map(Dual::constant), *twist);
+                for k in 0..size {
+                    matrix[(size, k)] = -(0..size).map(|row| w[row] * second.by_unknowns[row][k].slope).sum::<f64>();
+                }
+                for n in 0..2 {
+                    let sum: f64 = (0..size).map(|row| w[row] * second.by_parameters[n][row].slope).sum();
+                    matrix[(size, size + n)] = -sum * scale[n];
+                }
+            }
+        }
+        Some((right, matrix))
+    }
+
+    /// σ with its vectors v and w.
+    fn singular(
+        &self,
+        unknowns: &[f64],
+        values: &[f64],
+        twist: f64,
+        (b, c): (&Point, &Point),
+    ) -> Option<(f64, Point, Point)> {
+        let size = self.problem.len();
+        let linear = self.problem.linearise::<f64>(unknowns, values, twist);
+        let bordered = DMatrix::from_fn(size + 1, size + 1, |row, k| match (row < size, k < size) {
+            (true, true) => linear.by_unknowns[row][k],
+            (true, false) => b[row],
+            (false, true) => c[k],
+            (false, false) => 0.0,
+        });
+        let mut unit = DVector::zeros(size + 1);
+        unit[size] = 1.0;
+        let solved = bordered.clone().lu().solve(&unit)?;
+        let transposed = bordered.transpose().lu().solve(&unit)?;
+        let v = solved.rows(0, size).into_owned();
+        Some((solved[size], v, transposed.rows(0, size).into_owned()))
+    }
+
+    fn correct(
+        &self,
+        defining: &mut Defining,
+        guess: Point,
+        anchor: &Point,
+        tangent: &Point,
+        arc: f64,
+    ) -> Option<Solution> {
+        let last = guess.len() - 1;
+        let solution = solve(guess, |point| {
+            let Some((mut residual, mut matrix)) = self.derivatives(defining, point) else {
+                return (DVector::from_element(point.len(), f64::NAN), DMatrix::zeros(point.len(), point.len()));
+            };
+            residual[last] = self.inner(tangent, &(point - anchor)) - arc;
+            for k in 0..=last {
+                matrix[(last, k)] = tangent[k] * self.weights[k];
+            }
+            (residual, matrix)
+        })?;
+        // The borders follow the null vectors.
+        if let Defining::Singular(twist, b, c) = defining {
+            let point = &solution.unknowns;
+            let (_, v, w) = self.singular(self.unknowns(point), &self.values(point), *twist, (b, c))?;
+            (*b, *c) = (w.normalize(), v.normalize());
+        }
+        Some(solution)
+    }
+
+    fn tangent(&self, defining: &Defining, point: &Point, along: &Point) -> Option<Point> {
+        let last = point.len() - 1;
+        let (mut right, mut matrix) = self.derivatives(defining, point)?;
+        right.fill(0.0);
+        right[last] = 1.0;
+        for k in 0..=last {
+            matrix[(last, k)] = along[k] * self.weights[k];
+        }
+        let direction = matrix.lu().solve(&right)?;
+        let length = self.inner(&direction, &direction).sqrt();
+        (length.is_finite() && length > 0.0).then(|| direction / length)
+    }
+
+    /// Whether another event than that of the curve is missing or one too many.
+    fn is_wrong(&self, point: &Point) -> bool {
+        let violations = self.problem.violations(self.unknowns(point), &self.values(point));
+        violations.iter().any(|violation| violation.depth > SHALLOW)
+    }
+
+    fn trace(&self, defining: &mut Defining, start: &Point, along: &Point, steps: Steps) -> (Vec<Orbit>, BranchEnd) {
+        let size = self.problem.len();
+        let (mut at, mut along) = (start.clone(), along.clone());
+        let mut step = 0.2 * steps.longest;
+        let mut orbits = Vec::new();
+        while orbits.len() < steps.most_orbits {
+            let next = self.correct(defining, &at + &along * step, &at, &along, step);
+            let next = next.and_then(|solution| {
+                let tangent = self.tangent(defining, &solution.unknowns, &along)?;
+                (self.inner(&tangent, &along) > 0.95).then_some((solution, tangent))
+            });
+            let Some((solution, tangent)) = next else {
+                step *= 0.5;
+                if step < SHORTEST {
+                    return (orbits, BranchEnd::NoConvergence);
+                }
+                continue;
+            };
+            let point = solution.unknowns;
+            if self.is_wrong(&point) {
+                step *= 0.5;
+                if step < 1e-3 * steps.longest {
+                    return (orbits, BranchEnd::Grazing);
+                }
+                continue;
+            }
+            if let Some(n) = (0..2).find(|n| !(0.0..=1.0).contains(&point[size + n])) {
+                // The last orbit lies on the edge.
+                let edge = if point[size + n] < 0.0 { 0.0 } else { 1.0 };
+                let share = (edge - at[size + n]) / (point[size + n] - at[size + n]);
+                let guess = &at + (&point - &at) * share;
+                let mut across = DVector::zeros(point.len());
+                across[size + n] = 1.0;
+                let mut anchor = guess.clone();
+                anchor[size + n] = edge;
+                if let Some(solution) = self.correct(defining, guess, &anchor, &across, 0.0) {
+                    orbits.push(self.orbit(&solution.unknowns));
+                }
+                return (orbits, BranchEnd::Range);
+            }
+            orbits.push(self.orbit(&point));
+            (at, along) = (point, tangent);
+            if solution.steps <= 6 {
+                step = (1.5 * step).min(steps.longest);
+            }
+        }
+        (orbits, BranchEnd::TooLong)
+    }
+}

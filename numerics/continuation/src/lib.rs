@@ -1,0 +1,34 @@
+//! Continuation of periodic orbits with impacts and friction.
+//!
+//! The systems are those of [`damprig_core::model`] under a sine of the base or of a force. Between events each mode is linear with
+//! constant coefficients, so its motion is in closed form. A periodic orbit is a sequence of segments; Newton's method
+//! finds it with exact derivatives, and pseudo-arclength steps follow it over a parameter through folds, whether it is stable or not.
+//! The Floquet multipliers are eigenvalues of the product of the segments' transition matrices, each corrected for the shift
+//! of its event (saltation).
+
+mod boundary_problem;
+mod branch;
+mod checks;
+mod curve;
+mod dual;
+mod explore;
+mod flow;
+mod follower;
+mod newton;
+mod orbit;
+mod parameter;
+mod sequence;
+mod special;
+mod start;
+mod system;
+
+pub use boundary_problem::{Condition, When};
+pub use branch::{BranchEnd, Steps};
+pub use curve::Curve;
+pub use explore::{Branch, Diagram, Origin, Task};
+pub use orbit::Orbit;
+pub use parameter::{Parameter, Ties};
+pub use sequence::{Guard, Phase, Segment, Sequence};
+pub use special::{Special, SpecialKind};
+pub use start::NoStart;
+pub use system::System;

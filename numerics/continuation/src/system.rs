@@ -1,0 +1,449 @@
+//! The mechanical system, its drive and its parameters, and its equations of motion in each mode.
+//!
+//! Lengths are in units of a typical displacement, times in units of 1/Ω at the start, masses in units of M.
+
+use damprig_core::integrator::exact::{Excitation, Touch};
+use damprig_core::integrator::modes::{Contact, Grip, Sign};
+use damprig_core::io::{Invalid, require};
+use damprig_core::model::{Release, SetUp, Wall};
+
+use crate::dual::{Dual, Real};
+use crate::flow::place::{COSINE, OFFSET, ONE, PHASE, SINE, SLIDE, V, X};
+use crate::flow::{N, STATE, Square, Vector, row_times};
+use crate::parameter::{Parameter, Ties, Values};
+use crate::sequence::{Guard, Phase};
+
+/// A set-up under a sine of the base or of a force.
+#[derive(Clone, Debug, PartialEq)]
+pub struct System {
+    set_up: SetUp,
+    excitation: Excitation,
+    ties: Ties,
+    /// Unit of time, s.
+    pub(crate) time_s: f64,
+    /// Unit of length, m.
+    pub(crate) length_m: f64,
+    pub(crate) has_particle: bool,
+    pub(crate) has_tmd: bool,
+    pub(crate) soft: Option<Release>,
+}
+
+impl System {
+    /// A system at the values of `set_up` and `excitation`.
+    ///
+    /// # Errors
+    /// Names a value that is not physical, or an excitation that is not a sine.
+    pub fn new(set_up: &SetUp, excitation: &Excitation, ties: Ties) -> Result<Self, Invalid> {
+        set_up.validate()?;
+        excitation.validate()?;
+        let (amplitude_m, turning) = match *excitation {
+            Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
+                (amplitude_m, angular_frequency_rad_per_s)
+            }
+            Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, .. } => {
+                (amplitude_n / set_up.structure.stiffness_n_per_m, angular_frequency_rad_per_s)
+            }
+            _ => (0.0, 0.0),
+        };
+        require(turning > 0.0, "base.kind", turning, "a sine of the base or of a force")?;
+        require(amplitude_m > 0.0, "base.amplitude_m", amplitude_m, "greater than 0")?;
+        Ok(Self {
+            set_up: *set_up,
+            excitation: *excitation,
+            ties,
+            time_s: 1.0 / turning,
+            length_m: amplitude_m,
+            has_particle: set_up.particle.is_some(),
+            has_tmd: set_up.tmd.is_some(),
+            soft: set_up.particle.and_then(|p| match p.wall {
+                Wall::Voigt { release, .. } => Some(release),
+                Wall::Restitution { .. } => None,
+            }),
+        })
+    }
+
+    /// Whether the system has this parameter.
+    #[must_use]
+    pub fn has(&self, parameter: Parameter) -> bool {
+        let moves_base = self.excitation.moves_base();
+        let has_damper = self.set_up.friction_damper.is_some();
+        match parameter {
+            Parameter::Frequency | Parameter::StructureDamping | Parameter::StructureDampingRatio => true,
+            Parameter::BaseAmplitude => moves_base,
+            Parameter::ForceAmplitude => !moves_base,
+            Parameter::Mass | Parameter::MassRatio => self.has_particle || self.has_tmd,
+            Parameter::Clearance | Parameter::InternalFriction => self.has_particle,
+            Parameter::ClearanceRatio => self.has_particle && moves_base,
+            Parameter::Restitution => self.has_particle && self.soft.is_none(),
+            Parameter::LinkStiffness | Parameter::LinkDamping => self.soft.is_some() || self.has_tmd,
+            Parameter::DamperForce => has_damper,
+            Parameter::DamperForceRatio => has_damper && moves_base,
+            Parameter::LinkFrequencyRatio | Parameter::LinkDampingRatio => self.has_tmd,
+        }
+    }
+
+    /// Number of components of the state: 2 for a structure alone, 4 with a second mass.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        if self.has_particle || self.has_tmd { 4 } else { 2 }
+    }
+
+    /// The value of a parameter in the set-up as given.
+    #[must_use]
+    pub fn value(&self, parameter: Parameter) -> f64 {
+        let v = self.values::<f64>(&[]).tied();
+        match parameter {
+            Parameter::Frequency => v.turning / std::f64::consts::TAU,
+            Parameter::BaseAmplitude => v.base_amplitude,
+            Parameter::ForceAmplitude => v.force_amplitude,
+            Parameter::StructureDamping => v.damping,
+            Parameter::StructureDampingRatio => v.damping / (2.0 * libm::sqrt(v.stiffness * v.structure_mass)),
+            Parameter::Mass => v.mass,
+            Parameter::MassRatio => v.mass / v.structure_mass,
+            Parameter::Clearance => v.clearance,
+            Parameter::ClearanceRatio => v.clearance / v.base_amplitude,
+            Parameter::InternalFriction => v.friction_acceleration / v.gravity,
+            Parameter::Restitution => v.restitution,
+            Parameter::LinkStiffness => v.link_stiffness,
+            Parameter::LinkDamping => v.link_damping,
+            Parameter::DamperForce => v.damper_force,
+            Parameter::DamperForceRatio => v.damper_force / (v.stiffness * v.base_amplitude),
+            Parameter::LinkFrequencyRatio => {
+                libm::sqrt(v.link_stiffness / v.mass) / libm::sqrt(v.stiffness / v.structure_mass)
+            }
+            Parameter::LinkDampingRatio => v.link_damping / (2.0 * libm::sqrt(v.link_stiffness * v.mass)),
+        }
+    }
+
+    /// The set-up and the drive at other values of parameters. The drive's phase is 0.
+    #[must_use]
+    pub fn at(&self, settings: &[(Parameter, f64)]) -> (SetUp, Excitation) {
+        let v = self.values(settings).tied();
+        let mut set_up = self.set_up;
+        set_up.structure.damping_n_s_per_m = v.damping;
+        if let Some(particle) = &mut set_up.particle {
+            particle.mass_kg = v.mass;
+            particle.clearance_m = v.clearance;
+            if v.gravity > 0.0 {
+                particle.friction_coefficient = v.friction_acceleration / v.gravity;
+            }
+            match &mut particle.wall {
+                Wall::Restitution { coefficient } => *coefficient = v.restitution,
+                Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
+                    (*stiffness_n_per_m, *damping_n_s_per_m) = (v.link_stiffness, v.link_damping);
+                }
+            }
+        }
+        if let Some(damper) = &mut set_up.friction_damper {
+            damper.force_n = v.damper_force;
+        }
+        if let Some(tmd) = &mut set_up.tmd {
+            (tmd.mass_kg, tmd.stiffness_n_per_m, tmd.damping_n_s_per_m) = (v.mass, v.link_stiffness, v.link_damping);
+        }
+        let (angular_frequency_rad_per_s, phase_rad) = (v.turning, 0.0);
+        let excitation = if self.excitation.moves_base() {
+            Excitation::Sine { amplitude_m: v.base_amplitude, angular_frequency_rad_per_s, phase_rad }
+        } else {
+            Excitation::ForceSine { amplitude_n: v.force_amplitude, angular_frequency_rad_per_s, phase_rad }
+        };
+        (set_up, excitation)
+    }
+
+    fn values<T: Real>(&self, settings: &[(Parameter, T)]) -> Values<T> {
+        let SetUp { structure, particle, friction_damper, tmd, gravity_m_per_s2, .. } = &self.set_up;
+        let (base_amplitude, force_amplitude, turning) = match self.excitation {
+            Excitation::ForceSine { amplitude_n, angular_frequency_rad_per_s, .. } => {
+                (0.0, amplitude_n, angular_frequency_rad_per_s)
+            }
+            Excitation::Sine { amplitude_m, angular_frequency_rad_per_s, .. } => {
+                (amplitude_m, 0.0, angular_frequency_rad_per_s)
+            }
+            _ => (0.0, 0.0, 1.0),
+        };
+        let link = match (particle.map(|p| p.wall), tmd) {
+            (Some(Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. }), _) => {
+                (stiffness_n_per_m, damping_n_s_per_m)
+            }
+            (_, Some(tmd)) => (tmd.stiffness_n_per_m, tmd.damping_n_s_per_m),
+            _ => (0.0, 0.0),
+        };
+        let restitution = match particle.map(|p| p.wall) {
+            Some(Wall::Restitution { coefficient }) => coefficient,
+            _ => 0.0,
+        };
+        let mass = particle.map(|p| p.mass_kg).or(tmd.map(|tmd| tmd.mass_kg)).unwrap_or(structure.mass_kg);
+        let friction = particle.map_or(0.0, |p| p.friction_coefficient) * gravity_m_per_s2;
+        let mut values = Values {
+            structure_mass: T::of(structure.mass_kg),
+            damping: T::of(structure.damping_n_s_per_m),
+            stiffness: T::of(structure.stiffness_n_per_m),
+            mass: T::of(mass),
+            clearance: T::of(particle.map_or(0.0, |p| p.clearance_m)),
+            friction_acceleration: T::of(friction),
+            restitution: T::of(restitution),
+            link_stiffness: T::of(link.0),
+            link_damping: T::of(link.1),
+            damper_force: T::of(friction_damper.map_or(0.0, |damper| damper.force_n)),
+            base_amplitude: T::of(base_amplitude),
+            force_amplitude: T::of(force_amplitude),
+            turning: T::of(turning),
+            gravity: T::of(*gravity_m_per_s2),
+            clearance_ratio: self.ties.clearance_ratio.map(T::of),
+            damper_force_ratio: self.ties.damper_force_ratio.map(T::of),
+            link_frequency_ratio: self.ties.link_frequency_ratio.map(T::of),
+            link_damping_ratio: self.ties.link_damping_ratio.map(T::of),
+        };
+        for (parameter, value) in settings {
+            values.set(*parameter, *value);
+        }
+        values
+    }
+
+    /// The equations of motion at the given parameters.
+    pub(crate) fn equations<T: Real>(&self, settings: &[(Parameter, T)]) -> Equations<T> {
+        let v = self.values(settings).tied();
+        let (length, time) = (T::of(self.length_m), T::of(self.time_s));
+        let per_mass = T::of(1.0) / v.structure_mass;
+        let square = time * time;
+        let force = per_mass * square / length;
+        Equations {
+            stiffness: v.stiffness * square * per_mass,
+            damping: v.damping * time * per_mass,
+            mass: v.mass * per_mass,
+            clearance: v.clearance / length,
+            friction_acceleration: v.friction_acceleration * square / length,
+            restitution: v.restitution,
+            link_stiffness: v.link_stiffness * square * per_mass,
+            link_damping: v.link_damping * time * per_mass,
+            damper_force: v.damper_force * force,
+            base_amplitude: v.base_amplitude / length,
+            force_amplitude: v.force_amplitude * force,
+            turning: v.turning * time,
+            has_second_mass: self.has_particle || self.has_tmd,
+            has_tmd: self.has_tmd,
+            soft: self.soft,
+        }
+    }
+
+    /// As [`System::equations`], with derivatives by the setting `along`.
+    pub(crate) fn equations_along<T: Real>(&self, settings: &[(Parameter, T)], along: usize) -> Equations<Dual<T>> {
+        let settings: Vec<(Parameter, Dual<T>)> = settings
+            .iter()
+            .enumerate()
+            .map(|(n, (parameter, value))| {
+                (*parameter, if n == along { Dual::variable(*value) } else { Dual::constant(*value) })
+            })
+            .collect();
+        self.equations(&settings)
+    }
+}
+
+/// The equations of motion, guards and resets at one value of the parameters, without units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Equations<T> {
+    stiffness: T,
+    damping: T,
+    mass: T,
+    clearance: T,
+    friction_acceleration: T,
+    restitution: T,
+    link_stiffness: T,
+    link_damping: T,
+    damper_force: T,
+    base_amplitude: T,
+    force_amplitude: T,
+    pub(crate) turning: T,
+    has_second_mass: bool,
+    has_tmd: bool,
+    soft: Option<Release>,
+}
+
+impl<T: Real> Equations<T> {
+    fn signed(side: Sign, value: T) -> T {
+        match side {
+            1.. => value,
+            0 => T::of(0.0),
+            _ => -value,
+        }
+    }
+
+    /// Force between structure and second mass by spring and dashpot, on the structure, as a row.
+    fn joint(&self, phase: &Phase) -> Vector<T> {
+        let mut row = [T::of(0.0); N];
+        let rest = match phase.touch {
+            _ if self.has_tmd => T::of(0.0),
+            Touch::Pressing(side) => Self::signed(side, self.clearance),
+            Touch::Clear | Touch::Leaving(_) => return row,
+        };
+        row[OFFSET] = self.link_stiffness;
+        row[SLIDE] = self.link_damping;
+        row[ONE] = -(self.link_stiffness * rest);
+        row
+    }
+
+    fn is_held(phase: &Phase) -> bool {
+        matches!(phase.contact, Contact::Held(_))
+    }
+
+    fn moving_mass(&self, phase: &Phase) -> T {
+        if Self::is_held(phase) { T::of(1.0) + self.mass } else { T::of(1.0) }
+    }
+
+    /// Force of the sliding particle's friction on the structure.
+    fn drag(&self, phase: &Phase) -> T {
+        match phase.contact {
+            Contact::Free(direction) => Self::signed(direction, self.mass * self.friction_acceleration),
+            Contact::Absent | Contact::Held(_) => T::of(0.0),
+        }
+    }
+
+    /// Every force on the structure but that of the friction damper, as a row.
+    fn force(&self, phase: &Phase) -> Vector<T> {
+        let mut row = [T::of(0.0); N];
+        if !Self::is_held(phase) {
+            row = self.joint(phase);
+        }
+        row[X] = row[X] - self.stiffness;
+        row[V] = row[V] - self.damping;
+        row[SINE] = self.stiffness * self.base_amplitude + self.force_amplitude;
+        row[COSINE] = self.damping * self.turning * self.base_amplitude;
+        row[ONE] = row[ONE] + self.drag(phase);
+        row
+    }
+
+    /// x″ as a row.
+    fn acceleration(&self, phase: &Phase) -> Vector<T> {
+        let resistance = match phase.grip {
+            Grip::Stuck => {
+                let mut row = [T::of(0.0); N];
+                row[SINE] = -(self.turning * self.turning * self.base_amplitude);
+                return row;
+            }
+            Grip::Slip(direction) => Self::signed(direction, self.damper_force),
+            Grip::Absent => T::of(0.0),
+        };
+        let mut row = self.force(phase);
+        row[ONE] = row[ONE] - resistance;
+        let mass = self.moving_mass(phase);
+        row.map(|entry| entry / mass)
+    }
+
+    /// The matrix A of w′ = A w.
+    pub(crate) fn matrix(&self, phase: &Phase) -> Square<T> {
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let mut a = [[zero; N]; N];
+        a[X][V] = one;
+        a[V] = self.acceleration(phase);
+        a[PHASE][ONE] = self.turning;
+        a[SINE][COSINE] = self.turning;
+        a[COSINE][SINE] = -self.turning;
+        let slides = self.has_tmd || matches!(phase.contact, Contact::Free(_));
+        if slides {
+            a[OFFSET][SLIDE] = one;
+            let joint = self.joint(phase);
+            for n in 0..N {
+                a[SLIDE][n] = -a[V][n] - joint[n] / self.mass;
+            }
+            if let Contact::Free(direction) = phase.contact {
+                a[SLIDE][ONE] = a[SLIDE][ONE] - Self::signed(direction, self.friction_acceleration);
+            }
+        }
+        a
+    }
+
+    /// A guard as a row: positive while its mode lasts, zero at its event.
+    pub(crate) fn guard(&self, phase: &Phase, guard: Guard) -> Vector<T> {
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let mut row = [zero; N];
+        match guard {
+            Guard::Wall(side) => {
+                row[OFFSET] = -Self::signed(side, one);
+                row[ONE] = self.clearance;
+            }
+            Guard::Inside(side) => {
+                row[OFFSET] = Self::signed(side, one);
+                row[ONE] = -self.clearance;
+            }
+            Guard::LetGo(side) => {
+                row[OFFSET] = Self::signed(side, one);
+                row[ONE] = -self.clearance;
+                if self.soft == Some(Release::ZeroForce) {
+                    row = self.joint(phase).map(|entry| Self::signed(side, entry));
+                }
+            }
+            Guard::SlideStops(direction) => row[SLIDE] = Self::signed(direction, one),
+            Guard::SlipStops(direction) => {
+                row[V] = Self::signed(direction, one);
+                row[COSINE] = -Self::signed(direction, self.turning * self.base_amplitude);
+            }
+            Guard::HoldBreaks(direction) => {
+                // The particle lags (−1) where x″ exceeds what friction and wall transmit; it leads (+1) where x″ is below.
+                let acceleration = self.acceleration(phase);
+                let joint = self.joint(phase);
+                for n in 0..N {
+                    row[n] = Self::signed(direction, acceleration[n] + joint[n] / self.mass);
+                }
+                row[ONE] = row[ONE] + self.friction_acceleration;
+            }
+            Guard::GripBreaks(direction) => {
+                // The damper must supply M z″ − the other forces.
+                let force = self.force(phase);
+                let inertia = self.moving_mass(phase) * self.turning * self.turning * self.base_amplitude;
+                for n in 0..N {
+                    row[n] = -Self::signed(direction, force[n]);
+                }
+                // While stuck, x′ − z′ is zero: without the dashpot's terms.
+                (row[V], row[COSINE]) = (zero, zero);
+                row[SINE] = row[SINE] - Self::signed(direction, inertia);
+                row[ONE] = row[ONE] + self.damper_force;
+            }
+            Guard::Turn(turns) => {
+                row[PHASE] = -one;
+                row[ONE] = T::of(std::f64::consts::TAU * f64::from(turns));
+            }
+        }
+        row
+    }
+
+    /// The state after the event `guard` at which `next` begins, from the completed state before it.
+    pub(crate) fn reset(&self, guard: Guard, next: &Phase) -> [Vector<T>; STATE] {
+        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let mut rows = [[zero; N]; STATE];
+        for (n, row) in rows.iter_mut().enumerate() {
+            row[n] = one;
+        }
+        if !self.has_second_mass {
+            (rows[OFFSET], rows[SLIDE]) = ([zero; N], [zero; N]);
+        }
+        match guard {
+            Guard::Wall(_) if self.soft.is_none() => {
+                rows[V][SLIDE] = (one + self.restitution) * self.mass / (one + self.mass);
+                rows[SLIDE][SLIDE] = -self.restitution;
+            }
+            Guard::SlideStops(_) | Guard::HoldBreaks(_) => rows[SLIDE] = [zero; N],
+            _ => {}
+        }
+        let wall = match (guard, next.contact) {
+            (Guard::Wall(side) | Guard::Inside(side), _) | (_, Contact::Held(side)) if side != 0 => side,
+            (Guard::LetGo(side), _) if self.soft == Some(Release::ZeroPenetration) => side,
+            _ => 0,
+        };
+        if wall != 0 {
+            rows[OFFSET] = [zero; N];
+            rows[OFFSET][ONE] = Self::signed(wall, self.clearance);
+        }
+        if matches!(next.contact, Contact::Held(_)) {
+            rows[SLIDE] = [zero; N];
+        }
+        if next.grip == Grip::Stuck || matches!(guard, Guard::SlipStops(_) | Guard::GripBreaks(_)) {
+            rows[V] = [zero; N];
+            rows[V][COSINE] = self.turning * self.base_amplitude;
+        }
+        rows
+    }
+
+    /// Derivative of a guard along the motion, as a row.
+    pub(crate) fn rate(&self, row: &Vector<T>, phase: &Phase) -> Vector<T> {
+        row_times(row, &self.matrix(phase))
+    }
+}

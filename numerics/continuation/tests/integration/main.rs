@@ -1,0 +1,6 @@
+//! Claims about branches of periodic orbits, against closed forms and simulations.
+
+mod common;
+mod every_damper;
+mod special_points;
+mod two_impacts;
