@@ -95,6 +95,20 @@ impl Exact {
         self.events_at_once = 0;
     }
 
+    /// Continues from another state at time `t_s`, with the same set-up and excitation; the fastest impact so far is what
+    /// the end of a chatter is judged by.
+    pub fn resume(&mut self, t_s: f64, state: &ExactState, fastest_m_per_s: f64) {
+        self.reset(t_s, &Initial::default());
+        self.state = *state;
+        self.fastest_m_per_s = fastest_m_per_s;
+    }
+
+    /// Approach speed of the fastest impact since the start, m/s.
+    #[must_use]
+    pub fn fastest_m_per_s(&self) -> f64 {
+        self.fastest_m_per_s
+    }
+
     /// Advances to `until_s`, or to where the observer ends the run. Does nothing if `until_s` is in the past.
     pub fn run<O: Observer>(&mut self, until_s: f64, observer: &mut O) {
         if !self.started {
