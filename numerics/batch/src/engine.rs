@@ -40,8 +40,10 @@ pub(crate) struct Engine<S: Simd> {
     /// y − x and y′ − x′.
     offset: Vector<S>,
     slide: Vector<S>,
-    /// Step within the cycle.
+    /// Step within the cycle, and the excitation at its start.
     step: Vector<S>,
+    sine: Vector<S>,
+    cosine: Vector<S>,
     /// 1 in the lanes that fly, that meet a wall within the present step, and whose present step is undecided.
     flies: Vector<S>,
     meets: Vector<S>,
@@ -88,6 +90,8 @@ impl<S: Simd> Engine<S> {
             offset: zero,
             slide: zero,
             step: zero,
+            sine: zero,
+            cosine: zero,
             flies: zero,
             meets: zero,
             unsure: zero,
@@ -122,7 +126,7 @@ impl<S: Simd> Engine<S> {
                 if flying == 0.0 || (flying < live && flying <= FEW * live) {
                     break;
                 }
-                self.fly();
+                while self.fly() {}
             }
             if self.zero.less(self.meets).any() {
                 self.bounce();
@@ -171,6 +175,7 @@ impl<S: Simd> Engine<S> {
         ] {
             value.lanes_mut()[lane] = 0.0;
         }
+        self.set_wave(lane, &prepared);
         self.tops.clear(lane, point.steady_from_cycle as f64);
         let cycles = point.cycles as f64;
         self.lanes[lane] = Some(Box::new(Lane { index, cycles, accumulations: 0, exact_steps: 0, point: prepared }));
@@ -196,28 +201,27 @@ impl<S: Simd> Engine<S> {
         (state.index, outcome)
     }
 
-    /// The excitation at the present step of each lane.
+    /// Sets the excitation of a lane from its table.
     #[inline(always)]
-    fn wave(&self) -> (Vector<S>, Vector<S>) {
-        let (mut sine, mut cosine) = (self.zero, self.zero);
-        for (lane, step) in self.step.lanes().iter().enumerate() {
-            if let Some(state) = &self.lanes[lane]
-                && let Some([s, c]) = state.point.wave.get(*step as usize)
-            {
-                sine.lanes_mut()[lane] = *s;
-                cosine.lanes_mut()[lane] = *c;
-            }
-        }
-        (sine, cosine)
+    fn set_wave(&mut self, lane: usize, point: &Prepared) {
+        let [sine, cosine] = point.wave[self.step.lanes()[lane] as usize];
+        self.sine.lanes_mut()[lane] = sine;
+        self.cosine.lanes_mut()[lane] = cosine;
     }
 
-    /// Ends the step of these lanes, and their cycle where it was the last step.
+    /// Ends the step of these lanes, and their cycle where it was the last step. Rotates the excitation, and takes it from
+    /// the table at the start of each cycle.
     #[inline(always)]
     fn end_step(&mut self, lanes: Mask<S>) {
         self.step = self.step + lanes.ones();
+        let (sine, cosine) = rotated(self.sine, self.cosine, &self.table.turn);
+        self.sine = lanes.select(sine, self.sine);
+        self.cosine = lanes.select(cosine, self.cosine);
         let ends = lanes.and(self.table.steps.at_most(self.step));
         if ends.any() {
             self.step = ends.select(self.zero, self.step);
+            self.sine = ends.select(self.table.wave[0], self.sine);
+            self.cosine = ends.select(self.table.wave[1], self.cosine);
             self.tops.end_cycle(&self.table, ends);
             self.left = self.left - ends.ones();
             let over = ends.and(self.left.at_most(self.zero));
@@ -225,10 +229,11 @@ impl<S: Simd> Engine<S> {
         }
     }
 
-    /// Takes a step in the flying lanes whose particle is proven to meet no wall; marks the others.
+    /// Takes a step in the flying lanes whose particle is proven to meet no wall; marks the others. Whether all of them fly
+    /// on.
     #[inline(always)]
-    fn fly(&mut self) {
-        let (sine, cosine) = self.wave();
+    fn fly(&mut self) -> bool {
+        let (sine, cosine) = (self.sine, self.cosine);
         let table = &self.table;
         let unit = [self.x, self.v, sine, cosine];
         let (shift, gain) = (dot(&table.shift, &unit), dot(&table.gain, &unit));
@@ -272,13 +277,14 @@ impl<S: Simd> Engine<S> {
         self.unsure = self.unsure + flies.without(takes).without(meets).ones();
         self.flies = takes.ones();
         self.end_step(takes);
+        !flies.without(self.zero.less(self.flies)).any()
     }
 
     /// Locates the impacts of the lanes that meet a wall and takes their step. Lanes in which more may happen in it are
     /// left undecided.
     #[inline(always)]
     fn bounce(&mut self) {
-        let (sine, cosine) = self.wave();
+        let (sine, cosine) = (self.sine, self.cosine);
         let table = &self.table;
         let one = self.zero.same(1.0);
         let meets = self.zero.less(self.meets);
@@ -384,6 +390,7 @@ impl<S: Simd> Engine<S> {
         self.offset.lanes_mut()[lane] = after.offset_m;
         self.slide.lanes_mut()[lane] = after.slide_m_per_s * h;
         self.fastest.lanes_mut()[lane] = motion.fastest_m_per_s() * h;
+        self.set_wave(lane, &state.point);
         self.lanes[lane] = Some(state);
     }
 }

@@ -103,10 +103,11 @@ impl<S: Simd> Motion<S> {
             let here = gap - side * (slide * t - curved);
             let speed = side * (slide - (now.v - self.v));
             let step = here / speed;
+            // Two terms of the series reversion.
+            let more = step + side * now.a / speed * (step * step * 0.5);
             let open = zero.less(wanted.ones() - found);
             let settled = open.and(step.abs().at_most(near));
             if settled.any() {
-                let more = step + side * now.a / speed * (step * step * 0.5);
                 root = settled.select(t + more, root);
                 there.x = settled.select(now.x + more * (now.v + more * now.a * 0.5), there.x);
                 there.v = settled.select(now.v + more * now.a, there.v);
@@ -119,7 +120,7 @@ impl<S: Simd> Motion<S> {
             let above = zero.less(here);
             low = above.select(t, low);
             high = above.select(high, t);
-            let next = t + step;
+            let next = t + more;
             let inside = low.less(next).and(next.less(high));
             t = inside.select(next, (low + high) * 0.5);
         }
@@ -143,11 +144,14 @@ impl<S: Simd> Motion<S> {
         let (mut top, mut found) = (zero, zero);
         for _ in 0..MOST_STEPS {
             let now = self.at(t);
-            let step = -(now.v / now.a);
+            let newton = -(now.v / now.a);
+            // The third derivative by its first terms speeds the search up.
+            let third = (self.bend[1] + (self.bend[2] * 4.0 + self.bend[3] * 10.0 * t) * t) * 6.0;
+            let step = newton - third / now.a * (newton * newton * 0.5);
             let open = zero.less(wanted.ones() - found);
-            let settled = open.and(step.abs().at_most(near));
+            let settled = open.and(newton.abs().at_most(near));
             if settled.any() {
-                top = settled.select(now.x + now.v * step * 0.5, top);
+                top = settled.select(now.x + now.v * newton * 0.5, top);
                 found = found + settled.ones();
                 if !open.without(settled).any() {
                     break;

@@ -66,7 +66,7 @@ impl Point {
     /// Names the first value that is not.
     pub fn validate(&self) -> Result<(), Invalid> {
         require(self.cycles >= 1, "cycles", self.cycles as f64, "1 or more")?;
-        self.motion().map(|_| ())
+        Exact::validate(&self.set_up, &self.excitation, &self.initial)
     }
 
     /// The motion at its start.
@@ -79,6 +79,7 @@ impl Point {
     /// # Errors
     /// Names the first value that is not physical.
     pub fn by_exact_engine(&self) -> Result<Outcome, Invalid> {
+        self.validate()?;
         let mut motion = self.motion()?;
         let cycle_s = self.cycle_s();
         let end_s = self.cycles as f64 * cycle_s;

@@ -1,6 +1,6 @@
 //! Coefficients of a point for the lanes: motions over a step for unit values at its start, and bounds from them.
 
-use damprig_core::integrator::exact::flow::UnitMotions;
+use damprig_core::integrator::exact::flow::{UnitMotions, mean_product};
 use damprig_core::integrator::exact::series::{Series, TERMS};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::Wall;
@@ -9,8 +9,8 @@ use pulp::Simd;
 use crate::point::Point;
 use crate::vector::Vector;
 
-/// Most steps per cycle: the excitation at each is kept.
-const MOST_STEPS: f64 = 4096.0;
+/// Most steps per cycle: the excitation at each is kept, and rotated from each to the next, which adds a rounding a step.
+const MOST_STEPS: f64 = 128.0;
 
 /// A point made ready for a lane.
 pub(crate) struct Prepared {
@@ -82,6 +82,8 @@ pub(crate) struct Table<S: Simd> {
     /// Mean over the step of the products of two unit motions, for pairs in the order 00 01 02 03 11 12 13 22 23 33;
     /// those of different ones are doubled.
     pub means: [Vector<S>; 10],
+    /// Sine and cosine of the excitation at the start of a cycle, times its amplitude.
+    pub wave: [Vector<S>; 2],
     /// Cosine less one, and sine, of the excitation's angle over a step; the angle, rad.
     pub turn: [Vector<S>; 2],
     pub angle: Vector<S>,
@@ -104,6 +106,7 @@ impl<S: Simd> Table<S> {
             sag: [zero; 3],
             fourth: [zero; 3],
             means: [zero; 10],
+            wave: [zero; 2],
             turn: [zero; 2],
             angle: zero,
             clearance: zero,
@@ -146,6 +149,9 @@ impl<S: Simd> Table<S> {
                 place += 1;
             }
         }
+        for (value, wave) in self.wave.iter_mut().zip(point.wave[0]) {
+            value.lanes_mut()[lane] = wave;
+        }
         let half = libm::sin(0.5 * point.angle_rad);
         self.turn[0].lanes_mut()[lane] = -2.0 * half * half;
         self.turn[1].lanes_mut()[lane] = libm::sin(point.angle_rad);
@@ -155,17 +161,6 @@ impl<S: Simd> Table<S> {
         self.kick.lanes_mut()[lane] = point.kick;
         self.steps.lanes_mut()[lane] = point.wave.len() as f64;
     }
-}
-
-/// ∫₀¹ a b dτ.
-fn mean_product(a: &Series, b: &Series) -> f64 {
-    let mut sum = 0.0;
-    for n in (0..TERMS).rev() {
-        for m in (0..TERMS).rev() {
-            sum += a[n] * b[m] / (n + m + 1) as f64;
-        }
-    }
-    sum
 }
 
 /// `row · unit`.

@@ -23,10 +23,7 @@ impl Exact {
     /// # Errors
     /// Names the first value that is not physical.
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
-        set_up.validate()?;
-        require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
-        excitation.validate()?;
-        set_up.validate_initial(initial)?;
+        Self::validate(set_up, excitation, initial)?;
         let c = Coefficients::new(set_up);
         let soft = set_up.particle.and_then(|p| match p.wall {
             Wall::Voigt { release, .. } => Some(release),
@@ -66,6 +63,17 @@ impl Exact {
         };
         exact.reset(0.0, initial);
         Ok(exact)
+    }
+
+    /// Checks what [`Exact::new`] takes.
+    ///
+    /// # Errors
+    /// Names the first value that is not physical.
+    pub fn validate(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<(), Invalid> {
+        set_up.validate()?;
+        require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
+        excitation.validate()?;
+        set_up.validate_initial(initial)
     }
 
     /// Restarts from `initial` at time `t_s` and keeps the tables.

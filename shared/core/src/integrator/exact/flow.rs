@@ -129,7 +129,7 @@ impl Oscillator {
             sag: third.map(|bound| bound / (8.0 * h)),
             second: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0))),
             third,
-            means: columns.each_ref().map(|a| columns.each_ref().map(|b| mean_product(a, b))),
+            means: means(&columns),
             columns,
         }
     }
@@ -154,6 +154,18 @@ impl Oscillator {
                 + (self.columns[2][n] * unit[2] + (self.columns[3][n] * unit[3] + self.columns[4][n] * unit[4]))
         })
     }
+}
+
+/// [`mean_product`] of each pair.
+fn means(columns: &[Series; 5]) -> [[f64; 5]; 5] {
+    let mut means = [[0.0; 5]; 5];
+    for first in 0..5 {
+        for second in first..5 {
+            let mean = mean_product(&columns[first], &columns[second]);
+            (means[first][second], means[second][first]) = (mean, mean);
+        }
+    }
+    means
 }
 
 /// Motions of a structure without a second mass over one step, for unit values at its start: displacement, velocity ×
@@ -184,14 +196,15 @@ impl UnitMotions {
 }
 
 /// ∫₀¹ a b dτ.
-fn mean_product(a: &Series, b: &Series) -> f64 {
-    let mut sum = 0.0;
-    for n in (0..TERMS).rev() {
-        for m in (0..TERMS).rev() {
-            sum += a[n] * b[m] / (n + m + 1) as f64;
+#[must_use]
+pub fn mean_product(a: &Series, b: &Series) -> f64 {
+    let mut product = [0.0; 2 * TERMS];
+    for (n, a) in a.iter().enumerate() {
+        for (m, b) in b.iter().enumerate() {
+            product[n + m] += a * b;
         }
     }
-    sum
+    product.iter().enumerate().rev().map(|(n, c)| c / (n + 1) as f64).sum()
 }
 
 /// `row · unit`.
