@@ -10,6 +10,7 @@ use damprig_tests::support::images::project;
 /// The project's crates, and the project crates that each may depend on.
 const DIRECTIONS: [(&str, &[&str]); 10] = [
     ("damprig-core", &[]),
+    ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),

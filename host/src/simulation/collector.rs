@@ -30,8 +30,8 @@ pub(super) struct EventLog {
 }
 
 impl Viewer for EventLog {
-    fn wants_pieces(&self) -> bool {
-        false
+    fn pieces_from_s(&self) -> f64 {
+        f64::INFINITY
     }
 
     fn impact(&mut self, impact: &ImpactRecord) {

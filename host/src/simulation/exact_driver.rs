@@ -2,7 +2,7 @@
 
 use damprig_core::integrator::exact::flow::ExactState;
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{self, Exact};
+use damprig_core::integrator::exact::{Accumulation, Arc, DynObserver, Exact, Impact, Observer};
 use damprig_core::io::Invalid;
 
 use super::Case;
@@ -10,26 +10,31 @@ use super::collector::{Collector, RunOptions, run_in_parts};
 use super::motion::{ExactObserver, Viewer};
 use super::result::Summary;
 
-/// Arcs between two calls of `go_on`.
-const ARCS_PER_CHECK: u32 = 4_096;
-
-/// Stops a part from inside, however many events it has.
-struct StopCheck<'a> {
-    arcs: u32,
-    is_over: bool,
+/// Shows the motion to a viewer. `go_on` stops a part from inside, however many events it has.
+struct Watcher<'a, V> {
+    shown: ExactObserver<V>,
     go_on: &'a mut dyn FnMut(f64) -> bool,
 }
 
-impl exact::Observer for StopCheck<'_> {
-    const ARCS: bool = false;
+impl<V: Viewer> DynObserver for Watcher<'_, V> {
+    fn arcs_from_s(&self) -> f64 {
+        self.shown.0.pieces_from_s()
+    }
+
+    fn arc(&mut self, arc: &Arc<'_>) {
+        self.shown.arc(arc);
+    }
+
+    fn impact(&mut self, impact: &Impact) {
+        self.shown.impact(impact);
+    }
+
+    fn accumulation(&mut self, accumulation: &Accumulation) {
+        self.shown.accumulation(accumulation);
+    }
 
     fn goes_on(&mut self, time_s: f64) -> bool {
-        self.arcs += 1;
-        if self.arcs >= ARCS_PER_CHECK && !self.is_over {
-            self.arcs = 0;
-            self.is_over = !(self.go_on)(time_s);
-        }
-        !self.is_over
+        (self.go_on)(time_s)
     }
 }
 
@@ -46,8 +51,8 @@ pub(super) fn run<V: Viewer>(
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let mut response = Response::new(wanted);
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
-        let stop_check = StopCheck { arcs: 0, is_over: false, go_on };
-        motion.run(until_s, &mut ((&mut response, ExactObserver(collector.all())), stop_check));
+        let mut watcher = Watcher { shown: ExactObserver(collector.all()), go_on };
+        motion.run_watched(until_s, &mut response, &mut watcher);
         motion.time_s()
     });
     response.finish(motion.time_s());

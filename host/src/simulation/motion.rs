@@ -91,9 +91,10 @@ impl Phase {
 
 /// Receives a motion. Every method is optional.
 pub trait Viewer {
-    /// Whether it needs pieces, which take time to compute.
-    fn wants_pieces(&self) -> bool {
-        true
+    /// Time from which it needs pieces, s: it need not be shown those that end before. Infinite if it needs none; they
+    /// take time to compute.
+    fn pieces_from_s(&self) -> f64 {
+        0.0
     }
 
     /// Next piece of the motion.
@@ -118,15 +119,15 @@ pub trait Viewer {
 }
 
 impl Viewer for () {
-    fn wants_pieces(&self) -> bool {
-        false
+    fn pieces_from_s(&self) -> f64 {
+        f64::INFINITY
     }
 }
 
 /// Both receive the motion.
 impl<A: Viewer, B: Viewer> Viewer for (A, B) {
-    fn wants_pieces(&self) -> bool {
-        self.0.wants_pieces() || self.1.wants_pieces()
+    fn pieces_from_s(&self) -> f64 {
+        self.0.pieces_from_s().min(self.1.pieces_from_s())
     }
 
     fn piece(&mut self, piece: &impl Piece) {
@@ -150,8 +151,8 @@ impl<A: Viewer, B: Viewer> Viewer for (A, B) {
 }
 
 impl<V: Viewer> Viewer for &mut V {
-    fn wants_pieces(&self) -> bool {
-        (**self).wants_pieces()
+    fn pieces_from_s(&self) -> f64 {
+        (**self).pieces_from_s()
     }
 
     fn piece(&mut self, piece: &impl Piece) {
@@ -173,8 +174,8 @@ impl<V: Viewer> Viewer for &mut V {
 
 /// Receives the motion if it is there.
 impl<V: Viewer> Viewer for Option<V> {
-    fn wants_pieces(&self) -> bool {
-        self.as_ref().is_some_and(Viewer::wants_pieces)
+    fn pieces_from_s(&self) -> f64 {
+        self.as_ref().map_or(f64::INFINITY, Viewer::pieces_from_s)
     }
 
     fn piece(&mut self, piece: &impl Piece) {
@@ -206,7 +207,7 @@ pub(super) struct ExactObserver<V>(pub V);
 
 impl<V: Viewer> exact::Observer for ExactObserver<V> {
     fn arc(&mut self, arc: &exact::Arc<'_>) {
-        if self.0.wants_pieces() {
+        if arc.start_s + arc.length_s >= self.0.pieces_from_s() {
             self.0.piece(arc);
         }
     }
@@ -269,8 +270,8 @@ impl StateSamples {
 }
 
 impl Viewer for StateSamples {
-    fn wants_pieces(&self) -> bool {
-        self.states.len() < self.times_s.len()
+    fn pieces_from_s(&self) -> f64 {
+        self.times_s.get(self.states.len()).copied().unwrap_or(f64::INFINITY)
     }
 
     fn piece(&mut self, piece: &impl Piece) {

@@ -239,6 +239,10 @@ impl LastCyclesMeter {
 }
 
 impl Viewer for LastCyclesMeter {
+    fn pieces_from_s(&self) -> f64 {
+        self.from_s
+    }
+
     fn piece(&mut self, piece: &impl Piece) {
         let (start_s, length_s) = (piece.start_s(), piece.length_s());
         let mut at_s = (self.from_s - start_s).max(0.0);

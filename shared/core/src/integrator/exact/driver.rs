@@ -23,10 +23,7 @@ impl Exact {
     /// # Errors
     /// Names the first value that is not physical.
     pub fn new(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<Self, Invalid> {
-        set_up.validate()?;
-        require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
-        excitation.validate()?;
-        set_up.validate_initial(initial)?;
+        Self::validate(set_up, excitation, initial)?;
         let c = Coefficients::new(set_up);
         let soft = set_up.particle.and_then(|p| match p.wall {
             Wall::Voigt { release, .. } => Some(release),
@@ -68,6 +65,17 @@ impl Exact {
         Ok(exact)
     }
 
+    /// Checks what [`Exact::new`] takes.
+    ///
+    /// # Errors
+    /// Names the first value that is not physical.
+    pub fn validate(set_up: &SetUp, excitation: &Excitation, initial: &Initial) -> Result<(), Invalid> {
+        set_up.validate()?;
+        require(!set_up.is_force_driven, "is_force_driven", 1.0, "false: a force is an excitation here")?;
+        excitation.validate()?;
+        set_up.validate_initial(initial)
+    }
+
     /// Restarts from `initial` at time `t_s` and keeps the tables.
     pub fn reset(&mut self, t_s: f64, initial: &Initial) {
         let joined = self.has_particle || self.has_tmd;
@@ -93,6 +101,20 @@ impl Exact {
         self.fastest_m_per_s = 0.0;
         self.started = false;
         self.events_at_once = 0;
+    }
+
+    /// Continues from another state at time `t_s`, with the same set-up and excitation; the fastest impact so far is what
+    /// the end of a chatter is judged by.
+    pub fn resume(&mut self, t_s: f64, state: &ExactState, fastest_m_per_s: f64) {
+        self.reset(t_s, &Initial::default());
+        self.state = *state;
+        self.fastest_m_per_s = fastest_m_per_s;
+    }
+
+    /// Approach speed of the fastest impact since the start, m/s.
+    #[must_use]
+    pub fn fastest_m_per_s(&self) -> f64 {
+        self.fastest_m_per_s
     }
 
     /// Advances to `until_s`, or to where the observer ends the run. Does nothing if `until_s` is in the past.

@@ -6,7 +6,7 @@
 
 use super::excitation::{Excitation, Wave};
 use super::series::{Series, TERMS};
-use crate::model::{SetUp, Wall};
+use crate::model::{SetUp, Structure, Wall};
 
 /// Length of a full arc times the fastest rate of its mode, rad.
 pub const LARGEST_ARC_RAD: f64 = 0.8;
@@ -49,6 +49,17 @@ pub(super) struct Rates {
 }
 
 impl Rates {
+    /// A structure with this moving mass.
+    fn of(structure: &Structure, mass: f64, excitation: &Excitation) -> Self {
+        let base_share = if excitation.moves_base() { 1.0 } else { 0.0 };
+        Self {
+            stiffness: structure.stiffness_n_per_m / mass,
+            damping: structure.damping_n_s_per_m / mass,
+            sine: if base_share > 0.0 { structure.stiffness_n_per_m / mass } else { 1.0 / mass },
+            cosine: base_share * structure.damping_n_s_per_m * excitation.angular_frequency_rad_per_s() / mass,
+        }
+    }
+
     /// Upper bound of every rate in the solution, rad/s: with `|q| ≤ N`, `|q′| ≤ ρN`, `|q⁽ⁿ⁾| ≤ ρⁿN`.
     fn fastest(&self, turning: f64) -> f64 {
         let half = 0.5 * self.damping;
@@ -70,13 +81,19 @@ pub(super) struct Oscillator {
     pub shift: [f64; 5],
     /// Velocity at the end minus velocity at the start.
     pub gain: [f64; 5],
+    /// k/M of the moving mass, 1/s².
+    pub stiffness_per_mass: f64,
     /// Second to fifth derivatives by τ at the start.
     pub rates: [[f64; 5]; 4],
-    /// Bounds of the third and fourth derivatives by τ over the arc.
+    /// Bounds of the second, third and fourth derivatives by τ over the arc.
+    pub second: [f64; 5],
     pub third: [f64; 5],
     pub fourth: [f64; 5],
     /// Largest amount by which the velocity can lie below its chord.
     pub sag: [f64; 5],
+    /// Mean over the arc of the products of two unit motions: the mean square of a motion is a quadratic form in its
+    /// state at the start.
+    means: [[f64; 5]; 5],
 }
 
 impl Oscillator {
@@ -106,12 +123,27 @@ impl Oscillator {
             turn: (-2.0 * half_sine * half_sine, libm::sin(angle)),
             shift: columns.each_ref().map(|c| sum(c, |_| 1.0, 1)),
             gain: columns.each_ref().map(|c| sum(c, |n| n, 2) / h),
+            stiffness_per_mass: rates.stiffness,
             rates: core::array::from_fn(|n| columns.each_ref().map(|c| c[n + 2] * factorial[n])),
             fourth: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0) * (n - 2.0) * (n - 3.0))),
             sag: third.map(|bound| bound / (8.0 * h)),
+            second: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0))),
             third,
+            means: means(&columns),
             columns,
         }
+    }
+
+    /// Mean of the squared displacement over a full arc, m².
+    #[inline]
+    pub fn mean_square(&self, unit: &[f64; 5]) -> f64 {
+        dot(&self.means.each_ref().map(|row| dot(row, unit)), unit)
+    }
+
+    /// Largest amount by which a displacement can lie outside its values at the ends of the arc, m.
+    #[inline]
+    pub fn bulge(&self, unit: &[f64; 5]) -> f64 {
+        dot(&self.second, &unit.map(f64::abs)) * 0.125
     }
 
     /// The sum of the columns, weighted by `unit`.
@@ -122,6 +154,57 @@ impl Oscillator {
                 + (self.columns[2][n] * unit[2] + (self.columns[3][n] * unit[3] + self.columns[4][n] * unit[4]))
         })
     }
+}
+
+/// [`mean_product`] of each pair.
+fn means(columns: &[Series; 5]) -> [[f64; 5]; 5] {
+    let mut means = [[0.0; 5]; 5];
+    for first in 0..5 {
+        for second in first..5 {
+            let mean = mean_product(&columns[first], &columns[second]);
+            (means[first][second], means[second][first]) = (mean, mean);
+        }
+    }
+    means
+}
+
+/// Motions of a structure without a second mass over one step, for unit values at its start: displacement, velocity ×
+/// step, sine and cosine of the excitation ([`super::excitation::Wave`]).
+#[derive(Clone, Debug)]
+pub struct UnitMotions {
+    /// Length of the step, s.
+    pub step_s: f64,
+    /// Angle of the excitation over the step, rad.
+    pub angle_rad: f64,
+    /// Displacement over the step for each unit value.
+    pub columns: [Series; 4],
+}
+
+impl UnitMotions {
+    /// For a step that divides `whole_s` into the smallest number of equal steps of at most [`LARGEST_ARC_RAD`] of the
+    /// fastest rate. The set-up must be valid.
+    #[must_use]
+    pub fn dividing(set_up: &SetUp, excitation: &Excitation, whole_s: f64) -> (f64, Self) {
+        let turning = excitation.angular_frequency_rad_per_s();
+        let rates = Rates::of(&set_up.structure, set_up.structure.mass_kg, excitation);
+        let steps = libm::ceil(whole_s * rates.fastest(turning) / LARGEST_ARC_RAD).max(1.0);
+        let h = whole_s / steps;
+        let columns = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+            .map(|[x, v, sine, cosine]| solve(&rates, turning, h, [x, v, 0.0, sine, cosine]));
+        (steps, Self { step_s: h, angle_rad: turning * h, columns })
+    }
+}
+
+/// ∫₀¹ a b dτ.
+#[must_use]
+pub fn mean_product(a: &Series, b: &Series) -> f64 {
+    let mut product = [0.0; 2 * TERMS];
+    for (n, a) in a.iter().enumerate() {
+        for (m, b) in b.iter().enumerate() {
+            product[n + m] += a * b;
+        }
+    }
+    product.iter().enumerate().rev().map(|(n, c)| c / (n + 1) as f64).sum()
 }
 
 /// `row · unit`.
@@ -283,6 +366,9 @@ pub struct Span {
 pub struct Flows {
     pub(super) alone: Oscillator,
     together: Option<Oscillator>,
+    /// The same two for the displacement relative to the moving base, x − z.
+    relative_alone: Oscillator,
+    relative_together: Option<Oscillator>,
     coupled: Option<(Coupled, Oscillator)>,
     pub(super) link: Link,
     pub(super) turning: f64,
@@ -295,11 +381,12 @@ impl Flows {
         let turning = excitation.angular_frequency_rad_per_s();
         let base_share = if excitation.moves_base() { 1.0 } else { 0.0 };
         let structure = &set_up.structure;
-        let rates = |mass: f64| Rates {
-            stiffness: structure.stiffness_n_per_m / mass,
-            damping: structure.damping_n_s_per_m / mass,
-            sine: if base_share > 0.0 { structure.stiffness_n_per_m / mass } else { 1.0 / mass },
-            cosine: base_share * structure.damping_n_s_per_m * turning / mass,
+        let rates = |mass: f64| Rates::of(structure, mass, excitation);
+        // (x − z)″ has −z″ in place of the base's spring and dashpot force.
+        let relative = |mass: f64| Rates {
+            sine: if base_share > 0.0 { turning * turning } else { 1.0 / mass },
+            cosine: 0.0,
+            ..rates(mass)
         };
         let mass = structure.mass_kg;
         let alone = Oscillator::new(rates(mass), turning);
@@ -326,6 +413,8 @@ impl Flows {
         });
         Self {
             together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning)),
+            relative_alone: Oscillator::new(relative(mass), turning),
+            relative_together: set_up.particle.map(|p| Oscillator::new(relative(mass + p.mass_kg), turning)),
             coupled,
             link,
             turning,
@@ -340,6 +429,16 @@ impl Flows {
         match path {
             Path::Alone => Some(&self.alone),
             Path::Together => self.together.as_ref(),
+            Path::Coupled | Path::Carried | Path::CarriedCoupled => None,
+        }
+    }
+
+    /// The oscillator of x − z on `path`; its constant acceleration is that of the structure on the resting base.
+    #[inline]
+    pub(super) fn relative_oscillator(&self, path: Path) -> Option<&Oscillator> {
+        match path {
+            Path::Alone => Some(&self.relative_alone),
+            Path::Together => self.relative_together.as_ref(),
             Path::Coupled | Path::Carried | Path::CarriedCoupled => None,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::arc_roots::{Motion, inverse_cubic};
 use super::excitation::Wave;
-use super::flow::{ExactState, dot};
+use super::flow::{ExactState, Oscillator, dot};
 use super::observe::{Accumulation, Arc, ContactEnd, Impact, Observer};
 use super::series::{self, Series};
 use crate::integrator::modes::signed;
@@ -67,6 +67,12 @@ impl Response {
     #[must_use]
     pub fn rms_x_m(&self) -> f64 {
         if self.length_s > 0.0 { libm::sqrt(self.square_m2_s / self.length_s) } else { 0.0 }
+    }
+
+    /// ∫x² dt over the observed time, m²·s.
+    #[must_use]
+    pub fn square_m2_s(&self) -> f64 {
+        self.square_m2_s
     }
 
     /// Largest |x|, m.
@@ -177,6 +183,19 @@ pub(crate) fn integral(to: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     sum * half
 }
 
+/// Mean of p² over τ = 0 … `to`, by the same rule.
+fn mean_square(p: &Series, to: f64) -> f64 {
+    let half = 0.5 * to;
+    let mut at = [half; 2 * NODES.len()];
+    for (pair, (node, _)) in at.chunks_exact_mut(2).zip(NODES) {
+        pair[0] -= half * node;
+        pair[1] += half * node;
+    }
+    let values = series::values(p, &at);
+    let pairs = values.chunks_exact(2).zip(NODES);
+    pairs.map(|(pair, (_, weight))| 0.5 * weight * (pair[0] * pair[0] + pair[1] * pair[1])).sum()
+}
+
 impl Observer for Response {
     fn arc(&mut self, arc: &Arc<'_>) {
         let end = arc.end_fraction();
@@ -197,18 +216,9 @@ impl Observer for Response {
             self.raise(arc, 0.0, end);
         }
         if self.wanted.whole_run {
-            let span = arc.span();
-            let square = integral(end, |at| {
-                let x = series::value(&span.x, at);
-                x * x
-            });
-            self.square_m2_s += square * span.step_s;
+            self.square_m2_s += arc.square_m2_s();
             self.length_s += arc.length_s;
-            let mut stretch = span.x;
-            for (s, z) in stretch.iter_mut().zip(&span.base) {
-                *s -= z;
-            }
-            self.max_abs_x_minus_z_m = largest_abs(&stretch, 0.0, end, self.max_abs_x_minus_z_m);
+            self.max_abs_x_minus_z_m = arc.largest_abs_x_minus_z_m(self.max_abs_x_minus_z_m);
             if let Some(force) = arc.contact_force() {
                 let least = self.peak_force_n.unwrap_or(0.0);
                 self.peak_force_n = Some(series::largest(&force, 0.0, end, least));
@@ -238,41 +248,72 @@ impl Observer for Response {
 impl Arc<'_> {
     /// The largest |x| between two fractions of the series' interval, m, if above `least_m`.
     #[must_use]
+    #[inline]
     pub fn largest_abs_x_m(&self, from: f64, to: f64, least_m: f64) -> f64 {
-        self.turns_once(from, to, least_m).unwrap_or_else(|| largest_abs(&self.span().x, from, to, least_m))
+        self.oscillation()
+            .and_then(|x| x.turns_once((from, to), self.end_fraction(), least_m))
+            .unwrap_or_else(|| largest_abs(&self.span().x, from, to, least_m))
     }
 
-    /// The same for an arc on which the velocity is proven to change sign at most once; `None` without that proof.
-    fn turns_once(&self, from: f64, to: f64, least_m: f64) -> Option<f64> {
+    /// The largest |x − z| of the arc, m, if above `least_m`.
+    #[must_use]
+    #[inline]
+    pub fn largest_abs_x_minus_z_m(&self, least_m: f64) -> f64 {
+        let end = self.end_fraction();
+        self.relative_oscillation().and_then(|q| q.turns_once((0.0, end), end, least_m)).unwrap_or_else(|| {
+            let span = self.span();
+            let mut stretch = span.x;
+            for (s, z) in stretch.iter_mut().zip(&span.base) {
+                *s -= z;
+            }
+            largest_abs(&stretch, 0.0, end, least_m)
+        })
+    }
+
+    /// ∫x² dt over the arc, m²·s.
+    #[must_use]
+    pub fn square_m2_s(&self) -> f64 {
+        let end = self.end_fraction();
+        let x = match self.oscillation() {
+            Some(x) if end == 1.0 => return x.table.mean_square(&x.start) * x.table.step_s,
+            Some(x) => x.table.series(&x.start),
+            None => self.span().x,
+        };
+        mean_square(&x, end) * self.length_s
+    }
+
+    /// The structure's motion, if it is one oscillator.
+    #[inline]
+    fn oscillation(&self) -> Option<Oscillation<'_>> {
         let table = self.flows.oscillator(self.leg.path)?;
         let constant = self.leg.structure_acceleration;
         let unit = |state: &ExactState, wave: &Wave| [state.x_m, state.v_m_per_s, constant, wave.sine, wave.cosine];
-        let (start, end) = (unit(&self.start, &self.wave), unit(&self.end, &self.end_wave));
-        let (bent, bent_end) = (dot(&table.rates[0], &start), dot(&table.rates[0], &end));
-        // Largest deviation of the acceleration from its chord.
-        let beyond = dot(&table.fourth, &start.map(f64::abs)) * 0.125;
-        let ends = self.start.x_m.abs().max(self.end.x_m.abs());
-        if ends + (bent.abs().max(bent_end.abs()) + beyond) * 0.125 <= least_m {
-            return Some(least_m);
-        }
-        if !(bent.min(bent_end) > beyond || bent.max(bent_end) < -beyond) {
-            return None;
-        }
-        let whole = from == 0.0 && to == self.end_fraction();
-        if whole && self.start.v_m_per_s * self.end.v_m_per_s >= 0.0 {
-            return Some(least_m.max(ends));
-        }
-        let motion = Motion::new(table, &start, &self.wave);
-        let h = table.step_s;
-        let (first, last) =
-            if whole { ((start[0], start[1] * h), (end[0], end[1] * h)) } else { (motion.at(from), motion.at(to)) };
-        let most = least_m.max(first.0.abs()).max(last.0.abs());
-        if first.1 * last.1 >= 0.0 {
-            return Some(most);
-        }
-        let length = to - from;
-        let at = from + length * inverse_cubic(first.1, first.1 - last.1, -bent * length, -bent_end * length);
-        motion.top(at).map(|(_, x)| most.max(x.abs()))
+        Some(Oscillation {
+            table,
+            wave: &self.wave,
+            start: unit(&self.start, &self.wave),
+            end: unit(&self.end, &self.end_wave),
+        })
+    }
+
+    /// The structure's motion relative to the base, if it is one oscillator.
+    #[inline]
+    fn relative_oscillation(&self) -> Option<Oscillation<'_>> {
+        let table = self.flows.relative_oscillator(self.leg.path)?;
+        let share = self.flows.base_share;
+        // In the structure's acceleration the spring's end is at the wave's offset; here it is at zero.
+        let constant = self.leg.structure_acceleration - table.stiffness_per_mass * self.wave.offset;
+        let unit = |state: &ExactState, wave: &Wave| {
+            let z = wave.offset + share * wave.sine;
+            let rate = share * self.flows.turning * wave.cosine;
+            [state.x_m - z, state.v_m_per_s - rate, constant, wave.sine, wave.cosine]
+        };
+        Some(Oscillation {
+            table,
+            wave: &self.wave,
+            start: unit(&self.start, &self.wave),
+            end: unit(&self.end, &self.end_wave),
+        })
     }
 
     /// The force that a soft wall exerts, N, over the series' interval; `None` without contact.
@@ -293,5 +334,56 @@ impl Arc<'_> {
         }
         force[0] -= link.stiffness * self.leg.rest_offset.abs();
         Some(force)
+    }
+}
+
+/// The motion of an oscillator during an arc: displacement, velocity, constant acceleration, sine and cosine at both
+/// ends.
+struct Oscillation<'a> {
+    table: &'a Oscillator,
+    wave: &'a Wave,
+    start: [f64; 5],
+    end: [f64; 5],
+}
+
+impl Oscillation<'_> {
+    /// The largest magnitude between two fractions of the series' interval, m, if above `least_m`, where the velocity is
+    /// proven to change sign at most once; `None` without that proof. The arc ends at `arc_end`.
+    #[inline]
+    fn turns_once(&self, (from, to): (f64, f64), arc_end: f64, least_m: f64) -> Option<f64> {
+        let ends = self.start[0].abs().max(self.end[0].abs());
+        if ends + self.table.bulge(&self.start) <= least_m {
+            return Some(least_m);
+        }
+        self.turning_point((from, to), arc_end, least_m)
+    }
+
+    fn turning_point(&self, (from, to): (f64, f64), arc_end: f64, least_m: f64) -> Option<f64> {
+        let (table, start, end) = (self.table, &self.start, &self.end);
+        let (bent, bent_end) = (dot(&table.rates[0], start), dot(&table.rates[0], end));
+        // Largest deviation of the acceleration from its chord.
+        let beyond = dot(&table.fourth, &start.map(f64::abs)) * 0.125;
+        let ends = start[0].abs().max(end[0].abs());
+        if ends + (bent.abs().max(bent_end.abs()) + beyond) * 0.125 <= least_m {
+            return Some(least_m);
+        }
+        if !(bent.min(bent_end) > beyond || bent.max(bent_end) < -beyond) {
+            return None;
+        }
+        let whole = from == 0.0 && to == arc_end;
+        if whole && start[1] * end[1] >= 0.0 {
+            return Some(least_m.max(ends));
+        }
+        let motion = Motion::new(table, start, self.wave);
+        let h = table.step_s;
+        let first = if from == 0.0 { (start[0], start[1] * h) } else { motion.at(from) };
+        let last = if to == arc_end { (end[0], end[1] * h) } else { motion.at(to) };
+        let most = least_m.max(first.0.abs()).max(last.0.abs());
+        if first.1 * last.1 >= 0.0 {
+            return Some(most);
+        }
+        let length = to - from;
+        let at = from + length * inverse_cubic(first.1, first.1 - last.1, -bent * length, -bent_end * length);
+        motion.top(at).map(|(_, x)| most.max(x.abs()))
     }
 }

@@ -23,6 +23,19 @@ pub fn value(p: &Series, at: f64) -> f64 {
     even + odd * at
 }
 
+/// `p(τ)` at several times.
+#[inline]
+#[must_use]
+pub fn values<const N: usize>(p: &Series, at: &[f64; N]) -> [f64; N] {
+    let mut sums = [p[TERMS - 1]; N];
+    for n in (0..TERMS - 1).rev() {
+        for (sum, at) in sums.iter_mut().zip(at) {
+            *sum = *sum * at + p[n];
+        }
+    }
+    sums
+}
+
 /// `p(τ)` and `p′(τ)`.
 #[inline]
 #[must_use]
