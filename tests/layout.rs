@@ -8,7 +8,7 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 9] = [
+const DIRECTIONS: [(&str, &[&str]); 10] = [
     ("damprig-core", &[]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
@@ -18,6 +18,7 @@ const DIRECTIONS: [(&str, &[&str]); 9] = [
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
+    ("damprig-python", &["damprig", "damprig-core", "damprig-protocol", "damprig-simulator"]),
 ];
 
 /// Dependencies that the crates under `shared/` must not have, directly or indirectly: each belongs to one side only.
@@ -41,7 +42,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 19] = [
+const HOST_LAYERS: [&str; 20] = [
     "host_time",
     "input",
     "settings",
@@ -59,6 +60,7 @@ const HOST_LAYERS: [&str; 19] = [
     "calibrate",
     "board",
     "report",
+    "recorded_run",
     "monitor",
     "cli",
 ];
