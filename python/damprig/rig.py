@@ -113,7 +113,7 @@ class VirtualRig:
             raise InputError(f"set_up: must be a dict with the keys of a set-up, not {type(set_up).__name__}")
         set_up = {"name": "mounted", **set_up}
         placeholder = {"kind": "stepped_sine", "frequencies_hz": [1.0], "start": "from_rest", "dwell_s": 10.0}
-        _warn(self._native.check(self._campaign(set_up, placeholder)))
+        self._call(self._native.check, self._campaign(set_up, placeholder))
         self._set_up = set_up
 
     def measure(self, frequency_hz, *, dwell_s=32.0, settle_s=0.0, base_amplitude_m=None, **experiment):
@@ -158,8 +158,7 @@ class VirtualRig:
             A row per point of a stepped sine; else the row of the record, pulse or free vibration.
         """
         self._is_started = False
-        done = self._native.measure(self._campaign(self._mounted(base_amplitude_m), experiment))
-        _warn(done["warnings"])
+        done = self._call(self._native.measure, self._campaign(self._mounted(base_amplitude_m), experiment))
         points = Table(done["points"])
         return points if len(points) else Table(done["transients"])
 
@@ -192,9 +191,8 @@ class VirtualRig:
             experiment = {"kind": "stepped_sine", "frequencies_hz": [frequency_hz], "start": "from_rest", "dwell_s": duration_s}
         telemetry = {"rate_hz": rate_hz, "signals": list(signals)}
         self._is_started = False
-        warned = self._native.start(self._campaign(self._mounted(base_amplitude_m), experiment, telemetry))
+        self._call(self._native.start, self._campaign(self._mounted(base_amplitude_m), experiment, telemetry))
         self._is_started = True
-        _warn(warned)
 
     def advance(self, seconds):
         """Let time pass on the rig.
@@ -272,9 +270,15 @@ class VirtualRig:
             The run ended early. What was measured is in the folder; ``damprig run --resume`` continues it.
         """
         self._is_started = False
-        path, warned = self._native.run(campaign, None if out is None else os.fspath(out))
-        _warn(warned)
-        return open_run(path)
+        return open_run(self._call(self._native.run, campaign, None if out is None else os.fspath(out)))
+
+    def _call(self, native, *arguments):
+        """Calls, and warns of what is unusual even when the call fails."""
+        try:
+            return native(*arguments)
+        finally:
+            for warning in self._native.take_warnings():
+                warnings.warn(warning, UnusualValueWarning, stacklevel=3)
 
     def _mounted(self, base_amplitude_m):
         if self._set_up is None:
@@ -294,7 +298,3 @@ def _sensors(sensors):
         return {"kind": sensors}
     raise InputError(f'sensors = {sensors!r} is not allowed: must be "ideal", "data_sheet" or a dict with the keys of [rig.sensors]')
 
-
-def _warn(warned):
-    for warning in warned:
-        warnings.warn(warning, UnusualValueWarning, stacklevel=3)

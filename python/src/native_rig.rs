@@ -54,6 +54,8 @@ struct Bench {
     ticks: Vec<u32>,
     rows: Vec<Vec<f32>>,
     events: Vec<Value>,
+    /// Of the campaigns since Python asked for them.
+    warnings: Vec<String>,
 }
 
 impl Bench {
@@ -66,27 +68,28 @@ impl Bench {
             ticks: Vec::new(),
             rows: Vec::new(),
             events: Vec::new(),
+            warnings: Vec::new(),
         })
     }
 
-    /// A campaign that this rig accepts, with its predictions and the warnings.
-    fn prepared(&self, source: Source) -> Result<Prepared, Failure> {
+    /// A campaign that this rig accepts, with its predictions. Keeps the warnings.
+    fn prepared(&mut self, source: Source) -> Result<Prepared, Failure> {
         if self.is_emergency_stop_pressed {
             return Err(Failure::Rig("the emergency stop is pressed: release it, then clear the fault".into()));
         }
         let mut campaign = Campaign::parse(source)?;
-        let mut warnings = campaign.source.warnings();
-        let (selection, more) = accept(&mut campaign, &self.session)?;
-        warnings.extend(more);
+        self.warnings.extend(campaign.source.warnings());
+        let (selection, warnings) = accept(&mut campaign, &self.session)?;
+        self.warnings.extend(warnings);
         let predicted = Predicted::of(&campaign)?;
         let drive_m = f64::from(self.session.settings.calibration.drive.range().amplitude_m());
-        warnings.extend(predicted.check(&campaign, drive_m)?);
-        Ok(Prepared { campaign, selection, predicted, warnings })
+        self.warnings.extend(predicted.check(&campaign, drive_m)?);
+        Ok(Prepared { campaign, selection, predicted })
     }
 
     /// Runs a campaign without a folder.
     fn measure(&mut self, source: Source) -> Result<Measured, Failure> {
-        let Prepared { campaign, selection, warnings, .. } = self.prepared(source)?;
+        let Prepared { campaign, selection, .. } = self.prepared(source)?;
         let stop = AtomicBool::new(false);
         let mut watch = Watch::new(&stop);
         let (mut nowhere, journal) = (Unrecorded, JournalState::default());
@@ -96,16 +99,12 @@ impl Bench {
         interrupt.check()?;
         result?;
         let table = |made: Result<_, String>| made.map_err(ReadError).and_then(|batch| Columns::of(&[batch]));
-        Ok(Measured {
-            points: table(results::table(&points))?,
-            transients: table(transients::table(&transients))?,
-            warnings,
-        })
+        Ok(Measured { points: table(results::table(&points))?, transients: table(transients::table(&transients))? })
     }
 
-    /// Runs a campaign into a folder; returns where it is, and the warnings.
-    fn run(&mut self, source: Source, out: Option<&Path>) -> Result<(PathBuf, Vec<String>), Failure> {
-        let Prepared { campaign, selection, predicted, warnings } = self.prepared(source)?;
+    /// Runs a campaign into a folder; returns where it is.
+    fn run(&mut self, source: Source, out: Option<&Path>) -> Result<PathBuf, Failure> {
+        let Prepared { campaign, selection, predicted } = self.prepared(source)?;
         let now = host_time::now();
         let folder = match out {
             Some(path) => OutputFolder::create_at(path),
@@ -127,12 +126,12 @@ impl Bench {
         ended.result?;
         ended.written?;
         ended.drawn.map_err(|error| Failure::Folder(error.to_string()))?;
-        Ok((folder.path().to_path_buf(), warnings))
+        Ok(folder.path().to_path_buf())
     }
 
     /// Starts the campaign's first experiment on its first set-up; [`Bench::advance`] follows it.
-    fn start(&mut self, source: Source) -> Result<Vec<String>, Failure> {
-        let Prepared { campaign, selection, warnings, .. } = self.prepared(source)?;
+    fn start(&mut self, source: Source) -> Result<(), Failure> {
+        let Prepared { campaign, selection, .. } = self.prepared(source)?;
         let stop = AtomicBool::new(false);
         let mut watch = Watch::new(&stop);
         let (mut nowhere, journal) = (Unrecorded, JournalState::default());
@@ -143,7 +142,7 @@ impl Bench {
         self.ticks.clear();
         self.events.clear();
         self.rows = vec![Vec::new(); self.places.len()];
-        Ok(warnings)
+        Ok(())
     }
 
     /// Lets ticks pass and keeps what the controller sends.
@@ -206,14 +205,12 @@ struct Prepared {
     campaign: Campaign,
     selection: Selection,
     predicted: Predicted,
-    warnings: Vec<String>,
 }
 
 /// The results of a campaign without a folder.
 struct Measured {
     points: Columns,
     transients: Columns,
-    warnings: Vec<String>,
 }
 
 /// Keeps the results of a run, and stops it at Ctrl-C.
@@ -352,40 +349,41 @@ impl NativeRig {
         })
     }
 
-    /// Checks a campaign without a prediction; returns warnings.
-    fn check(&self, py: Python<'_>, campaign: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    /// The warnings since the last call.
+    fn take_warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        work(py, || Ok(std::mem::take(&mut self.bench().warnings)))
+    }
+
+    /// Checks a campaign without a prediction.
+    fn check(&self, py: Python<'_>, campaign: &Bound<'_, PyAny>) -> PyResult<()> {
         let given = Given::of("campaign", campaign)?;
         work(py, || {
             let mut campaign = Campaign::parse(given.source()?)?;
-            campaign.on_board(&self.bench().session.settings, true)?;
-            Ok(campaign.source.warnings())
+            let mut bench = self.bench();
+            campaign.on_board(&bench.session.settings, true)?;
+            bench.warnings.extend(campaign.source.warnings());
+            Ok(())
         })
     }
 
-    /// Runs a campaign; returns its results, transients and warnings.
+    /// Runs a campaign; returns its results and transients.
     fn measure<'py>(&self, py: Python<'py>, campaign: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let given = Given::of("campaign", campaign)?;
         let done = work(py, || self.bench().measure(given.source()?))?;
         let dict = PyDict::new(py);
         dict.set_item("points", done.points.into_dict(py)?)?;
         dict.set_item("transients", done.transients.into_dict(py)?)?;
-        dict.set_item("warnings", done.warnings)?;
         Ok(dict)
     }
 
-    /// Runs a campaign into a folder; returns where it is, and the warnings.
-    fn run(
-        &self,
-        py: Python<'_>,
-        campaign: &Bound<'_, PyAny>,
-        out: Option<PathBuf>,
-    ) -> PyResult<(PathBuf, Vec<String>)> {
+    /// Runs a campaign into a folder; returns where it is.
+    fn run(&self, py: Python<'_>, campaign: &Bound<'_, PyAny>, out: Option<PathBuf>) -> PyResult<PathBuf> {
         let given = Given::of("campaign", campaign)?;
         work(py, || self.bench().run(given.source()?, out.as_deref()))
     }
 
-    /// Starts the campaign's first experiment on its first set-up; returns the warnings.
-    fn start(&self, py: Python<'_>, campaign: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    /// Starts the campaign's first experiment on its first set-up.
+    fn start(&self, py: Python<'_>, campaign: &Bound<'_, PyAny>) -> PyResult<()> {
         let given = Given::of("campaign", campaign)?;
         work(py, || self.bench().start(given.source()?))
     }
