@@ -86,7 +86,7 @@ fn from_numpy(place: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
         ));
     }
     let plain = plain.call0()?;
-    if plain.get_type().is(&value.get_type()) {
+    if plain.get_type().is(value.get_type()) {
         return Err(wrong(value.py(), place, &format!("a value of type {kind} is not allowed")));
     }
     self::value(place, &plain)
