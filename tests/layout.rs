@@ -20,6 +20,7 @@ const DIRECTIONS: [(&str, &[&str]); 10] = [
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),
+    ("damprig-python", &["damprig", "damprig-core", "damprig-protocol", "damprig-simulator"]),
 ];
 
 /// Dependencies that the crates under `shared/` must not have, directly or indirectly: each belongs to one side only.
@@ -43,7 +44,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 21] = [
+const HOST_LAYERS: [&str; 22] = [
     "host_time",
     "input",
     "settings",
@@ -63,6 +64,7 @@ const HOST_LAYERS: [&str; 21] = [
     "calibrate",
     "board",
     "report",
+    "recorded_run",
     "monitor",
     "cli",
 ];

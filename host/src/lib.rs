@@ -18,6 +18,7 @@ pub mod input;
 pub mod monitor;
 pub mod motion_record;
 pub mod prediction;
+pub mod recorded_run;
 pub mod report;
 pub mod run_folder;
 pub mod runner;

@@ -11,7 +11,7 @@ use damprig_protocol::ClockSource;
 use super::arguments::{Rig, SpeedArg, seconds, seconds_or_zero};
 use super::monitor::{PageArgs, check_terminal};
 use super::outcome::{Failure, Outcome};
-use super::run_job::{Job, LiveViews, begin_entry};
+use super::run_job::{Job, LiveViews};
 use super::run_progress::Log;
 use crate::campaign::Campaign;
 use crate::client::board_check;
@@ -19,6 +19,7 @@ use crate::client::link::Address;
 use crate::client::session::Session;
 use crate::host_time;
 use crate::prediction::{Predicted, settling};
+use crate::recorded_run::begin_entry;
 use crate::report::compared::predicted_and_measured;
 use crate::report::numbers::duration;
 use crate::report::terminal;
@@ -192,11 +193,7 @@ fn begin(args: &Args, file: &Path) -> Outcome {
         None => OutputFolder::create_dated(Path::new("."), &campaign.name, &now),
     }
     .map_err(Failure::failed)?;
-    let journal = folder.claim().map_err(Failure::failed)?;
-    // A folder with a campaign can be resumed, so it has the records by then.
-    folder.keep_records(&campaign).map_err(Failure::failed)?;
-    folder.keep_set_up_file(&campaign).map_err(Failure::failed)?;
-    folder.write_campaign(campaign.source.text()).map_err(Failure::failed)?;
+    let journal = folder.keep_campaign(&campaign).map_err(Failure::failed)?;
     let records = folder.records().map_err(Failure::failed)?;
     let begin = begin_entry(&campaign, &session, &selection, records, &now);
     let job = Job {

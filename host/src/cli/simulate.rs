@@ -127,9 +127,6 @@ impl<'a> Simulated<'a> {
     }
 }
 
-/// Default rows per period of a time history.
-const ROWS_PER_PERIOD: f64 = 200.0;
-
 /// Cycles above which a figure shows the last ones in a panel of their own.
 const LONG_CYCLES: f64 = 30.0;
 
@@ -186,7 +183,7 @@ fn simulate_one(
     stop: &AtomicBool,
 ) -> Outcome {
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
-    let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| usual_rate_hz(case)));
+    let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));
     let envelopes = envelopes(args, case)?;
     let cost = cost::estimate(case).map_err(Failure::input)?;
     let longest_part_s = cost::longest_part_s(case, rate_hz).map_err(Failure::input)?;
@@ -251,13 +248,6 @@ fn simulate_one(
             significant(case.run.duration_s, 9)
         ))),
         None => Ok(()),
-    }
-}
-
-fn usual_rate_hz(case: &Case) -> f64 {
-    match &case.record {
-        Some(record) => (1.0 / record.step_s).max(ROWS_PER_PERIOD / case.natural_period_s()),
-        None => ROWS_PER_PERIOD / case.cycle_s().min(case.natural_period_s()),
     }
 }
 

@@ -31,6 +31,18 @@ impl Run<'_> {
         (self.tally, result)
     }
 
+    /// Brings the rig to idle, then configures and starts an experiment on a set-up of the campaign. The caller follows it: its reports
+    /// arrive in the session. Returns the places in the device's signal table of the values in a row of telemetry.
+    ///
+    /// # Errors
+    /// The device, the link, the friction damper's spring, or Ctrl-C.
+    pub fn start_experiment(mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Vec<usize>, RunError> {
+        self.make_ready()?;
+        let id = self.journal.next_segment(&set_up.name, &experiment.name);
+        let task = Task { set_up, experiment, id, points: 0..experiment.points(), anew: false };
+        Segment::start_only(&mut self, &task)
+    }
+
     fn all(&mut self) -> Result<(), RunError> {
         self.make_ready()?;
         let campaign = self.campaign;

@@ -97,6 +97,14 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     /// # Errors
     /// The device, the link, the disk, an interlock, or Ctrl-C. The recorder has what was taken.
     pub(super) fn carry_out(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<End, RunError> {
+        let mut segment = Self::new(run, task);
+        let end = segment.start().and_then(|()| segment.follow());
+        segment.note_impacts();
+        segment.run.tally.counters.missing_records += segment.progress.missing_messages();
+        end
+    }
+
+    fn new(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Self {
         let is_granted = run.session.is_granted();
         let progress = SegmentProgress::new(task.points.clone(), run.every_ticks, is_granted)
             .with_ramp(task.experiment.stepped_sine().map_or(0.0, |sine| sine.ramp_s));
@@ -111,7 +119,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
         let has_impacts = task.set_up.may_have_impacts();
         let check = PlanCheck::new(task.experiment, task.points.clone(), places.len(), run.every_ticks, has_impacts);
         let clock = ClockPairs::default();
-        let mut segment = Self {
+        Self {
             run,
             task,
             before_s,
@@ -126,11 +134,18 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             impacts_noted: 0,
             impacts_noted_at: Instant::now(),
             is_held: false,
-        };
-        let end = segment.start().and_then(|()| segment.follow());
-        segment.note_impacts();
-        segment.run.tally.counters.missing_records += segment.progress.missing_messages();
-        end
+        }
+    }
+
+    /// Configures the device and starts it; the reports are left to the session. Returns the places in the device's signal table of
+    /// the values in a row.
+    ///
+    /// # Errors
+    /// As [`Segment::carry_out`].
+    pub(super) fn start_only(run: &'r mut Run<'a>, task: &'r Task<'c>) -> Result<Vec<usize>, RunError> {
+        let mut segment = Self::new(run, task);
+        segment.start()?;
+        Ok(segment.places)
     }
 
     fn start(&mut self) -> Result<(), RunError> {

@@ -16,6 +16,9 @@ use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
 
+/// Usual rows per period of a time history.
+const ROWS_PER_PERIOD: f64 = 200.0;
+
 /// A validated case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
@@ -113,6 +116,16 @@ impl Case {
             _ => return None,
         };
         (reference.0 > 0.0).then_some(reference)
+    }
+
+    /// Usual rows per second of a time history: 200 per drive or natural period, whichever is shorter; with a record at least its
+    /// sample rate.
+    #[must_use]
+    pub fn usual_rate_hz(&self) -> f64 {
+        match &self.record {
+            Some(record) => (1.0 / record.step_s).max(ROWS_PER_PERIOD / self.natural_period_s()),
+            None => ROWS_PER_PERIOD / self.cycle_s().min(self.natural_period_s()),
+        }
     }
 
     /// Length of a cycle, s: as given, else the drive period, else the natural period.

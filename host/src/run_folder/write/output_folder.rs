@@ -80,6 +80,19 @@ impl OutputFolder {
         &self.path
     }
 
+    /// Claims the folder and copies the campaign with all that it names.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::claim`]; a file that cannot be copied or written.
+    pub fn keep_campaign(&self, campaign: &Campaign) -> Result<Journal, StorageError> {
+        let journal = self.claim()?;
+        // A folder with a campaign can be resumed, so it has the records by then.
+        self.keep_records(campaign)?;
+        self.keep_set_up_file(campaign)?;
+        self.write_campaign(campaign.source.text())?;
+        Ok(journal)
+    }
+
     /// Copies the campaign as run.
     ///
     /// # Errors

@@ -1,0 +1,17 @@
+from .errors import DamprigError as DamprigError
+from .errors import FaultError as FaultError
+from .errors import InputError as InputError
+from .errors import InternalError as InternalError
+from .errors import RigError as RigError
+from .errors import RunFolderError as RunFolderError
+from .errors import RunFolderWarning as RunFolderWarning
+from .errors import UnusualValueWarning as UnusualValueWarning
+from .rig import Signals as Signals
+from .rig import VirtualRig as VirtualRig
+from .runs import Run as Run
+from .runs import open_run as open_run
+from .simulation import Simulation as Simulation
+from .simulation import simulate as simulate
+from .tables import Table as Table
+
+__version__: str

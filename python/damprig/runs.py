@@ -1,0 +1,109 @@
+"""Reads run folders through the host's own reader, which checks them and names what is damaged."""
+
+import json
+import os
+import warnings
+from functools import cached_property
+from pathlib import Path
+
+from . import _damprig
+from .errors import RunFolderWarning
+from .tables import Table
+
+__all__ = ["Run", "open_run"]
+
+
+class Run:
+    """A run folder, opened for reading. Tables are read when they are used first.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        Where it is.
+    manifest : dict
+        Everything that is not a table (host/RUN_FOLDER.md).
+    problems : list of str
+        What verification found damaged or incomplete; empty if the folder is intact.
+    findings : list of str
+        What verification found in order.
+    """
+
+    def __init__(self, folder, verify=True):
+        self._reader = _damprig.RunReader(os.fspath(folder))
+        self.path = Path(self._reader.path)
+        self.manifest = json.loads(self._reader.manifest())
+        found = self._reader.verify() if verify else []
+        self.findings = [text for good, text in found if good]
+        self.problems = [text for good, text in found if not good]
+
+    def __repr__(self):
+        return f"<damprig.Run {self.path}: {self.status}, {self.manifest['points_taken']} of {self.manifest['points_planned']} points>"
+
+    @property
+    def campaign(self):
+        """Name of the campaign."""
+        return self.manifest["campaign"]
+
+    @property
+    def campaign_text(self):
+        """The campaign as it was run (TOML)."""
+        return (self.path / "campaign.toml").read_text(encoding="utf-8")
+
+    @property
+    def status(self):
+        """How the run ended, in words: ``"complete"``, or why not."""
+        return self._reader.ending()
+
+    @cached_property
+    def parameters(self):
+        """The set-ups by name, each with its parameters in SI units; each key ends with its unit."""
+        return {set_up["name"]: set_up for set_up in self.manifest["set_ups"]}
+
+    @cached_property
+    def results(self):
+        """A row per measured point (set-up, experiment, frequency): a :class:`damprig.Table`."""
+        return Table(self._reader.results())
+
+    @cached_property
+    def transients(self):
+        """A row per record, pulse and free vibration: a :class:`damprig.Table`, empty if there are none."""
+        return Table(self._reader.transients())
+
+    @cached_property
+    def impacts(self):
+        """A row per measured impact: a :class:`damprig.Table`, empty if there are none."""
+        return Table(self._reader.impacts())
+
+    @cached_property
+    def samples(self):
+        """The telemetry, a row per sample: a :class:`damprig.Table`. Files that cannot be read give a RunFolderWarning."""
+        table, damaged = self._reader.samples()
+        for problem in damaged:
+            warnings.warn(problem, RunFolderWarning, stacklevel=2)
+        return Table(table)
+
+
+def open_run(folder, *, verify=True):
+    """Open a run folder.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of a run, or the name of one below ``./runs`` (the end of its name is enough).
+    verify : bool
+        Compare every file with its checksum, as ``damprig runs verify`` does. What is wrong is in ``run.problems``, and is warned of
+        (RunFolderWarning). It reads the whole folder once.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    RunFolderError
+        There is no such run, or its manifest cannot be read.
+    """
+    run = Run(folder, verify)
+    for problem in run.problems:
+        warnings.warn(f"{run.path}: {problem}", RunFolderWarning, stacklevel=2)
+    return run

@@ -1,0 +1,173 @@
+"""Simulates a case exactly, as ``damprig simulate`` does."""
+
+import json
+import warnings
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import _damprig
+from .errors import InputError, UnusualValueWarning
+from .tables import Table
+
+__all__ = ["Accumulations", "Impacts", "Simulation", "simulate"]
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """The impacts of the particle, or its first touches of a soft wall; arrays of shape ``(n,)``, the first million.
+
+    Attributes
+    ----------
+    time : numpy.ndarray
+        s.
+    side : numpy.ndarray of int8
+        +1 where y − x = +d, −1 where y − x = −d.
+    approach_speed : numpy.ndarray
+        abs(x′ − y′) just before, m/s.
+    y : numpy.ndarray
+        Displacement of the particle, m.
+    """
+
+    time: np.ndarray
+    side: np.ndarray
+    approach_speed: np.ndarray
+    y: np.ndarray
+
+    def __len__(self):
+        return len(self.time)
+
+
+@dataclass(frozen=True)
+class Accumulations:
+    """Chatters that ended with the particle at rest on a wall; arrays of shape ``(n,)``. The impacts of their tails are summed, neither
+    listed nor counted.
+
+    Attributes
+    ----------
+    time : numpy.ndarray
+        End of the chatter, s.
+    side : numpy.ndarray of int8
+        +1 where y − x = +d, −1 where y − x = −d.
+    """
+
+    time: np.ndarray
+    side: np.ndarray
+
+    def __len__(self):
+        return len(self.time)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated motion. Arrays have the shape ``(rows,)``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    time : numpy.ndarray
+        s.
+    x, v : numpy.ndarray
+        Displacement (m) and velocity (m/s) of the structure.
+    y, u : numpy.ndarray
+        Displacement (m) and velocity (m/s) of the particle or the tuned mass; equal to x and v without one.
+    z : numpy.ndarray
+        Displacement of the base, m.
+    impacts : Impacts
+        The impacts.
+    accumulations : Accumulations
+        The chatters that ended on a wall.
+    summary : dict
+        Statistics of the whole run; each key ends with its unit.
+    parameters : dict
+        The set-up in SI units as it was simulated; each key ends with its unit.
+    units : dict of str to str
+        Units of the arrays.
+    """
+
+    name: str
+    time: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    z: np.ndarray
+    impacts: Impacts
+    accumulations: Accumulations
+    summary: dict
+    parameters: dict
+    units: dict = field(
+        default_factory=lambda: {"time": "s", "x": "m", "v": "m/s", "y": "m", "u": "m/s", "z": "m"},
+    )
+
+    def __repr__(self):
+        return f"<damprig.Simulation {self.name}: {len(self.time)} rows, {len(self.impacts)} impacts>"
+
+    def frame(self, library="pandas"):
+        """The motion as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``; see :meth:`damprig.Table.frame`."""
+        columns = {name: getattr(self, name) for name in self.units}
+        return Table({"columns": columns, "units": self.units, "descriptions": dict.fromkeys(columns, "")}).frame(library)
+
+
+def simulate(case, *, sample_times=None, rate_hz=None):
+    """Simulate a case exactly: every impact, stick and slip is located.
+
+    Parameters
+    ----------
+    case : path or dict
+        A case file (TOML or JSON), or a dict with the keys of one (docs/KEYS.md). Relative files of a dict are those of the working
+        directory. Arrays and scalars of NumPy are allowed.
+    sample_times : array_like of shape (n,), optional
+        Times of the rows, s, in rising order, from 0 to the case's ``duration_s``.
+    rate_hz : float, optional
+        Rows per second from 0 to the end. Without either: ``run.sample_times_s`` of the case, or else 200 rows per drive or natural
+        period, whichever is shorter; with a record at least its sample rate.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        The case or an argument is wrong: all problems with line, key, value, what is allowed and the likely fix.
+
+    Notes
+    -----
+    Other threads run meanwhile, and may simulate too. Ctrl-C raises KeyboardInterrupt.
+    """
+    if sample_times is not None and rate_hz is not None:
+        raise InputError("sample_times and rate_hz are both given: give one of them")
+    times = None if sample_times is None else _times(sample_times)
+    done = _damprig.simulate(case, times, None if rate_hz is None else _number("rate_hz", rate_hz))
+    for warning in done.pop("warnings"):
+        warnings.warn(warning, UnusualValueWarning, stacklevel=2)
+    done["summary"] = json.loads(done["summary"])
+    done["parameters"] = json.loads(done["parameters"])
+    done["impacts"] = Impacts(**done["impacts"])
+    done["accumulations"] = Accumulations(**done["accumulations"])
+    listed, counted = len(done["impacts"]), done["summary"]["impact_count"]
+    if counted > listed:
+        message = f"the result lists the first {listed} of {counted} impacts; `damprig simulate --out` writes them all"
+        warnings.warn(message, UserWarning, stacklevel=2)
+    return Simulation(**done)
+
+
+def _times(sample_times):
+    try:
+        times = np.asarray(sample_times)
+    except ValueError as error:
+        raise InputError(f"sample_times: {error}") from None
+    if times.dtype.kind not in "iuf":
+        raise InputError(f"sample_times has the dtype {times.dtype}: must be real numbers")
+    if times.ndim != 1:
+        raise InputError(f"sample_times has the shape {times.shape}: must have one dimension")
+    return times.astype(float).tolist()
+
+
+def _number(name, value):
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or array.ndim != 0:
+        raise InputError(f"{name} = {value!r} is not allowed: must be one real number")
+    return float(array)

@@ -1,0 +1,99 @@
+"""Tables of the host as NumPy arrays with units, and as frames of pandas, polars or xarray."""
+
+import numpy as np
+
+__all__ = ["Table"]
+
+FRAMES = ("pandas", "polars", "xarray")
+
+
+class Table:
+    """A table with named columns, each with its unit and meaning.
+
+    Attributes
+    ----------
+    columns : dict of str to numpy.ndarray
+        Every column, shape ``(rows,)``; a column of names has the dtype ``object``.
+    units : dict of str to str
+        Unit of each column: ``"1"`` for ratios and counts, ``""`` for names and flags.
+    descriptions : dict of str to str
+        Meaning of each column, where the table has it.
+    """
+
+    def __init__(self, native):
+        self._native = native["columns"]
+        self.units = native["units"]
+        self.descriptions = native["descriptions"]
+        self._columns = None
+
+    @property
+    def columns(self):
+        if self._columns is None:
+            self._columns = {name: _plain(values) for name, values in self._native.items()}
+        return self._columns
+
+    def __getitem__(self, name):
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise KeyError(f"there is no column {name!r}; the columns are {', '.join(self._native)}") from None
+
+    def __len__(self):
+        return len(next(iter(self.columns.values()))) if self._native else 0
+
+    def __repr__(self):
+        return f"<damprig.Table: {len(self)} rows of {', '.join(self._native)}>"
+
+    def frame(self, library="pandas"):
+        """The table as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``.
+
+        pandas has the units in ``frame.attrs["units"]``, xarray in ``dataset[name].attrs["units"]``; polars has no place for them,
+        use :attr:`units`.
+        """
+        if library == "pandas":
+            return self._pandas()
+        if library == "polars":
+            return self._polars()
+        if library == "xarray":
+            return self._xarray()
+        from .errors import InputError
+
+        raise InputError(f"library = {library!r} is not allowed: must be one of {', '.join(FRAMES)}")
+
+    def _pandas(self):
+        import pandas as pd
+
+        def column(values):
+            return pd.Categorical.from_codes(values[0], values[1]) if isinstance(values, tuple) else values
+
+        frame = pd.DataFrame({name: column(values) for name, values in self._native.items()})
+        frame.attrs["units"] = dict(self.units)
+        frame.attrs["descriptions"] = dict(self.descriptions)
+        return frame
+
+    def _polars(self):
+        import polars as pl
+
+        frame = {}
+        for name, values in self._native.items():
+            frame[name] = pl.Series(self.columns[name].tolist(), dtype=pl.String) if isinstance(values, tuple) else values
+        return pl.DataFrame(frame)
+
+    def _xarray(self):
+        import xarray as xr
+
+        dataset = xr.Dataset({name: ("row", values) for name, values in self.columns.items()})
+        for name in self._native:
+            dataset[name].attrs["units"] = self.units[name]
+            if self.descriptions[name]:
+                dataset[name].attrs["long_name"] = self.descriptions[name]
+        return dataset
+
+
+def _plain(values):
+    """The array of a column; names from their codes."""
+    if not isinstance(values, tuple):
+        return values
+    codes, names = values
+    # A code of -1 is no name.
+    return np.array([*names, ""], dtype=object)[codes]

@@ -1,0 +1,45 @@
+//! Looks for Ctrl-C while native code works.
+
+use std::time::{Duration, Instant};
+
+use pyo3::prelude::*;
+
+use crate::failure::{Failure, interrupted};
+
+/// Time between two looks.
+const EVERY: Duration = Duration::from_millis(50);
+
+/// Remembers what a signal's handler raised. Python runs handlers in the main thread only; in another thread nothing is found.
+pub struct Interrupt {
+    looked: Instant,
+    raised: Option<Failure>,
+}
+
+impl Interrupt {
+    /// From now on.
+    pub fn new() -> Self {
+        Self { looked: Instant::now(), raised: None }
+    }
+
+    /// Whether the work goes on; never again after a `false`.
+    pub fn goes_on(&mut self) -> bool {
+        if self.raised.is_none() && self.looked.elapsed() >= EVERY {
+            self.looked = Instant::now();
+            self.raised = match Python::try_attach(|py| py.check_signals()) {
+                Some(Ok(())) => None,
+                Some(Err(error)) => Some(Failure::Raised(error)),
+                // The interpreter is shutting down.
+                None => Some(interrupted()),
+            };
+        }
+        self.raised.is_none()
+    }
+
+    /// What was raised.
+    ///
+    /// # Errors
+    /// The exception of the handler: `KeyboardInterrupt` for Ctrl-C.
+    pub fn check(self) -> Result<(), Failure> {
+        self.raised.map_or(Ok(()), Err)
+    }
+}

@@ -1,0 +1,24 @@
+//! The native part of the Python package `damprig`. What users see, with its documentation, is Python (`python/damprig`); here are the
+//! calls into the host library, one file per area.
+//!
+//! Every call releases the interpreter's lock while it works, checks for Ctrl-C twenty times a second, and turns errors into the
+//! package's exceptions ([`failure`]). A panic becomes an exception too.
+
+mod columns;
+mod failure;
+mod interrupt;
+mod native_rig;
+mod plain_toml;
+mod run_reader;
+mod simulation;
+mod source;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
+    module.add_class::<run_reader::RunReader>()?;
+    module.add_class::<native_rig::NativeRig>()
+}

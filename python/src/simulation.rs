@@ -1,0 +1,181 @@
+//! Simulates a case and hands its motion over as arrays.
+
+use damprig::simulation::{
+    AccumulationRecord, Case, ImpactRecord, RunOptions, SimulationResult, Viewer, cost, motion::Piece, simulate as run,
+};
+use numpy::IntoPyArray;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::failure::{Failure, work};
+use crate::interrupt::Interrupt;
+use crate::source::Given;
+
+/// Most rows of a motion: 2 GB.
+const MOST_ROWS: f64 = 4e7;
+
+/// The times at which the motion is kept.
+enum Times {
+    Given(Vec<f64>),
+    /// Rows per second, from 0 to the end.
+    Rate(f64),
+}
+
+impl Times {
+    fn at(&self, row: usize) -> Option<f64> {
+        match self {
+            Self::Given(times_s) => times_s.get(row).copied(),
+            Self::Rate(rate_hz) => Some(row as f64 / rate_hz),
+        }
+    }
+}
+
+/// Keeps the motion at given times.
+struct Motion {
+    times: Times,
+    duration_s: f64,
+    t_s: Vec<f64>,
+    /// x, v, y, u and z.
+    columns: [Vec<f64>; 5],
+}
+
+impl Motion {
+    fn new(times: Times, duration_s: f64) -> Self {
+        Self { times, duration_s, t_s: Vec::new(), columns: Default::default() }
+    }
+}
+
+impl Viewer for Motion {
+    fn piece(&mut self, piece: &impl Piece) {
+        let (start_s, length_s) = (piece.start_s(), piece.length_s());
+        let end_s = start_s + length_s;
+        let is_last = end_s >= self.duration_s;
+        while let Some(t_s) = self.times.at(self.t_s.len()) {
+            // Rounding must not lose a row at the end of the run.
+            let rounding_s = if is_last { 1e-12 * self.duration_s } else { 0.0 };
+            if t_s - start_s > length_s + rounding_s {
+                return;
+            }
+            let at = piece.at((t_s - start_s).clamp(0.0, length_s));
+            let row = [at.state.x_m, at.state.v_m_per_s, at.state.y_m(), at.state.u_m_per_s(), at.z_m];
+            self.t_s.push(t_s);
+            self.columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
+        }
+    }
+}
+
+/// Reads the case; also the warnings of unusual values.
+fn read(given: Given) -> Result<(Case, Vec<String>), Failure> {
+    Ok(match given {
+        Given::File(path) => Case::read_with_warnings(&path)?,
+        Given::Text(source) => (Case::parse(&source, "case")?, source.warnings()),
+    })
+}
+
+/// The times that are wanted: given ones, a rate, those of the case, or the usual rate.
+fn times(case: &Case, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Times, Failure> {
+    let duration_s = case.run.duration_s;
+    if let Some(times_s) = times_s {
+        let is_allowed =
+            |i: usize, t_s: f64| (0.0..=duration_s * (1.0 + 1e-12)).contains(&t_s) && (i == 0 || times_s[i - 1] <= t_s);
+        if let Some((i, t_s)) = times_s.iter().enumerate().find(|(i, t_s)| !is_allowed(*i, **t_s)) {
+            let allowed = format!("must be in rising order, from 0 to duration_s = {duration_s}");
+            return Err(Failure::Input(format!("sample_times[{i}] = {t_s} is not allowed: {allowed}")));
+        }
+        return Ok(Times::Given(times_s));
+    }
+    let rate_hz = match rate_hz {
+        Some(rate_hz) if rate_hz > 0.0 && rate_hz.is_finite() => rate_hz,
+        Some(rate_hz) => return Err(Failure::Input(format!("rate_hz = {rate_hz} is not allowed: must be above 0"))),
+        None if !case.run.sample_times_s.is_empty() => return Ok(Times::Given(case.run.sample_times_s.clone())),
+        None => case.usual_rate_hz(),
+    };
+    let rows = duration_s * rate_hz;
+    if rows > MOST_ROWS {
+        return Err(Failure::Input(format!(
+            "rate_hz = {rate_hz} over duration_s = {duration_s} gives {rows:.3e} rows: must be {MOST_ROWS:.0e} or fewer; \
+             lower rate_hz, or let `damprig simulate --out` write a file"
+        )));
+    }
+    Ok(Times::Rate(rate_hz))
+}
+
+/// A simulated case.
+struct Simulated {
+    case: Case,
+    warnings: Vec<String>,
+    motion: Motion,
+    result: SimulationResult,
+}
+
+fn simulated(given: Given, times_s: Option<Vec<f64>>, rate_hz: Option<f64>) -> Result<Simulated, Failure> {
+    let (mut case, warnings) = read(given)?;
+    let times = times(&case, times_s, rate_hz)?;
+    let rate_hz = if let Times::Rate(rate_hz) = times { Some(rate_hz) } else { None };
+    // The states are kept here.
+    case.run.sample_times_s.clear();
+    let mut motion = Motion::new(times, case.run.duration_s);
+    let mut interrupt = Interrupt::new();
+    let longest_part_s = cost::longest_part_s(&case, rate_hz)?;
+    let options = RunOptions { keep: true, longest_part_s, go_on: &mut |_| interrupt.goes_on() };
+    let result = run(&case, &mut motion, options)?;
+    interrupt.check()?;
+    Ok(Simulated { case, warnings, motion, result })
+}
+
+/// Simulates a case: `case` is a path or a dict.
+#[pyfunction]
+#[pyo3(signature = (case, times_s, rate_hz))]
+pub fn simulate<'py>(
+    py: Python<'py>,
+    case: &Bound<'py, PyAny>,
+    times_s: Option<Vec<f64>>,
+    rate_hz: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let given = Given::of("case", case)?;
+    let done = work(py, || simulated(given, times_s, rate_hz))?;
+    let dict = PyDict::new(py);
+    dict.set_item("name", &done.case.name)?;
+    dict.set_item("warnings", done.warnings)?;
+    dict.set_item("time", done.motion.t_s.into_pyarray(py))?;
+    for (name, column) in ["x", "v", "y", "u", "z"].into_iter().zip(done.motion.columns) {
+        dict.set_item(name, column.into_pyarray(py))?;
+    }
+    dict.set_item("impacts", impacts(py, &done.result.impacts)?)?;
+    dict.set_item("accumulations", accumulations(py, &done.result.accumulations)?)?;
+    dict.set_item("summary", json(&done.result.summary)?)?;
+    dict.set_item("parameters", parameters(&done.case)?)?;
+    Ok(dict)
+}
+
+fn impacts<'py>(py: Python<'py>, impacts: &[ImpactRecord]) -> PyResult<Bound<'py, PyDict>> {
+    let column = |value: fn(&ImpactRecord) -> f64| impacts.iter().map(value).collect::<Vec<f64>>().into_pyarray(py);
+    let dict = PyDict::new(py);
+    dict.set_item("time", column(|impact| impact.t_s))?;
+    dict.set_item("side", impacts.iter().map(|impact| impact.side).collect::<Vec<i8>>().into_pyarray(py))?;
+    dict.set_item("approach_speed", column(|impact| impact.approach_speed_m_per_s))?;
+    dict.set_item("y", column(|impact| impact.y_m))?;
+    Ok(dict)
+}
+
+fn accumulations<'py>(py: Python<'py>, all: &[AccumulationRecord]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("time", all.iter().map(|it| it.t_s).collect::<Vec<f64>>().into_pyarray(py))?;
+    dict.set_item("side", all.iter().map(|it| it.side).collect::<Vec<i8>>().into_pyarray(py))?;
+    Ok(dict)
+}
+
+/// The set-up as the integrator has it, in SI units.
+fn parameters(case: &Case) -> PyResult<String> {
+    json(&serde_json::json!({
+        "set_up": case.set_up,
+        "natural_frequency_hz": 1.0 / case.natural_period_s(),
+        "duration_s": case.run.duration_s,
+        "cycle_s": case.cycle_s(),
+        "reference_m": case.reference_m().map(|(reference_m, _)| reference_m),
+    }))
+}
+
+fn json(value: &impl serde::Serialize) -> PyResult<String> {
+    serde_json::to_string(value).map_err(|error| pyo3::exceptions::PyRuntimeError::new_err(error.to_string()))
+}

@@ -1,0 +1,62 @@
+"""What the tests share: the project's files, the command to compare with, a rig, and a recorded run."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import damprig
+
+PROJECT = Path(__file__).resolve().parents[2]
+
+STRUCTURE = {"mass_kg": 1.6, "natural_frequency_hz": 2.5, "damping_ratio": 0.0038}
+PARTICLE = {"mass_ratio": 0.1, "clearance_ratio": 5, "wall": {"kind": "restitution", "coefficient": 0.47}}
+
+
+@pytest.fixture(scope="session")
+def project():
+    return PROJECT
+
+
+@pytest.fixture(scope="session")
+def command():
+    """Runs the damprig command: its standard output."""
+    program = os.environ["DAMPRIG_COMMAND"]
+
+    def run(*arguments, cwd=None):
+        done = subprocess.run([program, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+@pytest.fixture
+def spid():
+    """A structure with an impact damper, as a case has it."""
+    return {
+        "structure": dict(STRUCTURE),
+        "particle": {**PARTICLE, "clearance_ratio": 10},
+        "base": {"kind": "sine", "amplitude_m": 0.003, "frequency_hz": 2.5},
+        "run": {"duration_s": 8.0},
+    }
+
+
+@pytest.fixture
+def bare():
+    """A bare structure, as a campaign has it."""
+    return {"structure": dict(STRUCTURE), "base_amplitude_m": 0.0004}
+
+
+@pytest.fixture
+def damped():
+    """A structure with an impact damper, as a campaign has it."""
+    return {"structure": dict(STRUCTURE), "particle": dict(PARTICLE), "base_amplitude_m": 0.0015}
+
+
+@pytest.fixture(scope="session")
+def short_run(tmp_path_factory):
+    """The campaign short.toml on the virtual rig, from Python."""
+    folder = tmp_path_factory.mktemp("runs") / "short"
+    return damprig.VirtualRig().run(PROJECT / "host/campaigns/short.toml", out=folder)
