@@ -8,7 +8,7 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 10] = [
+const DIRECTIONS: [(&str, &[&str]); 12] = [
     ("damprig-core", &[]),
     ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
