@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args as ClapArgs, ValueEnum};
 
+use damprig_core::model::Material;
+
 use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
-use crate::file_keys::new_file::{self, Damper, Excitation, Values};
+use crate::file_keys::new_file::{self, Damper, Excitation, RecordFile, Values};
 use crate::input::Source;
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::simulation::Case;
@@ -35,6 +37,18 @@ pub struct Args {
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     experiment: Vec<ExperimentArg>,
 
+    /// Add a playback of this recorded motion, a CSV or AT2 file; of a case: its excitation
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+
+    /// Quantity of a CSV record's values: acceleration or displacement
+    #[arg(long, value_name = "WORD", requires = "record")]
+    record_quantity: Option<String>,
+
+    /// Unit of a CSV record's values, as g or mm
+    #[arg(long, value_name = "UNIT", requires = "record")]
+    record_unit: Option<String>,
+
     #[command(flatten)]
     values: ValueArgs,
 
@@ -48,10 +62,12 @@ Examples:
   damprig init
   damprig init my.toml --damper bare,spid,hybrid --experiment stepped-sine,free-vibration
   damprig init --case --damper tmd --natural-frequency-hz 4
+  damprig init soft.toml --damper bare,hybrid --wall pu-foam --friction-spring --experiment noise
+  damprig init quake.toml --record quake.AT2
   damprig run my.toml --dry-run
 
 A campaign drives set-ups that only viscous damping limits with a smaller Z than --base-amplitude-m where they
-would leave the range of the sensors. Recorded motions: host/campaigns/transients.toml.
+would leave the range of the sensors.
 
 Exit codes:
   0    success
@@ -94,6 +110,32 @@ enum ExperimentArg {
     FreeVibration,
     /// A pulse of the base
     Impulse,
+    /// Band-limited noise of the base
+    Noise,
+}
+
+/// Materials of soft walls, as arguments.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum WallArg {
+    /// Rubber
+    Rubber,
+    /// Anti-vibration pad
+    AntiVibrationPad,
+    /// Acrylic foam
+    AcrylicFoam,
+    /// Polyurethane foam
+    PuFoam,
+}
+
+impl From<WallArg> for Material {
+    fn from(argument: WallArg) -> Self {
+        match argument {
+            WallArg::Rubber => Self::Rubber,
+            WallArg::AntiVibrationPad => Self::AntiVibrationPad,
+            WallArg::AcrylicFoam => Self::AcrylicFoam,
+            WallArg::PuFoam => Self::PuFoam,
+        }
+    }
 }
 
 impl From<ExperimentArg> for Excitation {
@@ -102,6 +144,7 @@ impl From<ExperimentArg> for Excitation {
             ExperimentArg::SteppedSine => Self::SteppedSine,
             ExperimentArg::FreeVibration => Self::FreeVibration,
             ExperimentArg::Impulse => Self::Impulse,
+            ExperimentArg::Noise => Self::Noise,
         }
     }
 }
@@ -137,9 +180,17 @@ struct ValueArgs {
     #[arg(long, value_name = "E", value_parser = not_negative)]
     restitution: Option<f64>,
 
+    /// Soft walls of this material instead of hard ones
+    #[arg(long, value_name = "MATERIAL", conflicts_with = "restitution")]
+    wall: Option<WallArg>,
+
     /// γF of the friction damper [default: 0.6]
     #[arg(long, value_name = "RATIO", value_parser = not_negative)]
     friction_ratio: Option<f64>,
+
+    /// Friction dampers whose spring the rig adjusts to γF
+    #[arg(long, conflicts_with = "case")]
+    friction_spring: bool,
 }
 
 impl ValueArgs {
@@ -153,7 +204,10 @@ impl ValueArgs {
             mass_ratio: self.mass_ratio.unwrap_or(default.mass_ratio),
             clearance_ratio: self.clearance_ratio.unwrap_or(default.clearance_ratio),
             restitution: self.restitution.unwrap_or(default.restitution),
+            wall: self.wall.map(Material::from),
             friction_ratio: self.friction_ratio.unwrap_or(default.friction_ratio),
+            has_spring: self.friction_spring,
+            record: default.record,
         }
     }
 }
@@ -163,6 +217,7 @@ struct Wanted {
     is_case: bool,
     dampers: Vec<DamperArg>,
     experiments: Vec<ExperimentArg>,
+    has_record: bool,
     values: Values,
 }
 
@@ -175,17 +230,21 @@ pub fn run(args: &Args) -> Outcome {
         && !args.case
         && args.damper.is_empty()
         && args.experiment.is_empty()
+        && args.record.is_none()
         && args.values == ValueArgs::default();
     // Before the questions, so that nobody answers them in vain.
     if let Some(file) = &args.file {
         refuse_existing(file, args.force)?;
     }
-    let wanted = if is_asked { ask()? } else { from(args) };
+    let mut wanted = if is_asked { ask()? } else { from(args) };
     let default = if wanted.is_case { "case.toml" } else { "campaign.toml" };
     let path = args.file.clone().unwrap_or_else(|| default.into());
+    if let Some(record) = &args.record {
+        wanted.values.record = record_of(args, record, &path)?;
+    }
     refuse_existing(&path, args.force)?;
     let text = text_of(&wanted, &name_of(&path))?;
-    check(&wanted, &text)?;
+    check(&wanted, &path, &text)?;
     let failed = to_failure(&path);
     write_new(&OutFile { path: path.clone(), force: args.force }, |file| {
         file.write_all(text.as_bytes()).map_err(|e| failed(&e))
@@ -210,9 +269,27 @@ fn refuse_existing(path: &Path, force: bool) -> Outcome {
 fn from(args: &Args) -> Wanted {
     let or = |dampers: &[DamperArg], default: &[DamperArg]| if dampers.is_empty() { default } else { dampers }.to_vec();
     let default: &[DamperArg] = if args.case { &[DamperArg::Spid] } else { &[DamperArg::Bare, DamperArg::Spid] };
-    let experiments =
-        if args.experiment.is_empty() { vec![ExperimentArg::SteppedSine] } else { args.experiment.clone() };
-    Wanted { is_case: args.case, dampers: or(&args.damper, default), experiments, values: args.values.values() }
+    let has_record = args.record.is_some();
+    let experiments = match args.experiment[..] {
+        [] if has_record => vec![],
+        [] => vec![ExperimentArg::SteppedSine],
+        _ => args.experiment.clone(),
+    };
+    let (dampers, values) = (or(&args.damper, default), args.values.values());
+    Wanted { is_case: args.case, dampers, experiments, has_record, values }
+}
+
+/// The record as a file at `path` names it: as it was typed if both are in the same folder, else by its whole path.
+fn record_of(args: &Args, record: &Path, path: &Path) -> Result<RecordFile, Failure> {
+    let whole =
+        record.canonicalize().map_err(|error| Failure::Input(format!("--record {}: {error}", record.display())))?;
+    let is_beside = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    let file = if is_beside { record } else { &whole };
+    let file = file.to_str().ok_or_else(|| {
+        Failure::Input(format!("--record {}: its path is not UTF-8\n  give it another name", file.display()))
+    })?;
+    let (quantity, unit) = (args.record_quantity.clone(), args.record_unit.clone());
+    Ok(RecordFile { file: file.to_string(), quantity, unit })
 }
 
 /// A name that a campaign may have, from the file's.
@@ -234,7 +311,12 @@ fn text_of(wanted: &Wanted, name: &str) -> Result<String, Failure> {
         }
     }
     let dampers: Vec<Damper> = wanted.dampers.iter().map(|damper| (*damper).into()).collect();
-    let experiments: Vec<Excitation> = wanted.experiments.iter().map(|experiment| (*experiment).into()).collect();
+    let mut experiments: Vec<Excitation> = wanted.experiments.iter().map(|experiment| (*experiment).into()).collect();
+    experiments.extend(wanted.has_record.then_some(Excitation::Record));
+    if wanted.is_case && experiments.len() > 1 {
+        let message = "--record: a case has one excitation; leave out --experiment, or write a case for each";
+        return Err(Failure::Input(message.into()));
+    }
     Ok(if wanted.is_case {
         new_file::case(name, dampers[0], experiments[0], &wanted.values)
     } else {
@@ -248,8 +330,9 @@ fn names<T: ValueEnum>(arguments: &[T]) -> Vec<String> {
 }
 
 /// Values that are out of range are reported with their keys before anything is written.
-fn check(wanted: &Wanted, text: &str) -> Outcome {
-    let source = Source::new("new file", text);
+fn check(wanted: &Wanted, path: &Path, text: &str) -> Outcome {
+    // Records are named relative to the file.
+    let source = Source::new(path.with_file_name("new file").display().to_string(), text);
     if wanted.is_case { Case::parse(&source, "case").map(drop) } else { Campaign::parse(source).map(drop) }
         .map_err(|refusal| Failure::Input(format!("{refusal}\n  nothing was written")))
 }
@@ -268,9 +351,13 @@ fn ask() -> Result<Wanted, Failure> {
         answer("Dampers, of bare, spid, fd, hybrid, tmd", "bare,spid", several::<DamperArg>)?
     };
     let experiments = if is_case {
-        answer("Excitation: stepped-sine, free-vibration or impulse", "stepped-sine", one::<ExperimentArg>)?
+        answer("Excitation: stepped-sine, free-vibration, impulse or noise", "stepped-sine", one::<ExperimentArg>)?
     } else {
-        answer("Experiments, of stepped-sine, free-vibration, impulse", "stepped-sine", several::<ExperimentArg>)?
+        answer(
+            "Experiments, of stepped-sine, free-vibration, impulse, noise",
+            "stepped-sine",
+            several::<ExperimentArg>,
+        )?
     };
     let default = Values::default();
     let number = |question: &str, default: f64, parse: fn(&str) -> Result<f64, String>| {
@@ -283,7 +370,7 @@ fn ask() -> Result<Wanted, Failure> {
         base_amplitude_m: number("Base amplitude Z, m", default.base_amplitude_m, positive)?,
         ..default
     };
-    Ok(Wanted { is_case, dampers, experiments, values })
+    Ok(Wanted { is_case, dampers, experiments, has_record: false, values })
 }
 
 /// Asks until the answer can be read.

@@ -13,7 +13,6 @@ use damprig_core::io::{Invalid, Reading, SUBSAMPLES, TICK_HZ};
 use damprig_core::measure::impacts::ImpactConfig;
 use damprig_core::model::{Initial, SetUp};
 
-use super::spring::SpringForce;
 use crate::prediction::watch::MotionWatch;
 
 /// Length of a tick, s.
@@ -54,8 +53,8 @@ pub(super) struct SimulatedMotion {
     pub(super) pulses: Vec<WallPulse>,
 }
 
-/// Simulates a set-up. `base_m` has z at the ends of the ticks, from two ticks before the first to one tick after the last; `spring` has
-/// the share of the friction force in each tick.
+/// Simulates a set-up. `base_m` has z at the ends of the ticks, from two ticks before the first to one tick after the last; `shares` has
+/// the share of the friction force in each tick; the last value holds on.
 ///
 /// # Errors
 /// A set-up that cannot be simulated.
@@ -63,7 +62,7 @@ pub(super) fn simulate(
     set_up: &SetUp,
     initial: &Initial,
     base_m: &[f64],
-    spring: &SpringForce,
+    shares: &[f64],
     detection: &ImpactConfig,
 ) -> Result<SimulatedMotion, Invalid> {
     let parts = Sampled::<f64>::steps_per_sample(set_up, TICK_S)?;
@@ -80,8 +79,9 @@ pub(super) fn simulate(
     let friction_n = set_up.friction_damper.map(|damper| damper.force_n);
     let mut share = 1.0;
     for (n, around) in base_m.windows(4).enumerate() {
-        if let Some(force_n) = friction_n.filter(|_| spring.share(n) != share) {
-            share = spring.share(n);
+        let now = shares.get(n).or(shares.last()).copied().unwrap_or(1.0);
+        if let Some(force_n) = friction_n.filter(|_| now != share) {
+            share = now;
             motion.set_damper_force_n(share * force_n, set_up);
         }
         let [before, start, end, after] = [around[0], around[1], around[2], around[3]];

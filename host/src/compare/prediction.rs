@@ -56,14 +56,14 @@ impl<M: Fn(&SimulatedMotion, usize) -> Option<Values> + Sync> Question<'_, M> {
     fn motion(&self, member: &Member) -> Option<SimulatedMotion> {
         let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
         let base = scaled.as_ref().unwrap_or(self.base);
-        simulate(&member.model, &member.initial, &base.ends_m, self.spring, self.detection).ok()
+        simulate(&member.model, &member.initial, &base.ends_m, self.spring.shares(), self.detection).ok()
     }
 
     /// The motion on the base read with a parabola of another width.
     fn base_otherwise(&self, member: &Member) -> Option<SimulatedMotion> {
         let scaled = (member.base_factor != 1.0).then(|| self.base.scaled(member.base_factor));
         let base = scaled.as_ref().unwrap_or(self.base);
-        simulate(&member.model, &member.initial, base.otherwise_m.as_ref()?, self.spring, self.detection).ok()
+        simulate(&member.model, &member.initial, base.otherwise_m.as_ref()?, self.spring.shares(), self.detection).ok()
     }
 
     /// The values in all windows. Ratios refer to the run's own z.

@@ -81,8 +81,11 @@ impl SpringForce {
 
     /// The same force in all ticks: the mean.
     pub(super) fn mean(&self) -> Self {
-        let mean = self.shares.iter().sum::<f64>() / self.shares.len().max(1) as f64;
-        Self { shares: vec![mean], ..self.clone() }
+        Self { shares: vec![self.mean_share()], ..self.clone() }
+    }
+
+    fn mean_share(&self) -> f64 {
+        self.shares.iter().sum::<f64>() / self.shares.len().max(1) as f64
     }
 
     /// What is worth saying about it; `None` for a friction that does not come from a spring.
@@ -92,15 +95,15 @@ impl SpringForce {
         }
         let percent = 200.0 * self.uncertainty;
         Some(if self.is_measured {
-            let off = 100.0 * (self.mean().share(0) - 1.0);
+            let off = 100.0 * (self.mean_share() - 1.0);
             format!("the spring's force as measured: {off:+.2} % from its target, ± {percent:.2} %")
         } else {
             format!("the spring's force is known within ± {percent:.1} %; record \"spring_force\" to know it better")
         })
     }
 
-    /// In a tick.
-    pub(super) fn share(&self, tick: usize) -> f64 {
-        self.shares.get(tick).or(self.shares.last()).copied().unwrap_or(1.0)
+    /// Its share in each tick; the last value holds on.
+    pub(super) fn shares(&self) -> &[f64] {
+        &self.shares
     }
 }

@@ -100,7 +100,8 @@ impl Compared<'_> {
         let measured_ticks = (row.end_tick - row.start_tick) as usize;
         let stated = models.stated(start_m);
         let at_rest = BaseMotion::at_rest(measured_ticks + period_ticks.min(LONGEST_FALL) as usize);
-        let motion = simulate(&stated.model, &stated.initial, &at_rest.ends_m, spring, &self.detection).ok()?;
+        let motion =
+            simulate(&stated.model, &stated.initial, &at_rest.ends_m, spring.shares(), &self.detection).ok()?;
         // A simulated plant is put back in every tick, and read at its end.
         let held_m = if self.is_simulated { motion.readings.first()?.x_m } else { start_m as f32 };
         let (_, detected) = metric::release(&motion, free, held_m)?;

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use damprig_core::model::Material;
+
 use super::{FileKind, kinds_at};
 use crate::campaign::transient::two_digits_down;
 use crate::input::key::{Quantity, Table};
@@ -54,15 +56,30 @@ pub enum Excitation {
     FreeVibration,
     /// A pulse of the base.
     Impulse,
+    /// Band-limited noise of the base.
+    Noise,
+    /// The recorded motion of [`Values::record`].
+    Record,
 }
 
 impl Excitation {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::SteppedSine, Self::FreeVibration, Self::Impulse];
+    /// All that need no file.
+    pub const ALL: [Self; 4] = [Self::SteppedSine, Self::FreeVibration, Self::Impulse, Self::Noise];
+}
+
+/// A recorded motion of the base.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecordFile {
+    /// Path, relative to the new file.
+    pub file: String,
+    /// `acceleration` or `displacement`; none for an AT2 file, which says it.
+    pub quantity: Option<String>,
+    /// Unit of the values; none for an AT2 file.
+    pub unit: Option<String>,
 }
 
 /// Values of the structure and its dampers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Values {
     /// M, kg.
     pub mass_kg: f64,
@@ -78,8 +95,14 @@ pub struct Values {
     pub clearance_ratio: f64,
     /// e.
     pub restitution: f64,
+    /// Material of soft walls; none for hard ones.
+    pub wall: Option<Material>,
     /// γF.
     pub friction_ratio: f64,
+    /// Whether the rig adjusts the friction damper's spring.
+    pub has_spring: bool,
+    /// The recorded motion of [`Excitation::Record`].
+    pub record: RecordFile,
 }
 
 impl Default for Values {
@@ -93,7 +116,10 @@ impl Default for Values {
             mass_ratio: 0.1,
             clearance_ratio: 5.0,
             restitution: 0.47,
+            wall: None,
             friction_ratio: 0.6,
+            has_spring: false,
+            record: RecordFile::default(),
         }
     }
 }
@@ -106,6 +132,15 @@ const START_M: f64 = 0.035;
 
 /// Periods that are measured at each frequency.
 const DWELL_PERIODS: f64 = 80.0;
+
+/// Periods and length (s, at most) of noise, and its band in natural frequencies.
+const NOISE_PERIODS: f64 = 145.0;
+const LONGEST_NOISE_S: f64 = 58.0;
+const NOISE_FROM: f64 = 0.2;
+const NOISE_TO: f64 = 4.0;
+
+/// Highest frequency of noise, Hz.
+const NOISE_UP_TO_HZ: f64 = 50.0;
 
 /// Periods that are measured after a release or a pulse.
 const FREE_PERIODS: f64 = 20.0;
@@ -127,9 +162,24 @@ impl Values {
         }
     }
 
+    /// Length of noise, s.
+    fn noise_s(&self) -> f64 {
+        self.periods_s(NOISE_PERIODS).min(LONGEST_NOISE_S)
+    }
+
     /// A number of natural periods, s, in three digits.
     fn periods_s(&self, periods: f64) -> f64 {
         three_digits(periods / self.natural_frequency_hz)
+    }
+}
+
+impl RecordFile {
+    /// Its keys.
+    fn keys(&self) -> Vec<(&'static str, String)> {
+        let mut keys = vec![("file", text(&self.file))];
+        keys.extend(self.quantity.iter().map(|quantity| ("quantity", text(quantity))));
+        keys.extend(self.unit.iter().map(|unit| ("unit", text(unit))));
+        keys
     }
 }
 
@@ -173,7 +223,8 @@ pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &Values)
     file.line("# A case, written by `damprig init`. `damprig keys` has all keys. Next:");
     file.line("#   damprig simulate FILE --plot FIGURE.svg");
     let mut top = vec![("name", text(name))];
-    if excitation == Excitation::FreeVibration && (damper.has_particle() || damper.has_friction()) {
+    let has_amplitude = matches!(excitation, Excitation::SteppedSine | Excitation::Impulse);
+    if !has_amplitude && (damper.has_particle() || damper.has_friction()) {
         // Ratios refer to it.
         top.push(("base_amplitude_m", number(values.base_amplitude_m)));
     }
@@ -196,6 +247,19 @@ pub fn case(name: &str, damper: Damper, excitation: Excitation, values: &Values)
                 Some("versine"),
                 &[("kind", text("versine")), ("amplitude_m", z), ("duration_s", duration)],
             );
+            FREE_PERIODS
+        }
+        Excitation::Noise => {
+            file.table("base", Some("record"));
+            file.keys("base", Some("record"), &[("kind", text("record")), ("target_peak_m", z)]);
+            file.noise("base.noise", values);
+            (values.noise_s() * values.natural_frequency_hz) + FREE_PERIODS
+        }
+        Excitation::Record => {
+            file.table("base", Some("record"));
+            let mut keys = vec![("kind", text("record"))];
+            keys.extend(values.record.keys());
+            file.keys("base", Some("record"), &keys);
             FREE_PERIODS
         }
         Excitation::FreeVibration => {
@@ -287,13 +351,21 @@ impl Writer {
             self.table(&format!("{prefix}particle"), None);
             let clearance = ("clearance_ratio", number(values.clearance_ratio));
             self.keys("particle", None, &[mass.clone(), clearance, ("friction_coefficient", number(0.0))]);
-            let (path, kind) = ("particle.wall", Some("restitution"));
-            self.table(&format!("{prefix}{path}"), kind);
-            self.keys(path, kind, &[("kind", text("restitution")), ("coefficient", number(values.restitution))]);
+            let (kind, keys) = match values.wall {
+                None => ("restitution", vec![("coefficient", number(values.restitution))]),
+                Some(material) => {
+                    let material = ("material", text(material.name()));
+                    ("voigt", vec![material, ("law", text("contact")), ("release", text("zero_force"))])
+                }
+            };
+            let path = "particle.wall";
+            self.table(&format!("{prefix}{path}"), Some(kind));
+            self.keys(path, Some(kind), &[vec![("kind", text(kind))], keys].concat());
         }
         if damper.has_friction() {
-            self.table(&format!("{prefix}friction_damper"), None);
-            self.keys("friction_damper", None, &[("friction_ratio", number(values.friction_ratio))]);
+            let path = if values.has_spring { "friction_damper.spring" } else { "friction_damper" };
+            self.table(&format!("{prefix}{path}"), None);
+            self.keys(path, None, &[("friction_ratio", number(values.friction_ratio))]);
         }
         if damper == Damper::Tmd {
             self.table(&format!("{prefix}tmd"), None);
@@ -301,11 +373,26 @@ impl Writer {
         }
     }
 
+    /// The table of noise.
+    fn noise(&mut self, path: &str, values: &Values) {
+        let band = |part: f64| number(three_digits(part * values.natural_frequency_hz).min(NOISE_UP_TO_HZ));
+        self.table(path, None);
+        let keys = [
+            ("seed", "1".into()),
+            ("from_hz", band(NOISE_FROM)),
+            ("to_hz", band(NOISE_TO)),
+            ("duration_s", number(values.noise_s())),
+        ];
+        self.keys(path, None, &keys);
+    }
+
     fn experiment(&mut self, experiment: Excitation, values: &Values) {
         let (kind, name) = match experiment {
             Excitation::SteppedSine => ("stepped_sine", "sweep"),
             Excitation::FreeVibration => ("free_vibration", "release"),
             Excitation::Impulse => ("impulse", "pulse"),
+            Excitation::Noise => ("playback", "noise"),
+            Excitation::Record => ("playback", "record"),
         };
         let mut keys = vec![("name", text(name)), ("kind", text(kind))];
         let after = number(values.periods_s(FREE_PERIODS));
@@ -329,9 +416,22 @@ impl Writer {
                 ("duration_s", number(values.periods_s(0.5))),
                 ("tail_s", after),
             ]),
+            Excitation::Noise => {
+                keys.extend([("target_peak_m", number(values.base_amplitude_m)), ("tail_s", after)]);
+            }
+            Excitation::Record => {
+                keys.extend(values.record.keys());
+                keys.extend([("target_peak_m", number(values.base_amplitude_m)), ("tail_s", after)]);
+                // An acceleration has its baseline removed, so that the base begins and ends at rest.
+                let is_displacement = values.record.quantity.as_deref() == Some("displacement");
+                keys.extend(is_displacement.then(|| ("ramp_s", number(values.periods_s(0.5)))));
+            }
         }
         self.table("[experiment]", Some(kind));
         self.keys("experiment", Some(kind), &keys);
+        if experiment == Excitation::Noise {
+            self.noise("experiment.noise", values);
+        }
         if experiment == Excitation::SteppedSine {
             self.table("experiment.steady", None);
             self.keys("experiment.steady", None, &[("longest_dwell_s", number(values.periods_s(3.0 * DWELL_PERIODS)))]);

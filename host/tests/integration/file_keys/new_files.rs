@@ -6,6 +6,7 @@ use damprig::campaign::Campaign;
 use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
 use damprig::input::Source;
 use damprig::simulation::Case;
+use damprig_core::model::Material;
 use predicates::str::contains;
 use tempfile::TempDir;
 
@@ -21,14 +22,24 @@ fn choices<T: Copy>(items: &[T]) -> Vec<Vec<T>> {
 #[test]
 fn every_new_file_is_accepted_without_a_warning() {
     let values = Values::default();
+    let accepted = |dampers: &[Damper], experiments: &[Excitation], values: &Values| {
+        let text = new_file::campaign("new", dampers, experiments, values);
+        let campaign = Campaign::parse(Source::new("new.toml", text.clone()));
+        let campaign = campaign.unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+        assert!(campaign.source.warnings().is_empty(), "{:?}\n{text}", campaign.source.warnings());
+        assert_eq!((campaign.set_ups.len(), campaign.experiments.len()), (dampers.len(), experiments.len()));
+    };
     for dampers in choices(&Damper::ALL) {
         for experiments in choices(&Excitation::ALL) {
-            let text = new_file::campaign("new", &dampers, &experiments, &values);
-            let campaign = Campaign::parse(Source::new("new.toml", text.clone()));
-            let campaign = campaign.unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
-            assert!(campaign.source.warnings().is_empty(), "{:?}\n{text}", campaign.source.warnings());
-            assert_eq!((campaign.set_ups.len(), campaign.experiments.len()), (dampers.len(), experiments.len()));
+            // To make noise takes most of the time of this test.
+            if dampers.len() == 1 || !experiments.contains(&Excitation::Noise) {
+                accepted(&dampers, &experiments, &values);
+            }
         }
+    }
+    for material in Material::ALL {
+        let values = Values { wall: Some(material), has_spring: true, ..Values::default() };
+        accepted(&Damper::ALL, &Excitation::ALL, &values);
     }
     for damper in Damper::ALL {
         for excitation in Excitation::ALL {
@@ -50,7 +61,7 @@ fn is_quiet(output: &std::process::Output) -> bool {
 fn every_new_campaign_passes_its_dry_run_and_every_new_case_is_simulated() {
     let folder = TempDir::new().unwrap();
     for damper in ["bare", "spid", "fd", "hybrid", "tmd", "bare,spid,fd,hybrid,tmd"] {
-        for experiment in ["stepped-sine", "free-vibration", "impulse"] {
+        for experiment in ["stepped-sine", "free-vibration", "impulse", "noise"] {
             let chosen = ["--damper", damper, "--experiment", experiment, "--force"];
             damprig(&folder)
                 .arg("init")
@@ -69,6 +80,41 @@ fn every_new_campaign_passes_its_dry_run_and_every_new_case_is_simulated() {
             }
         }
     }
+}
+
+/// The record is in another folder than the new file, and then in its own.
+#[test]
+fn a_new_campaign_with_a_record_soft_walls_and_a_spring_passes_its_dry_run() {
+    let folder = TempDir::new().unwrap();
+    std::fs::create_dir(folder.path().join("new")).unwrap();
+    let rows: String = (0..500).map(|n| format!("{},{}\n", 0.01 * f64::from(n), (0.1 * f64::from(n)).sin())).collect();
+    std::fs::write(folder.path().join("shake.csv"), format!("t_s,z\n{rows}")).unwrap();
+    let record = ["--record", "shake.csv", "--record-quantity", "displacement", "--record-unit", "mm"];
+    for (file, wall) in [
+        ("new/one.toml", "rubber"),
+        ("two.toml", "anti-vibration-pad"),
+        ("three.toml", "acrylic-foam"),
+        ("four.toml", "pu-foam"),
+    ] {
+        let chosen = ["--damper", "bare,spid,fd,hybrid", "--wall", wall, "--friction-spring"];
+        damprig(&folder).args(["init", file]).args(record).args(chosen).assert().success();
+        let dry = damprig(&folder).args(["run", file, "--dry-run"]).assert();
+        assert!(is_quiet(dry.get_output()), "{file}: {:?}", dry.get_output());
+    }
+    let text = std::fs::read_to_string(folder.path().join("two.toml")).unwrap();
+    for words in [
+        "file = \"shake.csv\"",
+        "unit = \"mm\"",
+        "material = \"anti_vibration_pad\"",
+        "[set_up.friction_damper.spring]",
+    ] {
+        assert!(text.contains(words), "{words}:\n{text}");
+    }
+    damprig(&folder).args(["init", "--case", "--damper", "spid", "--wall", "rubber"]).args(record).assert().success();
+    damprig(&folder).args(["simulate", "case.toml"]).assert().success();
+    let refused = damprig(&folder).args(["init", "other.toml", "--record", "absent.csv"]).assert().code(2);
+    refused.stderr(contains("--record absent.csv"));
+    assert!(!folder.path().join("other.toml").exists());
 }
 
 #[test]

@@ -231,7 +231,7 @@ mod tests {
                     for tick in 0..TICKS {
                         let t = f64::from(cycle) + tick as f64 / TICKS as f64;
                         let turn = core::f64::consts::TAU * t;
-                        let beat = libm::sin(ratio * turn + 0.5236 * f64::from(phase));
+                        let beat = libm::sin(ratio * turn + 0.5 * f64::from(phase));
                         let x = libm::sin(turn) + b * libm::pow(decay, t) * beat;
                         let share = 2.0 / TICKS as f64 * x;
                         sum = (sum.0 + share * libm::sin(turn), sum.1 + share * libm::cos(turn));

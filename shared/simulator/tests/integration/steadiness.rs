@@ -238,6 +238,36 @@ fn a_point_whose_free_vibration_still_beats_is_called_steady_only_within_1_perce
     assert!(right as f64 >= least_found * within as f64, "{right} of {within}");
 }
 
+/// ζ = 0.01 at r = 0.8, 1.6 time constants after the start: the deviation from |X/Z| = √(1 + (2ζr)²)/√((1 − r²)² + (2ζr)²).
+#[test]
+fn the_stated_deviation_has_what_a_beat_adds_to_the_cycle_maxima() {
+    let (zeta, r) = (0.01_f64, 0.8_f64);
+    let loss = 2.0 * zeta * r;
+    let limit = (1.0 + loss * loss).sqrt() / (1.0 - r * r).hypot(loss);
+    for ramp_s in [0.0, 0.5, 2.0] {
+        let mut host = Host::new(PlantConfig::ideal(SetUp::bare(Structure::from_modal(1.6, 2.5, zeta))));
+        host.done(Request::Configure(SteppedSine {
+            start: Start::FromRest { level_m: 5e-4 },
+            amplitude_m: 1e-3,
+            drive: DriveMode::Constant,
+            ramp_s,
+            settle_s: 10.0,
+            dwell_s: 30.0,
+            steady: SteadyLimits::default(),
+            first_index: 0,
+            frequencies_hz: [2.0].into_iter().collect(),
+        }));
+        host.done(Request::Start);
+        host.pass(50_000);
+        let [result] = host.points()[..] else { panic!("{:?}", host.events) };
+        let deviation = x_over_z(&result) / limit - 1.0;
+        let (stated, uncertainty) = (f64::from(result.deviation), f64::from(result.deviation_uncertainty));
+        println!("ramp {ramp_s} s: {deviation:.5}, stated {stated:.5} ± {uncertainty:.5}, {:?}", result.steadiness);
+        assert!((deviation - stated).abs() <= uncertainty, "{deviation}: {result:?}");
+        assert!(deviation.abs() <= 0.01 || result.steadiness != Steadiness::Steady, "{deviation}: {result:?}");
+    }
+}
+
 /// The bare structure of the source document at resonance.
 fn at_resonance(plant: PlantConfig, z_m: f32, settle_s: f32, longest_dwell_s: f32) -> PointResult {
     let mut host = Host::new(plant);
