@@ -1,7 +1,8 @@
 //! Follows a branch of orbits in one direction, with the special points on it.
 
-use crate::boundary_problem::Condition;
+use crate::boundary_problem::{Condition, UNKNOWNS};
 use crate::checks::Violation;
+use crate::flow::STATE;
 use crate::follower::{Follower, Point, Tests};
 use crate::newton::solve;
 use crate::orbit::Orbit;
@@ -179,7 +180,11 @@ impl Follower<'_> {
     /// The grazing near an orbit with wrong events, by Newton's method for the orbit and the condition together.
     fn graze(&self, near: &Point, violations: &[Violation]) -> Special {
         let size = self.problem.len();
-        for violation in violations {
+        // A sticking phase may vanish together with the guard that ends it: then its duration is the better condition.
+        let durations = self.unknowns(near).chunks(UNKNOWNS).map(|segment| segment[STATE]);
+        let shortest = durations.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(n, _)| n);
+        let empty = Violation { conditions: vec![Condition::Empty(shortest)], time: 0.0, depth: 0.0 };
+        for violation in violations.iter().chain([&empty]) {
             let has_time = violation.conditions.iter().any(Condition::has_time);
             let guess = near.clone().push(if has_time { violation.time } else { 0.0 });
             let extent = size + 1 + usize::from(has_time);

@@ -22,6 +22,9 @@ pub(crate) struct Violation {
 /// A value that counts as zero at the start of a segment, relative to its terms.
 const ZERO: f64 = 1e-9;
 
+/// A minimum that is no lower than this, relative to its terms, is rounding: a guard may leave zero with zero rate.
+const NOISE: f64 = 1e-11;
+
 /// Terms of a series over a sample's step, which is at most 0.1 rad of the fastest rate.
 const TERMS: usize = 10;
 
@@ -60,10 +63,8 @@ fn check_guard(
         found.push(Violation { conditions, time, depth: -value });
     };
     let (first, last) = (&states[0], &states[states.len() - 1]);
-    let is_zero = |row: &Vector<f64>, at: &Vector<f64>| {
-        let size: f64 = row.iter().zip(at).map(|(r, w)| (r * w).abs()).sum();
-        dot(row, at).abs() <= ZERO * size
-    };
+    let size = |row: &Vector<f64>, at: &Vector<f64>| row.iter().zip(at).map(|(r, w)| (r * w).abs()).sum::<f64>();
+    let is_zero = |row: &Vector<f64>, at: &Vector<f64>| dot(row, at).abs() <= ZERO * size(row, at);
     if !is_zero(&rows[0], first) {
         if dot(&rows[0], first) < 0.0 {
             fail(vec![Condition::Zero(n, guard, When::Start)], 0.0, dot(&rows[0], first));
@@ -82,7 +83,7 @@ fn check_guard(
         if dot(&rows[1], &pair[0]) < 0.0 && dot(&rows[1], &pair[1]) > 0.0 {
             let Some(after) = root_within(&rows[1], a, &pair[0], step) else { continue };
             let lowest = series(&rows[0], a, &pair[0], after);
-            if lowest < 0.0 {
+            if lowest < -NOISE * size(&rows[0], &pair[0]) {
                 let conditions = vec![Condition::Zero(n, guard, When::Inside), Condition::Flat(n, guard, When::Inside)];
                 fail(conditions, step * k as f64 + after, lowest);
                 return;

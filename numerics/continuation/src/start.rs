@@ -77,6 +77,9 @@ const NEARLY_EQUAL: f64 = 1e-5;
 /// Place of the section after the start, in drive periods.
 const SECTION: f64 = 0.37;
 
+/// An offset within the clearance, but for rounding.
+const INSIDE: f64 = 1.0 + 1e-9;
+
 /// A piece of motion in one mode.
 struct Piece {
     start_s: f64,
@@ -202,7 +205,7 @@ impl System {
             accumulates: false,
         };
         let from_s = motion.time_s();
-        motion.run(from_s + 2.25 * orbit_s, &mut seen);
+        motion.run(from_s + 3.25 * orbit_s, &mut seen);
         if seen.accumulates {
             return Err(NoStart::Chatter);
         }
@@ -211,9 +214,14 @@ impl System {
         if pieces.len() < 2 {
             return self.without_events(pieces, (turning, phase_rad), periods);
         }
-        // From the second piece, whose start is an event, to its repetition.
-        let first = &pieces[1];
-        let repeated = (2..pieces.len()).min_by(|a, b| {
+        // From a piece whose start is an event inside the cavity, where a run may start, to its repetition.
+        let is_inside = |piece: &Piece| {
+            !matches!(piece.phase.touch, Touch::Leaving(_))
+                && (piece.start.offset_m.abs() <= seen.clearance_m * INSIDE || self.has_tmd)
+        };
+        let from = (1..pieces.len()).find(|n| is_inside(&pieces[*n])).ok_or(NoStart::NoConvergence)?;
+        let first = &pieces[from];
+        let repeated = (from + 1..pieces.len()).min_by(|a, b| {
             let off = |n: usize| (pieces[n].start_s - first.start_s - orbit_s).abs();
             off(*a).total_cmp(&off(*b))
         });
@@ -221,7 +229,7 @@ impl System {
         else {
             return Err(NoStart::NoConvergence);
         };
-        let count = last - 1;
+        let count = last - from;
         if count > MOST_EVENTS {
             return Err(NoStart::TooManyEvents { count, most: MOST_EVENTS });
         }
@@ -230,7 +238,7 @@ impl System {
         let turns = (turning * start_s + phase_rad).div_euclid(TAU) * TAU;
         let mut segments = Vec::with_capacity(count);
         let mut unknowns = Vec::with_capacity(UNKNOWNS * count);
-        for n in 1..last {
+        for n in from..last {
             let (piece, next) = (&pieces[n], &pieces[n + 1]);
             let phase = turning * piece.start_s + phase_rad - turns;
             let state = self.state(&piece.start, phase, unit);

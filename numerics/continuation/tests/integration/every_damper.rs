@@ -2,9 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use damprig_continuation::{Parameter, System, Task, Ties};
-use damprig_core::integrator::exact::{Exact, Excitation};
-use damprig_core::model::{FrictionDamper, Particle, Release, SetUp, Structure, Tmd, Wall};
+use damprig_continuation::{Branch, Orbit, Parameter, System, Task, Ties};
+use damprig_core::integrator::exact::{Exact, ExactState, Excitation, Touch};
+use damprig_core::integrator::modes::{Contact, Grip};
+use damprig_core::model::{FrictionDamper, Initial, Particle, Release, SetUp, Structure, Tmd, Wall};
+use nalgebra::{Complex, DMatrix};
 
 use crate::common::{NATURAL, impact_damper, sine, task, text};
 
@@ -54,7 +56,7 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
             "friction damper",
             SetUp { friction_damper: damper(0.2), ..structure(0.02) },
             sine(0.8),
-            task(Parameter::Frequency, (1.3, 3.0), 2.0),
+            task(Parameter::Frequency, (1.2, 3.0), 2.0),
         ),
         (
             "hybrid",
@@ -66,36 +68,201 @@ fn systems() -> Vec<(&'static str, SetUp, Excitation, Task)> {
     ]
 }
 
+/// The motion of an orbit at a value of the parameter, just after the event at its start, and the orbit's period, s.
+fn motion_on(system: &System, task: &Task, orbit: &Orbit) -> (Exact, f64) {
+    let (set_up, mut excitation) = system.at(&[(task.parameter, orbit.parameters[0])]);
+    let turning = excitation.angular_frequency_rad_per_s();
+    if let Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. } = &mut excitation {
+        *phase_rad = orbit.start_phase_rad;
+    }
+    let period_s = TAU / turning * f64::from(orbit.periods);
+    let mut motion = Exact::new(&set_up, &excitation, &orbit.initial()).expect("physical");
+    motion.run(1e-3 * period_s, &mut ());
+    (motion, period_s)
+}
+
+/// Multipliers beyond this magnify the rounding of the start too much for a comparison.
+const MOST_GROWTH: f64 = 1e4;
+
+fn assert_returns(name: &str, system: &System, task: &Task, orbit: &Orbit) {
+    let (mut motion, period_s) = motion_on(system, task, orbit);
+    let before = *motion.state();
+    motion.run(1.001 * period_s, &mut ());
+    let after = *motion.state();
+    let growth = orbit.multipliers[0].norm().max(1.0);
+    if growth > MOST_GROWTH {
+        return;
+    }
+    // Within a period a disturbance may grow more than after it: on the way, not normal.
+    let size = orbit.peak_x_m.max(orbit.peak_offset_m);
+    let off = (after.x_m - before.x_m).abs().max((after.offset_m - before.offset_m).abs());
+    assert!(off < 1e-9 * growth * size, "{name} at {}: {off} {growth} {size}", orbit.parameters[0]);
+}
+
 #[test]
-fn an_orbit_returns_in_the_simulation_and_its_multipliers_are_those_of_the_simulated_map() {
+fn every_orbit_returns_in_the_simulation() {
     for (name, set_up, excitation, task) in systems() {
         let system = System::new(&set_up, &excitation, Ties::default()).expect("physical");
-        let found = match system.explore(&task) {
-            Ok(found) => found,
-            Err(why) => panic!("{name}: {why}"),
-        };
+        let found = system.explore(&task).unwrap_or_else(|why| panic!("{name}: {why}"));
         println!("{name}\n{}", text(&found));
-        for orbit in found.branches.iter().flat_map(|b| b.orbits.iter().step_by(17)) {
-            let (set_up, mut excitation) = system.at(&[(task.parameter, orbit.parameters[0])]);
-            let (Excitation::Sine { phase_rad, .. } | Excitation::ForceSine { phase_rad, .. }) = &mut excitation else {
-                panic!("a sine")
-            };
-            *phase_rad = orbit.start_phase_rad;
-            let period_s = TAU / excitation.angular_frequency_rad_per_s() * f64::from(orbit.periods);
-            let mut motion = Exact::new(&set_up, &excitation, &orbit.initial()).expect("physical");
-            // The start is at an event; half a millionth of a period later it has surely happened.
-            motion.run(1e-3 * period_s, &mut ());
-            let before = *motion.state();
-            motion.run(1.001 * period_s, &mut ());
-            let after = *motion.state();
-            // An unstable orbit magnifies the error of its start, 1e-12 of the motion, by its multiplier.
-            let growth = orbit.multipliers[0].norm().max(1.0);
-            if growth > 1e6 {
-                continue;
-            }
-            let size = orbit.peak_x_m.max(orbit.peak_offset_m);
-            let off = (after.x_m - before.x_m).abs().max((after.offset_m - before.offset_m).abs());
-            assert!(off < 1e-9 * growth * size, "{name} at {}: {off} {growth} {size}", orbit.parameters[0]);
+        for orbit in found.branches.iter().flat_map(|branch| branch.orbits.iter().step_by(17)) {
+            assert_returns(name, &system, &task, orbit);
         }
     }
+}
+
+#[test]
+fn orbits_of_drawn_set_ups_return_in_the_simulation() {
+    let mut draw = fastrand::Rng::with_seed(20);
+    let mut between = |low: f64, high: f64| low + (high - low) * draw.f64();
+    let mut followed = 0;
+    for n in 0..60 {
+        let wall = if n % 2 == 0 {
+            Wall::Restitution { coefficient: between(0.2, 0.9) }
+        } else {
+            let release = if n % 4 == 1 { Release::ZeroForce } else { Release::ZeroPenetration };
+            let (stiffness_n_per_m, damping_n_s_per_m) = (between(500.0, 2e4), between(0.5, 10.0));
+            Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, release }
+        };
+        let friction = if n % 3 == 0 { 0.0 } else { between(0.1, 3.0) };
+        let clearance_m = between(1.0, 15.0);
+        let mut set_up = SetUp { particle: particle(clearance_m, friction, wall), ..structure(between(0.005, 0.05)) };
+        if n % 5 == 0 {
+            set_up.friction_damper =
+                Some(FrictionDamper { force_n: between(0.05, 0.5) * set_up.structure.stiffness_n_per_m });
+        }
+        let system = System::new(&set_up, &sine(between(0.8, 1.2)), Ties::default()).expect("physical");
+        let task = Task {
+            most_periods: 1_500,
+            ..task(Parameter::Clearance, (0.9 * clearance_m, 1.1 * clearance_m), clearance_m)
+        };
+        // Chaotic motions and chatter cannot be followed.
+        let found = match system.explore(&task) {
+            Ok(found) => found,
+            Err(why) => {
+                println!("draw {n}: {why}");
+                continue;
+            }
+        };
+        followed += 1;
+        for orbit in found.branches.iter().flat_map(|branch| branch.orbits.iter().step_by(29)) {
+            assert_returns(&format!("draw {n}: {set_up:?}"), &system, &task, orbit);
+        }
+    }
+    println!("{followed} of 60 draws are followed");
+    assert!(followed >= 20, "{followed}");
+}
+
+/// The derivative of the simulated map over a period of the orbit by central differences, and its error.
+fn derivative(motion: &Exact, period_s: f64, size: usize, scale: [f64; 4], step: f64) -> DMatrix<f64> {
+    let at = *motion.state();
+    let vector = |s: &ExactState| [s.x_m, s.v_m_per_s, s.offset_m, s.slide_m_per_s];
+    let image = |n: usize, sign: f64| {
+        let mut v = vector(&at);
+        v[n] += sign * step * scale[n];
+        let initial = Initial { x_m: v[0], v_m_per_s: v[1], y_m: v[0] + v[2], u_m_per_s: v[1] + v[3] };
+        let mut motion = motion.clone();
+        let from_s = motion.time_s();
+        motion.reset(from_s, &initial);
+        motion.run(from_s + period_s, &mut ());
+        vector(motion.state())
+    };
+    let mut matrix = DMatrix::zeros(size, size);
+    for k in 0..size {
+        let (above, below) = (image(k, 1.0), image(k, -1.0));
+        for row in 0..size {
+            matrix[(row, k)] = (above[row] - below[row]) / (2.0 * step * scale[row]);
+        }
+    }
+    matrix
+}
+
+#[test]
+fn the_multipliers_are_those_of_the_simulated_map() {
+    let mut compared = 0;
+    for (name, set_up, excitation, task) in systems() {
+        let system = System::new(&set_up, &excitation, Ties::default()).expect("physical");
+        let found = system.explore(&task).unwrap_or_else(|why| panic!("{name}: {why}"));
+        for orbit in found.branches.iter().flat_map(|branch| branch.orbits.iter().skip(9).step_by(23)) {
+            let (mut motion, period_s) = motion_on(&system, &task, orbit);
+            // Where both bodies are free of contacts: a disturbed state is then in the same mode.
+            let from_s = motion.time_s();
+            let is_free = |motion: &Exact| {
+                let inside = set_up.particle.is_none_or(|_| motion.state().offset_m.abs() < 0.5 * orbit.peak_offset_m);
+                let is_held = matches!(motion.mode().contact, Contact::Held(_)) || motion.mode().grip == Grip::Stuck;
+                motion.touch() == Touch::Clear && inside && !is_held
+            };
+            for n in 1..100 {
+                motion.run(from_s + 0.01 * f64::from(n) * period_s, &mut ());
+                if is_free(&motion) {
+                    break;
+                }
+            }
+            if !is_free(&motion) {
+                continue;
+            }
+            let length = orbit.peak_x_m.max(orbit.peak_offset_m);
+            let speed = length * TAU / period_s;
+            let scale = [length, speed, length, speed];
+            let size = orbit.multipliers.len();
+            let [coarse, fine] = [1e-5, 5e-6].map(|step| derivative(&motion, period_s, size, scale, step));
+            // Truncation falls fourfold with half the step; rounding of the map over the step.
+            let error = 4.0 / 3.0 * (&coarse - &fine).norm() + 1e-12 * (1.0 + fine.norm()) / 5e-6;
+            if error > 1e-4 {
+                continue;
+            }
+            compared += 1;
+            // Traces of the powers are smooth in the matrix, eigenvalues are not.
+            let mut power = DMatrix::identity(size, size);
+            for k in 1..=size {
+                power = &power * &fine;
+                let sum: f64 = orbit.multipliers.iter().map(|m| m.powi(k as i32).re).sum();
+                let most = 2.0 * k as f64 * error * (1.0 + fine.norm()).powi(k as i32);
+                assert!((power.trace() - sum).abs() < most, "{name} {k}: {} {sum} {most}", power.trace());
+            }
+        }
+    }
+    println!("{compared} orbits are compared");
+    assert!(compared > 40, "{compared}");
+}
+
+#[test]
+fn the_orbit_of_a_tuned_mass_has_the_amplitude_of_the_linear_response() {
+    let (_, set_up, excitation, task) =
+        systems().into_iter().find(|(name, ..)| *name == "tuned mass").expect("it is there");
+    let system = System::new(&set_up, &excitation, Ties::default()).expect("physical");
+    let found = system.explore(&task).expect("periodic");
+    let (structure, tmd) = (set_up.structure, set_up.tmd.expect("mounted"));
+    assert!(found.branches[0].orbits.len() > 100);
+    for orbit in &found.branches[0].orbits {
+        let turning = TAU * orbit.parameters[0];
+        let i = Complex::new(0.0, turning);
+        let joint = tmd.stiffness_n_per_m + i * tmd.damping_n_s_per_m;
+        let inertia = -turning * turning * tmd.mass_kg;
+        // The tuned mass acts as its dynamic stiffness.
+        let damper = joint * inertia / (joint + inertia);
+        let base = structure.stiffness_n_per_m + i * structure.damping_n_s_per_m;
+        let x = base / (base - turning * turning * structure.mass_kg + damper);
+        assert!((orbit.peak_x_m / x.norm() - 1.0).abs() < 1e-11, "{orbit:?} {x}");
+    }
+}
+
+#[test]
+fn beyond_the_grazing_of_a_friction_damper_the_structure_sticks_as_simulated() {
+    let (_, set_up, excitation, task) =
+        systems().into_iter().find(|(name, ..)| *name == "friction damper").expect("it is there");
+    let system = System::new(&set_up, &excitation, Ties::default()).expect("physical");
+    let task = Task { most_restarts: 4, ..task };
+    let found = system.explore(&task).expect("periodic");
+    println!("{}", text(&found));
+    let sticks = |branch: &Branch| branch.sequence.segments.iter().any(|s| s.phase.grip == Grip::Stuck);
+    let sticking = found.branches.iter().find(|branch| sticks(branch)).unwrap_or_else(|| panic!("{}", text(&found)));
+    for orbit in &sticking.orbits {
+        assert_returns("sticking", &system, &task, orbit);
+    }
+    // It meets the branch without sticking where that one ends.
+    let (from, to) = (sticking.orbits.first().expect("one"), sticking.orbits.last().expect("one"));
+    let end = found.branches[0].specials.first().expect("a grazing").1.parameter;
+    let nearest = (from.parameters[0] - end).abs().min((to.parameters[0] - end).abs());
+    assert!(nearest < 1e-7 * end, "{end} {nearest}");
 }
