@@ -33,8 +33,8 @@ fn point(ratio: f64, restitution: f64, clearance_m: f64) -> Point {
             phase_rad: 0.0,
         },
         initial: Initial::default(),
-        cycles: 400,
-        steady_from_cycle: 200,
+        cycles: 1000,
+        steady_from_cycle: 500,
     }
 }
 

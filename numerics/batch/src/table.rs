@@ -1,7 +1,7 @@
 //! Coefficients of a point for the lanes: motions over a step for unit values at its start, and bounds from them.
 
-use damprig_core::integrator::exact::flow::{UnitMotions, mean_product};
 use damprig_core::integrator::exact::series::{Series, TERMS};
+use damprig_core::integrator::exact::unit_motions::{UnitMotions, mean_product};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::Wall;
 use pulp::Simd;

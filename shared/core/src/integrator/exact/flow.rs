@@ -6,6 +6,7 @@
 
 use super::excitation::{Excitation, Wave};
 use super::series::{Series, TERMS};
+use super::unit_motions::means;
 use crate::model::{SetUp, Structure, Wall};
 
 /// Length of a full arc times the fastest rate of its mode, rad.
@@ -50,7 +51,7 @@ pub(super) struct Rates {
 
 impl Rates {
     /// A structure with this moving mass.
-    fn of(structure: &Structure, mass: f64, excitation: &Excitation) -> Self {
+    pub fn of(structure: &Structure, mass: f64, excitation: &Excitation) -> Self {
         let base_share = if excitation.moves_base() { 1.0 } else { 0.0 };
         Self {
             stiffness: structure.stiffness_n_per_m / mass,
@@ -61,7 +62,7 @@ impl Rates {
     }
 
     /// Upper bound of every rate in the solution, rad/s: with `|q| ≤ N`, `|q′| ≤ ρN`, `|q⁽ⁿ⁾| ≤ ρⁿN`.
-    fn fastest(&self, turning: f64) -> f64 {
+    pub fn fastest(&self, turning: f64) -> f64 {
         let half = 0.5 * self.damping;
         (half + libm::sqrt(half * half + self.stiffness)).max(turning)
     }
@@ -129,12 +130,18 @@ impl Oscillator {
             sag: third.map(|bound| bound / (8.0 * h)),
             second: columns.each_ref().map(|c| bound(c, |n| n * (n - 1.0))),
             third,
-            means: means(&columns),
+            means: [[0.0; 5]; 5],
             columns,
         }
     }
 
-    /// Mean of the squared displacement over a full arc, m².
+    /// The same with the table of [`Oscillator::mean_square`].
+    fn with_means(mut self) -> Self {
+        self.means = means(&self.columns);
+        self
+    }
+
+    /// Mean of the squared displacement over a full arc, m²; needs [`Oscillator::with_means`].
     #[inline]
     pub fn mean_square(&self, unit: &[f64; 5]) -> f64 {
         dot(&self.means.each_ref().map(|row| dot(row, unit)), unit)
@@ -156,64 +163,15 @@ impl Oscillator {
     }
 }
 
-/// [`mean_product`] of each pair.
-fn means(columns: &[Series; 5]) -> [[f64; 5]; 5] {
-    let mut means = [[0.0; 5]; 5];
-    for first in 0..5 {
-        for second in first..5 {
-            let mean = mean_product(&columns[first], &columns[second]);
-            (means[first][second], means[second][first]) = (mean, mean);
-        }
-    }
-    means
-}
-
-/// Motions of a structure without a second mass over one step, for unit values at its start: displacement, velocity ×
-/// step, sine and cosine of the excitation ([`super::excitation::Wave`]).
-#[derive(Clone, Debug)]
-pub struct UnitMotions {
-    /// Length of the step, s.
-    pub step_s: f64,
-    /// Angle of the excitation over the step, rad.
-    pub angle_rad: f64,
-    /// Displacement over the step for each unit value.
-    pub columns: [Series; 4],
-}
-
-impl UnitMotions {
-    /// For a step that divides `whole_s` into the smallest number of equal steps of at most [`LARGEST_ARC_RAD`] of the
-    /// fastest rate. The set-up must be valid.
-    #[must_use]
-    pub fn dividing(set_up: &SetUp, excitation: &Excitation, whole_s: f64) -> (f64, Self) {
-        let turning = excitation.angular_frequency_rad_per_s();
-        let rates = Rates::of(&set_up.structure, set_up.structure.mass_kg, excitation);
-        let steps = libm::ceil(whole_s * rates.fastest(turning) / LARGEST_ARC_RAD).max(1.0);
-        let h = whole_s / steps;
-        let columns = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-            .map(|[x, v, sine, cosine]| solve(&rates, turning, h, [x, v, 0.0, sine, cosine]));
-        (steps, Self { step_s: h, angle_rad: turning * h, columns })
-    }
-}
-
-/// ∫₀¹ a b dτ.
-#[must_use]
-pub fn mean_product(a: &Series, b: &Series) -> f64 {
-    let mut product = [0.0; 2 * TERMS];
-    for (n, a) in a.iter().enumerate() {
-        for (m, b) in b.iter().enumerate() {
-            product[n + m] += a * b;
-        }
-    }
-    product.iter().enumerate().rev().map(|(n, c)| c / (n + 1) as f64).sum()
-}
-
 /// `row · unit`.
 #[inline]
 pub(super) fn dot(row: &[f64; 5], unit: &[f64; 5]) -> f64 {
     (row[0] * unit[0] + row[1] * unit[1]) + (row[2] * unit[2] + (row[3] * unit[3] + row[4] * unit[4]))
 }
 
-fn solve(rates: &Rates, turning: f64, h: f64, unit: [f64; 5]) -> Series {
+/// The series of an oscillator over an arc of `h` seconds, from displacement, velocity × h, constant acceleration, sine and
+/// cosine.
+pub(super) fn solve(rates: &Rates, turning: f64, h: f64, unit: [f64; 5]) -> Series {
     let wave = wave_series(unit[3], unit[4], turning * h);
     let quarter = wave_series(unit[4], -unit[3], turning * h);
     let mut q = [0.0; TERMS];
@@ -389,7 +347,7 @@ impl Flows {
             ..rates(mass)
         };
         let mass = structure.mass_kg;
-        let alone = Oscillator::new(rates(mass), turning);
+        let alone = Oscillator::new(rates(mass), turning).with_means();
         let soft = set_up.particle.and_then(|p| match p.wall {
             Wall::Voigt { stiffness_n_per_m, damping_n_s_per_m, .. } => {
                 Some((p.mass_kg, stiffness_n_per_m, damping_n_s_per_m))
@@ -412,7 +370,7 @@ impl Flows {
             (Coupled::new(rates(mass), link, mass, turning), Oscillator::new(carried, turning))
         });
         Self {
-            together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning)),
+            together: set_up.particle.map(|p| Oscillator::new(rates(mass + p.mass_kg), turning).with_means()),
             relative_alone: Oscillator::new(relative(mass), turning),
             relative_together: set_up.particle.map(|p| Oscillator::new(relative(mass + p.mass_kg), turning)),
             coupled,
