@@ -165,7 +165,9 @@ class VirtualRig:
         """
         point = {"frequencies_hz": [frequency_hz], "dwell_s": dwell_s, "settle_s": settle_s}
         stepped = {"kind": "stepped_sine", "start": "from_rest", **point, **experiment}
-        return self.experiment(stepped, base_amplitude_m=base_amplitude_m).row(0)
+        self._is_started = False
+        campaign = self._campaign(self._mounted(base_amplitude_m), stepped)
+        return Table(self._call(self._native.measure, campaign)["points"]).row(0)
 
     def experiment(self, experiment: dict[str, Any], *, base_amplitude_m: float | None = None) -> Table:
         """Run an experiment on the mounted set-up: a dict with the keys of ``[[experiment]]`` of a campaign.
