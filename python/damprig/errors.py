@@ -39,13 +39,13 @@ class FaultError(RigError):
         The value that violated the limit, and the limit, in the SI unit of the cause.
     """
 
-    def __init__(self, message, cause, value, limit):
+    def __init__(self, message: str, cause: str, value: float, limit: float) -> None:
         super().__init__(message, cause, value, limit)
         self.cause = cause
         self.value = value
         self.limit = limit
 
-    def __str__(self):
+    def __str__(self) -> str:
         return self.args[0]
 
 

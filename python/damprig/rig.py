@@ -1,16 +1,20 @@
 """The virtual rig: the controller's own code and a simulated plant in this process."""
 
+from __future__ import annotations
+
 import json
 import math
 import os
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from . import _damprig
 from .errors import InputError, RigError, UnusualValueWarning
-from .runs import open_run
+from .runs import Run, open_run
 from .tables import Table
 
 __all__ = ["Signals", "VirtualRig"]
@@ -36,28 +40,28 @@ class Signals:
     """
 
     time: np.ndarray
-    signals: dict
-    units: dict
-    events: list
+    signals: dict[str, np.ndarray]
+    units: dict[str, str]
+    events: list[dict[str, Any]]
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> np.ndarray:
         try:
             return self.signals[name]
         except KeyError:
             raise KeyError(f"the signal {name!r} was not recorded; recorded are {', '.join(self.signals)}") from None
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<damprig.Signals: {len(self)} rows of {', '.join(self.signals)}; {len(self.events)} events>"
 
     @property
-    def faults(self):
+    def faults(self) -> list[dict[str, Any]]:
         """The faults among the events: dicts with ``cause``, ``tick``, ``value`` and ``limit``."""
         return [event for event in self.events if event["event"] == "fault"]
 
-    def frame(self, library="pandas"):
+    def frame(self, library: str = "pandas") -> Any:
         """The signals as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``; see :meth:`damprig.Table.frame`."""
         columns = {"time": self.time, **self.signals}
         units = {"time": "s", **self.units}
@@ -89,18 +93,26 @@ class VirtualRig:
         An argument or the settings are wrong.
     """
 
-    def __init__(self, settings=None, sensors="ideal", *, seed=1, noise_rms_m=0.0, single_precision=False):
+    def __init__(
+        self,
+        settings: str | os.PathLike[str] | dict[str, Any] | None = None,
+        sensors: str | dict[str, Any] = "ideal",
+        *,
+        seed: int = 1,
+        noise_rms_m: float = 0.0,
+        single_precision: bool = False,
+    ) -> None:
         self._rig = {"noise_seed": seed, "sensor_noise_rms_m": noise_rms_m, "sensors": _sensors(sensors)}
         self._native = _damprig.NativeRig(settings, bool(single_precision))
-        self._set_up = None
+        self._set_up: dict[str, Any] | None = None
         self._is_started = False
-        self.signal_units = dict(self._native.signals())
+        self.signal_units: dict[str, str] = dict(self._native.signals())
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         mounted = "nothing mounted" if self._set_up is None else f"{self._set_up['name']} mounted"
         return f"<damprig.VirtualRig: {mounted}, {self.status()['state']}>"
 
-    def mount(self, set_up):
+    def mount(self, set_up: dict[str, Any]) -> None:
         """Mount a set-up: a dict with the keys of ``[[set_up]]`` of a campaign (structure, dampers, ``base_amplitude_m``). A ``name`` is
         not needed.
 
@@ -116,7 +128,15 @@ class VirtualRig:
         self._call(self._native.check, self._campaign(set_up, placeholder))
         self._set_up = set_up
 
-    def measure(self, frequency_hz, *, dwell_s=32.0, settle_s=0.0, base_amplitude_m=None, **experiment):
+    def measure(
+        self,
+        frequency_hz: float,
+        *,
+        dwell_s: float = 32.0,
+        settle_s: float = 0.0,
+        base_amplitude_m: float | None = None,
+        **experiment: Any,
+    ) -> dict[str, Any]:
         """Measure one frequency as a campaign does: the structure comes to rest, the base moves, X/Z is measured.
 
         Parameters
@@ -143,13 +163,13 @@ class VirtualRig:
         InputError
             A value is wrong, or the predicted motion leaves a limit.
         """
-        stepped = {"kind": "stepped_sine", "frequencies_hz": [frequency_hz], "start": "from_rest"}
-        stepped |= {"dwell_s": dwell_s, "settle_s": settle_s, **experiment}
-        table = self.experiment(stepped, base_amplitude_m=base_amplitude_m)
-        return {name: values[0].item() if isinstance(values, np.ndarray) and values.dtype != object else values[0]
-                for name, values in table.columns.items()}
+        point = {"frequencies_hz": [frequency_hz], "dwell_s": dwell_s, "settle_s": settle_s}
+        stepped = {"kind": "stepped_sine", "start": "from_rest", **point, **experiment}
+        self._is_started = False
+        campaign = self._campaign(self._mounted(base_amplitude_m), stepped)
+        return Table(self._call(self._native.measure, campaign)["points"]).row(0)
 
-    def experiment(self, experiment, *, base_amplitude_m=None):
+    def experiment(self, experiment: dict[str, Any], *, base_amplitude_m: float | None = None) -> Table:
         """Run an experiment on the mounted set-up: a dict with the keys of ``[[experiment]]`` of a campaign.
 
         Returns
@@ -164,14 +184,14 @@ class VirtualRig:
 
     def start(
         self,
-        experiment=None,
+        experiment: dict[str, Any] | None = None,
         *,
-        frequency_hz=None,
-        duration_s=600.0,
-        base_amplitude_m=None,
-        signals=("x", "z", "drive", "frequency"),
-        rate_hz=1000,
-    ):
+        frequency_hz: float | None = None,
+        duration_s: float = 600.0,
+        base_amplitude_m: float | None = None,
+        signals: Sequence[str] = ("x", "z", "drive", "frequency"),
+        rate_hz: float = 1000,
+    ) -> None:
         """Start an experiment and leave its time to :meth:`advance`.
 
         Parameters
@@ -194,7 +214,7 @@ class VirtualRig:
         self._call(self._native.start, self._campaign(self._mounted(base_amplitude_m), experiment, telemetry))
         self._is_started = True
 
-    def advance(self, seconds):
+    def advance(self, seconds: float) -> Signals:
         """Let time pass on the rig.
 
         Parameters
@@ -215,27 +235,27 @@ class VirtualRig:
         done["events"] = json.loads(done["events"])
         return Signals(**done)
 
-    def values(self):
+    def values(self) -> dict[str, float]:
         """The values of all signals in the last tick: a dict of name to float, in the units of :attr:`signal_units`."""
         return dict(zip(self.signal_units, self._native.values(), strict=True))
 
-    def status(self):
+    def status(self) -> dict[str, Any]:
         """State, tick, latched ``fault`` (or None), safety and friction spring: a dict."""
         return json.loads(self._native.status())
 
-    def stop(self):
+    def stop(self) -> None:
         """End the experiment and wait until the drive is off. A fault stays latched."""
         self._native.stop()
 
-    def emergency_stop(self):
+    def emergency_stop(self) -> None:
         """Press the emergency stop. It stays pressed until :meth:`release_emergency_stop`; the fault stays latched after that."""
         self._native.emergency_stop(True)
 
-    def release_emergency_stop(self):
+    def release_emergency_stop(self) -> None:
         """Release the emergency stop."""
         self._native.emergency_stop(False)
 
-    def clear_fault(self):
+    def clear_fault(self) -> None:
         """Clear a latched fault.
 
         Raises
@@ -245,11 +265,11 @@ class VirtualRig:
         """
         self._native.clear_fault()
 
-    def rest(self):
+    def rest(self) -> None:
         """Stop the drive, let time pass until the structure is at rest, and clear a fault."""
         self._native.rest()
 
-    def run(self, campaign, out=None):
+    def run(self, campaign: str | os.PathLike[str] | dict[str, Any], out: str | os.PathLike[str] | None = None) -> Run:
         """Run a whole campaign into a run folder, as ``damprig run`` does.
 
         Parameters
@@ -272,7 +292,7 @@ class VirtualRig:
         self._is_started = False
         return open_run(self._call(self._native.run, campaign, None if out is None else os.fspath(out)))
 
-    def _call(self, native, *arguments):
+    def _call(self, native: Callable[..., Any], *arguments: Any) -> Any:
         """Calls, and warns of what is unusual even when the call fails."""
         try:
             return native(*arguments)
@@ -280,18 +300,20 @@ class VirtualRig:
             for warning in self._native.take_warnings():
                 warnings.warn(warning, UnusualValueWarning, stacklevel=3)
 
-    def _mounted(self, base_amplitude_m):
+    def _mounted(self, base_amplitude_m: float | None) -> dict[str, Any]:
         if self._set_up is None:
             raise RigError("no set-up is mounted: mount one with mount()")
         changed = {} if base_amplitude_m is None else {"base_amplitude_m": base_amplitude_m}
         return {**self._set_up, **changed}
 
-    def _campaign(self, set_up, experiment, telemetry=None):
+    def _campaign(
+        self, set_up: dict[str, Any], experiment: dict[str, Any], telemetry: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
         telemetry = {"rate_hz": 0} if telemetry is None else telemetry
         return {"name": "python", "rig": self._rig, "telemetry": telemetry, "set_up": [set_up], "experiment": [experiment]}
 
 
-def _sensors(sensors):
+def _sensors(sensors: str | dict[str, Any]) -> dict[str, Any]:
     if isinstance(sensors, dict):
         return sensors
     if sensors in ("ideal", "data_sheet"):

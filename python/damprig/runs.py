@@ -1,10 +1,13 @@
 """Reads run folders through the host's own reader, which checks them and names what is damaged."""
 
+from __future__ import annotations
+
 import json
 import os
 import warnings
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from . import _damprig
 from .errors import RunFolderWarning
@@ -28,54 +31,54 @@ class Run:
         What verification found in order.
     """
 
-    def __init__(self, folder, verify=True):
+    def __init__(self, folder: str | os.PathLike[str], verify: bool = True) -> None:
         self._reader = _damprig.RunReader(os.fspath(folder))
         self.path = Path(self._reader.path)
-        self.manifest = json.loads(self._reader.manifest())
+        self.manifest: dict[str, Any] = json.loads(self._reader.manifest())
         found = self._reader.verify() if verify else []
         self.findings = [text for good, text in found if good]
         self.problems = [text for good, text in found if not good]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<damprig.Run {self.path}: {self.status}, {self.manifest['points_taken']} of {self.manifest['points_planned']} points>"
 
     @property
-    def campaign(self):
+    def campaign(self) -> str:
         """Name of the campaign."""
         return self.manifest["campaign"]
 
     @property
-    def campaign_text(self):
+    def campaign_text(self) -> str:
         """The campaign as it was run (TOML)."""
         return (self.path / "campaign.toml").read_text(encoding="utf-8")
 
     @property
-    def status(self):
+    def status(self) -> str:
         """How the run ended, in words: ``"complete"``, or why not."""
         return self._reader.ending()
 
     @cached_property
-    def parameters(self):
+    def parameters(self) -> dict[str, dict[str, Any]]:
         """The set-ups by name, each with its parameters in SI units; each key ends with its unit."""
         return {set_up["name"]: set_up for set_up in self.manifest["set_ups"]}
 
     @cached_property
-    def results(self):
+    def results(self) -> Table:
         """A row per measured point (set-up, experiment, frequency): a :class:`damprig.Table`."""
         return Table(self._reader.results())
 
     @cached_property
-    def transients(self):
+    def transients(self) -> Table:
         """A row per record, pulse and free vibration: a :class:`damprig.Table`, empty if there are none."""
         return Table(self._reader.transients())
 
     @cached_property
-    def impacts(self):
+    def impacts(self) -> Table:
         """A row per measured impact: a :class:`damprig.Table`, empty if there are none."""
         return Table(self._reader.impacts())
 
     @cached_property
-    def samples(self):
+    def samples(self) -> Table:
         """The telemetry, a row per sample: a :class:`damprig.Table`. Files that cannot be read give a RunFolderWarning."""
         table, damaged = self._reader.samples()
         for problem in damaged:
@@ -83,7 +86,7 @@ class Run:
         return Table(table)
 
 
-def open_run(folder, *, verify=True):
+def open_run(folder: str | os.PathLike[str], *, verify: bool = True) -> Run:
     """Open a run folder.
 
     Parameters

@@ -1,14 +1,22 @@
 """Simulates a case exactly, as ``damprig simulate`` does."""
 
+from __future__ import annotations
+
 import json
 import warnings
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import _damprig
 from .errors import InputError, UnusualValueWarning
 from .tables import Table
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import ArrayLike
 
 __all__ = ["Accumulations", "Impacts", "Simulation", "simulate"]
 
@@ -34,7 +42,7 @@ class Impacts:
     approach_speed: np.ndarray
     y: np.ndarray
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
 
@@ -54,7 +62,7 @@ class Accumulations:
     time: np.ndarray
     side: np.ndarray
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
 
@@ -95,22 +103,27 @@ class Simulation:
     z: np.ndarray
     impacts: Impacts
     accumulations: Accumulations
-    summary: dict
-    parameters: dict
-    units: dict = field(
+    summary: dict[str, Any]
+    parameters: dict[str, Any]
+    units: dict[str, str] = field(
         default_factory=lambda: {"time": "s", "x": "m", "v": "m/s", "y": "m", "u": "m/s", "z": "m"},
     )
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<damprig.Simulation {self.name}: {len(self.time)} rows, {len(self.impacts)} impacts>"
 
-    def frame(self, library="pandas"):
+    def frame(self, library: str = "pandas") -> Any:
         """The motion as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``; see :meth:`damprig.Table.frame`."""
         columns = {name: getattr(self, name) for name in self.units}
         return Table({"columns": columns, "units": self.units, "descriptions": dict.fromkeys(columns, "")}).frame(library)
 
 
-def simulate(case, *, sample_times=None, rate_hz=None):
+def simulate(
+    case: str | os.PathLike[str] | dict[str, Any],
+    *,
+    sample_times: ArrayLike | None = None,
+    rate_hz: float | None = None,
+) -> Simulation:
     """Simulate a case exactly: every impact, stick and slip is located.
 
     Parameters
@@ -154,7 +167,7 @@ def simulate(case, *, sample_times=None, rate_hz=None):
     return Simulation(**done)
 
 
-def _times(sample_times):
+def _times(sample_times: ArrayLike) -> list[float]:
     try:
         times = np.asarray(sample_times)
     except ValueError as error:
@@ -166,7 +179,7 @@ def _times(sample_times):
     return times.astype(float).tolist()
 
 
-def _number(name, value):
+def _number(name: str, value: Any) -> float:
     array = np.asarray(value)
     if array.dtype.kind not in "iuf" or array.ndim != 0:
         raise InputError(f"{name} = {value!r} is not allowed: must be one real number")

@@ -1,5 +1,9 @@
 """Tables of the host as NumPy arrays with units, and as frames of pandas, polars or xarray."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
 __all__ = ["Table"]
@@ -20,31 +24,35 @@ class Table:
         Meaning of each column, where the table has it.
     """
 
-    def __init__(self, native):
+    def __init__(self, native: dict[str, Any]) -> None:
         self._native = native["columns"]
-        self.units = native["units"]
-        self.descriptions = native["descriptions"]
-        self._columns = None
+        self.units: dict[str, str] = native["units"]
+        self.descriptions: dict[str, str] = native["descriptions"]
+        self._columns: dict[str, np.ndarray] | None = None
 
     @property
-    def columns(self):
+    def columns(self) -> dict[str, np.ndarray]:
         if self._columns is None:
             self._columns = {name: _plain(values) for name, values in self._native.items()}
         return self._columns
 
-    def __getitem__(self, name):
+    def __getitem__(self, name: str) -> np.ndarray:
         try:
             return self.columns[name]
         except KeyError:
             raise KeyError(f"there is no column {name!r}; the columns are {', '.join(self._native)}") from None
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self._native else 0
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<damprig.Table: {len(self)} rows of {', '.join(self._native)}>"
 
-    def frame(self, library="pandas"):
+    def row(self, place: int) -> dict[str, Any]:
+        """A row as a dict of plain values of Python."""
+        return {name: values[place : place + 1].tolist()[0] for name, values in self.columns.items()}
+
+    def frame(self, library: str = "pandas") -> Any:
         """The table as a frame of ``"pandas"`` or ``"polars"``, or a Dataset of ``"xarray"``.
 
         pandas has the units in ``frame.attrs["units"]``, xarray in ``dataset[name].attrs["units"]``; polars has no place for them,
@@ -60,10 +68,10 @@ class Table:
 
         raise InputError(f"library = {library!r} is not allowed: must be one of {', '.join(FRAMES)}")
 
-    def _pandas(self):
+    def _pandas(self) -> Any:
         import pandas as pd
 
-        def column(values):
+        def column(values: Any) -> Any:
             return pd.Categorical.from_codes(values[0], values[1]) if isinstance(values, tuple) else values
 
         frame = pd.DataFrame({name: column(values) for name, values in self._native.items()})
@@ -71,7 +79,7 @@ class Table:
         frame.attrs["descriptions"] = dict(self.descriptions)
         return frame
 
-    def _polars(self):
+    def _polars(self) -> Any:
         import polars as pl
 
         frame = {}
@@ -79,7 +87,7 @@ class Table:
             frame[name] = pl.Series(self.columns[name].tolist(), dtype=pl.String) if isinstance(values, tuple) else values
         return pl.DataFrame(frame)
 
-    def _xarray(self):
+    def _xarray(self) -> Any:
         import xarray as xr
 
         dataset = xr.Dataset({name: ("row", values) for name, values in self.columns.items()})
@@ -90,7 +98,7 @@ class Table:
         return dataset
 
 
-def _plain(values):
+def _plain(values: Any) -> np.ndarray:
     """The array of a column; names from their codes."""
     if not isinstance(values, tuple):
         return values

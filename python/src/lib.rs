@@ -2,7 +2,7 @@
 //! calls into the host library, one file per area.
 //!
 //! Every call releases the interpreter's lock while it works, checks for Ctrl-C twenty times a second, and turns errors into the
-//! package's exceptions ([`failure`]). A panic becomes an exception too.
+//! package's exceptions (`failure`). A panic becomes an exception too.
 
 mod columns;
 mod failure;

@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,3 +61,43 @@ def short_run(tmp_path_factory):
     """The campaign short.toml on the virtual rig, from Python."""
     folder = tmp_path_factory.mktemp("runs") / "short"
     return damprig.VirtualRig().run(PROJECT / "host/campaigns/short.toml", out=folder)
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+import damprig
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main = threading.get_ident()
+PREPARE
+code = FUNCTION.__code__
+
+def interrupt():
+    # The main thread stays in the function while native code works, which lets this thread run.
+    seen = 0
+    while seen < 1000:
+        seen += sys._current_frames()[main].f_code is code
+    os.kill(os.getpid(), signal.SIGINT)
+
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    CALL
+except KeyboardInterrupt:
+    print("interrupted")
+AFTER
+"""
+
+
+@pytest.fixture
+def interrupted():
+    """Makes a call in a new process and sends SIGINT to it when it is in `function`; gives what it prints."""
+    if sys.platform == "win32":
+        pytest.skip("signals of POSIX")
+
+    def run(function, call, prepare="", after=""):
+        script = INTERRUPTED.replace("FUNCTION", function).replace("CALL", call)
+        script = script.replace("PREPARE", prepare).replace("AFTER", after)
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    return run

@@ -37,9 +37,8 @@ def test_a_scan_records_what_the_rig_measures(device, damped):
 
 
 def test_a_refused_measurement_fails_its_status(device):
-    device.set(2.5)
-    device._measure["base_amplitude_m"] = 1.0
+    device.set(-2.5)
     status = device.trigger()
-    with pytest.raises(damprig.InputError):
+    with pytest.raises(damprig.InputError, match="frequencies_hz"):
         status.wait(60)
     assert status.done and not status.success

@@ -1,4 +1,6 @@
-"""The virtual rig: against closed forms and the command; repeatable; faults, refusals, Ctrl-C's place."""
+"""The virtual rig: against closed forms and the command; repeatable; faults, refusals, Ctrl-C."""
+
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -171,3 +173,20 @@ def test_a_free_vibration_gives_the_damping_of_the_structure(bare):
     row = rig.experiment({"kind": "free_vibration", "start_m": 0.02, "measure_s": 12.0})
     # Of single-precision samples at 1 kHz over ten cycles.
     assert row["damping_ratio"][0] == pytest.approx(0.0038, rel=2e-3)
+
+
+def test_ctrl_c_stops_an_experiment_and_the_rig_goes_on(bare, interrupted):
+    # Eleven days on the rig.
+    prepare = f"rig = damprig.VirtualRig(); rig.mount({bare!r})"
+    after = 'print(rig.status()["state"], rig.measure(2.0, dwell_s=4.0)["cycles"])'
+    shown = interrupted("damprig.VirtualRig._call", "rig.measure(2.0, dwell_s=9e5)", prepare, after)
+    assert shown == "interrupted\nidle 8"
+
+
+def test_threads_share_a_rig_one_call_after_the_other(bare):
+    rig = mounted(bare)
+    with ThreadPoolExecutor() as pool:
+        rows = list(pool.map(lambda frequency_hz: rig.measure(frequency_hz, dwell_s=4.0), [1.9, 2.0, 2.1]))
+    alone = [mounted(bare).measure(frequency_hz, dwell_s=4.0) for frequency_hz in (1.9, 2.0, 2.1)]
+    # Each point starts from rest, whatever came before.
+    assert [row["x_over_z"] for row in rows] == [row["x_over_z"] for row in alone]

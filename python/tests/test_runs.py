@@ -65,8 +65,9 @@ def test_a_changed_file_is_named_and_the_rest_is_read(copied):
 def test_samples_that_are_cut_off_warn_and_results_are_read(copied):
     content = (copied / "samples.parquet").read_bytes()
     (copied / "samples.parquet").write_bytes(content[: len(content) // 2])
-    with pytest.warns(damprig.RunFolderWarning, match="samples.parquet"):
+    with pytest.warns(damprig.RunFolderWarning):
         run = damprig.open_run(copied)
+    assert any("samples.parquet" in problem for problem in run.problems)
     with pytest.warns(damprig.RunFolderWarning, match="samples.parquet"):
         assert len(run.samples) == 0
     assert len(run.results) == 6
