@@ -41,7 +41,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 20] = [
+const HOST_LAYERS: [&str; 21] = [
     "host_time",
     "input",
     "settings",
@@ -54,6 +54,7 @@ const HOST_LAYERS: [&str; 20] = [
     "runner",
     "simulation",
     "study",
+    "optimise",
     "file_keys",
     "identify",
     "compare",

@@ -16,6 +16,7 @@ pub mod identify;
 pub mod input;
 pub mod monitor;
 pub mod motion_record;
+pub mod optimise;
 pub mod prediction;
 pub mod report;
 pub mod run_folder;

@@ -14,4 +14,4 @@ pub mod points;
 pub mod run;
 
 pub use file::Study;
-pub use keys::TABLES;
+pub use keys::{SHARED, TABLES};

@@ -4,6 +4,7 @@ pub mod analysis;
 pub mod calibration;
 pub mod campaign;
 pub mod comparison;
+pub mod optimise;
 pub mod set_ups;
 pub mod simulation;
 pub mod study;
