@@ -44,7 +44,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 22] = [
+const HOST_LAYERS: [&str; 23] = [
     "host_time",
     "input",
     "settings",
@@ -57,6 +57,7 @@ const HOST_LAYERS: [&str; 22] = [
     "runner",
     "simulation",
     "study",
+    "optimise",
     "continuation",
     "file_keys",
     "identify",

@@ -17,6 +17,7 @@ pub mod identify;
 pub mod input;
 pub mod monitor;
 pub mod motion_record;
+pub mod optimise;
 pub mod prediction;
 pub mod recorded_run;
 pub mod report;

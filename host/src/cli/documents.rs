@@ -59,6 +59,8 @@ enum KindArg {
     SetUp,
     /// Studies, for damprig study
     Study,
+    /// Optimisations, for damprig optimise
+    Optimisation,
 }
 
 const SCHEMA_HELP: &str = "\
@@ -69,7 +71,7 @@ Editors with a TOML extension (Even Better TOML, taplo) then complete and check 
 first line is
   #:schema campaign.schema.json";
 
-/// Prints all keys of campaigns, cases, set-up files and studies, with unit, range, default and meaning (Markdown).
+/// Prints all keys of campaigns, cases, set-up files, studies and optimisations, with unit, range, default and meaning (Markdown).
 #[derive(Debug, ClapArgs)]
 pub struct Keys {}
 
@@ -83,6 +85,7 @@ pub fn schema(args: &Schema) -> Outcome {
         KindArg::Case => FileKind::Case,
         KindArg::SetUp => FileKind::SetUp,
         KindArg::Study => FileKind::Study,
+        KindArg::Optimisation => FileKind::Optimisation,
     };
     say!("{:#}", schema::schema(kind));
     Ok(())

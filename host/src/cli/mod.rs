@@ -32,6 +32,7 @@ mod init;
 #[cfg(feature = "probe")]
 mod log;
 mod monitor;
+mod optimise;
 mod outcome;
 mod output;
 mod output_paths;
@@ -101,13 +102,15 @@ enum Command {
     Study(study::Args),
     /// Follow periodic orbits of a case over a parameter: stability, bifurcations, grazings
     Continue(continue_::Args),
+    /// Optimise keys of a case over a band: the best values, and how sure they are
+    Optimise(optimise::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
     Compare(compare::Args),
-    /// Print the JSON Schema of campaigns, cases, set-up files or studies, for editors
+    /// Print the JSON Schema of campaigns, cases, set-up files, studies or optimisations, for editors
     Schema(documents::Schema),
-    /// Print the keys of campaigns, cases, set-up files and studies
+    /// Print the keys of campaigns, cases, set-up files, studies and optimisations
     Keys(documents::Keys),
     /// Print the completions of a shell
     Completions(documents::Completions),
@@ -159,6 +162,7 @@ pub fn main() -> ExitCode {
         Command::Bifurcation(args) => bifurcation::run(&args),
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),
+        Command::Optimise(args) => optimise::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

@@ -7,7 +7,7 @@ pub mod schema;
 
 use crate::input::key::{MOST_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
-use crate::{campaign, motion_record, setup, simulation, study};
+use crate::{campaign, motion_record, optimise, setup, simulation, study};
 
 /// The kinds of input files with declared keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,11 +20,13 @@ pub enum FileKind {
     SetUp,
     /// A study, for `damprig study`.
     Study,
+    /// An optimisation, for `damprig optimise`.
+    Optimisation,
 }
 
 impl FileKind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Campaign, Self::Case, Self::SetUp, Self::Study];
+    pub const ALL: [Self; 5] = [Self::Campaign, Self::Case, Self::SetUp, Self::Study, Self::Optimisation];
 
     /// What such a file is, in one line.
     #[must_use]
@@ -34,6 +36,7 @@ impl FileKind {
             Self::Case => "Case of damprig: one simulation, for `damprig simulate`",
             Self::SetUp => "Set-up file of damprig, for the key `set_up_file` of a campaign or a case",
             Self::Study => "Study of damprig: a case over many values of its keys, for `damprig study`",
+            Self::Optimisation => "Optimisation of damprig: the best values of a case's keys, for `damprig optimise`",
         }
     }
 
@@ -46,6 +49,7 @@ impl FileKind {
             Self::Case => [simulation::TABLES, setup::TABLES, motion_record::TABLES].concat(),
             Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
             Self::Study => study::TABLES.to_vec(),
+            Self::Optimisation => optimise::TABLES.iter().chain(&study::SHARED).copied().collect(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{FileKind, is_part, plain};
 use crate::input::key::{Key, Kind, Need, Quantity, Range, Table};
+use crate::optimise;
 
 const HEAD: &str = "\
 # Keys of input files
@@ -20,7 +21,7 @@ type Section = (&'static str, &'static str, Vec<Table>);
 pub fn reference() -> String {
     let own = |file: FileKind| file.tables().into_iter().filter(|table| !is_part(table.path)).collect();
     let parts = FileKind::SetUp.tables().into_iter().filter(|table| is_part(table.path)).collect();
-    let sections: [Section; 5] = [
+    let sections: [Section; 6] = [
         (
             "Campaign",
             "For `damprig run`. Structure and dampers have the keys of a set-up, below.",
@@ -39,6 +40,11 @@ pub fn reference() -> String {
         ),
         ("Set-up file", "For the key `set_up_file` of a campaign or a case; docs/IDENTIFY.md.", own(FileKind::SetUp)),
         ("Study", "For `damprig study`; docs/STUDIES.md.", own(FileKind::Study)),
+        (
+            "Optimisation",
+            "For `damprig optimise`; docs/OPTIMISE.md. `[[axis]]` and `[record]` have the keys of a study, above.",
+            optimise::TABLES.to_vec(),
+        ),
     ];
     let mut page = HEAD.to_string();
     for (title, introduction, tables) in &sections {

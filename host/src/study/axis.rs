@@ -2,6 +2,7 @@
 
 use super::keys::axis as keys;
 use crate::input::key::Unit;
+use crate::input::section::{Number, Text};
 use crate::input::{Section, Span};
 
 /// The value of an axis at a point.
@@ -157,8 +158,8 @@ fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
     }
 }
 
-/// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from.
-pub(super) fn read(s: &Section, has_sampling: bool) -> Option<Axis> {
+/// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from; `missing_count` says what to do about one that is not.
+pub(crate) fn read(s: &Section, has_sampling: bool, missing_count: &str) -> Option<Axis> {
     let key = s.text_of(&keys::KEY);
     let (from, to) = (s.placed(&keys::FROM), s.placed(&keys::TO));
     let count = s.scalar(&keys::COUNT);
@@ -166,21 +167,7 @@ pub(super) fn read(s: &Section, has_sampling: bool) -> Option<Axis> {
     let numbers = s.is_given(&keys::VALUES).then(|| s.given(&keys::VALUES));
     let reduce = s.word(&keys::REDUCE).map(|place| Reduction::ALL[place]);
     s.finish();
-    let key = key?;
-    let is_key = key
-        .value
-        .split('.')
-        .all(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_'));
-    if !is_key {
-        let help = "for example key = \"particle.clearance_ratio\"".to_string();
-        s.refuse(
-            keys::KEY.name(),
-            &key.span,
-            "must be a key of the case with its tables, separated by points",
-            Some(help),
-        );
-        return None;
-    }
+    let key = checked_key(s, key?)?;
     let is_range = s.is_given(&keys::FROM) || s.is_given(&keys::TO) || s.is_given(&keys::COUNT);
     let values = match numbers {
         Some(_) if is_range => {
@@ -210,16 +197,7 @@ pub(super) fn read(s: &Section, has_sampling: bool) -> Option<Axis> {
                     return None;
                 }
             };
-            if to.value <= from.value {
-                let help = if to.value == from.value { "give one value as values = […]" } else { "exchange them" };
-                s.refuse("to", &to.span, format!("must be greater than `from` = {}", from.value), Some(help.into()));
-                return None;
-            }
-            if is_log && from.value <= 0.0 {
-                s.refuse("from", &from.span, "must be greater than 0 with scale = \"log\"", None);
-                return None;
-            }
-            let (from, to) = (from.value, to.value);
+            let (from, to) = checked_range(s, &from, &to, is_log, "give one value as values = […]")?;
             match count {
                 Some(count) => {
                     let last = count - 1.0;
@@ -228,14 +206,45 @@ pub(super) fn read(s: &Section, has_sampling: bool) -> Option<Axis> {
                 None if s.is_given(&keys::COUNT) => return None,
                 None if has_sampling && reduce.is_none() => Values::Drawn { from, to, is_log },
                 None => {
-                    let help = "give `count`, or draw from the range with a table [sampling]".to_string();
-                    s.reject(keys::KEY.name(), "has a range without a number of values", Some(help));
+                    s.reject(keys::KEY.name(), "has a range without a number of values", Some(missing_count.into()));
                     return None;
                 }
             }
         }
     };
     Some(Axis { key: key.value, values, is_log, reduce, span: key.span })
+}
+
+/// A key of a case with its tables.
+pub(crate) fn checked_key(s: &Section, key: Text) -> Option<Text> {
+    let is_part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+    if key.value.split('.').all(is_part) {
+        return Some(key);
+    }
+    let help = "for example key = \"particle.clearance_ratio\"".to_string();
+    let allowed = "must be a key of the case with its tables, separated by points";
+    s.refuse(keys::KEY.name(), &key.span, allowed, Some(help));
+    None
+}
+
+/// Both ends of a range, if they are its ends; `if_equal` says what to do about a single value.
+pub(crate) fn checked_range(
+    s: &Section,
+    from: &Number,
+    to: &Number,
+    is_log: bool,
+    if_equal: &str,
+) -> Option<(f64, f64)> {
+    if to.value <= from.value {
+        let help = if to.value == from.value { if_equal } else { "exchange them" };
+        s.refuse("to", &to.span, format!("must be greater than `from` = {}", from.value), Some(help.into()));
+        return None;
+    }
+    if is_log && from.value <= 0.0 {
+        s.refuse("from", &from.span, "must be greater than 0 with scale = \"log\"", None);
+        return None;
+    }
+    Some((from.value, to.value))
 }
 
 fn read_list(s: &Section, given: crate::input::section::Given) -> Option<Values> {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use damprig_core::integrator::exact::Exact;
 use damprig_core::integrator::exact::response::{Response, Wanted};
 
-use super::axis::{Reduction, Value};
+use super::axis::{Axis, Reduction, Value};
 use super::file::Study;
 use super::metric::{Figures, Metric, Periodicity};
 use crate::input::Refusal;
@@ -143,13 +143,10 @@ pub fn row(study: &Study, row: u64) -> Result<Vec<f64>, Refusal> {
         let case = study.case_with(&study.points.values(&study.axes, row, point))?;
         for (start, share) in shares.iter().enumerate() {
             let case = share.map_or_else(|| case.clone(), |share| started_at(&case, share));
-            let (figures, given_up) = figures(&case, study.record)?;
+            let (of_case, given_up) = metrics_of(&case, study.record, &study.metrics)?;
             unresolved += given_up;
-            let needs_analysis = study.metrics.iter().any(|metric| metric.needs_analysis());
-            let periodicity = needs_analysis.then(|| periodicity(&case, study.record));
-            let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
-            for (metric, values) in study.metrics.iter().zip(&mut values) {
-                values[start].push(metric.value(&figures, reference_m, periodicity.as_ref()));
+            for (value, values) in of_case.into_iter().zip(&mut values) {
+                values[start].push(value);
             }
         }
     }
@@ -175,8 +172,22 @@ pub fn row(study: &Study, row: u64) -> Result<Vec<f64>, Refusal> {
     Ok(row_values)
 }
 
+/// Simulates a case: the values of the metrics, and how often the event search was given up.
+///
+/// # Errors
+/// A case that the integrator refuses.
+pub fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Result<(Vec<f64>, f64), Refusal> {
+    let (figures, given_up) = figures(case, record)?;
+    let needs_analysis = metrics.iter().any(|metric| metric.needs_analysis());
+    let periodicity = needs_analysis.then(|| periodicity(case, record));
+    let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
+    let values = metrics.iter().map(|metric| metric.value(&figures, reference_m, periodicity.as_ref()));
+    Ok((values.collect(), given_up))
+}
+
 /// The case with its particle at this share of the clearance from the centre.
-fn started_at(case: &Case, share: f64) -> Case {
+#[must_use]
+pub fn started_at(case: &Case, share: f64) -> Case {
     let mut case = case.clone();
     if let Some(particle) = &case.set_up.particle {
         case.initial.y_m = case.initial.x_m + share * particle.clearance_m;
@@ -185,7 +196,8 @@ fn started_at(case: &Case, share: f64) -> Case {
 }
 
 /// A quantile of sorted values, linear between them (type 7 of Hyndman and Fan); not a number if one of them is not.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
+#[must_use]
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     // `total_cmp` sorts them to the ends.
     if sorted.first().is_none_or(|first| first.is_nan()) || sorted.last().is_some_and(|last| last.is_nan()) {
         return f64::NAN;
@@ -197,19 +209,26 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 
 /// Reduces the values at all points of a row to one, with the values of the axes there.
 fn reduce(study: &Study, row: u64, values: &[f64]) -> (f64, Vec<Value>) {
-    let mut level: Vec<(f64, u64)> = values.iter().copied().zip(0..).collect();
-    for &axis in study.points.reduced().iter().rev() {
-        let Some(reduction) = study.axes[axis].reduce else { continue };
+    let reduced: Vec<&Axis> = study.points.reduced().iter().map(|axis| &study.axes[*axis]).collect();
+    let (value, point) = reduce_over(&reduced, values);
+    (value, study.points.values(&study.axes, row, point as u64))
+}
+
+/// Reduces the values at all points of some axes, of which the last varies fastest, to one, with the number of its point.
+#[must_use]
+pub fn reduce_over(axes: &[&Axis], values: &[f64]) -> (f64, usize) {
+    let mut level: Vec<(f64, usize)> = values.iter().copied().zip(0..).collect();
+    for axis in axes.iter().rev() {
+        let Some(reduction) = axis.reduce else { continue };
         level = level
-            .chunks(study.axes[axis].count())
+            .chunks(axis.count())
             .map(|chunk| {
                 let (value, place) = reduction.of(&chunk.iter().map(|(value, _)| *value).collect::<Vec<_>>());
                 (value, chunk[place].1)
             })
             .collect();
     }
-    let (value, point) = level[0];
-    (value, study.points.values(&study.axes, row, point))
+    level[0]
 }
 
 /// Simulates a case; also how often the event search was given up.

@@ -9,6 +9,7 @@ use super::evaluate::Record;
 use super::keys::{ensemble, record, sampling, study as keys};
 use super::metric::Metric;
 use super::points::{Method, Points, Sampling};
+use crate::input::section::Text;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
@@ -18,6 +19,9 @@ const MOST_CORNERS: u32 = 64;
 
 /// Most values of one axis that are checked before a study.
 const MOST_CHECKED: usize = 1_000;
+
+/// What to do about a range without a `count`.
+const MISSING_COUNT: &str = "give `count`, or draw from the range with a table [sampling]";
 
 /// Quantiles over the starts unless the study states others.
 const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
@@ -95,9 +99,7 @@ impl Study {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        let line = |(axis, value): (&Axis, &Value)| format!("{} = {}\n", axis.key, value.toml());
-        let lines: String = self.axes.iter().zip(values).map(line).collect();
-        let set = SetValues { origin: "the axes of the study".into(), lines };
+        let set = SetValues { origin: "the axes of the study".into(), lines: lines(&self.axes, values) };
         let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str());
         Case::parse_changed(&source, &default_name(&self.case_path), &set)
     }
@@ -119,13 +121,7 @@ impl Study {
                 self.check_at(&values)?;
             }
         }
-        let ends: Vec<[Value; 2]> = self.axes.iter().filter_map(ends).collect();
-        let corners = 1u32.checked_shl(ends.len() as u32).map_or(MOST_CORNERS, |all| all.min(MOST_CORNERS));
-        for corner in 0..corners {
-            let end = |(place, ends): (usize, &[Value; 2])| ends[(corner >> place.min(31) & 1) as usize].clone();
-            self.check_at(&ends.iter().enumerate().map(end).collect::<Vec<_>>())?;
-        }
-        Ok(())
+        corners(&self.axes).iter().try_for_each(|corner| self.check_at(corner))
     }
 
     fn check_at(&self, values: &[Value]) -> Result<(), Refusal> {
@@ -175,6 +171,23 @@ impl Study {
     }
 }
 
+/// Values of axes as lines of TOML.
+pub(crate) fn lines(axes: &[Axis], values: &[Value]) -> String {
+    let line = |(axis, value): (&Axis, &Value)| format!("{} = {}\n", axis.key, value.toml());
+    axes.iter().zip(values).map(line).collect()
+}
+
+/// The corners of the grid of some axes, or the first of them.
+pub(crate) fn corners(axes: &[Axis]) -> Vec<Vec<Value>> {
+    let ends: Vec<[Value; 2]> = axes.iter().filter_map(ends).collect();
+    let corners = 1u32.checked_shl(ends.len() as u32).map_or(MOST_CORNERS, |all| all.min(MOST_CORNERS));
+    let corner = |corner: u32| {
+        let end = |(place, ends): (usize, &[Value; 2])| ends[(corner >> place.min(31) & 1) as usize].clone();
+        ends.iter().enumerate().map(end).collect()
+    };
+    (0..corners).map(corner).collect()
+}
+
 /// Both ends of an axis.
 fn ends(axis: &Axis) -> Option<[Value; 2]> {
     let mut values = axis.checked_values();
@@ -185,17 +198,7 @@ fn ends(axis: &Axis) -> Option<[Value; 2]> {
 
 fn read_root(root: &Section, path: &Path) -> Option<Study> {
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
-    let case = root.text_of(&keys::CASE).and_then(|case| {
-        let case_path = path.parent().unwrap_or(Path::new("")).join(&case.value);
-        match Source::read(&case_path) {
-            Ok(source) => Some((case_path, source.text().to_string())),
-            Err(error) => {
-                let help = "write the path of a case relative to the study".to_string();
-                root.refuse("case", &case.span, error.to_string().replace('\n', ";"), Some(help));
-                None
-            }
-        }
-    });
+    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case));
     let metrics = read_metrics(root);
     let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
     let goal = root.word(&keys::GOAL);
@@ -203,7 +206,7 @@ fn read_root(root: &Section, path: &Path) -> Option<Study> {
     let sampling_section = root.table_of(&keys::SAMPLING, None);
     let sampling = sampling_section.as_ref().and_then(read_sampling);
     let axes: Vec<Option<Axis>> =
-        root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some())).collect();
+        root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), MISSING_COUNT)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
     let axes = axes.into_iter().collect::<Option<Vec<Axis>>>()?;
@@ -233,6 +236,19 @@ fn read_root(root: &Section, path: &Path) -> Option<Study> {
         rows_per_part: rows_per_part.map(|rows| rows as u64),
         identity: String::new(),
     })
+}
+
+/// Path and text of the case that the file at `path` names.
+pub(crate) fn read_case(root: &Section, path: &Path, case: &Text) -> Option<(PathBuf, String)> {
+    let case_path = path.parent().unwrap_or(Path::new("")).join(&case.value);
+    match Source::read(&case_path) {
+        Ok(source) => Some((case_path, source.text().to_string())),
+        Err(error) => {
+            let help = "write the path of a case relative to this file".to_string();
+            root.refuse("case", &case.span, error.to_string().replace('\n', ";"), Some(help));
+            None
+        }
+    }
 }
 
 fn read_metrics(root: &Section) -> Option<Vec<Metric>> {
@@ -288,7 +304,8 @@ fn read_sampling(s: &Section) -> Option<Sampling> {
     Some(Sampling { method, count: count? as usize, seed: seed.unwrap_or(1.0) as u64 })
 }
 
-fn read_record(s: &Section) -> Option<Option<Record>> {
+/// Reads `[record]`.
+pub(crate) fn read_record(s: &Section) -> Option<Option<Record>> {
     let length = s.one_of(&record::LENGTH);
     let settle = s.one_of(&record::SETTLE);
     s.finish();

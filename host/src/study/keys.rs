@@ -1,13 +1,10 @@
 //! Declares the keys of a study file.
 
-use super::metric::Metric;
+use super::metric::METRIC_NAMES;
 use crate::input::key::DefaultValue::{Number, Word};
 use crate::input::key::Need::{Default, IfWord, Optional, Required};
 use crate::input::key::Range::{Any, Between, Positive, Whole};
-use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, names, number, tables, word};
-
-/// Names of the metrics.
-pub(super) const METRIC_NAMES: &[&str] = names!(Metric::ALL, metric => metric.name());
+use crate::input::key::{Kind, MOST_WHOLE, Quantity, Table, key, number, tables, word};
 
 tables! {
     "All tables of a study."
@@ -65,3 +62,6 @@ tables! {
         QUANTILES: Optional, [key("quantiles", Kind::Numbers(Between(0.0, 1.0)), "quantiles over the starts that the table has; default: 0.05, 0.5 and 0.95")];
     }
 }
+
+/// The tables that an optimisation has too.
+pub const SHARED: [Table; 2] = [axis::TABLE, record::TABLE];

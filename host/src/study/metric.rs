@@ -2,6 +2,7 @@
 
 use damprig_core::integrator::exact::Excitation;
 
+use crate::input::key::names;
 use crate::simulation::Case;
 use crate::simulation::analysis::{Analysis, MotionKind};
 
@@ -33,6 +34,9 @@ pub enum Metric {
     /// Magnitude of the largest Floquet multiplier.
     LargestMultiplier,
 }
+
+/// Names of the metrics, in the order of [`Metric::ALL`].
+pub const METRIC_NAMES: &[&str] = names!(Metric::ALL, metric => metric.name());
 
 impl Metric {
     /// All of them.

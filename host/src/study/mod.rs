@@ -16,4 +16,4 @@ pub mod run;
 pub mod table;
 
 pub use file::Study;
-pub use keys::TABLES;
+pub use keys::{SHARED, TABLES};

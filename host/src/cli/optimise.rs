@@ -1,0 +1,108 @@
+//! `damprig optimise`: looks for the values of a case's keys at which a metric is best.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::Args as ClapArgs;
+
+use super::outcome::{Failure, Outcome};
+use super::progress::StudyBar;
+use crate::optimise::search::{self, Progress};
+use crate::optimise::{Answer, Optimisation, table};
+use crate::report::numbers::{duration, significant};
+use crate::report::terminal;
+
+/// Looks for the values of a case's keys at which a metric is best over a band, and says how sure they are.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Optimisation file (TOML); host/optimisations has examples
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+
+    /// Print the answer as one JSON object
+    #[arg(long)]
+    json: bool,
+
+    /// Write the answer (JSON), all evaluated points and the neighbourhood of the optimum (Parquet) to a new folder
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+
+    /// Print variables, points, simulations and estimated time, and search nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig optimise host/optimisations/spid-band.toml
+  damprig optimise host/optimisations/hybrid-band.toml --out optimum
+  damprig optimise my-optimisation.toml --json
+
+The answer does not depend on the number of threads. Ctrl-C ends the search; the best point so far is kept.
+
+Exit codes:
+  0    success
+  1    a file could not be written
+  2    the command line, the file or its case is wrong, or no point keeps the constraints
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the best point so far is kept";
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// Bad input, constraints that no point keeps, an unwritable file, an interrupted search.
+pub fn run(args: &Args) -> Outcome {
+    let optimisation = Optimisation::read(&args.file).map_err(Failure::input)?;
+    if let Some(folder) = &args.out {
+        table::check_folder(folder).map_err(Failure::input)?;
+    }
+    let cores = rayon::current_num_threads();
+    let estimate_s = search::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
+    let scope =
+        format!("{}; about {} on {cores} cores", terminal::optimise::scope(&optimisation), duration(estimate_s));
+    if args.dry_run {
+        say!("{scope}");
+        return Ok(());
+    }
+    if !args.json {
+        say!("{scope}");
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    let (start, bar) = (Instant::now(), StudyBar::new(&optimisation.name, optimisation.evaluations));
+    let report = |progress: &Progress| {
+        let best = progress.best.as_ref().filter(|best| best.is_feasible());
+        let best = best.map(|best| format!("{} {}", optimisation.objective.name(), significant(best.objective, 5)));
+        bar.reach(progress.done, best.as_deref());
+        !stop.load(Ordering::Relaxed)
+    };
+    let found = search::run(&optimisation, &report);
+    bar.end();
+    let found = match found {
+        Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
+        found => found.map_err(Failure::input)?,
+    };
+    let answer = Answer::of(&optimisation, &found).map_err(Failure::input)?;
+    if args.json {
+        say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
+    } else {
+        say!("{}", terminal::optimise::answer(&optimisation, &answer));
+        say!("\n{} points in {}", answer.evaluations, duration(start.elapsed().as_secs_f64()));
+    }
+    if let Some(folder) = &args.out {
+        table::write(&optimisation, &found, &answer, folder).map_err(Failure::failed)?;
+        if !args.json {
+            say!("Written to {}", folder.display());
+        }
+    }
+    if answer.is_stopped {
+        let (done, all) = (answer.evaluations, optimisation.evaluations);
+        return Err(Failure::Interrupted(format!("stopped after {done} of {all} points; the best so far is above")));
+    }
+    if !answer.is_feasible {
+        return Err(Failure::Input(terminal::optimise::unkept(&optimisation, &answer, &args.file)));
+    }
+    Ok(())
+}

@@ -1,0 +1,175 @@
+//! The answer of an optimisation: the optimum, how sure it is, what is around it, and what other dampers do.
+
+use serde::Serialize;
+
+use super::cases::Cases;
+use super::evaluate::{Evaluated, from_starts};
+use super::file::Optimisation;
+use super::neighbourhood::{self, Sensitivity};
+use super::references::References;
+use super::search::{Found, Stage};
+use crate::input::Refusal;
+use crate::study::axis::{Axis, Reduction, Value};
+use crate::study::evaluate::quantile;
+
+/// Starts from wall to wall from which the optimum is simulated again.
+const DENSE_STARTS: u32 = 101;
+
+/// A number and what it is of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Named {
+    /// Key or metric.
+    pub key: String,
+    /// Value.
+    pub value: f64,
+    /// Symbol of its unit; empty for a plain number.
+    pub unit: &'static str,
+}
+
+/// A constraint at the optimum.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Kept {
+    /// The metric.
+    pub metric: &'static str,
+    /// What is asked of it.
+    pub limit: String,
+    /// Its value where it is nearest to the limit or furthest beyond it.
+    pub value: f64,
+    /// Symbol of its unit; empty for a plain number.
+    pub unit: &'static str,
+    /// Whether the constraint is kept.
+    pub is_kept: bool,
+}
+
+/// The objective over many starts of the particle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Starts {
+    /// Number of starts.
+    pub count: u32,
+    /// Smallest value.
+    pub min: f64,
+    /// Quantile 0.05.
+    pub q05: f64,
+    /// Median.
+    pub median: f64,
+    /// Quantile 0.95.
+    pub q95: f64,
+    /// Largest value.
+    pub max: f64,
+}
+
+/// The answer.
+#[derive(Clone, Debug, Serialize)]
+pub struct Answer {
+    /// Program and version.
+    pub damprig: &'static str,
+    /// Name of the optimisation.
+    pub name: String,
+    /// The metric that was optimised.
+    pub metric: &'static str,
+    /// `minimum` or `maximum`.
+    pub goal: &'static str,
+    /// Whether a point keeps all constraints. If none does, the optimum is the point of the least violation.
+    pub is_feasible: bool,
+    /// The search was stopped; the optimum is the best so far.
+    pub is_stopped: bool,
+    /// Evaluated points of the search.
+    pub evaluations: usize,
+    /// The part of the search that found the optimum.
+    pub found_by: &'static str,
+    /// The objective at the optimum.
+    pub objective: f64,
+    /// Symbol of its unit.
+    pub unit: &'static str,
+    /// The variables at the optimum.
+    pub variables: Vec<Named>,
+    /// Where in the band the objective is.
+    pub band: Vec<Named>,
+    /// The constraints at the optimum.
+    pub constraints: Vec<Kept>,
+    /// How often an event search was given up at the optimum.
+    pub unresolved: f64,
+    /// Over many starts of the particle, if there is one.
+    pub starts: Option<Starts>,
+    /// What small changes do.
+    pub sensitivity: Vec<Sensitivity>,
+    /// Points around the optimum.
+    #[serde(skip)]
+    pub neighbourhood: Vec<Evaluated>,
+    /// Other dampers.
+    pub references: References,
+}
+
+impl Answer {
+    /// From what a search found. A search that was stopped keeps its optimum; what is around it is not computed.
+    ///
+    /// # Errors
+    /// The refusal of a case that the values make.
+    pub fn of(optimisation: &Optimisation, found: &Found) -> Result<Self, Refusal> {
+        let (stage, best) = &found.points[found.best];
+        let is_whole = !found.is_stopped;
+        let (sensitivity, neighbourhood) = if is_whole && best.is_feasible() {
+            (neighbourhood::sensitivities(optimisation, best)?, neighbourhood::grid(optimisation, best)?)
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        let named = |(axis, value): (&Axis, f64)| Named { key: axis.key.clone(), value, unit: axis.unit() };
+        let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
+            metric: constraint.metric.name(),
+            limit: constraint.limit.words(|limit| format!("{limit}")),
+            value: *value,
+            unit: constraint.metric.unit(),
+            is_kept: constraint.limit.violation(*value) == 0.0,
+        };
+        Ok(Self {
+            damprig: crate::VERSION_LINE,
+            name: optimisation.name.clone(),
+            metric: optimisation.objective.name(),
+            goal: if optimisation.is_maximum { "maximum" } else { "minimum" },
+            is_feasible: best.is_feasible(),
+            is_stopped: found.is_stopped,
+            evaluations: found.points.len(),
+            found_by: Stage::name(*stage),
+            objective: best.objective,
+            unit: optimisation.objective.unit(),
+            variables: optimisation.variables().iter().zip(best.values.iter().copied()).map(named).collect(),
+            band: place_in_band(optimisation, best),
+            constraints: optimisation.constraints.iter().zip(&best.constraints).map(kept).collect(),
+            unresolved: best.unresolved,
+            starts: if is_whole { starts(optimisation, best)? } else { None },
+            sensitivity,
+            neighbourhood,
+            references: if is_whole {
+                References::at(optimisation, best)?
+            } else {
+                References { bare: None, tmd: None }
+            },
+        })
+    }
+}
+
+/// Values of the band's axes where the objective is; none of axes with a mean.
+fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
+    let values = optimisation.band_values(best.band_point);
+    let number = |(axis, value): (&Axis, Value)| match value {
+        Value::Number(value) if axis.reduce != Some(Reduction::Mean) => {
+            Some(Named { key: axis.key.clone(), value, unit: axis.unit() })
+        }
+        _ => None,
+    };
+    optimisation.band().iter().zip(values).filter_map(number).collect()
+}
+
+fn starts(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<Starts>, Refusal> {
+    let case = Cases::at(optimisation, &best.values)?.case(0)?;
+    if case.set_up.particle.is_none() {
+        return Ok(None);
+    }
+    let last = f64::from(DENSE_STARTS - 1);
+    let shares: Vec<f64> = (0..DENSE_STARTS).map(|n| 2.0 * f64::from(n) / last - 1.0).collect();
+    let mut values = from_starts(optimisation, &best.values, &shares)?;
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| quantile(&values, share);
+    let (q05, median, q95) = (at(0.05), at(0.5), at(0.95));
+    Ok(Some(Starts { count: DENSE_STARTS, min: at(0.0), q05, median, q95, max: at(1.0) }))
+}

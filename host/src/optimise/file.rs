@@ -1,0 +1,330 @@
+//! Reads an optimisation file: the case, its variables, the band, the objective and the constraints.
+
+use std::path::{Path, PathBuf};
+
+use super::cases::Direct;
+use super::keys::{constraint, ensemble, optimisation as keys, variable};
+use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::simulation::case::default_name;
+use crate::simulation::{Case, SetValues};
+use crate::study::axis::{self, Axis, Value, Values};
+use crate::study::evaluate::Record;
+use crate::study::file::{corners, lines, read_case, read_record};
+use crate::study::metric::Metric;
+
+/// Evaluations for each variable, unless the file states their number.
+const EVALUATIONS_PER_VARIABLE: u64 = 2_000;
+
+/// Most variables.
+const MOST_VARIABLES: usize = 12;
+
+/// Several starts of the particle at each point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Starts {
+    /// Places of the particle at the start as shares of the clearance from the centre, −1 to 1.
+    pub shares: Vec<f64>,
+    /// The quantile over them that is optimised: 0 is the smallest value, 1 the largest.
+    pub quantile: f64,
+}
+
+/// What a constraint asks of its metric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// At most this.
+    AtMost(f64),
+    /// At least this.
+    AtLeast(f64),
+    /// This.
+    Equals(f64),
+}
+
+/// A constraint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constraint {
+    /// The metric.
+    pub metric: Metric,
+    /// What is asked of it.
+    pub limit: Limit,
+    span: Span,
+}
+
+/// An optimisation as read.
+#[derive(Clone, Debug)]
+pub struct Optimisation {
+    /// Name.
+    pub name: String,
+    /// Its text.
+    pub text: String,
+    /// Path of the case.
+    pub case_path: PathBuf,
+    /// Text of the case.
+    pub case_text: String,
+    /// The variables, then the axes of the band, each in the order of the file.
+    pub axes: Vec<Axis>,
+    /// Number of variables.
+    pub variables: usize,
+    /// What is counted; as the case's `run` says without one.
+    pub record: Option<Record>,
+    /// Several starts, if any.
+    pub starts: Option<Starts>,
+    /// The objective.
+    pub objective: Metric,
+    /// The largest value is the best.
+    pub is_maximum: bool,
+    /// The constraints.
+    pub constraints: Vec<Constraint>,
+    /// Most points that are evaluated.
+    pub evaluations: u64,
+    /// Of the random numbers.
+    pub seed: u64,
+    pub(super) direct: Direct,
+}
+
+impl Limit {
+    /// By how much a value is beyond it, in the metric's unit; below 0 within it, infinite for a value that does not exist.
+    #[must_use]
+    pub fn excess(self, value: f64) -> f64 {
+        match self {
+            _ if value.is_nan() => f64::INFINITY,
+            Self::AtMost(limit) => value - limit,
+            Self::AtLeast(limit) => limit - value,
+            Self::Equals(limit) => (value - limit).abs(),
+        }
+    }
+
+    /// By how much a value misses it, as a share of the limit (as a number where the limit is 0); 0 if it is kept.
+    #[must_use]
+    pub fn violation(self, value: f64) -> f64 {
+        let (Self::AtMost(limit) | Self::AtLeast(limit) | Self::Equals(limit)) = self;
+        self.excess(value).max(0.0) / if limit == 0.0 { 1.0 } else { limit.abs() }
+    }
+
+    /// In words, with a limit as `number` writes it.
+    #[must_use]
+    pub fn words(self, number: impl Fn(f64) -> String) -> String {
+        match self {
+            Self::AtMost(limit) => format!("at most {}", number(limit)),
+            Self::AtLeast(limit) => format!("at least {}", number(limit)),
+            Self::Equals(limit) => format!("equal to {}", number(limit)),
+        }
+    }
+}
+
+impl Optimisation {
+    /// Reads an optimisation and its case, and checks the case at the ends of every range.
+    ///
+    /// # Errors
+    /// Lists all problems of the file, or those of the case with values of the variables.
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        let source = Source::read(path)?;
+        let read = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path));
+        source.verdict()?;
+        let mut read =
+            read.ok_or_else(|| Refusal(format!("{}: the optimisation could not be read", path.display())))?;
+        read.check(&source)?;
+        read.direct = Direct::of(&read);
+        Ok(read)
+    }
+
+    /// The variables.
+    #[must_use]
+    pub fn variables(&self) -> &[Axis] {
+        &self.axes[..self.variables]
+    }
+
+    /// The axes of the band.
+    #[must_use]
+    pub fn band(&self) -> &[Axis] {
+        &self.axes[self.variables..]
+    }
+
+    /// Points of the band.
+    #[must_use]
+    pub fn band_points(&self) -> usize {
+        self.band().iter().map(Axis::count).product()
+    }
+
+    /// The values of the band's axes at one of its points, of which the last axis varies fastest.
+    #[must_use]
+    pub fn band_values(&self, point: usize) -> Vec<Value> {
+        let mut rest = point;
+        let mut values: Vec<Value> = Vec::new();
+        for axis in self.band().iter().rev() {
+            values.push(axis.value(rest % axis.count(), 0.0));
+            rest /= axis.count();
+        }
+        values.reverse();
+        values
+    }
+
+    /// Simulations of a point.
+    #[must_use]
+    pub fn simulations_per_point(&self) -> usize {
+        self.band_points() * self.starts.as_ref().map_or(1, |starts| starts.shares.len())
+    }
+
+    /// The case with values of the variables and of the band's axes.
+    ///
+    /// # Errors
+    /// Names the key, its value and what is allowed.
+    pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
+        let set = SetValues { origin: "the variables and axes".into(), lines: lines(&self.axes, values) };
+        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str());
+        Case::parse_changed(&source, &default_name(&self.case_path), &set)
+    }
+
+    /// Whether `new` is a better value of the objective than `old`.
+    #[must_use]
+    pub fn is_better(&self, new: f64, old: f64) -> bool {
+        if self.is_maximum { new > old } else { new < old }
+    }
+
+    fn check(&self, source: &Source) -> Result<(), Refusal> {
+        for corner in corners(&self.axes) {
+            let case = self.case_with(&corner)?;
+            self.check_case(&case)?;
+            self.check_metrics(source, &case)?;
+        }
+        // The values of an axis between its ends, with the variables at their first ends.
+        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
+        for (place, axis) in self.axes.iter().enumerate() {
+            for value in axis.checked_values() {
+                let mut values = first.clone();
+                values[place] = value;
+                self.case_with(&values)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_case(&self, case: &Case) -> Result<(), Refusal> {
+        let path = self.case_path.display();
+        if self.starts.is_some() && case.set_up.particle.is_none() {
+            return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
+        }
+        if self.record.is_some() && case.record.is_some() {
+            let why = format!("[record] counts cycles, and the base of {path} follows a record");
+            return Err(Refusal(format!("{why}\n  leave it out: the whole record counts")));
+        }
+        Ok(())
+    }
+
+    fn check_metrics(&self, source: &Source, case: &Case) -> Result<(), Refusal> {
+        let objective = (self.objective, source.locate(&[crate::input::locate::Step::Key(keys::OBJECTIVE.name())]));
+        let constraints = self.constraints.iter().map(|constraint| (constraint.metric, Some(constraint.span.clone())));
+        for (metric, span) in std::iter::once(objective).chain(constraints) {
+            if let Some(why) = metric.refusal(case) {
+                source.report(Problem {
+                    title: format!("the metric {:?} does not go with this case", metric.name()),
+                    span: span.unwrap_or_default(),
+                    allowed: why.into(),
+                    help: None,
+                });
+            }
+        }
+        source.verdict()
+    }
+}
+
+fn read_root(root: &Section, path: &Path) -> Option<Optimisation> {
+    let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
+    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case));
+    let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
+    let goal = root.word(&keys::GOAL);
+    let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
+    let variables: Vec<Option<Axis>> = root.tables_of(&keys::VARIABLE).iter().map(read_variable).collect();
+    let band: Vec<Option<Axis>> = root.tables_of(&keys::AXIS).iter().map(read_axis).collect();
+    let constraints: Vec<_> = root.tables_of(&keys::CONSTRAINT).iter().map(read_constraint).collect();
+    let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
+    let is_maximum = goal? == 1;
+    let starts = root.table_of(&keys::ENSEMBLE, None).map(|s| read_starts(&s, is_maximum));
+    let mut axes = variables.into_iter().collect::<Option<Vec<Axis>>>()?;
+    let variables = axes.len();
+    axes.extend(band.into_iter().collect::<Option<Vec<Axis>>>()?);
+    check_axes(root, &axes, variables)?;
+    let (case_path, case_text) = case?;
+    Some(Optimisation {
+        name,
+        text: root.source().text().to_string(),
+        case_path,
+        case_text,
+        axes,
+        variables,
+        record: record.unwrap_or(Some(None))?,
+        starts: starts.unwrap_or(Some(None))?,
+        objective: objective?,
+        is_maximum,
+        constraints: constraints.into_iter().collect::<Option<Vec<_>>>()?,
+        evaluations: evaluations.map_or(EVALUATIONS_PER_VARIABLE * variables as u64, |count| count as u64),
+        seed: seed? as u64,
+        direct: Direct::default(),
+    })
+}
+
+fn read_variable(s: &Section) -> Option<Axis> {
+    let key = s.text_of(&variable::KEY);
+    let (from, to) = (s.placed(&variable::FROM), s.placed(&variable::TO));
+    let is_log = s.word(&variable::SCALE) == Some(1);
+    s.finish();
+    let key = axis::checked_key(s, key?)?;
+    let (from, to) = axis::checked_range(s, &from?, &to?, is_log, "leave the variable out, and state it in the case")?;
+    Some(Axis { key: key.value, values: Values::Drawn { from, to, is_log }, is_log, reduce: None, span: key.span })
+}
+
+fn read_axis(s: &Section) -> Option<Axis> {
+    let axis = axis::read(s, false, "give `count`")?;
+    if axis.reduce.is_none() {
+        let help = "add reduce = \"maximum\" for the worst case over the band, or make it a [[variable]]";
+        s.refuse("key", &axis.span, "has no `reduce`: the points of an axis must become one", Some(help.into()));
+        return None;
+    }
+    Some(axis)
+}
+
+fn read_constraint(s: &Section) -> Option<Constraint> {
+    let metric = s.word(&constraint::METRIC);
+    let limit = s.one_of(&constraint::LIMIT);
+    s.finish();
+    let (place, value) = limit?;
+    let limit = [Limit::AtMost, Limit::AtLeast, Limit::Equals][place](value);
+    Some(Constraint { metric: Metric::ALL[metric?], limit, span: s.span_of(constraint::METRIC.name()) })
+}
+
+fn read_starts(s: &Section, is_maximum: bool) -> Option<Option<Starts>> {
+    let count = s.scalar(&ensemble::STARTS);
+    let quantile = match s.written(&ensemble::OVER).map(|key| key.name) {
+        None => Some(if is_maximum { 0.0 } else { 1.0 }),
+        Some("over_starts") => s.word(&ensemble::OVER).map(|place| [1.0, 0.5, 0.0][place]),
+        Some(_) => s.scalar(&ensemble::OVER),
+    };
+    s.finish();
+    let last = count? - 1.0;
+    let shares = (0..=last as usize).map(|n| 2.0 * (n as f64 / last) - 1.0).collect();
+    Some(Some(Starts { shares, quantile: quantile? }))
+}
+
+fn check_axes(root: &Section, axes: &[Axis], variables: usize) -> Option<()> {
+    if variables == 0 {
+        // Without any table the key is missing, which is reported already.
+        if root.has_own(keys::VARIABLE.name()) {
+            root.reject(keys::VARIABLE.name(), "needs at least one table", None);
+        }
+        return None;
+    }
+    if variables > MOST_VARIABLES {
+        root.reject(keys::VARIABLE.name(), format!("at most {MOST_VARIABLES} variables can be searched"), None);
+        return None;
+    }
+    for (place, axis) in axes.iter().enumerate() {
+        if axes[..place].iter().any(|other| other.key == axis.key) {
+            root.refuse("key", &axis.span, "is varied twice", Some("leave one of the two tables out".into()));
+            return None;
+        }
+    }
+    let points = axes[variables..].iter().try_fold(1usize, |points, axis| points.checked_mul(axis.count()));
+    if points.is_none_or(|points| points > 1_000_000) {
+        root.reject(keys::AXIS.name(), "has more than a million points", None);
+        return None;
+    }
+    Some(())
+}

@@ -1,0 +1,87 @@
+//! What the structure does without its dampers, and with a tuned mass damper of equal mass, over the same band and record.
+
+use damprig_core::integrator::exact::Excitation;
+use damprig_core::model::{Tmd, Tuning};
+use serde::Serialize;
+
+use super::cases::Cases;
+use super::evaluate::{Evaluated, over_band};
+use super::file::Optimisation;
+use crate::input::Refusal;
+use crate::simulation::Case;
+
+/// The objective of other dampers; `None` where it does not exist for them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct References {
+    /// Of the structure without any damper.
+    pub bare: Option<f64>,
+    /// Of the structure with a tuned mass damper in place of the dampers.
+    pub tmd: Option<TunedMass>,
+}
+
+/// A tuned mass damper of the mass of the case's particle (or of its own tuned mass).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TunedMass {
+    /// Its mass, kg.
+    pub mass_kg: f64,
+    /// The rule that tunes it.
+    pub tuning: &'static str,
+    /// γ, its natural frequency over that of the structure.
+    pub frequency_ratio: f64,
+    /// ζ₁, its damping ratio.
+    pub damping_ratio: f64,
+    /// The objective.
+    pub objective: f64,
+}
+
+impl References {
+    /// At the optimum's structure, base motion and mass.
+    ///
+    /// # Errors
+    /// The refusal of a case that the values make.
+    pub fn at(optimisation: &Optimisation, best: &Evaluated) -> Result<Self, Refusal> {
+        let middle = Cases::at(optimisation, &best.values)?.case(optimisation.band_points() / 2)?;
+        let bare = objective(optimisation, best, &|case| without_dampers(case, None))?;
+        let mass_kg = middle.set_up.particle.map(|p| p.mass_kg).or(middle.set_up.tmd.map(|t| t.mass_kg));
+        let Some(mass_kg) = mass_kg else { return Ok(Self { bare, tmd: None }) };
+        let is_force = matches!(middle.excitation, Excitation::ForceSine { .. } | Excitation::ForceHalfSine { .. });
+        let tuning = if is_force { Tuning::DenHartog } else { Tuning::Warburton };
+        let structure = middle.set_up.structure;
+        let tmd = Tmd::tuned(&structure, mass_kg, tuning);
+        let mass_ratio = mass_kg / structure.mass_kg;
+        let with_tmd = objective(optimisation, best, &|case| without_dampers(case, Some(tmd)))?;
+        let tmd = with_tmd.map(|objective| TunedMass {
+            mass_kg,
+            tuning: tuning.name(),
+            frequency_ratio: tuning.frequency_ratio(mass_ratio),
+            damping_ratio: tuning.damping_ratio(mass_ratio),
+            objective,
+        });
+        Ok(Self { bare, tmd })
+    }
+}
+
+/// The case with a tuned mass, which starts with the structure, or nothing in place of its dampers.
+fn without_dampers(mut case: Case, tmd: Option<Tmd>) -> Case {
+    case.set_up.particle = None;
+    case.set_up.friction_damper = None;
+    case.set_up.tmd = tmd;
+    (case.initial.y_m, case.initial.u_m_per_s) = (case.initial.x_m, case.initial.v_m_per_s);
+    case
+}
+
+/// The objective with other dampers, if it exists.
+fn objective(
+    optimisation: &Optimisation,
+    best: &Evaluated,
+    change: &dyn Fn(Case) -> Case,
+) -> Result<Option<f64>, Refusal> {
+    let cases = Cases::at(optimisation, &best.values)?;
+    let changed = |point: usize| Ok(change(cases.case(point)?));
+    let first = changed(0)?;
+    if optimisation.objective.refusal(&first).is_some() || first.set_up.validate().is_err() {
+        return Ok(None);
+    }
+    let (value, _) = over_band(optimisation, optimisation.objective, &changed)?;
+    Ok(Some(value).filter(|value| !value.is_nan()))
+}

@@ -1,0 +1,310 @@
+//! The search: Sobol points over the whole range, a particle swarm from the best of them, and Nelder–Mead from the best places.
+//!
+//! The objective of an impact damper jumps along ridges and has many local optima. So no step uses a slope, many places are tried
+//! before any is followed, and several are followed to their end. The points do not depend on the number of threads.
+
+use std::borrow::Borrow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use argmin::core::{CostFunction, Error, Executor, PopulationState};
+use argmin::solver::neldermead::NelderMead;
+use argmin::solver::particleswarm::{Particle, ParticleSwarm};
+use rand_core::SeedableRng;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rayon::prelude::*;
+
+use super::evaluate::{self, Evaluated};
+use super::file::Optimisation;
+use crate::input::Refusal;
+use crate::study::points::{Method, Sampling};
+
+/// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
+const SOBOL_SHARE: f64 = 0.4;
+const SWARM_SHARE: f64 = 0.3;
+
+/// Particles of the swarm.
+const PARTICLES: usize = 32;
+
+/// Places that are followed to their end.
+const PLACES: usize = 8;
+
+/// Least distance between two of them, as a share of the ranges.
+const APART: f64 = 0.03;
+
+/// Edge of the first simplex as a share of the ranges, and of the second one, from where the first has ended.
+const EDGES: [f64; 2] = [0.03, 0.003];
+
+/// The part of the search that a point belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Over the whole range.
+    Sobol,
+    /// The swarm.
+    Swarm,
+    /// Nelder–Mead.
+    Polish,
+}
+
+impl Stage {
+    /// As tables name it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sobol => "sobol",
+            Self::Swarm => "swarm",
+            Self::Polish => "nelder_mead",
+        }
+    }
+}
+
+/// Where a search is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Points that are evaluated.
+    pub done: u64,
+    /// The best point so far.
+    pub best: Option<Evaluated>,
+}
+
+/// What a search found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// All evaluated points, in the order of the search.
+    pub points: Vec<(Stage, Evaluated)>,
+    /// Number of the best one: of those that keep the constraints, or else of the least violation.
+    pub best: usize,
+    /// It was stopped before its end.
+    pub is_stopped: bool,
+}
+
+/// Searches. `report` sees the progress now and then and answers whether to go on.
+///
+/// # Errors
+/// A case that is refused; a search that was stopped before its first point.
+pub fn run(optimisation: &Optimisation, report: &(dyn Fn(&Progress) -> bool + Sync)) -> Result<Found, Refusal> {
+    let judge = Judge::new(optimisation, report);
+    let share = |share: f64| (share * optimisation.evaluations as f64) as usize;
+    let sampling = Sampling { method: Method::Sobol, count: share(SOBOL_SHARE).max(1), seed: optimisation.seed };
+    // The first point of the sequence is a corner; the second is the middle.
+    let mut points = judge.evaluate_all(Stage::Sobol, &sampling.shares(optimisation.variables));
+    points.extend(swarm(&judge, &points, share(SWARM_SHARE) / PARTICLES));
+    let places = best_places(&points, optimisation.is_maximum);
+    let left = optimisation.evaluations as usize - points.len().min(optimisation.evaluations as usize);
+    let each = left / places.len().max(1);
+    let polished: Vec<Vec<(Stage, Evaluated)>> =
+        places.into_par_iter().map(|place| polish(&judge, place, each)).collect();
+    points.extend(polished.into_iter().flatten());
+    judge.verdict()?;
+    let cost = |place: &usize| points[*place].1.cost(optimisation.is_maximum);
+    let best = (0..points.len()).min_by(|a, b| cost(a).total_cmp(&cost(b)));
+    let best = best.ok_or_else(|| Refusal("stopped before the first point".into()))?;
+    Ok(Found { points, best, is_stopped: judge.is_stopped.load(Ordering::Relaxed) })
+}
+
+/// Time after which no further point is tried for an estimate.
+const TRIAL: Duration = Duration::from_millis(500);
+
+/// Points tried for an estimate.
+const TRIED: usize = 4;
+
+/// Estimated computing time of the search on one core, s, from some of its points.
+///
+/// # Errors
+/// The refusal of a case that the values make.
+pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
+    let sampling = Sampling { method: Method::Sobol, count: TRIED + 1, seed: optimisation.seed };
+    let start = Instant::now();
+    let points = sampling.shares(optimisation.variables);
+    let mut tried = 0.0;
+    for shares in &points[1..] {
+        evaluate::at(optimisation, shares)?;
+        tried += 1.0;
+        if start.elapsed() > TRIAL {
+            break;
+        }
+    }
+    Ok(start.elapsed().as_secs_f64() / tried * optimisation.evaluations as f64)
+}
+
+/// The best points so far that are apart from each other, best first.
+fn best_places(points: &[(Stage, Evaluated)], is_maximum: bool) -> Vec<Evaluated> {
+    let mut sorted: Vec<&Evaluated> = points.iter().map(|(_, point)| point).collect();
+    sorted.sort_by(|a, b| a.cost(is_maximum).total_cmp(&b.cost(is_maximum)));
+    let mut places: Vec<Evaluated> = Vec::new();
+    for point in sorted {
+        let distance = |other: &Evaluated| {
+            let along = other.shares.iter().zip(&point.shares).map(|(a, b)| (a - b).abs());
+            along.fold(0.0, f64::max)
+        };
+        if places.iter().all(|other| distance(other) > APART) {
+            places.push(point.clone());
+        }
+        if places.len() == PLACES {
+            break;
+        }
+    }
+    places
+}
+
+/// Moves a swarm that starts at the best points so far.
+fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec<(Stage, Evaluated)> {
+    let is_maximum = judge.optimisation.is_maximum;
+    let mut sorted: Vec<&Evaluated> = points.iter().map(|(_, point)| point).collect();
+    sorted.sort_by(|a, b| a.cost(is_maximum).total_cmp(&b.cost(is_maximum)));
+    sorted.truncate(PARTICLES);
+    if sorted.is_empty() || iterations == 0 {
+        return Vec::new();
+    }
+    let variables = judge.optimisation.variables;
+    let particle =
+        |point: &&Evaluated| Particle::new(point.shares.clone(), point.cost(is_maximum), vec![0.0; variables]);
+    let particles: Vec<Particle<Vec<f64>, f64>> = sorted.iter().map(particle).collect();
+    let bounds = (vec![0.0; variables], vec![1.0; variables]);
+    let random = Xoshiro256PlusPlus::seed_from_u64(judge.optimisation.seed);
+    let solver = ParticleSwarm::new(bounds, particles.len()).with_rng_generator(random);
+    let points = Mutex::default();
+    let search = Search { judge, stage: Stage::Swarm, points: &points };
+    let state = |state: PopulationState<Particle<Vec<f64>, f64>, f64>| {
+        state.population(particles.clone()).max_iters(iterations as u64)
+    };
+    // The points are kept as they are evaluated; the result has nothing more.
+    let _ = Executor::new(search, solver).configure(state).timer(false).run();
+    taken(points)
+}
+
+/// Follows a place to its end with Nelder–Mead, with about so many evaluations.
+fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Evaluated)> {
+    let is_maximum = judge.optimisation.is_maximum;
+    let (mut best, mut points) = (place, Vec::new());
+    for edge in EDGES {
+        let corner = |variable: usize| {
+            let mut corner = best.shares.clone();
+            corner[variable] += if corner[variable] + edge <= 1.0 { edge } else { -edge };
+            corner
+        };
+        let mut simplex = vec![best.shares.clone()];
+        simplex.extend((0..judge.optimisation.variables).map(corner));
+        // An iteration has one or two evaluations.
+        let iterations = (evaluations / EDGES.len()).saturating_sub(simplex.len()) * 2 / 3;
+        let kept = Mutex::default();
+        let search = Search { judge, stage: Stage::Polish, points: &kept };
+        let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(1e-12) else { return points };
+        let _ = Executor::new(search, solver).configure(|state| state.max_iters(iterations as u64)).timer(false).run();
+        let found = taken(kept);
+        for (_, point) in &found {
+            if point.cost(is_maximum) < best.cost(is_maximum) {
+                best = point.clone();
+            }
+        }
+        points.extend(found);
+    }
+    points
+}
+
+/// Evaluates points for all parts of the search, and counts and reports them.
+struct Judge<'a> {
+    optimisation: &'a Optimisation,
+    report: &'a (dyn Fn(&Progress) -> bool + Sync),
+    done: AtomicU64,
+    best: Mutex<Option<Evaluated>>,
+    is_stopped: AtomicBool,
+    refusal: Mutex<Option<Refusal>>,
+}
+
+impl<'a> Judge<'a> {
+    fn new(optimisation: &'a Optimisation, report: &'a (dyn Fn(&Progress) -> bool + Sync)) -> Self {
+        Self {
+            optimisation,
+            report,
+            done: AtomicU64::new(0),
+            best: Mutex::default(),
+            is_stopped: AtomicBool::new(false),
+            refusal: Mutex::default(),
+        }
+    }
+
+    /// The point, unless the search is stopped.
+    fn evaluate(&self, shares: &[f64]) -> Option<Evaluated> {
+        if self.is_stopped.load(Ordering::Relaxed) {
+            return None;
+        }
+        let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
+        match evaluate::at(self.optimisation, &inside) {
+            Ok(point) => {
+                self.meet(&point);
+                Some(point)
+            }
+            Err(refusal) => {
+                self.is_stopped.store(true, Ordering::Relaxed);
+                lock(&self.refusal).get_or_insert(refusal);
+                None
+            }
+        }
+    }
+
+    fn meet(&self, point: &Evaluated) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let is_maximum = self.optimisation.is_maximum;
+        let best = {
+            let mut best = lock(&self.best);
+            if best.as_ref().is_none_or(|best| point.cost(is_maximum) < best.cost(is_maximum)) {
+                *best = Some(point.clone());
+            }
+            best.clone()
+        };
+        if !(self.report)(&Progress { done, best }) {
+            self.is_stopped.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn evaluate_all(&self, stage: Stage, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {
+        let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.evaluate(shares)).collect();
+        evaluated.into_iter().flatten().map(|point| (stage, point)).collect()
+    }
+
+    fn verdict(&self) -> Result<(), Refusal> {
+        lock(&self.refusal).take().map_or(Ok(()), Err)
+    }
+}
+
+fn lock<T>(value: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    value.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+fn taken<T>(value: Mutex<T>) -> T {
+    value.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// The cost as a solver sees it. It keeps the points.
+struct Search<'a> {
+    judge: &'a Judge<'a>,
+    stage: Stage,
+    points: &'a Mutex<Vec<(Stage, Evaluated)>>,
+}
+
+impl Search<'_> {
+    /// Cost of a point. A search that is stopped finds nothing better and ends by its number of iterations.
+    fn keep(&self, point: Option<Evaluated>) -> f64 {
+        let Some(point) = point else { return f64::MAX };
+        let cost = point.cost(self.judge.optimisation.is_maximum);
+        lock(self.points).push((self.stage, point));
+        cost
+    }
+}
+
+impl CostFunction for Search<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, shares: &Vec<f64>) -> Result<f64, Error> {
+        Ok(self.keep(self.judge.evaluate(shares)))
+    }
+
+    fn bulk_cost<P: Borrow<Vec<f64>>>(&self, points: &[P]) -> Result<Vec<f64>, Error> {
+        let points: Vec<&Vec<f64>> = points.iter().map(|point| point.borrow()).collect();
+        let evaluated: Vec<Option<Evaluated>> = points.par_iter().map(|shares| self.judge.evaluate(shares)).collect();
+        Ok(evaluated.into_iter().map(|point| self.keep(point)).collect())
+    }
+}

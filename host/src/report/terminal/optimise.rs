@@ -1,0 +1,173 @@
+//! Text of `damprig optimise`.
+
+use std::path::Path;
+
+use super::table::table;
+use crate::optimise::answer::Kept;
+use crate::optimise::file::Constraint;
+use crate::optimise::neighbourhood::Sensitivity;
+use crate::optimise::{Answer, Optimisation};
+use crate::report::numbers::significant;
+
+/// Size of a search: `Hybrid: 3 variables, 4000 points of 26 simulations`.
+#[must_use]
+pub fn scope(optimisation: &Optimisation) -> String {
+    let variables = optimisation.variables;
+    let plural = if variables == 1 { "variable" } else { "variables" };
+    let each = match optimisation.simulations_per_point() {
+        1 => String::new(),
+        each => format!(" of {each} simulations"),
+    };
+    format!("{}: {variables} {plural}, {} points{each}", optimisation.name, optimisation.evaluations)
+}
+
+/// The answer.
+#[must_use]
+pub fn answer(optimisation: &Optimisation, answer: &Answer) -> String {
+    let mut text = optimum(answer);
+    for part in [starts(answer), sensitivity(optimisation, answer), references(answer)] {
+        if !part.is_empty() {
+            text.push_str("\n\n");
+            text.push_str(&part);
+        }
+    }
+    text
+}
+
+fn with_unit(value: f64, digits: usize, unit: &str) -> String {
+    if value.is_nan() {
+        "missing".into()
+    } else {
+        format!("{} {unit}", significant(value, digits)).trim_end().to_string()
+    }
+}
+
+fn optimum(answer: &Answer) -> String {
+    let goal = if answer.goal == "maximum" { "largest" } else { "smallest" };
+    let value = with_unit(answer.objective, 6, answer.unit);
+    let mut text = match (answer.is_feasible, answer.is_stopped) {
+        (true, false) => format!("{goal} {}: {value} at", answer.metric),
+        (true, true) => format!("{goal} {} so far: {value} at", answer.metric),
+        (false, _) => {
+            format!("no point keeps the constraints; the least violation, with {} {value}, is at", answer.metric)
+        }
+    };
+    let mut line = |key: &str, value: &str| text.push_str(&format!("\n  {key:34} {value}"));
+    for variable in &answer.variables {
+        line(&variable.key, &with_unit(variable.value, 6, variable.unit));
+    }
+    for place in &answer.band {
+        line(&format!("there, {}", place.key), &with_unit(place.value, 6, place.unit));
+    }
+    for constraint in &answer.constraints {
+        let kept = if constraint.is_kept { "kept" } else { "not kept" };
+        let value = with_unit(constraint.value, 5, constraint.unit);
+        line(constraint.metric, &format!("{value} ({}: {kept})", constraint.limit));
+    }
+    if answer.unresolved > 0.0 {
+        line("unresolved", &format!("{} times too many events fell on one instant", answer.unresolved));
+    }
+    text
+}
+
+fn starts(answer: &Answer) -> String {
+    let Some(starts) = &answer.starts else { return String::new() };
+    let number = |value: f64| significant(value, 5);
+    format!(
+        "From {} starts between the walls: median {}, 5 % to 95 % {} to {}, all {} to {}.",
+        starts.count,
+        number(starts.median),
+        number(starts.q05),
+        number(starts.q95),
+        number(starts.min),
+        number(starts.max)
+    )
+}
+
+fn sensitivity(optimisation: &Optimisation, answer: &Answer) -> String {
+    if answer.sensitivity.is_empty() {
+        return String::new();
+    }
+    let change = |value: Option<f64>| match value {
+        Some(value) if !value.is_nan() => percent(value / answer.objective - 1.0),
+        Some(_) => "missing".into(),
+        None => "outside the range".into(),
+    };
+    let mut rows = table(&["change of", "1 %", "1 % less", "1 % more", "worst within 1 %"]);
+    for (sensitivity, axis) in answer.sensitivity.iter().zip(optimisation.variables()) {
+        rows.add_row([
+            sensitivity.key.clone(),
+            with_unit(sensitivity.step, 3, axis.unit()),
+            change(sensitivity.below),
+            change(sensitivity.above),
+            change(Some(sensitivity.worst_within)),
+        ]);
+    }
+    let mut text = format!("What small changes do to {}:\n{rows}", answer.metric);
+    for sensitivity in &answer.sensitivity {
+        text.push_str(&ridge(sensitivity, answer));
+    }
+    text
+}
+
+/// A ridge near the optimum, in words.
+fn ridge(sensitivity: &Sensitivity, answer: &Answer) -> String {
+    let Some(jump) = &sensitivity.jump else { return String::new() };
+    let at = answer.variables.iter().find(|variable| variable.key == sensitivity.key).map_or(f64::NAN, |v| v.value);
+    let away = if at == 0.0 { String::new() } else { format!(" ({} away)", percent((jump.near - at) / at)) };
+    format!(
+        "\nridge: between {} = {} and {}{away} {} jumps from {} to {}",
+        sensitivity.key,
+        significant(jump.near, 6),
+        significant(jump.far, 6),
+        answer.metric,
+        significant(jump.objective_near, 5),
+        significant(jump.objective_far, 5)
+    )
+}
+
+fn percent(share: f64) -> String {
+    format!("{:+.2} %", 100.0 * share)
+}
+
+fn references(answer: &Answer) -> String {
+    let mut lines = Vec::new();
+    let against = |value: f64| {
+        let share = answer.objective / value - 1.0;
+        let side = if share < 0.0 { "below" } else { "above" };
+        format!("{} % {side} it", significant(100.0 * share.abs(), 3))
+    };
+    if let Some(bare) = answer.references.bare {
+        let value = with_unit(bare, 5, answer.unit);
+        lines.push(format!("Bare structure: {value}; the optimum is {}", against(bare)));
+    }
+    if let Some(tmd) = &answer.references.tmd {
+        lines.push(format!(
+            "Tuned mass damper of equal mass ({} kg, {}: γ = {}, ζ₁ = {}): {}; the optimum is {}",
+            significant(tmd.mass_kg, 4),
+            tmd.tuning,
+            significant(tmd.frequency_ratio, 4),
+            significant(tmd.damping_ratio, 4),
+            with_unit(tmd.objective, 5, answer.unit),
+            against(tmd.objective)
+        ));
+    }
+    lines.join("\n")
+}
+
+/// What to say when no point keeps the constraints.
+#[must_use]
+pub fn unkept(optimisation: &Optimisation, answer: &Answer, file: &Path) -> String {
+    let missed = |(kept, constraint): (&Kept, &Constraint)| {
+        let value = with_unit(kept.value, 5, kept.unit);
+        let by = constraint.limit.excess(kept.value);
+        let by = if by.is_finite() { format!(", beyond it by {}", with_unit(by, 3, kept.unit)) } else { String::new() };
+        format!("; {} = {value}, and it must be {}{by}", kept.metric, kept.limit)
+    };
+    let constraints = answer.constraints.iter().zip(&optimisation.constraints).filter(|(kept, _)| !kept.is_kept);
+    let missed: String = constraints.map(missed).collect();
+    format!(
+        "{}: no point keeps the constraints{missed} at the least violation\n  loosen the constraint, or widen the ranges of the variables",
+        file.display()
+    )
+}
