@@ -16,7 +16,17 @@ const DIRECTIONS: [(&str, &[&str]); 12] = [
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-continuation", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
-    ("damprig", &["damprig-continuation", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
+    (
+        "damprig",
+        &[
+            "damprig-batch",
+            "damprig-continuation",
+            "damprig-core",
+            "damprig-protocol",
+            "damprig-device",
+            "damprig-simulator",
+        ],
+    ),
     ("damprig-tests", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-fuzzing", &["damprig", "damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     ("damprig-benches", &["damprig", "damprig-core", "damprig-protocol"]),

@@ -5,8 +5,9 @@ use super::file::Optimisation;
 use crate::input::Refusal;
 use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
-use crate::study::evaluate::{metrics_of, quantile, reduce_over, started_at};
+use crate::study::evaluate::{quantile, reduce_over, started_at};
 use crate::study::metric::Metric;
+use crate::study::simulate::metrics_of_all;
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,17 +120,21 @@ fn simulate_band(
     cases: &dyn Fn(usize) -> Result<Case, Refusal>,
 ) -> Result<(Simulated, f64), Refusal> {
     let points = optimisation.band_points();
-    let mut simulated = vec![vec![Vec::with_capacity(points); starts.map_or(1, <[f64]>::len)]; metrics.len()];
-    let mut unresolved = 0.0;
+    let count = starts.map_or(1, <[f64]>::len);
+    let mut all = Vec::with_capacity(points * count);
     for point in 0..points {
         let case = cases(point)?;
-        for start in 0..starts.map_or(1, <[f64]>::len) {
-            let started = starts.map(|shares| started_at(&case, shares[start]));
-            let (values, given_up) = metrics_of(started.as_ref().unwrap_or(&case), optimisation.record, metrics)?;
-            unresolved += given_up;
-            for (value, of_metric) in values.into_iter().zip(&mut simulated) {
-                of_metric[start].push(value);
-            }
+        match starts {
+            None => all.push(case),
+            Some(shares) => all.extend(shares.iter().map(|share| started_at(&case, *share))),
+        }
+    }
+    let mut simulated = vec![vec![Vec::with_capacity(points); count]; metrics.len()];
+    let mut unresolved = 0.0;
+    for (place, (values, given_up)) in metrics_of_all(&all, optimisation.record, metrics)?.into_iter().enumerate() {
+        unresolved += given_up;
+        for (value, of_metric) in values.into_iter().zip(&mut simulated) {
+            of_metric[place % count].push(value);
         }
     }
     Ok((simulated, unresolved))

@@ -8,9 +8,9 @@ use crate::input::{Problem, Refusal, Section, Source, Span};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 use crate::study::axis::{self, Axis, Value, Values};
-use crate::study::evaluate::Record;
 use crate::study::file::{corners, lines, read_case, read_record};
 use crate::study::metric::Metric;
+use crate::study::simulate::Record;
 
 /// Evaluations for each variable, unless the file states their number.
 const EVALUATIONS_PER_VARIABLE: u64 = 2_000;

@@ -1,5 +1,6 @@
-//! Simulates the points of a study.
+//! The table of a study: its columns, and its rows from simulations.
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use damprig_core::integrator::exact::Exact;
@@ -7,48 +8,10 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 
 use super::axis::{Axis, Reduction, Value};
 use super::file::Study;
-use super::metric::{Figures, Metric, Periodicity};
+use super::metric::Metric;
+use super::simulate::{Counted, Simulated, metrics_of_all};
 use crate::input::Refusal;
-use crate::simulation::{Case, RunOptions, simulate};
-
-/// What is counted of each simulation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Record {
-    /// Counted cycles, or else
-    pub cycles: Option<f64>,
-    /// counted time, s.
-    pub duration_s: Option<f64>,
-    /// Cycles simulated before.
-    pub settle_cycles: f64,
-    /// Time simulated before, s; rounded up to whole cycles.
-    pub settle_s: f64,
-}
-
-/// The counted part of a simulation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Counted {
-    cycle_s: f64,
-    first_cycle: f64,
-    end_s: f64,
-}
-
-impl Counted {
-    fn of(case: &Case, record: Option<Record>) -> Self {
-        let cycle_s = case.cycle_s();
-        let Some(record) = record else {
-            let first_cycle = case.run.steady_from_cycle.unwrap_or(0) as f64;
-            return Self { cycle_s, first_cycle, end_s: case.run.duration_s };
-        };
-        let first_cycle = record.settle_cycles.max((record.settle_s / cycle_s - 1e-9).ceil());
-        let length_s = record.cycles.map_or(record.duration_s.unwrap_or(0.0), |cycles| cycles * cycle_s);
-        // A whole number of cycles ends on a cycle.
-        let end_s = match record.cycles {
-            Some(cycles) => (first_cycle + cycles) * cycle_s,
-            None => first_cycle * cycle_s + length_s,
-        };
-        Self { cycle_s, first_cycle, end_s }
-    }
-}
+use crate::simulation::Case;
 
 /// A column of the table that is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +24,7 @@ pub struct Column {
     pub doc: String,
 }
 
-/// The computed columns of a study's table, in the order of the values of [`row`].
+/// The computed columns of a study's table, in the order of the values of [`rows`].
 #[must_use]
 pub fn columns(study: &Study) -> Vec<Column> {
     let mut columns = Vec::new();
@@ -126,33 +89,46 @@ fn extreme_axes(study: &Study) -> impl Iterator<Item = usize> {
     study.points.reduced().iter().copied().filter(is_extreme)
 }
 
-/// Computes a row of the table: values of the columns that [`columns`] names.
+/// Simulations that are computed together, at least: they fill the vector lanes.
+const TOGETHER: u64 = 64;
+
+/// Rows that are computed together.
+#[must_use]
+pub fn rows_together(study: &Study) -> u64 {
+    TOGETHER.div_ceil(study.simulations_per_row().max(1))
+}
+
+/// Computes rows of the table: for each the values of the columns that [`columns`] names.
 ///
 /// # Errors
 /// The refusal of a case that the axes make.
-pub fn row(study: &Study, row: u64) -> Result<Vec<f64>, Refusal> {
+pub fn rows(study: &Study, rows: Range<u64>) -> Result<Vec<Vec<f64>>, Refusal> {
     let points = study.points.points_per_row(&study.axes).unwrap_or(0);
-    let shares: Vec<Option<f64>> = match &study.ensemble {
-        None => vec![None],
-        Some(ensemble) => ensemble.shares.iter().copied().map(Some).collect(),
-    };
-    // By metric, then by start, then by point.
-    let mut values = vec![vec![Vec::with_capacity(points as usize); shares.len()]; study.metrics.len()];
-    let mut unresolved = 0.0;
-    for point in 0..points {
-        let case = study.case_with(&study.points.values(&study.axes, row, point))?;
-        for (start, share) in shares.iter().enumerate() {
-            let case = share.map_or_else(|| case.clone(), |share| started_at(&case, share));
-            let (of_case, given_up) = metrics_of(&case, study.record, &study.metrics)?;
-            unresolved += given_up;
-            for (value, values) in of_case.into_iter().zip(&mut values) {
-                values[start].push(value);
+    let mut cases = Vec::new();
+    for row in rows.clone() {
+        for point in 0..points {
+            let case = study.case_with(&study.points.values(&study.axes, row, point))?;
+            match &study.ensemble {
+                None => cases.push(case),
+                Some(ensemble) => cases.extend(ensemble.shares.iter().map(|share| started_at(&case, *share))),
             }
         }
     }
+    let simulated = metrics_of_all(&cases, study.record, &study.metrics)?;
+    let each = study.simulations_per_row() as usize;
+    Ok(rows.zip(simulated.chunks(each)).map(|(row, simulated)| row_of(study, row, simulated)).collect())
+}
+
+/// A row from its simulations: by point, then by start.
+fn row_of(study: &Study, row: u64, simulated: &[Simulated]) -> Vec<f64> {
+    let starts = study.ensemble.as_ref().map_or(1, |ensemble| ensemble.shares.len());
     let mut row_values = Vec::new();
-    for of_metric in &values {
-        let reduced: Vec<(f64, Vec<Value>)> = of_metric.iter().map(|values| reduce(study, row, values)).collect();
+    for metric in 0..study.metrics.len() {
+        let over_points = |start: usize| -> Vec<f64> {
+            simulated[start..].iter().step_by(starts).map(|(values, _)| values[metric]).collect()
+        };
+        let reduced: Vec<(f64, Vec<Value>)> =
+            (0..starts).map(|start| reduce(study, row, &over_points(start))).collect();
         match &study.ensemble {
             None => {
                 row_values.push(reduced[0].0);
@@ -168,21 +144,8 @@ pub fn row(study: &Study, row: u64) -> Result<Vec<f64>, Refusal> {
             }
         }
     }
-    row_values.push(unresolved);
-    Ok(row_values)
-}
-
-/// Simulates a case: the values of the metrics, and how often the event search was given up.
-///
-/// # Errors
-/// A case that the integrator refuses.
-pub fn metrics_of(case: &Case, record: Option<Record>, metrics: &[Metric]) -> Result<(Vec<f64>, f64), Refusal> {
-    let (figures, given_up) = figures(case, record)?;
-    let needs_analysis = metrics.iter().any(|metric| metric.needs_analysis());
-    let periodicity = needs_analysis.then(|| periodicity(case, record));
-    let reference_m = case.reference_m().map_or(f64::NAN, |(reference_m, _)| reference_m);
-    let values = metrics.iter().map(|metric| metric.value(&figures, reference_m, periodicity.as_ref()));
-    Ok((values.collect(), given_up))
+    row_values.push(simulated.iter().map(|(_, given_up)| given_up).sum());
+    row_values
 }
 
 /// The case with its particle at this share of the clearance from the centre.
@@ -231,60 +194,6 @@ pub fn reduce_over(axes: &[&Axis], values: &[f64]) -> (f64, usize) {
     level[0]
 }
 
-/// Simulates a case; also how often the event search was given up.
-fn figures(case: &Case, record: Option<Record>) -> Result<(Figures, f64), Refusal> {
-    if case.record.is_some() {
-        return figures_on_record(case);
-    }
-    let invalid = |invalid: damprig_core::io::Invalid| Refusal(invalid.to_string());
-    let counted = Counted::of(case, record);
-    let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
-    let from_s = counted.first_cycle * counted.cycle_s;
-    motion.run(from_s, &mut ());
-    let first_cycle = counted.first_cycle as u64;
-    let wanted = Wanted { cycle_s: Some(counted.cycle_s), steady_from_cycle: Some(first_cycle), whole_run: true };
-    let mut response = Response::new(wanted);
-    response.skip_to(first_cycle);
-    motion.run(counted.end_s, &mut response);
-    response.finish(motion.time_s());
-    let (largest_cycle_max_m, mean_cycle_max_m) = response.steady_m().unwrap_or((f64::NAN, f64::NAN));
-    let figures = Figures {
-        mean_cycle_max_m,
-        largest_cycle_max_m,
-        max_abs_x_m: response.max_abs_x_m(),
-        max_abs_x_minus_z_m: response.max_abs_x_minus_z_m(),
-        rms_x_m: response.rms_x_m(),
-        impacts: response.impact_count() as f64,
-        cycles: (counted.end_s - from_s) / counted.cycle_s,
-        // A soft wall that was never touched has exerted no force.
-        peak_contact_force_n: response.peak_contact_force_n().unwrap_or(0.0),
-    };
-    Ok((figures, f64::from(motion.unresolved())))
-}
-
-fn figures_on_record(case: &Case) -> Result<(Figures, f64), Refusal> {
-    let mut go_on = |_: f64| true;
-    let options = RunOptions { keep: false, longest_part_s: case.run.duration_s, go_on: &mut go_on };
-    let summary = simulate(case, &mut (), options).map_err(|invalid| Refusal(invalid.to_string()))?.summary;
-    let figures = Figures {
-        mean_cycle_max_m: f64::NAN,
-        largest_cycle_max_m: f64::NAN,
-        max_abs_x_m: summary.max_abs_x_m,
-        max_abs_x_minus_z_m: summary.max_abs_x_minus_z_m,
-        rms_x_m: summary.rms_x_m,
-        impacts: summary.impact_count as f64,
-        cycles: case.run.duration_s / case.cycle_s(),
-        peak_contact_force_n: summary.peak_contact_force_n.unwrap_or(0.0),
-    };
-    Ok((figures, f64::from(summary.unresolved)))
-}
-
-fn periodicity(case: &Case, record: Option<Record>) -> Periodicity {
-    let mut case = case.clone();
-    case.run.duration_s = Counted::of(&case, record).end_s;
-    Periodicity::of(&case)
-}
-
 /// Longest computing time of [`trial_s`], about.
 const TRIAL: Duration = Duration::from_millis(50);
 
@@ -298,7 +207,7 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
     let reading_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let simulating_s = if case.record.is_some() {
-        figures(&case, None)?;
+        metrics_of_all(&[case], None, &study.metrics)?;
         start.elapsed().as_secs_f64()
     } else {
         let end_s = Counted::of(&case, study.record).end_s;

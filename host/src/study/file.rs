@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::axis::{self, Axis, Value};
-use super::evaluate::Record;
 use super::keys::{ensemble, record, sampling, study as keys};
 use super::metric::Metric;
 use super::points::{Method, Points, Sampling};
+use super::simulate::Record;
 use crate::input::section::Text;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::simulation::case::default_name;

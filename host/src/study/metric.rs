@@ -131,6 +131,12 @@ impl Metric {
         matches!(self, Self::Period | Self::LargestMultiplier)
     }
 
+    /// Whether it needs more than the cycle maxima and impacts: the mean square, x − z or contact forces.
+    #[must_use]
+    pub const fn needs_whole_run(self) -> bool {
+        matches!(self, Self::RmsOverZ | Self::RmsX | Self::MaxAbsXMinusZ | Self::PeakContactForce)
+    }
+
     /// Why a case cannot have it, if it cannot.
     #[must_use]
     pub fn refusal(self, case: &Case) -> Option<&'static str> {

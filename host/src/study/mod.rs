@@ -13,6 +13,7 @@ mod keys;
 pub mod metric;
 pub mod points;
 pub mod run;
+pub mod simulate;
 pub mod table;
 
 pub use file::Study;

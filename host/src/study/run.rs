@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
-use super::evaluate::{columns, cycles_per_row, main_column, row, trial_s};
+use super::evaluate::{columns, cycles_per_row, main_column, rows, rows_together, trial_s};
 use super::file::Study;
 use crate::input::Refusal;
 
@@ -87,17 +87,17 @@ pub fn run(
             return Ok((Ending::Stopped, progress));
         }
         let numbers = manifest.rows_of(part);
-        let rows: Option<Vec<Vec<f64>>> = {
-            let computed = |number: u64| {
-                // A part of few long rows is stopped within it.
-                if !report(&Progress { done: progress.done + number - numbers.start, ..progress.clone() }) {
-                    return Ok(None);
-                }
-                row(study, number).map(Some)
-            };
-            numbers.clone().into_par_iter().map(computed).collect::<Result<_, Refusal>>()?
+        let together = rows_together(study);
+        let computed = |from: u64| {
+            // A part of few long rows is stopped within it.
+            if !report(&Progress { done: progress.done + from - numbers.start, ..progress.clone() }) {
+                return Ok(None);
+            }
+            rows(study, from..(from + together).min(numbers.end)).map(Some)
         };
-        let Some(rows) = rows else { return Ok((Ending::Stopped, progress)) };
+        let starts: Vec<u64> = numbers.clone().step_by(together as usize).collect();
+        let rows: Option<Vec<_>> = starts.into_par_iter().map(computed).collect::<Result<_, Refusal>>()?;
+        let Some(rows) = rows.map(|groups| groups.concat()) else { return Ok((Ending::Stopped, progress)) };
         data_set.write_part(study, part, &rows).map_err(|error| Refusal(error.to_string()))?;
         for (number, values) in numbers.zip(&rows) {
             progress.meet(study, number, values[objective]);

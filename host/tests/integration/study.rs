@@ -96,10 +96,10 @@ fn every_point_equals_a_single_simulation() {
         ];
         let summary = &simulated(&folder, &set)["summary"];
         let single = |key: &str| summary[key].as_f64().unwrap();
-        assert_eq!(column(&table, "max_abs_x_m")[row], single("max_abs_x_m"));
-        assert_eq!(column(&table, "rms_x_m")[row], single("rms_x_m"));
-        let mean = single("steady_mean_cycle_max_abs_x_m") / 0.003;
-        assert!((column(&table, "x_over_z")[row] / mean - 1.0).abs() < 1e-14);
+        // The lanes round differently; in 20 cycles that separate neighbours less than threefold it grows to 3^20 × 1e-16.
+        let near = |name: &str, expected: f64| (column(&table, name)[row] / expected - 1.0).abs() < 1e-6;
+        assert!(near("max_abs_x_m", single("max_abs_x_m")) && near("rms_x_m", single("rms_x_m")), "row {row}");
+        assert!(near("x_over_z", single("steady_mean_cycle_max_abs_x_m") / 0.003), "row {row}");
         assert_eq!(column(&table, "impacts_per_cycle")[row], single("impact_count") / 20.0);
     }
 }
@@ -166,7 +166,10 @@ fn an_ensemble_has_its_quantiles_over_starts_from_wall_to_wall() {
     let mut sorted = starts;
     sorted.sort_by(f64::total_cmp);
     let found = ["rms_x_m_min", "rms_x_m_q50", "rms_x_m_max"].map(|name| column(&table, name)[0]);
-    assert_eq!(found, sorted);
+    assert!(
+        found.iter().zip(sorted).all(|(found, single)| (found / single - 1.0).abs() < 1e-6),
+        "{found:?} {sorted:?}"
+    );
 }
 
 #[test]

@@ -197,6 +197,7 @@ impl<S: Simd> Engine<S> {
             accumulations: state.accumulations,
             lane_steps: self.taken.lanes()[lane] as u64,
             exact_steps: state.exact_steps,
+            unresolved: state.point.motion.unresolved(),
         };
         (state.index, outcome)
     }

@@ -44,6 +44,8 @@ pub struct Outcome {
     pub lane_steps: u64,
     /// Steps that were left to the exact engine; all the time of a point without lanes counts as one.
     pub exact_steps: u64,
+    /// How often the event search was given up because too many events fell on one instant.
+    pub unresolved: u32,
 }
 
 impl Point {
@@ -101,6 +103,7 @@ impl Point {
             accumulations: response.accumulation_count(),
             lane_steps: 0,
             exact_steps: 1,
+            unresolved: motion.unresolved(),
         })
     }
 }
