@@ -77,6 +77,29 @@ fn lanes(points: &[Point], set: InstructionSet) -> f64 {
     mean(outcomes.iter().map(|o| o.steady_mean_m.unwrap_or(0.0)))
 }
 
+/// One line: what to run, the best rate so far, cycles/s, and the result.
+struct Line<'a> {
+    name: String,
+    run: Box<dyn Fn() -> f64 + 'a>,
+    rate: f64,
+    result: f64,
+}
+
+impl<'a> Line<'a> {
+    fn new(name: String, run: impl Fn() -> f64 + 'a) -> Self {
+        Self { name, run: Box::new(run), rate: 0.0, result: 0.0 }
+    }
+
+    fn round(&mut self, cycles: u64) {
+        let (start, mut runs) = (Instant::now(), 0);
+        while runs == 0 || start.elapsed() < LEAST {
+            self.result = black_box((self.run)());
+            runs += 1;
+        }
+        self.rate = self.rate.max(f64::from(runs) * cycles as f64 / start.elapsed().as_secs_f64());
+    }
+}
+
 fn main() {
     let rounds = if std::env::args().any(|a| a == "--bench") { ROUNDS } else { 1 };
     let studies = [
@@ -85,28 +108,22 @@ fn main() {
     ];
     for (title, points) in &studies {
         let cycles: u64 = points.iter().map(|p| p.cycles).sum();
-        let mut lines: Vec<(String, Box<dyn Fn() -> f64 + '_>, f64, f64)> = vec![
-            ("exact engine".into(), Box::new(|| exact(points)), 0.0, 0.0),
-            ("exact engine, motion alone".into(), Box::new(|| motion_alone(points)), 0.0, 0.0),
+        let mut lines = vec![
+            Line::new("exact engine".into(), || exact(points)),
+            Line::new("exact engine, motion alone".into(), || motion_alone(points)),
         ];
         for set in InstructionSet::available() {
-            lines.push((format!("lanes, {set:?}"), Box::new(move || lanes(points, set)), 0.0, 0.0));
+            lines.push(Line::new(format!("lanes, {set:?}"), move || lanes(points, set)));
         }
         for _ in 0..rounds {
-            for (_, run, rate, result) in &mut lines {
-                let (start, mut runs) = (Instant::now(), 0);
-                while runs == 0 || start.elapsed() < LEAST {
-                    *result = black_box(run());
-                    runs += 1;
-                }
-                *rate = rate.max(f64::from(runs) * cycles as f64 / start.elapsed().as_secs_f64());
-            }
+            lines.iter_mut().for_each(|line| line.round(cycles));
         }
         let outcomes = simulate_on(points, 1, InstructionSet::fastest()).expect("physical set-ups");
         let (lane, exact) = outcomes.iter().fold((0, 0), |sum, o| (sum.0 + o.lane_steps, sum.1 + o.exact_steps));
         println!("\n{title}; {:.1} % of the steps by the exact engine", 100.0 * exact as f64 / (lane + exact) as f64);
-        for (name, _, rate, result) in &lines {
-            println!("  {name:<28} {rate:>12.0} cycles/s {:>6.2} ×   result {result:.12}", rate / lines[0].2);
+        let first = lines[0].rate;
+        for Line { name, rate, result, .. } in &lines {
+            println!("  {name:<28} {rate:>12.0} cycles/s {:>6.2} ×   result {result:.12}", rate / first);
         }
     }
 }

@@ -15,11 +15,18 @@ use crate::vector::{MOST_LANES, Mask, Vector};
 const NODES: [(f64, f64); 3] = [
     (0.238_619_186_083_196_9, 0.467_913_934_572_691_04),
     (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-    (0.932_469_514_203_152_1, 0.171_324_492_379_170_36),
+    (0.932_469_514_203_152, 0.171_324_492_379_170_36),
 ];
 
 /// Share of the lanes that may still fly when the others' impacts are located.
 const FEW: f64 = 0.25;
+
+/// Steps that the exact engine takes at a time, up to the end of the cycle. Its end-point proof needs whole arcs, so a
+/// single step would always be walked.
+const EXACT_STEPS: f64 = 4.0;
+
+/// Cycles after which a point stays with the exact engine if that has taken more than half of its steps.
+const TRIAL_CYCLES: f64 = 64.0;
 
 /// The part of a lane that only scalar code uses.
 struct Lane {
@@ -350,7 +357,7 @@ impl<S: Simd> Engine<S> {
         self.end_step(takes);
     }
 
-    /// Takes the present step of a lane by core's exact engine, and the following ones until its particle flies freely.
+    /// Takes the present step of a lane by core's exact engine, and a few more at a time until its particle flies freely.
     #[inline(always)]
     fn by_exact_engine(&mut self, lane: usize) {
         let Some(mut state) = self.lanes[lane].take() else { return };
@@ -371,17 +378,24 @@ impl<S: Simd> Engine<S> {
         let this = self.zero.less(this);
         loop {
             let mut response = Response::new(Wanted { whole_run: true, ..Wanted::default() });
-            step += 1.0;
+            // Chatter in every cycle keeps a point out of the lanes for good.
+            let cycles = state.cycles - self.left.lanes()[lane];
+            let stays = cycles >= TRIAL_CYCLES && state.exact_steps as f64 > self.taken.lanes()[lane];
+            let rest = self.table.steps.lanes()[lane] - self.step.lanes()[lane];
+            let steps = if stays { rest } else { rest.min(EXACT_STEPS) };
+            step += steps;
             motion.run(step * h, &mut response);
-            state.exact_steps += 1;
+            state.exact_steps += steps as u64;
             state.accumulations += response.accumulation_count();
             self.impacts.lanes_mut()[lane] += response.impact_count() as f64;
             self.square.lanes_mut()[lane] += response.square_m2_s() / h;
             self.tops.take(this, self.zero.same(response.max_abs_x_m()));
-            self.end_step(this);
+            for _ in 0..steps as u64 {
+                self.end_step(this);
+            }
             let free = matches!(motion.mode().contact, Contact::Free(direction) if direction != 0)
                 && motion.state().offset_m.abs() < self.table.clearance.lanes()[lane];
-            if free || self.left.lanes()[lane] <= 0.0 {
+            if (free && !stays) || self.left.lanes()[lane] <= 0.0 {
                 break;
             }
         }

@@ -9,7 +9,7 @@
 //! the steps is tabulated once. An impact adds to the rest of its step the motion that its push alone would cause.
 //!
 //! Everything else is left to the exact engine: a point with other dampers, soft walls or friction as a whole; of the others
-//! each step that the lanes cannot decide, and the following ones until the particle flies freely again.
+//! each step that the lanes cannot decide, and a few at a time after it until the particle flies freely again.
 //!
 //! # No impact is missed
 //! A lane takes a step only after one of the end-point proofs of the exact engine (see its documentation) for the whole

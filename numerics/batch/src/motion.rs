@@ -38,8 +38,8 @@ impl<S: Simd> Motion<S> {
     #[inline(always)]
     pub fn new(table: &Table<S>, unit: &[Vector<S>; 4]) -> Self {
         let mut bend = [unit[0]; BENT];
-        for n in 0..BENT {
-            bend[n] = (table.columns[0][n + 2] * unit[0] + table.columns[1][n + 2] * unit[1])
+        for (n, bend) in bend.iter_mut().enumerate() {
+            *bend = (table.columns[0][n + 2] * unit[0] + table.columns[1][n + 2] * unit[1])
                 + (table.columns[2][n + 2] * unit[2] + table.columns[3][n + 2] * unit[3]);
         }
         Self { x: unit[0], v: unit[1], bend }
@@ -60,23 +60,24 @@ impl<S: Simd> Motion<S> {
     #[inline(always)]
     pub fn at(&self, t: Vector<S>) -> Instant<S> {
         let square = t * t;
-        let mut sums = [[self.x; 2]; 3];
-        for half in 0..2 {
+        let mut sums = [[self.x; 3]; 2];
+        // Displacement, rate and acceleration, in even and in odd powers.
+        for (half, sums) in sums.iter_mut().enumerate() {
             let n = BENT - 2 + half;
-            sums[0][half] = self.bend[n];
-            sums[1][half] = self.bend[n] * (n + 2) as f64;
-            sums[2][half] = self.bend[n] * ((n + 2) * (n + 1)) as f64;
+            let bend = self.bend[n];
+            *sums = [bend, bend * (n + 2) as f64, bend * ((n + 2) * (n + 1)) as f64];
         }
         for n in (0..BENT - 2).step_by(2).rev() {
-            for half in 0..2 {
+            for (half, [curved, rate, a]) in sums.iter_mut().enumerate() {
                 let bend = self.bend[n + half];
                 let order = n + half + 2;
-                sums[0][half] = sums[0][half] * square + bend;
-                sums[1][half] = sums[1][half] * square + bend * order as f64;
-                sums[2][half] = sums[2][half] * square + bend * (order * (order - 1)) as f64;
+                *curved = *curved * square + bend;
+                *rate = *rate * square + bend * order as f64;
+                *a = *a * square + bend * (order * (order - 1)) as f64;
             }
         }
-        let [curved, rate, a] = sums.map(|[even, odd]| even + odd * t);
+        let [even, odd] = sums;
+        let [curved, rate, a] = [even[0] + odd[0] * t, even[1] + odd[1] * t, even[2] + odd[2] * t];
         Instant { x: self.x + (self.v * t + curved * square), v: self.v + rate * t, a }
     }
 

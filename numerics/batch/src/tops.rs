@@ -87,8 +87,8 @@ impl<S: Simd> Tops<S> {
         if lanes.and(zero.less(self.waits)).any() {
             self.compute(table);
         }
-        for n in 0..4 {
-            self.unit[n] = lanes.select(unit[n], self.unit[n]);
+        for (kept, new) in self.unit.iter_mut().zip(unit) {
+            *kept = lanes.select(*new, *kept);
         }
         self.length = lanes.select(length, self.length);
         self.last = lanes.select(last, self.last);

@@ -41,7 +41,7 @@ fn one_cycle_differs_by_roundings() {
         assert!(difference(lanes, exact) < 64.0 * f64::EPSILON, "point {n}: {lanes:?} {exact:?}");
     }
     assert!(outcomes.iter().filter(|(lanes, _)| lanes.impacts > 0).count() > 200);
-    assert!(outcomes.iter().filter(|(lanes, _)| lanes.lane_steps > lanes.exact_steps).count() > 800);
+    assert!(outcomes.iter().filter(|(lanes, _)| lanes.lane_steps > lanes.exact_steps).count() > 500);
 }
 
 #[test]
@@ -54,7 +54,7 @@ fn regular_motions_stay_together_for_a_thousand_cycles() {
     for (n, (lanes, exact)) in both(&points).iter().enumerate() {
         let (a, b) = (lanes.steady_mean_m.unwrap_or(0.0), exact.steady_mean_m.unwrap_or(1.0));
         assert!((a / b - 1.0).abs() < 100.0 * 20.0 * f64::EPSILON, "point {n}: {a} {b}");
-        assert!(lanes.exact_steps * 100 < lanes.lane_steps, "{lanes:?}");
+        assert!(lanes.exact_steps * 20 < lanes.lane_steps, "{lanes:?}");
     }
 }
 
