@@ -5,6 +5,7 @@ mod analysis_account;
 mod calibrate;
 mod common;
 mod compare;
+mod continuation;
 mod controller;
 mod disk;
 mod doctored_folder;
