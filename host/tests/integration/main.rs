@@ -6,6 +6,7 @@ mod bifurcation;
 mod calibrate;
 mod common;
 mod compare;
+mod continuation;
 mod controller;
 mod disk;
 mod doctored_folder;

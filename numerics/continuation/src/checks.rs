@@ -63,7 +63,11 @@ fn check_guard(
         found.push(Violation { conditions, time, depth: -value });
     };
     let (first, last) = (&states[0], &states[states.len() - 1]);
-    let size = |row: &Vector<f64>, at: &Vector<f64>| row.iter().zip(at).map(|(r, w)| (r * w).abs()).sum::<f64>();
+    // A row of one entry has no other terms to compare with: the motion is of the order of 1.
+    let size = |row: &Vector<f64>, at: &Vector<f64>| {
+        row.iter().zip(at).map(|(r, w)| (r * w).abs()).sum::<f64>()
+            + row.iter().fold(0.0_f64, |most, r| most.max(r.abs()))
+    };
     let is_zero = |row: &Vector<f64>, at: &Vector<f64>| dot(row, at).abs() <= ZERO * size(row, at);
     if !is_zero(&rows[0], first) {
         if dot(&rows[0], first) < 0.0 {

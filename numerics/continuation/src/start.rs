@@ -41,7 +41,7 @@ pub enum NoStart {
     },
     /// A body moves without events, so its place is arbitrary.
     #[error(
-        "the particle never meets a wall, or the structure always sticks: its place is arbitrary, the orbit not isolated"
+        "the particle never meets a wall, or the structure always sticks: its place is arbitrary and the orbit not isolated"
     )]
     NotIsolated,
     /// Newton's method does not reach an orbit from the simulated motion.
@@ -248,8 +248,9 @@ impl System {
             unknowns.extend(state);
             unknowns.push((next.start_s - piece.start_s) / self.time_s);
         }
-        let meets_structure = |s: &Segment| !matches!(s.end, Guard::SlipStops(_) | Guard::GripBreaks(_));
-        if self.has_particle && !segments.iter().any(meets_structure) {
+        // Friction alone does not determine the particle's place.
+        let meets_wall = |s: &Segment| matches!(s.end, Guard::Wall(_) | Guard::LetGo(_) | Guard::Inside(_));
+        if self.has_particle && !segments.iter().any(meets_wall) {
             return Err(NoStart::NotIsolated);
         }
         Ok(Start { sequence: Sequence { segments, periods }, unknowns })

@@ -16,14 +16,28 @@ const BOUNDS: (i32, i32, i32, i32) = (82, 34, 950, 480);
 /// Length of a dash and of a gap, in points.
 const DASH: (f64, f64) = (7.0, 5.0);
 
-/// Marks of the special points: name, abbreviation, corners of the mark.
-const MARKS: [(&str, &str, &[(i32, i32)]); 6] = [
-    ("fold", "F", &[(0, -6), (6, 5), (-6, 5)]),
-    ("period doubling", "PD", &[(-5, -5), (5, -5), (5, 5), (-5, 5)]),
-    ("Neimark-Sacker", "NS", &[(0, -6), (6, 0), (0, 6), (-6, 0)]),
-    ("symmetry breaking", "SB", &[(0, 6), (6, -5), (-6, -5)]),
-    ("branch point", "BP", &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)]),
-    ("grazing", "G", &[(4, 0), (3, 3), (0, 4), (-3, 3), (-4, 0), (-3, -3), (0, -4), (3, -3)]),
+/// Mark of a kind of special point.
+struct Mark {
+    /// Name of the kind.
+    name: &'static str,
+    /// Its abbreviation.
+    short: &'static str,
+    /// Corners, in points.
+    corners: &'static [(i32, i32)],
+}
+
+const fn mark_of(name: &'static str, short: &'static str, corners: &'static [(i32, i32)]) -> Mark {
+    Mark { name, short, corners }
+}
+
+/// Marks of the special points.
+const MARKS: [Mark; 6] = [
+    mark_of("fold", "F", &[(0, -6), (6, 5), (-6, 5)]),
+    mark_of("period doubling", "PD", &[(-5, -5), (5, -5), (5, 5), (-5, 5)]),
+    mark_of("Neimark-Sacker", "NS", &[(0, -6), (6, 0), (0, 6), (-6, 0)]),
+    mark_of("symmetry breaking", "SB", &[(0, 6), (6, -5), (-6, -5)]),
+    mark_of("branch point", "BP", &[(-6, 0), (-3, -5), (3, -5), (6, 0), (3, 5), (-3, 5)]),
+    mark_of("grazing", "G", &[(4, 0), (3, 3), (0, 4), (-3, 3), (-4, 0), (-3, -3), (0, -4), (3, -3)]),
 ];
 
 /// Draws the branches.
@@ -112,7 +126,7 @@ fn dashes(path: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
 
 fn marks(canvas: &Canvas, frame: &Frame, branch: &FoundBranch) -> Result<(), FigureError> {
     for special in &branch.special_points {
-        let Some((_, short, corners)) = MARKS.iter().find(|(name, _, _)| *name == special.kind) else { continue };
+        let Some(Mark { short, corners, .. }) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
         let (x, y) = frame.fine_point(special.parameter, special.peak_x_m * 1e3);
         let inside = if special.is_grazing() { WHITE } else { tint(branch) };
         mark(canvas, (x, y), corners, (inside, tint(branch)), FINE)?;
@@ -157,7 +171,7 @@ fn legend(canvas: &Canvas, found: &Found) -> Result<(), FigureError> {
     }
     let mut x = left;
     let y = y + 26;
-    for (name, short, corners) in MARKS {
+    for Mark { name, short, corners } in MARKS {
         let is_there = found.branches.iter().flat_map(|b| &b.special_points).any(|special| special.kind == name);
         if !is_there {
             continue;

@@ -1,0 +1,59 @@
+//! `damprig continue`: the shipped file, and what is refused.
+
+use std::path::{Path, PathBuf};
+
+use damprig::continuation::Continuation;
+
+fn shipped() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("continuations/clearance.toml")
+}
+
+#[test]
+fn the_shipped_continuation_finds_the_range_in_which_the_two_impact_motion_is_stable() {
+    let found = Continuation::read(&shipped()).expect("valid").follow().expect("periodic");
+    let branch = &found.branches[0];
+    let at = |kind: &str| {
+        let points: Vec<f64> =
+            branch.special_points.iter().filter(|point| point.kind == kind).map(|point| point.parameter).collect();
+        assert_eq!(points.len(), 1, "{kind}: {points:?}");
+        points[0]
+    };
+    let (low, high) = (at("symmetry breaking"), at("Neimark-Sacker"));
+    assert!(branch.orbits.len() > 100);
+    for orbit in &branch.orbits {
+        assert_eq!(orbit.is_stable, (low..high).contains(&orbit.parameter), "{orbit:?} {low} {high}");
+    }
+    // Two mirrored orbits leave where the symmetry breaks.
+    assert!(found.branches.iter().any(|other| other.origin.ends_with("of branch 1")), "{:?}", found.branches.len());
+}
+
+/// The message about the shipped file with a replacement.
+fn refusal(from: &str, to: &str) -> String {
+    let text = std::fs::read_to_string(shipped()).expect("shipped");
+    assert!(text.contains(from), "{from}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("cases");
+    let text = text.replace("../cases", &cases.display().to_string()).replace(from, to);
+    let file = folder.path().join("changed.toml");
+    std::fs::write(&file, text).expect("written");
+    match Continuation::read(&file) {
+        Err(refusal) => refusal.0,
+        Ok(continuation) => continuation.follow().expect_err("refused").0,
+    }
+}
+
+#[test]
+fn a_wrong_file_is_refused_with_key_value_and_fix() {
+    for (from, to, parts) in [
+        ("clearance_ratio", "clearence_ratio", ["`parameter`", "did you mean \"particle.clearance_ratio\""]),
+        ("particle.clearance_ratio", "tmd.mass_kg", ["has no such parameter", "particle.wall.coefficient"]),
+        ("from = 3.0", "from = 40.0", ["the range from 40 to 30 is empty", "swap them"]),
+        ("from = 3.0", "from = -3.0", ["`from` = -3.0 is not allowed", "must be greater than 0"]),
+        ("to = 30.0", "to = 30.0\nstart_at = 2", ["`start_at` = 2", "from 3 to 30"]),
+        ("spid.toml", "hybrid.toml", ["must be a sine", "frequency_hz"]),
+        ("to = 30.0", "to = 4.6\nstart_at = 4.3", ["no periodic orbit", "give another `start_at`"]),
+    ] {
+        let message = refusal(from, to);
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+}
