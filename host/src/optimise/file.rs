@@ -305,10 +305,12 @@ fn read_starts(s: &Section, is_maximum: bool) -> Option<Option<Starts>> {
 
 fn check_axes(root: &Section, axes: &[Axis], variables: usize) -> Option<()> {
     if variables == 0 {
-        // Without any table the key is missing, which is reported already.
-        if root.has_own(keys::VARIABLE.name()) {
-            root.reject(keys::VARIABLE.name(), "needs at least one table", None);
-        }
+        root.source().report(Problem {
+            title: "`variable` is missing".into(),
+            span: root.span(),
+            allowed: "an optimisation varies at least one key of its case".into(),
+            help: Some("add a table [[variable]] with `key`, `from` and `to`".into()),
+        });
         return None;
     }
     if variables > MOST_VARIABLES {

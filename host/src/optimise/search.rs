@@ -36,6 +36,9 @@ const APART: f64 = 0.03;
 /// Edge of the first simplex as a share of the ranges, and of the second one, from where the first has ended.
 const EDGES: [f64; 2] = [0.03, 0.003];
 
+/// Standard deviation of the objective in a simplex, as a share of it, at which Nelder–Mead has ended.
+const FLAT: f64 = 1e-6;
+
 /// The part of the search that a point belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
@@ -165,7 +168,7 @@ fn swarm(judge: &Judge, points: &[(Stage, Evaluated)], iterations: usize) -> Vec
     let random = Xoshiro256PlusPlus::seed_from_u64(judge.optimisation.seed);
     let solver = ParticleSwarm::new(bounds, particles.len()).with_rng_generator(random);
     let points = Mutex::default();
-    let search = Search { judge, stage: Stage::Swarm, points: &points };
+    let search = Search { judge, stage: Stage::Swarm, limit: usize::MAX, points: &points };
     let state = |state: PopulationState<Particle<Vec<f64>, f64>, f64>| {
         state.population(particles.clone()).max_iters(iterations as u64)
     };
@@ -186,12 +189,12 @@ fn polish(judge: &Judge, place: Evaluated, evaluations: usize) -> Vec<(Stage, Ev
         };
         let mut simplex = vec![best.shares.clone()];
         simplex.extend((0..judge.optimisation.variables).map(corner));
-        // An iteration has one or two evaluations.
-        let iterations = (evaluations / EDGES.len()).saturating_sub(simplex.len()) * 2 / 3;
+        // An iteration has at least one evaluation.
+        let limit = (evaluations / EDGES.len()).max(1);
         let kept = Mutex::default();
-        let search = Search { judge, stage: Stage::Polish, points: &kept };
-        let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(1e-12) else { return points };
-        let _ = Executor::new(search, solver).configure(|state| state.max_iters(iterations as u64)).timer(false).run();
+        let search = Search { judge, stage: Stage::Polish, limit, points: &kept };
+        let Ok(solver) = NelderMead::new(simplex).with_sd_tolerance(FLAT * best.objective.abs()) else { return points };
+        let _ = Executor::new(search, solver).configure(|state| state.max_iters(limit as u64)).timer(false).run();
         let found = taken(kept);
         for (_, point) in &found {
             if point.cost(is_maximum) < best.cost(is_maximum) {
@@ -281,6 +284,8 @@ fn taken<T>(value: Mutex<T>) -> T {
 struct Search<'a> {
     judge: &'a Judge<'a>,
     stage: Stage,
+    /// Most points.
+    limit: usize,
     points: &'a Mutex<Vec<(Stage, Evaluated)>>,
 }
 
@@ -299,6 +304,9 @@ impl CostFunction for Search<'_> {
     type Output = f64;
 
     fn cost(&self, shares: &Vec<f64>) -> Result<f64, Error> {
+        if lock(self.points).len() >= self.limit {
+            return Ok(f64::MAX);
+        }
         Ok(self.keep(self.judge.evaluate(shares)))
     }
 

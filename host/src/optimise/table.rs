@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
@@ -62,7 +62,7 @@ fn write_table(
     optimisation: &Optimisation,
     stages: Option<&[&str]>,
     points: &[&Evaluated],
-    path: &PathBuf,
+    path: &Path,
 ) -> Result<(), StorageError> {
     let failed = |error: &dyn std::fmt::Display| StorageError::new("write", path, error);
     let schema = schema(optimisation, stages.is_some());

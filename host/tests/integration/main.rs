@@ -32,6 +32,7 @@ mod monitor_folder;
 mod mutations;
 mod noise;
 mod not_files;
+mod optimise;
 mod output;
 mod plan;
 mod predicted;

@@ -6,12 +6,13 @@ use std::process::Command;
 use damprig::campaign::Campaign;
 use damprig::file_keys::FileKind;
 use damprig::input::Source;
+use damprig::optimise::Optimisation;
 use damprig::simulation::Case;
 use damprig::study::Study;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_STUDIES, SET_UP_FILE};
+use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_OPTIMISATIONS, MORE_STUDIES, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 
@@ -19,6 +20,7 @@ pub const CAMPAIGN: &str = "campaign";
 pub const CASE: &str = "case";
 pub const SET_UP: &str = "set-up";
 pub const STUDY: &str = "study";
+pub const OPTIMISATION: &str = "optimisation";
 
 pub fn own(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -31,7 +33,9 @@ pub fn json_of(toml: &str) -> Value {
 /// All shipped files and those of this test: name, kind, content.
 pub fn files() -> Vec<(String, &'static str, Value)> {
     let mut files = Vec::new();
-    for (folder, kind) in [("campaigns", CAMPAIGN), ("cases", CASE), ("studies", STUDY)] {
+    for (folder, kind) in
+        [("campaigns", CAMPAIGN), ("cases", CASE), ("studies", STUDY), ("optimisations", OPTIMISATION)]
+    {
         let entries = std::fs::read_dir(own(folder)).unwrap().flatten().map(|entry| entry.path());
         for path in entries.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
             files.push((path.display().to_string(), kind, json_of(&std::fs::read_to_string(&path).unwrap())));
@@ -43,6 +47,7 @@ pub fn files() -> Vec<(String, &'static str, Value)> {
     files.extend(MORE_CASES.map(|text| ("more cases".into(), CASE, json_of(text))));
     files.push(("set-up file".into(), SET_UP, json_of(SET_UP_FILE)));
     files.extend(MORE_STUDIES.map(|text| ("more studies".into(), STUDY, json_of(text))));
+    files.extend(MORE_OPTIMISATIONS.map(|text| ("more optimisations".into(), OPTIMISATION, json_of(text))));
     files
 }
 
@@ -51,6 +56,7 @@ pub fn kind_of(name: &str) -> FileKind {
         CAMPAIGN => FileKind::Campaign,
         CASE => FileKind::Case,
         STUDY => FileKind::Study,
+        OPTIMISATION => FileKind::Optimisation,
         _ => FileKind::SetUp,
     }
 }
@@ -72,8 +78,9 @@ impl Documents {
             let output = damprig(&folder).args(["schema", kind]).output().unwrap();
             serde_json::from_slice(&output.stdout).expect("a schema is JSON")
         };
-        let schemas =
-            json!({ CAMPAIGN: printed(CAMPAIGN), CASE: printed(CASE), SET_UP: printed(SET_UP), STUDY: printed(STUDY) });
+        let kinds = [CAMPAIGN, CASE, SET_UP, STUDY, OPTIMISATION];
+        let schemas: serde_json::Map<String, Value> =
+            kinds.into_iter().map(|kind| (kind.to_string(), printed(kind))).collect();
         let Some(python) = python() else {
             println!("left out: no Python with jsonschema (tests/run makes one; DAMPRIG_PYTHON names one)");
             return;
@@ -108,16 +115,18 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
     match kind {
         CAMPAIGN => Campaign::parse(Source::new(name, text)).is_ok(),
         CASE => Case::parse(&Source::new(name, text), "case").is_ok(),
-        STUDY => {
-            let [cases, studies] = ["cases", "studies"].map(|name| folder.path().join(name));
-            for folder in [&cases, &studies] {
+        STUDY | OPTIMISATION => {
+            let [cases, files, more] = ["cases", "files", "files/cases"].map(|name| folder.path().join(name));
+            for folder in [&cases, &files, &more] {
                 std::fs::create_dir(folder).unwrap();
             }
             for case in ["spid.toml", "soft-wall.toml"] {
                 std::fs::copy(own("cases").join(case), cases.join(case)).unwrap();
             }
-            std::fs::write(studies.join("file.toml"), text).unwrap();
-            Study::read(&studies.join("file.toml")).is_ok()
+            std::fs::copy(own("optimisations/cases/hybrid.toml"), more.join("hybrid.toml")).unwrap();
+            let file = files.join("file.toml");
+            std::fs::write(&file, text).unwrap();
+            if kind == STUDY { Study::read(&file).is_ok() } else { Optimisation::read(&file).is_ok() }
         }
         _ => {
             std::fs::write(folder.path().join("identified.toml"), text).unwrap();

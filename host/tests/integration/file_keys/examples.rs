@@ -221,3 +221,71 @@ from = 0.9
 to = 1.1
 "#,
 ];
+
+pub const MORE_OPTIMISATIONS: [&str; 3] = [
+    r#"
+name = "more"
+case = "../cases/soft-wall.toml"
+objective = "max_abs_x_m"
+goal = "maximum"
+evaluations = 500
+seed = 3
+record = { duration_s = 4, settle_s = 1 }
+ensemble = { starts = 3, over_starts = "median" }
+
+[[variable]]
+key = "particle.clearance_m"
+from = 0.01
+to = 0.02
+scale = "log"
+
+[[axis]]
+key = "particle.wall.release"
+words = ["zero_force", "zero_penetration"]
+reduce = "mean"
+
+[[constraint]]
+metric = "peak_contact_force_n"
+at_most = 20
+"#,
+    r#"
+case = "../cases/spid.toml"
+objective = "x_over_z"
+record = { cycles = 10, settle_cycles = 2 }
+ensemble = { starts = 3, over_starts_quantile = 0.9 }
+
+[[variable]]
+key = "particle.wall.coefficient"
+from = 0.2
+to = 0.8
+
+[[axis]]
+key = "base.frequency_hz"
+values = [2.4, 2.5]
+reduce = "minimum"
+
+[[constraint]]
+metric = "impacts_per_cycle"
+at_least = 1.5
+
+[[constraint]]
+metric = "period_cycles"
+equals = 1
+"#,
+    r#"
+case = "../cases/spid.toml"
+objective = "rms_x_m"
+
+[[variable]]
+key = "particle.clearance_ratio"
+from = 4
+to = 20
+
+[[axis]]
+key = "base.frequency_ratio"
+from = 0.9
+to = 1.1
+count = 3
+reduce = "maximum"
+"#,
+];

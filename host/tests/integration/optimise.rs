@@ -1,0 +1,268 @@
+//! `damprig optimise`: the optimum against a closed form and against dense studies, whatever the threads; refusals.
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use crate::common::damprig;
+use damprig::optimise::search::{self, Progress};
+use damprig::optimise::{Optimisation, evaluate};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const CASE: &str = "\
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
+particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = \"restitution\", coefficient = 0.5 } }
+run = { duration_s = 8 }
+";
+
+const TOP: &str = "case = \"case.toml\"\nobjective = \"max_x_over_z\"\nevaluations = 300\n";
+
+const CLEARANCE: &str = "[[variable]]\nkey = \"particle.clearance_ratio\"\nfrom = 5\nto = 20\n";
+
+const RESTITUTION: &str = "[[variable]]\nkey = \"particle.wall.coefficient\"\nfrom = 0.2\nto = 0.8\n";
+
+const BAND: &str = "[[axis]]\nkey = \"base.frequency_hz\"\nfrom = 2.3\nto = 2.7\ncount = 5\nreduce = \"maximum\"\n";
+
+fn folder(case: &str, file: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    std::fs::write(folder.path().join("file.toml"), file).unwrap();
+    folder
+}
+
+fn run(folder: &TempDir, threads: &str, more: &[&str]) -> Output {
+    let mut command = damprig(folder);
+    command.env("RAYON_NUM_THREADS", threads).args(["optimise", "file.toml"]).args(more);
+    command.output().unwrap()
+}
+
+fn answer(folder: &TempDir) -> Value {
+    let output = run(folder, "2", &["--json"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+fn variable(answer: &Value, place: usize) -> f64 {
+    answer["variables"][place]["value"].as_f64().unwrap()
+}
+
+fn read(folder: &TempDir) -> Optimisation {
+    Optimisation::read(&folder.path().join("file.toml")).expect("it is sound")
+}
+
+/// |x| k/P of an undamped structure with a tuned mass under P sin Ωt, r = Ω/ωn (Den Hartog).
+fn magnification(mass_ratio: f64, gamma: f64, zeta: f64, r: f64) -> f64 {
+    let damping = 2.0 * zeta * gamma * r;
+    let own = gamma * gamma - r * r;
+    let real = own * (1.0 - r * r) - mass_ratio * gamma * gamma * r * r;
+    let imaginary = damping * (1.0 - r * r - mass_ratio * r * r);
+    ((own * own + damping * damping) / (real * real + imaginary * imaginary)).sqrt()
+}
+
+#[test]
+fn a_tuned_mass_is_tuned_as_its_closed_form_says() {
+    let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }\n\
+                tmd = { mass_ratio = 0.1, frequency_ratio = 0.9, damping_ratio = 0.2 }\n\
+                force = { kind = \"sine\", amplitude_n = 1.2, frequency_ratio = 1 }\nrun = { duration_s = 8 }\n";
+    let file = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 1000\n\
+                [record]\ncycles = 2\nsettle_cycles = 60\n\
+                [[variable]]\nkey = \"tmd.frequency_ratio\"\nfrom = 0.8\nto = 1\n\
+                [[variable]]\nkey = \"tmd.damping_ratio\"\nfrom = 0.1\nto = 0.3\n\
+                [[axis]]\nkey = \"force.frequency_ratio\"\nfrom = 0.7\nto = 1.2\ncount = 26\nreduce = \"maximum\"\n";
+    let found = answer(&folder(case, file));
+    let peak = |gamma: f64, zeta: f64| {
+        (0..26).map(|n| magnification(0.1, gamma, zeta, 0.7 + 0.02 * f64::from(n))).fold(0.0, f64::max)
+    };
+    let (gamma, zeta) = (variable(&found, 0), variable(&found, 1));
+    let objective = found["objective"].as_f64().unwrap();
+    // After 60 cycles the slower mode, whose damping ratio is above 0.04, has e^(−2π·60·0.04) = 3e-7 of its transient left.
+    assert!((objective / peak(gamma, zeta) - 1.0).abs() < 1e-5, "{objective} at {gamma}, {zeta}");
+    let grid =
+        (0..=400).flat_map(|a| (0..=400).map(move |b| (0.8 + 0.0005 * f64::from(a), 0.1 + 0.0005 * f64::from(b))));
+    let least = grid.map(|(gamma, zeta)| peak(gamma, zeta)).fold(f64::MAX, f64::min);
+    assert!(objective < 1.0005 * least, "{objective} against {least}");
+    // The reference is the same damper after Den Hartog.
+    let (mass_ratio, tmd) = (0.1, &found["references"]["tmd"]);
+    let tuned = peak(1.0 / (1.0 + mass_ratio), (3.0 * mass_ratio / (8.0 * (1.0 + mass_ratio))).sqrt());
+    assert_eq!(tmd["tuning"], "den_hartog");
+    assert!((tmd["objective"].as_f64().unwrap() / tuned - 1.0).abs() < 1e-5, "{tmd} against {tuned}");
+}
+
+#[test]
+fn the_optimum_is_a_simulation_that_anyone_can_repeat() {
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{RESTITUTION}{BAND}"));
+    let found = answer(&folder);
+    let set = [
+        format!("particle.clearance_ratio={:?}", variable(&found, 0)),
+        format!("particle.wall.coefficient={:?}", variable(&found, 1)),
+        format!("base.frequency_hz={:?}", found["band"][0]["value"].as_f64().unwrap()),
+    ];
+    let mut command = damprig(&folder);
+    command.args(["simulate", "case.toml", "--json"]);
+    for value in &set {
+        command.args(["--set", value]);
+    }
+    let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
+    let largest_m = result["summary"]["max_abs_x_m"].as_f64().unwrap();
+    assert_eq!(found["objective"].as_f64().unwrap(), largest_m / 0.003);
+    // The centre is among the starts, and the interval has it.
+    let starts = &found["starts"];
+    let [min, max] = ["min", "max"].map(|key| starts[key].as_f64().unwrap());
+    assert!((min..=max).contains(&found["objective"].as_f64().unwrap()), "{starts}");
+}
+
+#[test]
+fn the_answer_is_the_same_for_one_thread_and_two() {
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{RESTITUTION}{BAND}"));
+    for threads in ["1", "2"] {
+        let output = run(&folder, threads, &["--out", threads]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for file in ["answer.json", "evaluations.parquet", "neighbourhood.parquet"] {
+        let bytes = |threads: &str| std::fs::read(folder.path().join(threads).join(file)).unwrap();
+        assert!(bytes("1") == bytes("2"), "{file}");
+    }
+    let output = run(&folder, "2", &["--out", "1"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && told.contains("not empty"), "{told}");
+}
+
+/// The least objective of the study of the same ranges, with so many values of each variable.
+fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
+    let variables = optimisation.variables;
+    let points = count.pow(variables as u32);
+    let at = |point: usize| {
+        let shares: Vec<f64> = (0..variables)
+            .map(|variable| (point / count.pow(variable as u32) % count) as f64 / (count - 1) as f64)
+            .collect();
+        evaluate::at(optimisation, &shares).expect("it is sound").objective
+    };
+    (0..points).map(at).fold(f64::MAX, f64::min)
+}
+
+/// The jumps of the objective are narrower than any search is dense, so the claim is on the value, not on the place.
+#[test]
+fn the_optimum_is_within_half_a_percent_of_a_dense_search() {
+    let is_full = std::env::var_os("DAMPRIG_FULL").is_some();
+    let (variables, count, evaluations) =
+        if is_full { (format!("{CLEARANCE}{RESTITUTION}"), 100, 4_000) } else { (CLEARANCE.to_string(), 600, 400) };
+    let top = TOP.replace("300", &evaluations.to_string());
+    let folder = folder(CASE, &format!("{top}{variables}{BAND}"));
+    let optimisation = read(&folder);
+    let found = search::run(&optimisation, &|_| true).expect("it is sound");
+    let (best, least) = (found.points[found.best].1.objective, least_of_dense_search(&optimisation, count));
+    assert!(best < 1.005 * least, "{best} against {least} of the dense search");
+}
+
+#[test]
+fn a_constraint_is_kept_at_every_point_of_the_band_and_costs_what_it_costs() {
+    let free = answer(&folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}")));
+    let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_most = 1.2\n";
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}{constraint}"));
+    let bound = answer(&folder);
+    assert!(bound["objective"].as_f64() >= free["objective"].as_f64());
+    for frequency in ["2.3", "2.4", "2.5", "2.6", "2.7"] {
+        let set =
+            [format!("particle.clearance_ratio={:?}", variable(&bound, 0)), format!("base.frequency_hz={frequency}")];
+        let mut command = damprig(&folder);
+        command.args(["simulate", "case.toml", "--json", "--set", &set[0], "--set", &set[1]]);
+        let result: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
+        let cycles = 8.0 * frequency.parse::<f64>().unwrap();
+        assert!(result["summary"]["impact_count"].as_f64().unwrap() / cycles <= 1.2 * (1.0 + 1e-12), "{frequency} Hz");
+    }
+}
+
+#[test]
+fn constraints_that_no_point_keeps_are_refused_with_the_least_violation() {
+    let constraint = "[[constraint]]\nmetric = \"impacts_per_cycle\"\nat_least = 100\n";
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{BAND}{constraint}"));
+    let output = run(&folder, "2", &["--json"]);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    for word in ["file.toml", "no point keeps", "impacts_per_cycle", "at least 100", "beyond it by", "loosen"] {
+        assert!(told.contains(word), "no {word:?} in:\n{told}");
+    }
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(found["is_feasible"], false);
+    assert_eq!(found["constraints"][0]["is_kept"], false);
+}
+
+#[test]
+fn the_worst_start_counts_unless_a_quantile_is_wanted() {
+    let file = |over: &str| format!("{TOP}{CLEARANCE}[ensemble]\nstarts = 5\n{over}");
+    let objective = |over: &str| {
+        let folder = folder(CASE, &file(over));
+        evaluate::at(&read(&folder), &[0.3]).expect("it is sound").objective
+    };
+    let optimisation = folder(CASE, &file(""));
+    let optimisation = read(&optimisation);
+    let value = evaluate::at(&optimisation, &[0.3]).expect("it is sound").values;
+    let mut starts = evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0]).expect("sound");
+    starts.sort_by(f64::total_cmp);
+    assert!(starts[0] < starts[4], "the starts differ");
+    assert_eq!(objective(""), starts[4]);
+    assert_eq!(objective("over_starts = \"median\"\n"), starts[2]);
+    assert_eq!(objective("over_starts = \"minimum\"\n"), starts[0]);
+    assert_eq!(objective("over_starts_quantile = 0.75\n"), starts[3]);
+}
+
+#[test]
+fn a_search_that_is_stopped_keeps_its_best_point() {
+    let folder = folder(CASE, &format!("{TOP}{CLEARANCE}{RESTITUTION}{BAND}"));
+    let found = search::run(&read(&folder), &|progress: &Progress| progress.done < 40).expect("it has points");
+    assert!(found.is_stopped && (40..80).contains(&found.points.len()), "{}", found.points.len());
+    let best = found.points[found.best].1.objective;
+    assert!(found.points.iter().all(|(_, point)| point.objective >= best));
+}
+
+#[test]
+fn a_wrong_file_is_refused_with_what_is_wrong_and_what_to_do() {
+    let cases: &[(String, &[&str])] = &[
+        (TOP.into(), &["`variable` is missing"]),
+        (
+            format!("{TOP}[[variable]]\nkey = \"particle.clearence_m\"\nfrom = 0.01\nto = 0.02\n"),
+            &["unknown key", "particle.clearence_m", "clearance_m"],
+        ),
+        (
+            format!("{TOP}[[variable]]\nkey = \"particle.clearance_m\"\nfrom = 0.02\nto = 0.01\n"),
+            &["file.toml:7", "greater than `from` = 0.02", "exchange"],
+        ),
+        (
+            format!("{TOP}[[variable]]\nkey = \"particle.wall.coefficient\"\nfrom = 0.5\nto = 1.5\n"),
+            &["the variables and axes", "1.5", "from 0 to 1"],
+        ),
+        (format!("{TOP}{CLEARANCE}{CLEARANCE}"), &["particle.clearance_ratio", "varied twice"]),
+        (format!("{TOP}{CLEARANCE}{}", BAND.replace("reduce = \"maximum\"\n", "")), &["no `reduce`", "worst case"]),
+        (format!("{TOP}{CLEARANCE}{}", BAND.replace("count = 5\n", "")), &["number of values", "give `count`"]),
+        (
+            format!("{TOP}{CLEARANCE}[[constraint]]\nmetric = \"peak_contact_force_n\"\nat_most = 20\n"),
+            &["file.toml:9", "peak_contact_force_n", "hard wall", "voigt"],
+        ),
+        (format!("{TOP}{CLEARANCE}[[constraint]]\nmetric = \"rms_x_m\"\n"), &["at_most"]),
+        (TOP.replace("max_x_over_z", "max_x_over_y") + CLEARANCE, &["max_x_over_y", "max_x_over_z"]),
+        (TOP.replace("case.toml", "cas.toml") + CLEARANCE, &["cas.toml", "did you mean", "case.toml"]),
+    ];
+    for (file, words) in cases {
+        let folder = folder(CASE, file);
+        let output = run(&folder, "2", &["--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{file}\n{told}");
+        for word in *words {
+            assert!(told.contains(word), "no {word:?} in:\n{told}");
+        }
+        assert!(!folder.path().join("out").exists(), "{file}");
+    }
+}
+
+#[test]
+fn shipped_optimisations_are_sound() {
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("optimisations");
+    let files: Vec<PathBuf> = std::fs::read_dir(shipped).unwrap().flatten().map(|entry| entry.path()).collect();
+    let files: Vec<&PathBuf> = files.iter().filter(|path| path.extension().is_some_and(|end| end == "toml")).collect();
+    assert!(files.len() >= 3);
+    for file in files {
+        let optimisation = Optimisation::read(file).unwrap_or_else(|refusal| panic!("{refusal}"));
+        assert!(optimisation.simulations_per_point() > 10, "it is judged over a band or from several starts");
+    }
+}
