@@ -1,6 +1,6 @@
 //! `damprig study`: runs a study and keeps its table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -9,10 +9,12 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
+use super::study_work;
 use crate::report::numbers::{duration, significant};
 use crate::report::terminal;
-use crate::study::data_set::{DataSet, TABLE};
+use crate::study::data_set::DataSet;
 use crate::study::run::{self, Ending, Progress};
+use crate::study::store::Store;
 use crate::study::{Study, evaluate};
 
 /// Runs studies: a case over many values of its keys.
@@ -26,6 +28,14 @@ pub struct Args {
 enum What {
     /// Run a study on all cores; goes on where an earlier run stopped
     Run(RunArgs),
+    /// Compute parts of a study as one of several workers
+    Work(study_work::WorkArgs),
+    /// Show how far the workers of a study are
+    Status(study_work::PlaceArgs),
+    /// Read all parts of a study and check them (exit code 1 if one is wrong)
+    Verify(study_work::PlaceArgs),
+    /// Join the parts of a study to its table
+    Merge(study_work::PlaceArgs),
 }
 
 /// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
@@ -36,8 +46,8 @@ struct RunArgs {
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
-    /// Folder of the results [default: studies/ and the name of the file]
-    #[arg(long, value_name = "FOLDER")]
+    /// Folder or URL (s3://, gs://, az://) of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "PLACE")]
     out: Option<PathBuf>,
 
     /// Print points, simulations, cycles and estimated time, and simulate nothing more
@@ -74,6 +84,10 @@ const DAY_S: f64 = 86_400.0;
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Run(args) => run_study(args),
+        What::Work(args) => study_work::work(args),
+        What::Status(args) => study_work::status(args),
+        What::Verify(args) => study_work::verify(args),
+        What::Merge(args) => study_work::merge(args),
     }
 }
 
@@ -94,9 +108,8 @@ fn run_study(args: &RunArgs) -> Outcome {
             duration(estimate_s)
         )));
     }
-    let name = crate::simulation::case::default_name(&args.study);
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("studies").join(name));
-    let data_set = DataSet::open(&study, &folder).map_err(Failure::input)?;
+    let place = place(&args.study, args.out.as_deref());
+    let data_set = Store::at(&place).and_then(|store| DataSet::open(&study, store)).map_err(Failure::input)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     say!("{scope}; about {} on {cores} cores", duration(estimate_s));
@@ -106,7 +119,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         bar.reach(progress.done, best.as_deref());
         !stop.load(Ordering::Relaxed)
     };
-    let ending = run::run(&study, &data_set, |_| true, &report);
+    let ending = run::run(&study, &data_set, &report);
     bar.end();
     let (ending, last) = ending.map_err(Failure::input)?;
     if ending == Ending::Stopped {
@@ -115,14 +128,24 @@ fn run_study(args: &RunArgs) -> Outcome {
             last.done, last.rows
         )));
     }
-    let table = data_set.join(&study).map_err(Failure::failed)?;
-    debug_assert!(table.ends_with(TABLE));
-    if let Some((row, value)) = last.best {
-        say!("{}", terminal::study::best(&study, row, value));
-    } else {
-        let column = evaluate::main_column(&study, study.objective);
-        warn!("warning: no point has a value of {column}");
-    }
+    let table = data_set.join(&study, |_, _| ()).map_err(Failure::failed)?;
+    say_best(&study, &last);
     say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
     Ok(())
+}
+
+/// Where the results of a study are.
+pub(super) fn place(study: &Path, out: Option<&Path>) -> PathBuf {
+    let name = crate::simulation::case::default_name(study);
+    out.map_or_else(|| PathBuf::from("studies").join(name), Path::to_path_buf)
+}
+
+/// The best point, or that there is none.
+pub(super) fn say_best(study: &Study, progress: &Progress) {
+    if let Some((row, value)) = progress.best {
+        say!("{}", terminal::study::best(study, row, value));
+    } else {
+        let column = evaluate::main_column(study, study.objective);
+        warn!("warning: no point has a value of {column}");
+    }
 }
