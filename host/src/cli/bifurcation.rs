@@ -14,11 +14,12 @@ use super::progress::StudyBar;
 use crate::input::Source;
 use crate::report::figures::bifurcation as figure;
 use crate::report::numbers::significant;
+use crate::run_folder::own_files;
 use crate::run_folder::schema::table::field;
 use crate::simulation::SetValues;
 use crate::simulation::case::default_name;
 use crate::study::bifurcation::{self, Direction, Sample, Sweep};
-use crate::study::data_set::write_table;
+use crate::study::data_set::table_bytes;
 
 /// Draws a bifurcation diagram: sweeps a key of a case up and down.
 #[derive(Debug, ClapArgs)]
@@ -168,7 +169,8 @@ pub fn run(args: &Args) -> Outcome {
     };
     bar.end();
     let samples = [first.map_err(Failure::input)?, second.map_err(Failure::input)?].concat();
-    write_table(&table, &batch(&samples, &sweep.key).map_err(Failure::failed)?).map_err(Failure::failed)?;
+    let bytes = table_bytes(&batch(&samples, &sweep.key).map_err(Failure::failed)?).map_err(Failure::failed)?;
+    own_files::replace(&table, &bytes).map_err(Failure::failed)?;
     let title = format!("{name}: {} sampled cycles at each value", sweep.cycles);
     let picture = figure::diagram(&samples, &sweep.key, &title).map_err(Failure::failed)?;
     picture.write(&args.out, "bifurcation").map_err(Failure::failed)?;

@@ -44,6 +44,8 @@ mod runs;
 mod settings;
 mod simulate;
 mod study;
+mod study_figures;
+mod study_work;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;
@@ -70,6 +72,8 @@ Examples:
   damprig run host/campaigns/short.toml --rig auto         run it on the connected board
   damprig runs                                             list the runs in runs/
   damprig simulate host/cases/spid.toml --plot spid.png    simulate one case exactly
+  damprig study run host/studies/clearance-and-restitution.toml
+                                                           run a study, a table of many simulations
   damprig help run                                         all options of a command
 
 Exit codes:

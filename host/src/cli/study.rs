@@ -9,13 +9,14 @@ use clap::{Args as ClapArgs, Subcommand};
 
 use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
+use super::study_figures::say_result;
+use super::study_work;
 use crate::report::numbers::{duration, significant};
-use crate::report::{figures, page, terminal};
-use crate::run_folder::own_files;
-use crate::study::data_set::{DataSet, TABLE};
+use crate::report::terminal;
+use crate::study::Study;
+use crate::study::data_set::DataSet;
 use crate::study::run::{self, Ending, Progress};
-use crate::study::table::StudyTable;
-use crate::study::{Study, evaluate};
+use crate::study::store::Store;
 
 /// Runs studies: a case over many values of its keys.
 #[derive(Debug, ClapArgs)]
@@ -28,6 +29,14 @@ pub struct Args {
 enum What {
     /// Run a study on all cores; goes on where an earlier run stopped
     Run(RunArgs),
+    /// Compute parts of a study as one of several workers
+    Work(study_work::WorkArgs),
+    /// Show how far the workers of a study are
+    Status(study_work::PlaceArgs),
+    /// Read all parts of a study and check them (exit code 1 if one is wrong)
+    Verify(study_work::PlaceArgs),
+    /// Join the parts of a study to its table
+    Merge(study_work::PlaceArgs),
 }
 
 /// Runs a study on all cores and writes its table; goes on where an earlier run stopped.
@@ -38,8 +47,8 @@ struct RunArgs {
     #[arg(value_name = "STUDY")]
     study: PathBuf,
 
-    /// Folder of the results [default: studies/ and the name of the file]
-    #[arg(long, value_name = "FOLDER")]
+    /// Folder or URL (s3://, gs://, az://) of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "PLACE")]
     out: Option<PathBuf>,
 
     /// Print points, simulations, cycles and estimated time, and simulate nothing more
@@ -66,9 +75,6 @@ Exit codes:
   2    the command line, the study or its case is wrong
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
 
-/// Name of the page.
-const PAGE: &str = "study.html";
-
 /// Estimated time above which a study starts only with --long, s.
 const DAY_S: f64 = 86_400.0;
 
@@ -79,6 +85,10 @@ const DAY_S: f64 = 86_400.0;
 pub fn run(args: &Args) -> Outcome {
     match &args.what {
         What::Run(args) => run_study(args),
+        What::Work(args) => study_work::work(args),
+        What::Status(args) => study_work::status(args),
+        What::Verify(args) => study_work::verify(args),
+        What::Merge(args) => study_work::merge(args),
     }
 }
 
@@ -99,9 +109,8 @@ fn run_study(args: &RunArgs) -> Outcome {
             duration(estimate_s)
         )));
     }
-    let name = crate::simulation::case::default_name(&args.study);
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("studies").join(name));
-    let data_set = DataSet::open(&study, &folder).map_err(Failure::input)?;
+    let place = place(&args.study, args.out.as_deref());
+    let data_set = Store::at(&place).and_then(|store| DataSet::open(&study, store)).map_err(Failure::input)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
     say!("{scope}; about {} on {cores} cores", duration(estimate_s));
@@ -111,7 +120,7 @@ fn run_study(args: &RunArgs) -> Outcome {
         bar.reach(progress.done, best.as_deref());
         !stop.load(Ordering::Relaxed)
     };
-    let ending = run::run(&study, &data_set, |_| true, &report);
+    let ending = run::run(&study, &data_set, &report);
     bar.end();
     let (ending, last) = ending.map_err(Failure::input)?;
     if ending == Ending::Stopped {
@@ -120,32 +129,13 @@ fn run_study(args: &RunArgs) -> Outcome {
             last.done, last.rows
         )));
     }
-    let table = data_set.join(&study).map_err(Failure::failed)?;
-    let mut summary = vec![scope];
-    if let Some((row, value)) = last.best {
-        summary.push(terminal::study::best(&study, row, value));
-        say!("{}", summary[1]);
-    } else {
-        let column = evaluate::main_column(&study, study.objective);
-        warn!("warning: no point has a value of {column}");
-    }
+    let table = data_set.join(&study, |_, _| ()).map_err(Failure::failed)?;
     say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
-    let page = write_figures(&study, &folder, &summary, last.best.map(|(row, _)| row)).map_err(Failure::failed)?;
-    say!("Page:  {}", page.display());
-    Ok(())
+    say_result(&study, &data_set, &last)
 }
 
-/// Draws the figures of a study from its table and writes them and the page.
-fn write_figures(study: &Study, folder: &Path, summary: &[String], best: Option<u64>) -> Result<PathBuf, String> {
-    let table = StudyTable::read(&folder.join(TABLE)).map_err(|error| error.to_string())?;
-    let figures = figures::study::draw(study, &table, best);
-    for figure in &figures {
-        match &figure.picture {
-            Ok(picture) => picture.write(folder, &figure.stem).map_err(|error| error.to_string())?,
-            Err(error) => warn!("warning: {}: {error}", figure.stem),
-        }
-    }
-    let page = folder.join(PAGE);
-    own_files::replace(&page, page::study::page(study, summary, figures).as_bytes()).map_err(|e| e.to_string())?;
-    Ok(page)
+/// Where the results of a study are.
+pub(super) fn place(study: &Path, out: Option<&Path>) -> PathBuf {
+    let name = crate::simulation::case::default_name(study);
+    out.map_or_else(|| PathBuf::from("studies").join(name), Path::to_path_buf)
 }

@@ -4,25 +4,27 @@
 //! else. Which rows a part has follows from the study alone. Every file carries the study's identity: parts of another study, of
 //! another version or cut short are told apart.
 
-use std::collections::HashMap;
-use std::fs;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
-use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray, UInt64Array};
+use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch, StringArray, UInt64Array};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use arrow_select::concat::concat_batches;
 use parquet::arrow::ArrowWriter;
+use parquet::errors::ParquetError;
 use serde::{Deserialize, Serialize};
 
 use super::axis::{Value, Values};
 use super::evaluate::{Column, columns, cycles_per_row};
 use super::file::Study;
+use super::store::Store;
 use crate::input::Refusal;
 use crate::run_folder::read::parquet_file;
 use crate::run_folder::write::parquet_file::properties;
-use crate::run_folder::{ReadError, StorageError, own_files};
+use crate::run_folder::{ReadError, StorageError};
 
 /// Version of the layout of parts and table; part of a study's identity.
 pub const FORMAT: &str = "study 1";
@@ -33,6 +35,9 @@ const CYCLES_PER_PART: f64 = 2e6;
 /// Most rows of a part.
 const MOST_ROWS_PER_PART: u64 = 65_536;
 
+/// Encoded bytes from which a row group of the joined table ends: the memory that joining takes.
+const ROW_GROUP_BYTES: usize = 32 << 20;
+
 /// Name of the joined table.
 pub const TABLE: &str = "table.parquet";
 
@@ -41,6 +46,9 @@ pub const MANIFEST: &str = "study.json";
 
 /// Folder of the parts.
 pub const PARTS: &str = "parts";
+
+/// Folder of the leases of workers.
+pub const LEASES: &str = "leases";
 
 /// Column with the number of a row.
 pub const ROW: &str = "row";
@@ -104,10 +112,10 @@ impl Manifest {
     }
 }
 
-/// A data set in a folder.
+/// A data set in a folder or an object store.
 #[derive(Clone, Debug)]
 pub struct DataSet {
-    folder: PathBuf,
+    store: Store,
     manifest: Manifest,
 }
 
@@ -117,40 +125,59 @@ pub fn part_name(part: u64) -> String {
     format!("{part:08}.parquet")
 }
 
+/// Number of the part with this file name.
+#[must_use]
+pub fn part_number(name: &str) -> Option<u64> {
+    name.strip_suffix(".parquet")?.parse().ok().filter(|part| part_name(*part) == name)
+}
+
+fn place_of(part: u64) -> String {
+    format!("{PARTS}/{}", part_name(part))
+}
+
 impl DataSet {
-    /// Opens the folder of a study, or creates it.
+    /// Opens the results of a study, or begins them in an empty place. Several workers may do so at once.
     ///
     /// # Errors
-    /// A folder of another study or version, or one that is not a study's; a folder that cannot be created.
-    pub fn open(study: &Study, folder: &Path) -> Result<Self, Refusal> {
-        let manifest = Manifest::of(study);
-        let path = folder.join(MANIFEST);
-        match fs::read(&path) {
-            Ok(bytes) => {
-                let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| {
-                    Refusal(format!("{} cannot be read: {error}\n  give another --out", path.display()))
-                })?;
-                if there != manifest {
-                    return Err(Refusal(changed(&there, &manifest, folder)));
-                }
-            }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                let is_empty = fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
-                if !is_empty {
-                    let why = "is not empty and has no study; give another --out";
-                    return Err(Refusal(format!("{} {why}", folder.display())));
-                }
-                create(folder, &manifest).map_err(|error| Refusal(error.to_string()))?;
-            }
-            Err(error) => return Err(Refusal(format!("cannot read {}: {error}", path.display()))),
+    /// A place with results of another study or version, or with something else; one that cannot be written.
+    pub fn open(study: &Study, store: Store) -> Result<Self, Refusal> {
+        // Listed first: whoever begins a data set writes its manifest before anything else.
+        let others = store.list("").map_err(|error| Refusal(error.to_string()))?;
+        if let Some(data_set) = Self::existing(study, store.clone())? {
+            return Ok(data_set);
         }
-        Ok(Self { folder: folder.to_path_buf(), manifest })
+        let shown = store.address("");
+        if !others.is_empty() {
+            return Err(Refusal(format!("{} is not empty and has no study; give another --out", shown.display())));
+        }
+        let text = serde_json::to_vec_pretty(&Manifest::of(study)).unwrap_or_default();
+        store.put_new(MANIFEST, &text).map_err(|error| Refusal(error.to_string()))?;
+        // It may be that of another worker.
+        let written = Self::existing(study, store)?;
+        written
+            .ok_or_else(|| Refusal(format!("{} was removed as soon as it was written", shown.join(MANIFEST).display())))
     }
 
-    /// Its folder.
+    /// Opens the results of a study if there are any; writes nothing.
+    ///
+    /// # Errors
+    /// Results of another study or version; a place that cannot be read.
+    pub fn existing(study: &Study, store: Store) -> Result<Option<Self>, Refusal> {
+        let Some(bytes) = store.get(MANIFEST).map_err(|error| Refusal(error.to_string()))? else { return Ok(None) };
+        let manifest = Manifest::of(study);
+        let there: Manifest = serde_json::from_slice(&bytes).map_err(|error| {
+            Refusal(format!("{} cannot be read: {error}\n  give another --out", store.address(MANIFEST).display()))
+        })?;
+        if there != manifest {
+            return Err(Refusal(changed(&there, &manifest, &store.address(""))));
+        }
+        Ok(Some(Self { store, manifest }))
+    }
+
+    /// Where it is.
     #[must_use]
-    pub fn folder(&self) -> &Path {
-        &self.folder
+    pub fn store(&self) -> &Store {
+        &self.store
     }
 
     /// What it is.
@@ -159,10 +186,28 @@ impl DataSet {
         &self.manifest
     }
 
-    /// Path of a part.
+    /// Path or URL of a part.
     #[must_use]
     pub fn part_path(&self, part: u64) -> PathBuf {
-        self.folder.join(PARTS).join(part_name(part))
+        self.store.address(&place_of(part))
+    }
+
+    /// The parts that are there, and when each was written. They are not read.
+    ///
+    /// # Errors
+    /// When they cannot be listed.
+    pub fn parts(&self) -> Result<BTreeMap<u64, SystemTime>, StorageError> {
+        let entries = self.store.list(PARTS)?;
+        let number = |name: &str| part_number(name).filter(|part| *part < self.manifest.parts());
+        Ok(entries.iter().filter_map(|entry| Some((number(&entry.name)?, entry.modified))).collect())
+    }
+
+    /// Whether a part is there. It is not read.
+    ///
+    /// # Errors
+    /// When that cannot be found out.
+    pub fn has_part(&self, part: u64) -> Result<bool, StorageError> {
+        self.store.has(&place_of(part))
     }
 
     /// Reads a part, if it is there.
@@ -170,36 +215,30 @@ impl DataSet {
     /// # Errors
     /// A file that is no Parquet, is cut short, or belongs to another study.
     pub fn part(&self, part: u64) -> Result<Option<RecordBatch>, ReadError> {
-        let path = self.part_path(part);
-        if !path.try_exists().unwrap_or(true) {
-            return Ok(None);
-        }
+        let shown = self.part_path(part).display().to_string();
         let wrong = |what: &dyn std::fmt::Display| {
-            ReadError(format!("{what}\n  remove {}: the part is then computed again", path.display()))
+            ReadError(format!("{what}\n  remove {shown}: the part is then computed again"))
         };
-        let metadata = parquet_file::metadata(&path).map_err(|error| wrong(&error))?;
+        let bytes = self.store.get(&place_of(part)).map_err(|error| ReadError(error.to_string()))?;
+        let Some(bytes) = bytes else { return Ok(None) };
+        let (metadata, batches) = parquet_file::content(&shown, bytes).map_err(|error| wrong(&error))?;
         if metadata.get(IDENTITY) != Some(&self.manifest.identity) {
-            return Err(wrong(&format!("{}: belongs to another study or another version of it", path.display())));
+            return Err(wrong(&format!("{shown}: belongs to another study or another version of it")));
         }
-        let batches = parquet_file::read(&path).and_then(|batches| batches.collect::<Result<Vec<_>, _>>());
-        let batches = batches.map_err(|error| wrong(&error))?;
         let Some(schema) = batches.first().map(RecordBatch::schema) else {
-            return Err(wrong(&format!("{}: has no rows", path.display())));
+            return Err(wrong(&format!("{shown}: has no rows")));
         };
         let whole = concat_batches(&schema, &batches).map_err(|error| wrong(&error))?;
         let rows = self.manifest.rows_of(part);
-        if whole.num_rows() as u64 != rows.end - rows.start || first_row(&whole) != Some(rows.start) {
-            return Err(wrong(&format!(
-                "{}: does not have the rows {} to {}",
-                path.display(),
-                rows.start,
-                rows.end - 1
-            )));
+        if !rows_are(&whole, &rows) {
+            let what = format!("{shown}: does not have the rows {} to {} in this order", rows.start, rows.end - 1);
+            return Err(wrong(&what));
         }
         Ok(Some(whole))
     }
 
-    /// Writes a part: values of the computed columns for each of its rows.
+    /// Writes a part: values of the computed columns for each of its rows. One that another worker has written meanwhile stays: it
+    /// has the same bytes.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -207,59 +246,94 @@ impl DataSet {
         let path = self.part_path(part);
         let schema = schema(study, &self.manifest);
         let batch = batch(study, &schema, self.manifest.rows_of(part).start, rows);
-        write_table(&path, &batch.map_err(|error| StorageError::new("write", &path, error))?)
+        let bytes = batch.and_then(|batch| table_bytes(&batch).map_err(arrow_schema::ArrowError::from));
+        let bytes = bytes.map_err(|error| StorageError::new("write", &path, error))?;
+        self.store.put_new(&place_of(part), &bytes).map(drop)
     }
 
-    /// Joins all parts to one table, part by part: memory does not grow with the table.
+    /// Joins all parts to one table, part by part: memory does not grow with the table. `seen` gets every part.
     ///
     /// # Errors
-    /// A part that is missing or wrong; a table that cannot be written.
-    pub fn join(&self, study: &Study) -> Result<PathBuf, Refusal> {
-        let path = self.folder.join(TABLE);
-        let beside = own_files::beside(&path);
+    /// Parts that are missing or wrong; a table that cannot be written.
+    pub fn join(&self, study: &Study, mut seen: impl FnMut(u64, &RecordBatch)) -> Result<PathBuf, Refusal> {
+        let missing = self.missing().map_err(|error| Refusal(error.to_string()))?;
+        if !missing.is_empty() {
+            return Err(Refusal(self.told_missing(&missing)));
+        }
+        let path = self.store.address(TABLE);
         let failed = |error: &dyn std::fmt::Display| Refusal(format!("cannot write {}: {error}", path.display()));
         let schema = schema(study, &self.manifest);
-        let file = own_files::create(&beside).map_err(|error| failed(&error))?;
-        let mut writer =
-            ArrowWriter::try_new(file, schema.clone(), Some(properties(&schema))).map_err(|error| failed(&error))?;
+        let mut file = self.store.large_file(TABLE).map_err(|error| Refusal(error.to_string()))?;
+        let mut writer = ArrowWriter::try_new(file.as_file_mut(), schema.clone(), Some(properties(&schema)))
+            .map_err(|error| failed(&error))?;
         for part in 0..self.manifest.parts() {
             let batch = self.part(part).map_err(|error| Refusal(error.0))?;
-            let batch = batch.ok_or_else(|| Refusal(format!("{} is missing", self.part_path(part).display())))?;
+            let batch = batch.ok_or_else(|| Refusal(self.told_missing(&[part])))?;
+            seen(part, &batch);
             // Read back, a batch has lost the metadata of the file.
             let batch = batch.with_schema(schema.clone()).map_err(|error| failed(&error))?;
             writer.write(&batch).map_err(|error| failed(&error))?;
+            if writer.in_progress_size() > ROW_GROUP_BYTES {
+                writer.flush().map_err(|error| failed(&error))?;
+            }
         }
         writer.close().map_err(|error| failed(&error))?;
-        fs::rename(&beside, &path).map_err(|error| failed(&error))?;
+        self.store.put_file(TABLE, file).map_err(|error| Refusal(error.to_string()))?;
+        for folder in ["", PARTS, LEASES] {
+            self.store.remove_abandoned(folder);
+        }
         Ok(path)
+    }
+
+    /// Parts that are not there.
+    ///
+    /// # Errors
+    /// When the parts cannot be listed.
+    pub fn missing(&self) -> Result<Vec<u64>, StorageError> {
+        let there = self.parts()?;
+        Ok((0..self.manifest.parts()).filter(|part| !there.contains_key(part)).collect())
+    }
+
+    fn told_missing(&self, missing: &[u64]) -> String {
+        let (all, shown) = (self.manifest.parts(), self.store.address(""));
+        let (are, count) = (if missing.len() == 1 { "is" } else { "are" }, missing.len());
+        format!(
+            "{count} of {all} parts of {} {are} missing: {}\n  compute them with `damprig study work`, then join again",
+            shown.display(),
+            ranges(missing)
+        )
     }
 }
 
-/// Writes a table as a whole Parquet file.
+/// A table as a whole Parquet file.
 ///
 /// # Errors
-/// When the file cannot be written.
-pub fn write_table(path: &Path, table: &RecordBatch) -> Result<(), StorageError> {
-    let failed = |error: &dyn std::fmt::Display| StorageError::new("write", path, error);
+/// When it cannot be encoded.
+pub fn table_bytes(table: &RecordBatch) -> Result<Vec<u8>, ParquetError> {
     let schema = table.schema();
     let mut bytes = Vec::new();
-    let mut writer =
-        ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema))).map_err(|error| failed(&error))?;
-    writer.write(table).map_err(|error| failed(&error))?;
-    writer.close().map_err(|error| failed(&error))?;
-    own_files::replace(path, &bytes)
+    let mut writer = ArrowWriter::try_new(&mut bytes, schema.clone(), Some(properties(&schema)))?;
+    writer.write(table)?;
+    writer.close()?;
+    Ok(bytes)
 }
 
-fn first_row(batch: &RecordBatch) -> Option<u64> {
-    let column = batch.column_by_name(ROW)?;
-    column.as_any().downcast_ref::<UInt64Array>()?.values().first().copied()
+/// Rising numbers in words: `3, 7 to 12`.
+#[must_use]
+pub fn ranges(numbers: &[u64]) -> String {
+    let runs = numbers.chunk_by(|a, b| a + 1 == *b);
+    let text = |run: &[u64]| match run {
+        [only] => only.to_string(),
+        [first, .., last] => format!("{first} to {last}"),
+        [] => String::new(),
+    };
+    runs.map(text).collect::<Vec<_>>().join(", ")
 }
 
-fn create(folder: &Path, manifest: &Manifest) -> Result<(), StorageError> {
-    let parts = folder.join(PARTS);
-    fs::create_dir_all(&parts).map_err(|error| StorageError::new("create", &parts, error))?;
-    let text = serde_json::to_vec_pretty(manifest).unwrap_or_default();
-    own_files::replace(&folder.join(MANIFEST), &text)
+/// Whether a batch has exactly these rows, in order.
+fn rows_are(batch: &RecordBatch, rows: &Range<u64>) -> bool {
+    let column = batch.column_by_name(ROW).and_then(|column| column.as_any().downcast_ref::<UInt64Array>());
+    column.is_some_and(|column| column.null_count() == 0 && column.values().iter().copied().eq(rows.clone()))
 }
 
 /// What differs between the data set that is there and the study.
@@ -274,7 +348,7 @@ fn changed(there: &Manifest, now: &Manifest, folder: &Path) -> String {
         "a file that the case names has changed since".into()
     };
     format!(
-        "{} has results of another study: {what}\n  give another --out, or remove the folder if its results are not needed",
+        "{} has results of another study: {what}\n  give another --out, or remove these results if they are not needed",
         folder.display()
     )
 }

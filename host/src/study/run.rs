@@ -1,5 +1,8 @@
 //! Runs a study on this machine: part after part, the rows of each on all cores.
 
+use std::ops::Range;
+
+use arrow_array::{Float64Array, RecordBatch};
 use rayon::prelude::*;
 
 use super::data_set::DataSet;
@@ -52,33 +55,22 @@ pub fn cycles(study: &Study) -> f64 {
     cycles_per_row(study) * study.rows() as f64
 }
 
-/// Runs every part that `chosen` names and that is not there yet. `report` sees the progress after each part and within it; it
-/// answers whether to go on.
+/// Runs every part that is not there yet. `report` sees the progress after each part and within it; it answers whether to go on.
 ///
 /// # Errors
 /// A case that the axes make and that is refused, a part that is not of this study, a part that cannot be written.
 pub fn run(
     study: &Study,
     data_set: &DataSet,
-    chosen: impl Fn(u64) -> bool,
     report: &(dyn Fn(&Progress) -> bool + Sync),
 ) -> Result<(Ending, Progress), Refusal> {
     let manifest = data_set.manifest();
-    let parts: Vec<u64> = (0..manifest.parts()).filter(|part| chosen(*part)).collect();
-    let size = |part: u64| manifest.rows_of(part).end - manifest.rows_of(part).start;
-    let mut progress = Progress { rows: parts.iter().map(|part| size(*part)).sum(), done: 0, best: None };
+    let mut progress = Progress::none(manifest.rows);
     let objective = place_of_objective(study);
     let mut missing = Vec::new();
-    for part in parts {
+    for part in 0..manifest.parts() {
         match data_set.part(part).map_err(|error| Refusal(error.0))? {
-            Some(batch) => {
-                let column = batch.column_by_name(&main_column(study, study.objective));
-                let values = column.and_then(|column| column.as_any().downcast_ref::<arrow_array::Float64Array>());
-                for (place, value) in values.into_iter().flatten().enumerate() {
-                    progress.meet(study, manifest.rows_of(part).start + place as u64, value.unwrap_or(f64::NAN));
-                }
-                progress.done += size(part);
-            }
+            Some(batch) => progress.meet_batch(study, manifest.rows_of(part).start, &batch),
             None => missing.push(part),
         }
     }
@@ -87,17 +79,9 @@ pub fn run(
             return Ok((Ending::Stopped, progress));
         }
         let numbers = manifest.rows_of(part);
-        let together = rows_together(study);
-        let computed = |from: u64| {
-            // A part of few long rows is stopped within it.
-            if !report(&Progress { done: progress.done + from - numbers.start, ..progress.clone() }) {
-                return Ok(None);
-            }
-            rows(study, from..(from + together).min(numbers.end)).map(Some)
-        };
-        let starts: Vec<u64> = numbers.clone().step_by(together as usize).collect();
-        let rows: Option<Vec<_>> = starts.into_par_iter().map(computed).collect::<Result<_, Refusal>>()?;
-        let Some(rows) = rows.map(|groups| groups.concat()) else { return Ok((Ending::Stopped, progress)) };
+        let first = numbers.start;
+        let within = |row: u64| report(&Progress { done: progress.done + row - first, ..progress.clone() });
+        let Some(rows) = compute(study, numbers.clone(), &within)? else { return Ok((Ending::Stopped, progress)) };
         data_set.write_part(study, part, &rows).map_err(|error| Refusal(error.to_string()))?;
         for (number, values) in numbers.zip(&rows) {
             progress.meet(study, number, values[objective]);
@@ -108,7 +92,42 @@ pub fn run(
     Ok((Ending::Complete, progress))
 }
 
+/// Computes rows of the table on all cores, some together. `go_on` is asked before each of these with its first row; `None` if it says no.
+///
+/// # Errors
+/// A case that the axes make and that is refused.
+pub fn compute(
+    study: &Study,
+    numbers: Range<u64>,
+    go_on: &(dyn Fn(u64) -> bool + Sync),
+) -> Result<Option<Vec<Vec<f64>>>, Refusal> {
+    let together = rows_together(study);
+    let group = |first: u64| {
+        // A part of few long rows is stopped within it.
+        if go_on(first) { rows(study, first..(first + together).min(numbers.end)).map(Some) } else { Ok(None) }
+    };
+    let firsts: Vec<u64> = numbers.clone().step_by(together as usize).collect();
+    let groups: Option<Vec<_>> = firsts.into_par_iter().map(group).collect::<Result<_, Refusal>>()?;
+    Ok(groups.map(|groups| groups.concat()))
+}
+
 impl Progress {
+    /// Before the first part.
+    #[must_use]
+    pub fn none(rows: u64) -> Self {
+        Self { rows, done: 0, best: None }
+    }
+
+    /// Counts the rows of a part that is there.
+    pub fn meet_batch(&mut self, study: &Study, first: u64, batch: &RecordBatch) {
+        let column = batch.column_by_name(&main_column(study, study.objective));
+        let values = column.and_then(|column| column.as_any().downcast_ref::<Float64Array>());
+        for (row, value) in (first..).zip(values.into_iter().flatten()) {
+            self.meet(study, row, value.unwrap_or(f64::NAN));
+        }
+        self.done += batch.num_rows() as u64;
+    }
+
     fn meet(&mut self, study: &Study, row: u64, value: f64) {
         let is_best = self.best.is_none_or(|(_, best)| study.is_better(value, best));
         if is_best && !value.is_nan() {

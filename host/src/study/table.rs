@@ -1,11 +1,10 @@
 //! The table of a study, for figures.
 
-use std::path::Path;
-
 use arrow_array::RecordBatch;
 use arrow_array::cast::AsArray;
 use arrow_array::types::Float64Type;
 use arrow_select::concat::concat_batches;
+use bytes::Bytes;
 
 use super::Study;
 use super::axis::Values;
@@ -24,13 +23,13 @@ pub struct StudyTable {
 }
 
 impl StudyTable {
-    /// Reads a file.
+    /// Reads a file's content; `shown` is its name in messages.
     ///
     /// # Errors
-    /// A file that is missing or damaged.
-    pub fn read(path: &Path) -> Result<Self, ReadError> {
-        let batches = parquet_file::read(path)?.collect::<Result<Vec<_>, _>>()?;
-        let failed = |error: &dyn std::fmt::Display| ReadError(format!("{}: {error}", path.display()));
+    /// A file that is damaged.
+    pub fn read(shown: &str, bytes: Bytes) -> Result<Self, ReadError> {
+        let (_, batches) = parquet_file::content(shown, bytes)?;
+        let failed = |error: &dyn std::fmt::Display| ReadError(format!("{shown}: {error}"));
         let schema = batches.first().map(RecordBatch::schema).ok_or_else(|| failed(&"it has no rows"))?;
         Ok(Self { batch: concat_batches(&schema, &batches).map_err(|error| failed(&error))? })
     }

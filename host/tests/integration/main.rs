@@ -54,5 +54,9 @@ mod simulate_set;
 mod slips;
 mod slow_disk;
 mod study;
+mod study_cluster;
+#[cfg(feature = "object-store")]
+mod study_objects;
+mod study_work;
 mod transients;
 mod unusual;

@@ -10,8 +10,10 @@ use std::path::Path;
 use std::sync::Once;
 
 use arrow_array::RecordBatch;
+use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder};
+use parquet::file::reader::ChunkReader;
 
 use crate::input::regular;
 use crate::run_folder::ReadError;
@@ -48,15 +50,37 @@ pub fn metadata(path: &Path) -> Result<HashMap<String, String>, ReadError> {
     Ok(builder.schema().metadata().clone().into())
 }
 
+/// A Parquet file in memory: the metadata of its schema, and its batches.
+///
+/// # Errors
+/// As [`read`]; `shown` names the file.
+pub fn content(shown: &str, bytes: Bytes) -> Result<(HashMap<String, String>, Vec<RecordBatch>), ReadError> {
+    let damaged =
+        |e| ReadError(format!("{shown}: not a whole Parquet file ({} bytes; cut off or damaged): {e}", bytes.len()));
+    let opened = without_panic(|| ParquetRecordBatchReaderBuilder::try_new(bytes.clone()).map_err(|e| e.to_string()));
+    let metadata = opened.and_then(|opened| opened).map_err(damaged)?.schema().metadata().clone().into();
+    let batches =
+        batches(shown.to_string(), bytes.len() as u64, bytes, None)?.collect::<Result<Vec<_>, ReadError>>()?;
+    Ok((metadata, batches))
+}
+
 fn open(
     path: &Path,
     names: Option<&[&str]>,
 ) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<>, ReadError> {
     let shown = path.display().to_string();
-    let failed = |message: String| ReadError(format!("{shown}: {message}"));
-    let file = regular::open(path).map_err(|e| failed(format!("cannot read it: {e}")))?;
-    let bytes = file.metadata().map_or(0, |m| m.len());
-    let damaged = |e| failed(format!("not a whole Parquet file ({bytes} bytes; cut off or damaged): {e}"));
+    let file = regular::open(path).map_err(|e| ReadError(format!("{shown}: cannot read it: {e}")))?;
+    let length = file.metadata().map_or(0, |m| m.len());
+    batches(shown, length, file, names)
+}
+
+fn batches<R: ChunkReader + 'static>(
+    shown: String,
+    length: u64,
+    file: R,
+    names: Option<&[&str]>,
+) -> Result<impl Iterator<Item = Result<RecordBatch, ReadError>> + use<R>, ReadError> {
+    let damaged = |e| ReadError(format!("{shown}: not a whole Parquet file ({length} bytes; cut off or damaged): {e}"));
     let opened = without_panic(|| {
         let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| e.to_string())?;
         let mask = names.map(|names| ProjectionMask::columns(builder.parquet_schema(), names.iter().copied()));

@@ -1,0 +1,239 @@
+//! `damprig study work`, `status`, `verify` and `merge`: a study computed by several workers.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args as ClapArgs;
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+
+use super::outcome::{Failure, Outcome};
+use super::progress::StudyBar;
+use super::study::place;
+use super::study_figures::say_result;
+use crate::report::numbers::duration;
+use crate::report::terminal;
+use crate::study::Study;
+use crate::study::data_set::{DataSet, ranges};
+use crate::study::inspect;
+use crate::study::lease::{Lease, now_s};
+use crate::study::run::{self, Ending, Progress};
+use crate::study::store::Store;
+use crate::study::work::{self, Foreman, Shard, Step};
+
+/// Computes parts of a study as one of several workers, and joins nothing.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = WORK_HELP)]
+pub(super) struct WorkArgs {
+    #[command(flatten)]
+    place: PlaceArgs,
+
+    #[command(flatten)]
+    which: Which,
+
+    /// Time after which a part of a worker that no longer answers is taken over, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, conflicts_with = "shard", value_parser = length)]
+    lease_s: f64,
+}
+
+/// Which parts a worker computes.
+#[derive(Debug, ClapArgs)]
+#[group(required = true, multiple = false)]
+struct Which {
+    /// Compute the i-th of n shares of the parts and stop; i counts from 1
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+
+    /// Take one missing part after the other until all are there
+    #[arg(long)]
+    claim: bool,
+}
+
+/// A study and the place of its results.
+#[derive(Debug, ClapArgs)]
+pub(super) struct PlaceArgs {
+    /// Study file (TOML)
+    #[arg(value_name = "STUDY")]
+    study: PathBuf,
+
+    /// Folder or URL (s3://, gs://, az://) of the results [default: studies/ and the name of the file]
+    #[arg(long, value_name = "PLACE")]
+    out: Option<PathBuf>,
+}
+
+const WORK_HELP: &str = "\
+Examples:
+  damprig study work my-study.toml --out /data/my-study --shard 3/8    the third of eight shares
+  damprig study work my-study.toml --out /data/my-study --claim        whatever is missing
+  damprig study status my-study.toml --out /data/my-study
+  damprig study merge my-study.toml --out /data/my-study               when all parts are there
+
+All workers of a study have the same --out. A share leaves out the parts that are there, so the same command goes on after a
+kill. With --claim a worker holds a lease on the part that it computes and renews it; the part of a worker that was killed is
+taken over when its lease has expired. RAYON_NUM_THREADS sets the number of threads of a worker. host/studies/cluster has
+scripts for SLURM and GNU parallel.
+
+Exit codes:
+  0    success: the share is computed, or all parts are there
+  1    a file could not be read or written
+  2    the command line, the study or its case is wrong
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the parts so far are kept";
+
+/// A length of leases: long enough for renewals over a slow file server.
+fn length(text: &str) -> Result<f64, String> {
+    let seconds: Option<f64> = text.parse().ok().filter(|seconds| (1.0..=86_400.0).contains(seconds));
+    seconds.ok_or_else(|| "must be from 1 to 86400, in seconds".into())
+}
+
+/// Tells a log file what the worker does.
+struct Log {
+    parts: u64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Foreman for Log {
+    fn sees(&self, step: Step) {
+        match step {
+            Step::Done { part, rows, took_s } => {
+                let (last, all, took) = (rows.end - 1, self.parts, duration(took_s));
+                say!("{}  part {part} of {all}: rows {} to {last}, {took}", clock(now_s()), rows.start);
+            }
+            Step::Lost { part } => {
+                say!("{}  part {part}: another worker has taken it over or finished it", clock(now_s()));
+            }
+            Step::NotRenewed { part, why } => {
+                warn!("warning: the lease of part {part} could not be renewed: {why}");
+            }
+            Step::Waiting { parts } => {
+                say!(
+                    "{}  other workers compute the last {parts} parts; waiting in case that one of them ends",
+                    clock(now_s())
+                );
+            }
+        }
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.stop.load(Ordering::Relaxed)
+    }
+}
+
+pub(super) fn work(args: &WorkArgs) -> Outcome {
+    let study = Study::read(&args.place.study).map_err(Failure::input)?;
+    let store = store(&args.place)?;
+    let data_set = DataSet::open(&study, store).map_err(Failure::input)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    let log = Log { parts: data_set.manifest().parts(), stop };
+    let threads = rayon::current_num_threads();
+    say!("{}; {} parts; {threads} threads", terminal::study::scope(&study, run::cycles(&study)), log.parts);
+    let ending = match args.which.shard {
+        Some(shard) => work::shard(&study, &data_set, shard, &log),
+        None => work::claim(&study, &data_set, Duration::from_secs_f64(args.lease_s), &log),
+    };
+    if ending.map_err(Failure::failed)? == Ending::Stopped {
+        return Err(Failure::Interrupted(
+            "stopped; the parts so far are kept, and the same command goes on with them".into(),
+        ));
+    }
+    let missing = data_set.missing().map_err(Failure::failed)?;
+    if missing.is_empty() {
+        say!("all parts are there: `damprig study merge` joins them");
+    } else {
+        say!("the share is done; {} parts of other shares are missing", missing.len());
+    }
+    Ok(())
+}
+
+pub(super) fn status(args: &PlaceArgs) -> Outcome {
+    let (study, data_set) = existing(args)?;
+    let status = inspect::status(&data_set).map_err(Failure::failed)?;
+    say!("{}", terminal::study::scope(&study, run::cycles(&study)));
+    say!("{} of {} parts done, {} missing", status.done, data_set.manifest().parts(), status.missing.len());
+    for (part, lease) in &status.leases {
+        say!("  part {part}: {}", held(lease, now_s()));
+    }
+    if status.missing.is_empty() {
+        say!("`damprig study merge` joins them");
+    } else if let Some((left_s, parts)) = status.left_s {
+        say!("about {} left at the pace of the latest {parts} parts", duration(left_s));
+    } else {
+        let cores = rayon::current_num_threads();
+        let whole_s = run::estimate_s(&study).map_err(Failure::input)? / cores as f64;
+        let left = duration(whole_s * status.missing.len() as f64 / data_set.manifest().parts() as f64);
+        say!("about {left} left on {cores} cores of this machine");
+    }
+    Ok(())
+}
+
+/// Who holds a lease, since when, and whether it still holds.
+fn held(lease: &Lease, now_s: f64) -> String {
+    let (worker, since) = (&lease.worker, clock(lease.taken_s));
+    let age_s = now_s - lease.renewed_s;
+    let state = if lease.is_expired(now_s) {
+        format!("expired {} ago; the next worker takes it over", duration((age_s - lease.length_s).max(0.0)))
+    } else {
+        format!("renewed {} ago", duration(age_s.max(0.0)))
+    };
+    format!("{} (process {}) since {since}, {state}", worker.host, worker.process)
+}
+
+pub(super) fn verify(args: &PlaceArgs) -> Outcome {
+    let (study, data_set) = existing(args)?;
+    let bar = StudyBar::new(&study.name, data_set.manifest().parts());
+    let verdict = inspect::verify(&data_set, |part| bar.reach(part + 1, None));
+    bar.end();
+    let verdict = verdict.map_err(Failure::failed)?;
+    for wrong in &verdict.wrong {
+        say!("FAILED  {wrong}");
+    }
+    say!("{} of {} parts are right", verdict.good, data_set.manifest().parts());
+    if !verdict.missing.is_empty() {
+        say!("missing: {}", ranges(&verdict.missing));
+    }
+    if verdict.wrong.is_empty() {
+        return Ok(());
+    }
+    let (count, place) = (verdict.wrong.len(), data_set.store().address(""));
+    Err(Failure::Failed(format!("{count} files of {} are wrong; nothing was changed", place.display())))
+}
+
+pub(super) fn merge(args: &PlaceArgs) -> Outcome {
+    let (study, data_set) = existing(args)?;
+    let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
+    let mut progress = Progress::none(study.rows());
+    let table = data_set.join(&study, |part, batch| {
+        progress.meet_batch(&study, data_set.manifest().rows_of(part).start, batch);
+        bar.reach(progress.done, None);
+    });
+    bar.end();
+    let table = table.map_err(Failure::failed)?;
+    say!("Table: {} ({} rows, {})", table.display(), study.rows(), duration(start.elapsed().as_secs_f64()));
+    say_result(&study, &data_set, &progress)
+}
+
+fn store(args: &PlaceArgs) -> Result<Store, Failure> {
+    Store::at(&place(&args.study, args.out.as_deref())).map_err(Failure::input)
+}
+
+/// A study and its results; nothing is created.
+fn existing(args: &PlaceArgs) -> Result<(Study, DataSet), Failure> {
+    let study = Study::read(&args.study).map_err(Failure::input)?;
+    let store = store(args)?;
+    let place = store.address("");
+    match DataSet::existing(&study, store).map_err(Failure::input)? {
+        Some(data_set) => Ok((study, data_set)),
+        None => Err(Failure::Input(format!(
+            "{} has no results of a study\n  give the --out of its workers, or start one with `damprig study work`",
+            place.display()
+        ))),
+    }
+}
+
+/// A time in whole seconds, in UTC as the other workers have it: 2026-05-01T10:20:30Z.
+fn clock(seconds: f64) -> String {
+    let time = Timestamp::from_second(seconds as i64).unwrap_or(Timestamp::UNIX_EPOCH);
+    time.to_zoned(TimeZone::UTC).strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
+}

@@ -1,0 +1,305 @@
+//! Where the files of a study are: a folder, or an object store under a URL.
+//!
+//! Both have what several workers need: a file appears whole under its name, and only one of several writers can create a name.
+
+use std::fs;
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use bytes::Bytes;
+use tempfile::NamedTempFile;
+
+#[cfg(feature = "object-store")]
+use super::objects::Objects;
+use crate::input::{Refusal, regular};
+use crate::run_folder::StorageError;
+
+/// Beginning and end of the names of files that are not whole yet.
+const UNFINISHED: (&str, &str) = (".unfinished-", ".tmp");
+
+/// Age from which an unfinished file belongs to a killed writer.
+const ABANDONED: Duration = Duration::from_secs(3_600);
+
+/// A place for files with names such as `parts/00000001.parquet`.
+#[derive(Clone, Debug)]
+pub enum Store {
+    /// A folder of this machine or of a file server.
+    Folder(PathBuf),
+    /// A prefix in a bucket or container.
+    #[cfg(feature = "object-store")]
+    Objects(Objects),
+}
+
+/// A file in a store.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Its name under the listed folder.
+    pub name: String,
+    /// When it was written, by the store's clock.
+    pub modified: SystemTime,
+}
+
+impl Store {
+    /// The store at a path or a URL (`s3://bucket/prefix`, `gs://…`, `az://…`). Nothing is created.
+    ///
+    /// # Errors
+    /// A URL that is none, or in a build without object stores.
+    pub fn at(place: &Path) -> Result<Self, Refusal> {
+        match place.to_str().filter(|text| text.contains("://")) {
+            Some(url) => Self::at_url(url),
+            None => Ok(Self::Folder(place.to_path_buf())),
+        }
+    }
+
+    #[cfg(feature = "object-store")]
+    fn at_url(url: &str) -> Result<Self, Refusal> {
+        Objects::at(url).map(Self::Objects)
+    }
+
+    #[cfg(not(feature = "object-store"))]
+    fn at_url(url: &str) -> Result<Self, Refusal> {
+        Err(Refusal(format!(
+            "{url}: this damprig was built without object stores\n  give a folder, or build it with \
+             `cargo install --path host --features object-store`"
+        )))
+    }
+
+    /// Path or URL of a file, or of the store itself for an empty name.
+    #[must_use]
+    pub fn address(&self, name: &str) -> PathBuf {
+        match self {
+            Self::Folder(folder) if name.is_empty() => folder.clone(),
+            Self::Folder(folder) => folder.join(name),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.address(name).into(),
+        }
+    }
+
+    /// Content of a file, `None` if it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn get(&self, name: &str) -> Result<Option<Bytes>, StorageError> {
+        match self {
+            Self::Folder(folder) => if_there(regular::read(&folder.join(name)).map(Bytes::from)),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.get(name),
+        }
+        .map_err(|error| self.failed("read", name, error))
+    }
+
+    /// Whether a file is there.
+    ///
+    /// # Errors
+    /// When that cannot be found out.
+    pub fn has(&self, name: &str) -> Result<bool, StorageError> {
+        match self {
+            Self::Folder(folder) => folder.join(name).try_exists(),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.has(name),
+        }
+        .map_err(|error| self.failed("find", name, error))
+    }
+
+    /// Creates a file, whole; answers whether it did. An existing one stays as it is: of several writers one succeeds.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn put_new(&self, name: &str, bytes: &[u8]) -> Result<bool, StorageError> {
+        match self {
+            Self::Folder(folder) => create(&folder.join(name), bytes),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.put_new(name, bytes),
+        }
+        .map_err(|error| self.failed("write", name, error))
+    }
+
+    /// Writes a file, whole, in place of an earlier one.
+    ///
+    /// # Errors
+    /// When it cannot be written; the earlier one stays.
+    pub fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), StorageError> {
+        match self {
+            Self::Folder(folder) => {
+                let path = folder.join(name);
+                write_beside(&path, bytes).and_then(|file| file.persist(&path).map(drop).map_err(|error| error.error))
+            }
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.replace(name, bytes),
+        }
+        .map_err(|error| self.failed("write", name, error))
+    }
+
+    /// Removes a file; one that is not there is removed already.
+    ///
+    /// # Errors
+    /// When it cannot be removed.
+    pub fn remove(&self, name: &str) -> Result<(), StorageError> {
+        match self {
+            Self::Folder(folder) => if_there(fs::remove_file(folder.join(name))).map(drop),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.remove(name),
+        }
+        .map_err(|error| self.failed("remove", name, error))
+    }
+
+    /// Files and folders directly in a folder of the store, by name; none if it is not there. Unfinished files are left out.
+    ///
+    /// # Errors
+    /// When it cannot be listed.
+    pub fn list(&self, under: &str) -> Result<Vec<Entry>, StorageError> {
+        let entries = match self {
+            Self::Folder(folder) => listed(&folder.join(under)),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.list(under),
+        };
+        let mut entries = entries.map_err(|error| self.failed("list", under, error))?;
+        entries.retain(|entry| !is_unfinished(&entry.name));
+        entries.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(entries)
+    }
+
+    /// A file to write something large to, for [`Self::put_file`].
+    ///
+    /// # Errors
+    /// When it cannot be created.
+    pub fn large_file(&self, name: &str) -> Result<NamedTempFile, StorageError> {
+        match self {
+            Self::Folder(folder) => unfinished(folder),
+            #[cfg(feature = "object-store")]
+            Self::Objects(_) => NamedTempFile::new(),
+        }
+        .map_err(|error| self.failed("write", name, error))
+    }
+
+    /// Gives a written file its name in the store, in place of an earlier one.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn put_file(&self, name: &str, file: NamedTempFile) -> Result<(), StorageError> {
+        match self {
+            Self::Folder(folder) => file
+                .as_file()
+                .sync_data()
+                .and_then(|()| file.persist(folder.join(name)).map(drop).map_err(|error| error.error)),
+            #[cfg(feature = "object-store")]
+            Self::Objects(objects) => objects.put_file(name, &file),
+        }
+        .map_err(|error| self.failed("write", name, error))
+    }
+
+    /// Removes what killed writers left in a folder of the store more than an hour ago.
+    pub fn remove_abandoned(&self, under: &str) {
+        let folder = match self {
+            Self::Folder(folder) => folder.join(under),
+            // An upload that was not finished is no object.
+            #[cfg(feature = "object-store")]
+            Self::Objects(_) => return,
+        };
+        for entry in listed(&folder).unwrap_or_default() {
+            let is_old = entry.modified.elapsed().is_ok_and(|age| age > ABANDONED);
+            if is_unfinished(&entry.name) && is_old {
+                let _ = fs::remove_file(folder.join(entry.name));
+            }
+        }
+    }
+
+    fn failed(&self, action: &'static str, name: &str, error: io::Error) -> StorageError {
+        StorageError::new(action, &self.address(name), error)
+    }
+}
+
+fn is_unfinished(name: &str) -> bool {
+    name.starts_with(UNFINISHED.0) && name.ends_with(UNFINISHED.1)
+}
+
+fn if_there<T>(result: io::Result<T>) -> io::Result<Option<T>> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn create(path: &Path, bytes: &[u8]) -> io::Result<bool> {
+    match write_beside(path, bytes)?.persist_noclobber(path) {
+        Ok(_) => Ok(true),
+        // What stands in the way is whole: it got its name in the same way.
+        Err(_) if path.is_file() => Ok(false),
+        Err(error) => Err(error.error),
+    }
+}
+
+fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
+    let mut file = unfinished(path.parent().unwrap_or(Path::new("")))?;
+    file.write_all(bytes)?;
+    // After a power cut the name must not lead to an empty file.
+    file.as_file().sync_data()?;
+    Ok(file)
+}
+
+/// A new file under a name of its own: writers on any machine do not meet.
+fn unfinished(folder: &Path) -> io::Result<NamedTempFile> {
+    fs::create_dir_all(folder)?;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(UNFINISHED.0).suffix(UNFINISHED.1).rand_bytes(12);
+    // As files usually are, so that the others of a group read them.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+fn listed(folder: &Path) -> io::Result<Vec<Entry>> {
+    let Some(entries) = if_there(fs::read_dir(folder))? else { return Ok(Vec::new()) };
+    let mut found = Vec::new();
+    for entry in entries {
+        let entry = entry?;
+        // A file may vanish while the folder is listed.
+        let Some(metadata) = if_there(entry.metadata())? else { continue };
+        found.push(Entry { name: entry.file_name().to_string_lossy().into_owned(), modified: metadata.modified()? });
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_sixteen_writers_one_creates_a_file_and_nothing_is_left_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::at(folder.path()).unwrap();
+        let contents: Vec<Vec<u8>> = (0..16u8).map(|n| vec![n; 10_000]).collect();
+        let created: Vec<bool> = std::thread::scope(|scope| {
+            let writers: Vec<_> =
+                contents.iter().map(|bytes| scope.spawn(|| store.put_new("parts/a", bytes).unwrap())).collect();
+            writers.into_iter().map(|writer| writer.join().unwrap()).collect()
+        });
+        let winner = created.iter().position(|created| *created).unwrap();
+        assert_eq!(created.iter().filter(|created| **created).count(), 1);
+        assert_eq!(store.get("parts/a").unwrap().unwrap(), contents[winner]);
+        assert_eq!(fs::read_dir(folder.path().join("parts")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_place_that_does_not_exist_is_empty_and_is_not_made_by_reading() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::at(&folder.path().join("new")).unwrap();
+        assert!(
+            store.list("parts").unwrap().is_empty() && store.get("a").unwrap().is_none() && !store.has("a").unwrap()
+        );
+        store.remove("a").unwrap();
+        assert!(!folder.path().join("new").exists());
+    }
+
+    #[test]
+    fn an_error_names_the_file_and_what_was_done() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::at(folder.path()).unwrap();
+        fs::create_dir(folder.path().join("a")).unwrap();
+        let told = store.get("a").unwrap_err().to_string();
+        assert!(told.contains("cannot read") && told.contains("/a:") && told.contains("a folder"), "{told}");
+        assert!(store.put_new("a", b"1").is_err());
+    }
+}

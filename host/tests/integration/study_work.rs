@@ -1,0 +1,335 @@
+//! `damprig study work`, `status`, `verify` and `merge`: several workers, killed at any moment, make the table of one undisturbed run,
+//! byte for byte.
+//!
+//! A few kills in the default run, 100 with `DAMPRIG_FULL`.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+
+use crate::common::damprig;
+use damprig::study::Study;
+use damprig::study::data_set::DataSet;
+use damprig::study::lease::{self, Claim, Lease, Worker};
+use damprig::study::store::Store;
+use tempfile::TempDir;
+
+const CASE: &str = "\
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = \"sine\", amplitude_m = 0.003, frequency_hz = 2.5 }
+particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }
+run = { duration_s = 8 }
+";
+
+/// Twelve points in six parts; each part takes some tenths of a second.
+pub const STUDY: &str = "\
+case = \"case.toml\"
+metrics = [\"x_over_z\", \"rms_x_m\"]
+points_per_part = 2
+[[axis]]
+key = \"particle.clearance_ratio\"
+from = 5
+to = 16
+count = 12
+[record]
+cycles = 20000
+";
+
+/// The same with parts of some milliseconds.
+pub fn short_study() -> String {
+    STUDY.replace("20000", "20")
+}
+
+pub fn folder(study: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("case.toml"), CASE).unwrap();
+    fs::write(folder.path().join("study.toml"), study).unwrap();
+    folder
+}
+
+fn study_of(folder: &TempDir) -> Study {
+    Study::read(&folder.path().join("study.toml")).unwrap()
+}
+
+fn data_set(folder: &TempDir, out: &str) -> DataSet {
+    DataSet::open(&study_of(folder), Store::at(&folder.path().join(out)).unwrap()).unwrap()
+}
+
+fn study(folder: &TempDir, action: &str, out: &str, more: &[&str]) -> Output {
+    let mut command = damprig(folder);
+    command.args(["study", action, "study.toml", "--out", out]).args(more).output().unwrap()
+}
+
+fn succeeds(output: &Output) -> String {
+    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{said}");
+    said
+}
+
+fn fails(output: &Output, code: i32, words: &[&str]) {
+    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "no {word:?} in:\n{said}");
+    }
+}
+
+/// A worker in the background, on one thread.
+fn worker(folder: &TempDir, out: &str, which: &[&str]) -> Child {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("damprig"));
+    command.current_dir(folder.path()).env("RAYON_NUM_THREADS", "1");
+    command.args(["study", "work", "study.toml", "--out", out]).args(which);
+    command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// The table of one run without disturbance.
+pub fn undisturbed(folder: &TempDir) -> Vec<u8> {
+    succeeds(&study(folder, "run", "alone", &[]));
+    table(folder, "alone")
+}
+
+pub fn table(folder: &TempDir, out: &str) -> Vec<u8> {
+    fs::read(folder.path().join(out).join("table.parquet")).unwrap()
+}
+
+fn part(folder: &TempDir, out: &str, part: u64) -> std::path::PathBuf {
+    folder.path().join(out).join(format!("parts/{part:08}.parquet"))
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn two_workers_for_each_of_two_shares_at_once_make_the_table_of_one_run() {
+    let folder = folder(&short_study());
+    let expected = undisturbed(&folder);
+    let workers: Vec<Child> =
+        ["1/2", "2/2", "1/2", "2/2"].iter().map(|shard| worker(&folder, "out", &["--shard", shard])).collect();
+    for mut worker in workers {
+        assert!(worker.wait().unwrap().success());
+    }
+    assert!(!folder.path().join("out/table.parquet").exists(), "a worker joins nothing");
+    let said = succeeds(&study(&folder, "merge", "out", &[]));
+    assert!(said.contains("x_over_z") && said.contains("12 rows"), "{said}");
+    assert_eq!(table(&folder, "out"), expected);
+    assert_eq!(names(&folder.path().join("out/parts")).len(), 6, "nothing else is left over");
+}
+
+#[test]
+fn a_share_has_the_parts_of_its_remainder_and_merging_names_the_others() {
+    let folder = folder(&short_study());
+    let said = succeeds(&study(&folder, "work", "out", &["--shard", "2/4"]));
+    assert!(
+        said.contains("part 1 of 6: rows 2 to 3") && said.contains("4 parts of other shares are missing"),
+        "{said}"
+    );
+    assert_eq!(names(&folder.path().join("out/parts")), ["00000001.parquet", "00000005.parquet"]);
+    fails(&study(&folder, "merge", "out", &[]), 1, &["4 of 6 parts", "missing: 0, 2 to 4", "study work"]);
+    assert!(!folder.path().join("out/table.parquet").exists());
+    let said = succeeds(&study(&folder, "status", "out", &[]));
+    assert!(said.contains("2 of 6 parts done, 4 missing") && said.contains("left"), "{said}");
+    let said = succeeds(&study(&folder, "verify", "out", &[]));
+    assert!(said.contains("2 of 6 parts are right") && said.contains("missing: 0, 2 to 4"), "{said}");
+}
+
+#[test]
+fn workers_killed_at_random_moments_spoil_nothing() {
+    let kills = if std::env::var_os("DAMPRIG_FULL").is_some() { 100 } else { 4 };
+    let folder = folder(STUDY);
+    let expected = undisturbed(&folder);
+    let mut random = fastrand::Rng::with_seed(7);
+    let which: [&[&str]; 3] = [&["--claim", "--lease-s", "1"], &["--shard", "1/1"], &["--claim", "--lease-s", "1"]];
+    for kill in 0..kills {
+        let mut workers: Vec<Child> = which.iter().map(|which| worker(&folder, "out", which)).collect();
+        for worker in &mut workers {
+            // The moment of the kill: nothing is waited for.
+            std::thread::sleep(Duration::from_millis(random.u64(0..300)));
+            worker.kill().unwrap();
+            worker.wait().unwrap();
+        }
+        let parts = folder.path().join("out/parts");
+        if parts.exists() && names(&parts).iter().filter(|name| !name.starts_with('.')).count() == 6 {
+            succeeds(&study(&folder, "merge", "out", &[]));
+            assert_eq!(table(&folder, "out"), expected, "after {kill} kills");
+            fs::remove_dir_all(folder.path().join("out")).unwrap();
+        }
+    }
+    succeeds(&study(&folder, "work", "out", &["--claim", "--lease-s", "1"]));
+    succeeds(&study(&folder, "verify", "out", &[]));
+    succeeds(&study(&folder, "merge", "out", &[]));
+    assert_eq!(table(&folder, "out"), expected);
+}
+
+#[test]
+fn a_worker_of_another_version_is_refused_and_writes_nothing() {
+    let folder = folder(&short_study());
+    succeeds(&study(&folder, "work", "out", &["--shard", "1/2"]));
+    let path = folder.path().join("out/study.json");
+    let other = fs::read_to_string(&path).unwrap().replace("\"damprig 0.", "\"damprig 9.");
+    fs::write(&path, &other).unwrap();
+    for (action, more) in [("work", ["--shard", "2/2"].as_slice()), ("status", &[]), ("verify", &[]), ("merge", &[])] {
+        fails(&study(&folder, action, "out", more), 2, &["written by damprig 9.", "this is damprig 0.", "--out"]);
+    }
+    assert_eq!(names(&folder.path().join("out/parts")).len(), 3);
+    assert_eq!(fs::read_to_string(&path).unwrap(), other);
+}
+
+#[test]
+fn a_half_written_part_and_a_strange_file_are_named_with_what_to_do() {
+    let folder = folder(&short_study());
+    let expected = undisturbed(&folder);
+    succeeds(&study(&folder, "work", "out", &["--shard", "1/1"]));
+    let whole = fs::read(part(&folder, "out", 3)).unwrap();
+    fs::write(part(&folder, "out", 3), &whole[..whole.len() / 2]).unwrap();
+    fs::copy(part(&folder, "out", 0), part(&folder, "out", 1)).unwrap();
+    fs::write(folder.path().join("out/parts/notes.txt"), "x").unwrap();
+    let words =
+        ["00000003.parquet", "cut off", "00000001.parquet: does not have the rows 2 to 3", "notes.txt", "remove"];
+    fails(&study(&folder, "verify", "out", &[]), 1, &words);
+    fails(&study(&folder, "merge", "out", &[]), 1, &["00000001.parquet", "remove"]);
+    assert!(!folder.path().join("out/table.parquet").exists());
+    for wrong in [part(&folder, "out", 3), part(&folder, "out", 1), folder.path().join("out/parts/notes.txt")] {
+        fs::remove_file(wrong).unwrap();
+    }
+    succeeds(&study(&folder, "work", "out", &["--claim"]));
+    succeeds(&study(&folder, "verify", "out", &[]));
+    succeeds(&study(&folder, "merge", "out", &[]));
+    assert_eq!(table(&folder, "out"), expected);
+}
+
+fn lease_of_another(folder: &TempDir, renewed_s: f64, length_s: f64) {
+    let worker = Worker { host: "node7".into(), process: 4242, key: 1 };
+    let lease = Lease { worker, taken_s: renewed_s, renewed_s, length_s };
+    let leases = folder.path().join("out/leases");
+    fs::create_dir_all(&leases).unwrap();
+    fs::write(leases.join("00000002.0000"), serde_json::to_vec(&lease).unwrap()).unwrap();
+}
+
+#[test]
+fn an_expired_lease_is_taken_over_and_one_that_holds_is_waited_for() {
+    let folder = folder(&short_study());
+    let expected = undisturbed(&folder);
+    data_set(&folder, "out");
+    lease_of_another(&folder, lease::now_s() - 100.0, 60.0);
+    let said = succeeds(&study(&folder, "status", "out", &[]));
+    assert!(said.contains("part 2: node7 (process 4242) since 2") && said.contains("expired 40 s ago"), "{said}");
+    let said = succeeds(&study(&folder, "work", "out", &["--claim"]));
+    assert!(said.contains("part 2 of 6") && !said.contains("waiting"), "{said}");
+    assert!(names(&folder.path().join("out/leases")).is_empty(), "all leases are given back");
+    succeeds(&study(&folder, "merge", "out", &[]));
+    assert_eq!(table(&folder, "out"), expected);
+
+    fs::remove_file(part(&folder, "out", 2)).unwrap();
+    lease_of_another(&folder, lease::now_s(), 2.0);
+    let said = succeeds(&study(&folder, "status", "out", &[]));
+    assert!(said.contains("part 2: node7") && said.contains("renewed"), "{said}");
+    let said = succeeds(&study(&folder, "work", "out", &["--claim", "--lease-s", "1"]));
+    let (waits, computes) = (said.find("waiting").expect(&said), said.find("part 2 of 6").expect(&said));
+    assert!(waits < computes, "{said}");
+}
+
+#[test]
+fn a_worker_that_lost_its_lease_notices_and_leaves_the_part_of_the_other() {
+    let folder = folder(&short_study());
+    let data_set = data_set(&folder, "out");
+    let (slow, fast) = (Worker::this(), Worker::this());
+    assert_ne!(slow, fast);
+    let moment = Duration::from_millis(1);
+    let lost = Claim::take(&data_set, 0, None, &slow, moment).unwrap().expect("nobody holds it");
+    assert!(lost.renew().unwrap());
+    let taken = loop {
+        // Until a millisecond has passed.
+        let latest = lease::terms(data_set.store()).unwrap().get(&0).copied();
+        if let Some(claim) = Claim::take(&data_set, 0, latest, &fast, Duration::from_secs(60)).unwrap() {
+            break claim;
+        }
+    };
+    assert!(!lost.renew().unwrap() && taken.renew().unwrap());
+    assert!(Claim::take(&data_set, 0, Some(1), &slow, moment).unwrap().is_none(), "it is held");
+    let study = study_of(&folder);
+    data_set.write_part(&study, 0, &[vec![1.0, 2.0, 0.0], vec![3.0, 4.0, 0.0]]).unwrap();
+    data_set.write_part(&study, 0, &[vec![9.0, 9.0, 0.0], vec![9.0, 9.0, 0.0]]).unwrap();
+    let first = data_set.part(0).unwrap().unwrap().column_by_name("x_over_z").unwrap().clone();
+    let expected: arrow_array::Float64Array = vec![Some(1.0), Some(3.0)].into();
+    assert_eq!(first.as_ref(), &expected as &dyn arrow_array::Array);
+    lost.give_back().unwrap();
+    assert_eq!(names(&folder.path().join("out/leases")), ["00000000.0001"]);
+    assert!(!taken.renew().unwrap(), "the part is there");
+    taken.give_back().unwrap();
+    assert!(names(&folder.path().join("out/leases")).is_empty());
+}
+
+#[test]
+fn a_wrong_command_line_is_refused_and_makes_nothing() {
+    let folder = folder(&short_study());
+    let cases: &[(&str, &[&str], &[&str])] = &[
+        ("work", &[], &["--shard", "--claim"]),
+        ("work", &["--shard", "0/4"], &["0/4", "counts from 1", "index + 1"]),
+        ("work", &["--shard", "5/4"], &["5/4", "from 1 to n"]),
+        ("work", &["--claim", "--lease-s", "0"], &["1 to 86400"]),
+        ("work", &["--claim", "--shard", "1/2"], &["cannot be used with"]),
+        ("work", &["--shard", "1/2", "--lease-s", "5"], &["cannot be used with"]),
+        ("status", &[], &["has no results of a study", "study work"]),
+        ("verify", &[], &["has no results of a study"]),
+        ("merge", &[], &["has no results of a study"]),
+    ];
+    for (action, more, words) in cases {
+        fails(&study(&folder, action, "out", more), 2, words);
+    }
+    assert!(!folder.path().join("out").exists());
+    fs::create_dir(folder.path().join("out")).unwrap();
+    fs::write(folder.path().join("out/thesis.tex"), "x").unwrap();
+    fails(&study(&folder, "work", "out", &["--claim"]), 2, &["is not empty and has no study"]);
+    #[cfg(not(feature = "object-store"))]
+    fails(&study(&folder, "work", "s3://bucket/a", &["--claim"]), 2, &["built without object stores", "--features"]);
+    #[cfg(feature = "object-store")]
+    fails(&study(&folder, "work", "ftp://bucket/a", &["--claim"]), 2, &["ftp://bucket/a", "s3://bucket/prefix"]);
+}
+
+/// Largest memory of `study merge`, bytes, over a synthetic set of so many rows; the table has them all.
+#[cfg(target_os = "linux")]
+fn memory_of_merging(rows: u64) -> u64 {
+    let text =
+        short_study().replace("count = 12", "count = 1000").replace("points_per_part = 2", "points_per_part = 50000");
+    let other =
+        format!("[[axis]]\nkey = \"particle.wall.coefficient\"\nfrom = 0.1\nto = 0.9\ncount = {}\n", rows / 1000);
+    let folder = folder(&text.replace("[record]", &format!("{other}[record]")));
+    let (study, data_set) = (study_of(&folder), data_set(&folder, "out"));
+    let mut random = fastrand::Rng::with_seed(3);
+    for part in 0..data_set.manifest().parts() {
+        let numbers = data_set.manifest().rows_of(part);
+        let values: Vec<Vec<f64>> = numbers.map(|_| vec![random.f64(), random.f64(), 0.0]).collect();
+        data_set.write_part(&study, part, &values).unwrap();
+    }
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("damprig"));
+    command.current_dir(folder.path()).args(["study", "merge", "study.toml", "--out", "out"]).stdout(Stdio::null());
+    let mut merge = command.spawn().unwrap();
+    let mut peak_kib = 0;
+    while merge.try_wait().unwrap().is_none() {
+        let status = fs::read_to_string(format!("/proc/{}/status", merge.id())).unwrap_or_default();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        peak_kib = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(peak_kib);
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(merge.wait().unwrap().success());
+    assert_eq!(crate::common::rows(folder.path().join("out/table.parquet")) as u64, rows);
+    println!("{rows} rows: {peak_kib} KiB");
+    1024 * peak_kib
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn joining_many_parts_takes_the_memory_of_few() {
+    if std::env::var_os("DAMPRIG_FULL").is_none() {
+        return;
+    }
+    // 32 bytes for each row: both fill row groups of 32 MiB, and the longer table has 192 MB more.
+    let (short, long) = (memory_of_merging(2_000_000), memory_of_merging(8_000_000));
+    // Its footer lists more row groups, and the allocator keeps some memory.
+    assert!(long < short + (24 << 20), "{short} and {long} bytes");
+}
