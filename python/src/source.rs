@@ -14,7 +14,7 @@ pub enum Given {
     /// A file.
     File(PathBuf),
     /// A dict, as TOML; its relative files are those of the working directory.
-    Text(Source),
+    Text(Box<Source>),
 }
 
 impl Given {
@@ -24,7 +24,7 @@ impl Given {
     /// Neither a path nor a dict; a value of the dict that no file can have.
     pub fn of(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(dict) = argument.cast::<PyDict>() {
-            return Ok(Self::Text(Source::new(name, plain_toml::text(name, dict)?)));
+            return Ok(Self::Text(Box::new(Source::new(name, plain_toml::text(name, dict)?))));
         }
         if let Ok(path) = argument.extract::<PathBuf>() {
             return Ok(Self::File(path));
@@ -41,7 +41,7 @@ impl Given {
     pub fn source(self) -> Result<Source, Failure> {
         Ok(match self {
             Self::File(path) => Source::read(&path)?,
-            Self::Text(source) => source,
+            Self::Text(source) => *source,
         })
     }
 }

@@ -61,6 +61,8 @@ enum KindArg {
     Study,
     /// Optimisations, for damprig optimise
     Optimisation,
+    /// Continuations, for damprig continue
+    Continuation,
 }
 
 const SCHEMA_HELP: &str = "\
@@ -86,6 +88,7 @@ pub fn schema(args: &Schema) -> Outcome {
         KindArg::SetUp => FileKind::SetUp,
         KindArg::Study => FileKind::Study,
         KindArg::Optimisation => FileKind::Optimisation,
+        KindArg::Continuation => FileKind::Continuation,
     };
     say!("{:#}", schema::schema(kind));
     Ok(())

@@ -7,7 +7,7 @@ pub mod schema;
 
 use crate::input::key::{MOST_WHOLE, Table};
 use crate::setup::{PARTS, set_up_file};
-use crate::{campaign, motion_record, optimise, setup, simulation, study};
+use crate::{campaign, continuation, motion_record, optimise, setup, simulation, study};
 
 /// The kinds of input files with declared keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,11 +22,14 @@ pub enum FileKind {
     Study,
     /// An optimisation, for `damprig optimise`.
     Optimisation,
+    /// A continuation, for `damprig continue`.
+    Continuation,
 }
 
 impl FileKind {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Campaign, Self::Case, Self::SetUp, Self::Study, Self::Optimisation];
+    pub const ALL: [Self; 6] =
+        [Self::Campaign, Self::Case, Self::SetUp, Self::Study, Self::Optimisation, Self::Continuation];
 
     /// What such a file is, in one line.
     #[must_use]
@@ -37,6 +40,9 @@ impl FileKind {
             Self::SetUp => "Set-up file of damprig, for the key `set_up_file` of a campaign or a case",
             Self::Study => "Study of damprig: a case over many values of its keys, for `damprig study`",
             Self::Optimisation => "Optimisation of damprig: the best values of a case's keys, for `damprig optimise`",
+            Self::Continuation => {
+                "Continuation of damprig: periodic orbits over a key of a case, for `damprig continue`"
+            }
         }
     }
 
@@ -50,6 +56,7 @@ impl FileKind {
             Self::SetUp => set_up_file::TABLES.iter().chain(parts).copied().collect(),
             Self::Study => study::TABLES.to_vec(),
             Self::Optimisation => optimise::TABLES.iter().chain(&study::SHARED).copied().collect(),
+            Self::Continuation => continuation::TABLES.to_vec(),
         }
     }
 }

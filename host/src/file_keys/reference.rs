@@ -21,7 +21,7 @@ type Section = (&'static str, &'static str, Vec<Table>);
 pub fn reference() -> String {
     let own = |file: FileKind| file.tables().into_iter().filter(|table| !is_part(table.path)).collect();
     let parts = FileKind::SetUp.tables().into_iter().filter(|table| is_part(table.path)).collect();
-    let sections: [Section; 6] = [
+    let sections: [Section; 7] = [
         (
             "Campaign",
             "For `damprig run`. Structure and dampers have the keys of a set-up, below.",
@@ -45,6 +45,7 @@ pub fn reference() -> String {
             "For `damprig optimise`; docs/OPTIMISE.md. `[[axis]]` and `[record]` have the keys of a study, above.",
             optimise::TABLES.to_vec(),
         ),
+        ("Continuation", "For `damprig continue`; docs/CONTINUE.md.", own(FileKind::Continuation)),
     ];
     let mut page = HEAD.to_string();
     for (title, introduction, tables) in &sections {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use damprig::campaign::Campaign;
+use damprig::continuation::Continuation;
 use damprig::file_keys::FileKind;
 use damprig::input::Source;
 use damprig::optimise::Optimisation;
@@ -12,7 +13,7 @@ use damprig::study::Study;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_OPTIMISATIONS, MORE_STUDIES, SET_UP_FILE};
+use super::examples::{MORE_CAMPAIGN, MORE_CASES, MORE_CONTINUATION, MORE_OPTIMISATIONS, MORE_STUDIES, SET_UP_FILE};
 use crate::common::{damprig, python};
 use crate::mutations;
 
@@ -21,6 +22,7 @@ pub const CASE: &str = "case";
 pub const SET_UP: &str = "set-up";
 pub const STUDY: &str = "study";
 pub const OPTIMISATION: &str = "optimisation";
+pub const CONTINUATION: &str = "continuation";
 
 pub fn own(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -33,9 +35,13 @@ pub fn json_of(toml: &str) -> Value {
 /// All shipped files and those of this test: name, kind, content.
 pub fn files() -> Vec<(String, &'static str, Value)> {
     let mut files = Vec::new();
-    for (folder, kind) in
-        [("campaigns", CAMPAIGN), ("cases", CASE), ("studies", STUDY), ("optimisations", OPTIMISATION)]
-    {
+    for (folder, kind) in [
+        ("campaigns", CAMPAIGN),
+        ("cases", CASE),
+        ("studies", STUDY),
+        ("optimisations", OPTIMISATION),
+        ("continuations", CONTINUATION),
+    ] {
         let entries = std::fs::read_dir(own(folder)).unwrap().flatten().map(|entry| entry.path());
         for path in entries.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
             files.push((path.display().to_string(), kind, json_of(&std::fs::read_to_string(&path).unwrap())));
@@ -48,6 +54,7 @@ pub fn files() -> Vec<(String, &'static str, Value)> {
     files.push(("set-up file".into(), SET_UP, json_of(SET_UP_FILE)));
     files.extend(MORE_STUDIES.map(|text| ("more studies".into(), STUDY, json_of(text))));
     files.extend(MORE_OPTIMISATIONS.map(|text| ("more optimisations".into(), OPTIMISATION, json_of(text))));
+    files.push(("more of a continuation".into(), CONTINUATION, json_of(MORE_CONTINUATION)));
     files
 }
 
@@ -57,6 +64,7 @@ pub fn kind_of(name: &str) -> FileKind {
         CASE => FileKind::Case,
         STUDY => FileKind::Study,
         OPTIMISATION => FileKind::Optimisation,
+        CONTINUATION => FileKind::Continuation,
         _ => FileKind::SetUp,
     }
 }
@@ -78,7 +86,7 @@ impl Documents {
             let output = damprig(&folder).args(["schema", kind]).output().unwrap();
             serde_json::from_slice(&output.stdout).expect("a schema is JSON")
         };
-        let kinds = [CAMPAIGN, CASE, SET_UP, STUDY, OPTIMISATION];
+        let kinds = [CAMPAIGN, CASE, SET_UP, STUDY, OPTIMISATION, CONTINUATION];
         let schemas: serde_json::Map<String, Value> =
             kinds.into_iter().map(|kind| (kind.to_string(), printed(kind))).collect();
         let Some(python) = python() else {
@@ -115,7 +123,7 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
     match kind {
         CAMPAIGN => Campaign::parse(Source::new(name, text)).is_ok(),
         CASE => Case::parse(&Source::new(name, text), "case").is_ok(),
-        STUDY | OPTIMISATION => {
+        STUDY | OPTIMISATION | CONTINUATION => {
             let [cases, files, more] = ["cases", "files", "files/cases"].map(|name| folder.path().join(name));
             for folder in [&cases, &files, &more] {
                 std::fs::create_dir(folder).unwrap();
@@ -126,7 +134,11 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
             std::fs::copy(own("optimisations/cases/hybrid.toml"), more.join("hybrid.toml")).unwrap();
             let file = files.join("file.toml");
             std::fs::write(&file, text).unwrap();
-            if kind == STUDY { Study::read(&file).is_ok() } else { Optimisation::read(&file).is_ok() }
+            match kind {
+                STUDY => Study::read(&file).is_ok(),
+                OPTIMISATION => Optimisation::read(&file).is_ok(),
+                _ => Continuation::read(&file).is_ok(),
+            }
         }
         _ => {
             std::fs::write(folder.path().join("identified.toml"), text).unwrap();

@@ -289,3 +289,20 @@ count = 3
 reduce = "maximum"
 "#,
 ];
+
+pub const MORE_CONTINUATION: &str = r#"
+case = "../cases/spid.toml"
+parameter = "particle.clearance_ratio"
+from = 8
+to = 12
+start_at = 10
+branches = "all"
+restarts = 2
+longest_step = 0.02
+settle_periods = 4000
+
+[second]
+parameter = "particle.wall.coefficient"
+from = 0.4
+to = 0.6
+"#;
