@@ -116,7 +116,9 @@ impl Answer {
         let named = |(axis, value): (&Axis, f64)| Named { key: axis.key.clone(), value, unit: axis.unit() };
         let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
             metric: constraint.metric.name(),
-            limit: constraint.limit.words(|limit| format!("{limit}")),
+            limit: constraint
+                .limit
+                .words(|limit| format!("{limit} {}", constraint.metric.unit()).trim_end().to_string()),
             value: *value,
             unit: constraint.metric.unit(),
             is_kept: constraint.limit.violation(*value) == 0.0,

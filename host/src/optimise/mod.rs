@@ -1,6 +1,6 @@
 //! Optimisation: the values of a case's keys at which a metric is best, and how sure that is; docs/OPTIMISE.md is the user's page.
 //!
-//! [`file`] reads what is varied and what is wanted, [`evaluate`] gives the objective at a point, [`search`] looks for the best
+//! [`mod@file`] reads what is varied and what is wanted, [`evaluate`] gives the objective at a point, [`search`] looks for the best
 //! point, [`neighbourhood`] says what small changes do, [`references`] what other dampers do, [`answer`] has all of it and
 //! [`table`] writes it.
 
