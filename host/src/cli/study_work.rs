@@ -70,10 +70,11 @@ Examples:
   damprig study status my-study.toml --out /data/my-study
   damprig study merge my-study.toml --out /data/my-study               when all parts are there
 
-All workers of a study have the same --out. A share leaves out the parts that are there, so the same command goes on after a
-kill. With --claim a worker holds a lease on the part that it computes and renews it; the part of a worker that was killed is
-taken over when its lease has expired. RAYON_NUM_THREADS sets the number of threads of a worker. host/studies/cluster has
-scripts for SLURM and GNU parallel.
+All workers of a study have the same --out. A share leaves out the parts that are there, so the
+same command goes on after a kill. With --claim a worker holds a lease on the part that it computes
+and renews it; the part of a worker that was killed is taken over when its lease has expired.
+RAYON_NUM_THREADS sets the number of threads of a worker. host/studies/cluster has scripts for
+SLURM and GNU parallel.
 
 Exit codes:
   0    success: the share is computed, or all parts are there
@@ -107,10 +108,8 @@ impl Foreman for Log {
                 warn!("warning: the lease of part {part} could not be renewed: {why}");
             }
             Step::Waiting { parts } => {
-                say!(
-                    "{}  other workers compute the last {parts} parts; waiting in case that one of them ends",
-                    clock(now_s())
-                );
+                let why = "waiting, because these workers may be killed";
+                say!("{}  the missing parts ({parts}) are leased to other workers; {why}", clock(now_s()));
             }
         }
     }
@@ -128,7 +127,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
     super::watch_for_ctrl_c(&stop)?;
     let log = Log { parts: data_set.manifest().parts(), stop };
     let threads = rayon::current_num_threads();
-    say!("{}; {} parts; {threads} threads", terminal::study::scope(&study, run::cycles(&study)), log.parts);
+    say!("{}; parts: {}, threads: {threads}", terminal::study::scope(&study, run::cycles(&study)), log.parts);
     let ending = match args.which.shard {
         Some(shard) => work::shard(&study, &data_set, shard, &log),
         None => work::claim(&study, &data_set, Duration::from_secs_f64(args.lease_s), &log),
@@ -142,7 +141,7 @@ pub(super) fn work(args: &WorkArgs) -> Outcome {
     if missing.is_empty() {
         say!("all parts are there: `damprig study merge` joins them");
     } else {
-        say!("the share is done; {} parts of other shares are missing", missing.len());
+        say!("the share is done; missing parts of other shares: {}", missing.len());
     }
     Ok(())
 }

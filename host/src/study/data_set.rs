@@ -324,6 +324,7 @@ pub fn ranges(numbers: &[u64]) -> String {
     let runs = numbers.chunk_by(|a, b| a + 1 == *b);
     let text = |run: &[u64]| match run {
         [only] => only.to_string(),
+        [first, second] => format!("{first}, {second}"),
         [first, .., last] => format!("{first} to {last}"),
         [] => String::new(),
     };

@@ -18,7 +18,8 @@ pub struct Status {
     pub missing: Vec<u64>,
     /// Leases of missing parts.
     pub leases: Vec<(u64, Lease)>,
-    /// Estimated time until the last part, s, and the number of parts whose pace it is taken from; `None` before two parts.
+    /// Estimated time until the last part, s, and the number of parts whose pace it is taken from; `None` before two parts of
+    /// different times.
     pub left_s: Option<(f64, usize)>,
 }
 
@@ -49,7 +50,8 @@ fn left_s(mut written: Vec<SystemTime>, missing: usize) -> Option<(f64, usize)> 
     let latest = &written[written.len().saturating_sub(PACE_PARTS)..];
     let [first, .., last] = latest else { return None };
     let span_s = last.duration_since(*first).ok()?.as_secs_f64();
-    Some((span_s / (latest.len() - 1) as f64 * missing as f64, latest.len()))
+    // A store may keep whole seconds.
+    (span_s > 0.0).then(|| (span_s / (latest.len() - 1) as f64 * missing as f64, latest.len()))
 }
 
 /// What a look at all files found.
@@ -97,7 +99,7 @@ mod tests {
         let written =
             |seconds: &[u64]| seconds.iter().map(|s| UNIX_EPOCH + Duration::from_secs(*s)).collect::<Vec<_>>();
         assert_eq!(left_s(written(&[30, 10, 20]), 7), Some((70.0, 3)));
-        assert_eq!(left_s(written(&[10]), 7), None);
+        assert_eq!([left_s(written(&[10]), 7), left_s(written(&[10, 10]), 7)], [None, None]);
         // A pause before the latest parts does not count.
         let after_a_pause: Vec<u64> = [0].into_iter().chain(1_000_000..1_000_064).collect();
         assert_eq!(left_s(written(&after_a_pause), 5), Some((5.0, 64)));
