@@ -202,6 +202,18 @@ fn all_three_kinds_are_measured_recorded_and_reported() {
 }
 
 #[test]
+fn a_release_is_seen_by_sensors_with_filters() {
+    let sensors = "[rig.sensors]\nkind = \"data_sheet\"\n";
+    let folder = folder(&[SET_UPS, RELEASE, TELEMETRY, sensors].concat());
+    damprig(&folder).args(["run", "test.toml", "--out", "run"]).assert().success();
+    let rows = rows(&folder.path().join("run"));
+    let released = row(&rows, "bare", "release");
+    // 1 % of linearity, 0.5 % of the lag of the filters, and noise.
+    assert!((released.start_m / 0.035 - 1.0).abs() < 0.02, "{released:?}");
+    assert!((released.damping_ratio / 0.0038 - 1.0).abs() < 0.05, "{released:?}");
+}
+
+#[test]
 fn the_shipped_campaign_runs() {
     let folder = TempDir::new().unwrap();
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("campaigns/transients.toml");

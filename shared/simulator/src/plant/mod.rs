@@ -247,9 +247,9 @@ impl<S: Scalar> Plant<S> {
             Moving::Prescribed(track) => *track = BaseTrack::default(),
             Moving::Shaken(table) => table.reset(),
         }
-        for channel in &mut self.channels {
-            channel.reset();
-        }
+        let [x_channel, z_channel] = &mut self.channels;
+        x_channel.reset(self.config.initial().x_m as f32);
+        z_channel.reset(0.0);
         self.noise = Noise::new(self.config.sensors.seed, stream);
         if let Some(walls) = &mut self.walls {
             walls.restart(self.config.sensors.seed, stream);

@@ -182,10 +182,10 @@ impl Channel {
         Self { converter, imperfect: sheet.map(|sheet| Imperfect::new(range, sheet, late)) }
     }
 
-    /// Resets the channel to a sensor at rest.
-    pub(super) fn reset(&mut self) {
+    /// Resets the channel to a sensor that has seen this displacement, m, for long.
+    pub(super) fn reset(&mut self, truth: f32) {
         if let Some(imperfect) = &mut self.imperfect {
-            imperfect.reset();
+            imperfect.reset(truth, self.converter.range);
         }
     }
 
@@ -238,18 +238,24 @@ impl Imperfect {
         }
     }
 
-    fn reset(&mut self) {
+    fn reset(&mut self, truth: f32, range: f32) {
+        let bent = self.bent(truth, range);
         for lag in [&mut self.response, &mut self.filter] {
-            (lag.input, lag.output) = (0.0, 0.0);
+            (lag.input, lag.output) = (bent, bent);
         }
-        (self.last, self.before) = (0.0, 0.0);
+        (self.last, self.before) = (bent, bent);
     }
 
-    fn push(&mut self, truth: f32, range: f32) {
+    /// The sensor's output for a displacement, with its deviation from a straight line.
+    fn bent(&self, truth: f32, range: f32) -> f32 {
         // A sensor outputs its end value for a displacement beyond its range.
         let seen = Scalar::min(Scalar::max(truth, -range), range);
         let r = seen * self.per_range;
-        let bent = seen + self.bend * (r - r * r * r);
+        seen + self.bend * (r - r * r * r)
+    }
+
+    fn push(&mut self, truth: f32, range: f32) {
+        let bent = self.bent(truth, range);
         let filtered = self.filter.next(self.response.next(bent));
         self.before = self.last;
         self.last = filtered;
