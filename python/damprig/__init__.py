@@ -19,10 +19,14 @@ _PLACES = {
     "Run": "runs",
     "Signals": "rig",
     "Simulation": "simulation",
+    "Study": "studies",
     "Table": "tables",
     "VirtualRig": "rig",
+    "continuation": "studies",
     "open_run": "runs",
+    "optimise": "studies",
     "simulate": "simulation",
+    "study": "studies",
 }
 
 __all__ = sorted([*_PLACES, *errors.__all__, "__version__"])

@@ -12,6 +12,10 @@ from .runs import Run as Run
 from .runs import open_run as open_run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
+from .studies import Study as Study
+from .studies import continuation as continuation
+from .studies import optimise as optimise
+from .studies import study as study
 from .tables import Table as Table
 
 __version__: str

@@ -12,6 +12,7 @@ mod plain_toml;
 mod run_reader;
 mod simulation;
 mod source;
+mod studies;
 
 use pyo3::prelude::*;
 
@@ -19,6 +20,11 @@ use pyo3::prelude::*;
 fn _damprig(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(simulation::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_run, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_work, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::study_merge, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::optimise, module)?)?;
+    module.add_function(wrap_pyfunction!(studies::continuation, module)?)?;
     module.add_class::<run_reader::RunReader>()?;
     module.add_class::<native_rig::NativeRig>()
 }

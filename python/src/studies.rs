@@ -1,0 +1,146 @@
+//! Studies, optimisations and continuations, from their files.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use damprig::continuation::Continuation;
+use damprig::optimise::answer::Answer;
+use damprig::optimise::file::Optimisation;
+use damprig::optimise::search;
+use damprig::run_folder::read::parquet_file;
+use damprig::study::Study;
+use damprig::study::axis::Value;
+use damprig::study::data_set::{DataSet, TABLE};
+use damprig::study::run::{self, Ending, Progress};
+use damprig::study::store::Store;
+use damprig::study::work::{self as worker, Foreman, Shard, Step};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::columns::Columns;
+use crate::failure::{Failure, interrupted, work};
+use crate::interrupt::Interrupt;
+
+/// Looks for Ctrl-C from any of the threads that compute.
+struct Watch(Mutex<Interrupt>);
+
+impl Watch {
+    fn new() -> Self {
+        Self(Mutex::new(Interrupt::new()))
+    }
+
+    fn goes_on(&self) -> bool {
+        // Another thread is looking.
+        self.0.try_lock().map_or(true, |mut interrupt| interrupt.goes_on())
+    }
+
+    /// What stopped the work.
+    fn stopped(self) -> Failure {
+        let interrupt = self.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        interrupt.check().err().unwrap_or_else(interrupted)
+    }
+}
+
+impl Foreman for Watch {
+    fn sees(&self, _: Step) {}
+
+    fn goes_on(&self) -> bool {
+        self.goes_on()
+    }
+}
+
+fn opened(file: &Path, out: &Path) -> Result<(Study, DataSet), Failure> {
+    let study = Study::read(file)?;
+    let data_set = DataSet::open(&study, Store::at(out)?)?;
+    Ok((study, data_set))
+}
+
+/// Computes what is missing of a study.
+#[pyfunction]
+pub fn study_run(py: Python<'_>, file: PathBuf, out: PathBuf) -> PyResult<()> {
+    work(py, || {
+        let (study, data_set) = opened(&file, &out)?;
+        let watch = Watch::new();
+        match run::run(&study, &data_set, &|_: &Progress| watch.goes_on())? {
+            (Ending::Complete, _) => Ok(()),
+            (Ending::Stopped, _) => Err(watch.stopped()),
+        }
+    })
+}
+
+/// Computes a share of the missing parts: `shard` is `i/n`.
+#[pyfunction]
+pub fn study_work(py: Python<'_>, file: PathBuf, out: PathBuf, shard: String) -> PyResult<()> {
+    work(py, || {
+        let shard: Shard = shard.parse().map_err(Failure::Input)?;
+        let (study, data_set) = opened(&file, &out)?;
+        let watch = Watch::new();
+        match worker::shard(&study, &data_set, shard, &watch)? {
+            Ending::Complete => Ok(()),
+            Ending::Stopped => Err(watch.stopped()),
+        }
+    })
+}
+
+/// The best point of a study: its row, the objective there, and the values of the axes.
+type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
+
+/// Joins the parts of a study: its table, and the best point.
+#[pyfunction]
+pub fn study_merge<'py>(
+    py: Python<'py>,
+    file: PathBuf,
+    out: PathBuf,
+) -> PyResult<(Bound<'py, PyDict>, Option<Best>, String)> {
+    let (columns, best, address) = work(py, || {
+        let (study, data_set) = opened(&file, &out)?;
+        let mut progress = Progress::none(study.rows());
+        let address = data_set.join(&study, |part, batch| {
+            progress.meet_batch(&study, data_set.manifest().rows_of(part).start, batch);
+        })?;
+        let shown = address.display().to_string();
+        let bytes = data_set.store().get(TABLE)?.ok_or_else(|| Failure::Folder(format!("{shown} is missing")))?;
+        let (_, batches) = parquet_file::content(&shown, bytes)?;
+        let place = |row: u64| {
+            let values = study.points.values(&study.axes, row, 0);
+            let kept = study.points.kept().iter();
+            let value = |axis: &usize| match &values[*axis] {
+                Value::Number(number) => (study.axes[*axis].key.clone(), Some(*number), None),
+                Value::Word(word) => (study.axes[*axis].key.clone(), None, Some(word.clone())),
+            };
+            kept.map(value).collect()
+        };
+        let best = progress.best.map(|(row, value)| (row, value, place(row)));
+        Ok((Columns::of(&batches)?, best, shown))
+    })?;
+    Ok((columns.into_dict(py)?, best, address))
+}
+
+/// Optimises: the answer as JSON.
+#[pyfunction]
+pub fn optimise(py: Python<'_>, file: PathBuf) -> PyResult<String> {
+    work(py, || {
+        let optimisation = Optimisation::read(&file)?;
+        let watch = Watch::new();
+        let found = search::run(&optimisation, &|_: &search::Progress| watch.goes_on());
+        let found = match found {
+            Ok(found) if !found.is_stopped => found,
+            Ok(_) => return Err(watch.stopped()),
+            Err(refusal) => {
+                watch.0.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).check()?;
+                return Err(refusal.into());
+            }
+        };
+        json(&Answer::of(&optimisation, &found)?)
+    })
+}
+
+/// Follows periodic orbits: what was found as JSON.
+#[pyfunction]
+pub fn continuation(py: Python<'_>, file: PathBuf) -> PyResult<String> {
+    work(py, || json(&Continuation::read(&file)?.follow()?))
+}
+
+fn json(answer: &impl serde::Serialize) -> Result<String, Failure> {
+    serde_json::to_string(answer).map_err(|error| Failure::Input(error.to_string()))
+}

@@ -1,0 +1,106 @@
+"""Studies, optimisations and continuations from Python equal those of the command."""
+
+import json
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+import damprig
+
+STUDY = """
+case = "case.toml"
+metrics = ["x_over_z", "cycle_spread"]
+points_per_part = 5
+record = { cycles = 20 }
+[[axis]]
+key = "particle.clearance_ratio"
+from = 8
+to = 14
+count = 7
+[[axis]]
+key = "particle.start"
+words = ["centre", "at_positive_wall"]
+"""
+
+CASE = """
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+base = { kind = "sine", amplitude_m = 0.003, frequency_hz = 2.5 }
+particle = { mass_ratio = 0.1, clearance_ratio = 10, wall = { kind = "restitution", coefficient = 0.5 } }
+run = { duration_s = 20 }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "case.toml").write_text(CASE, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    return tmp_path
+
+
+def same(one, other):
+    return all(np.array_equal(one[name], other[name]) for name in one.columns)
+
+
+def test_a_study_has_the_table_of_the_command_with_units(folder, command):
+    found = damprig.study(folder / "study.toml", folder / "python")
+    command("study", "run", folder / "study.toml", "--out", folder / "command")
+    table = parquet.read_table(folder / "command" / "table.parquet")
+    assert len(found.table) == 14
+    for name in ["row", "particle.clearance_ratio", "x_over_z", "cycle_spread"]:
+        assert np.array_equal(found.table[name], table[name].to_numpy())
+    assert list(found.table["particle.start"]) == table["particle.start"].to_pylist()
+    assert found.table.units["x_over_z"] == "1"
+    best = found.best
+    assert best["objective"] == np.min(found.table["x_over_z"])
+    assert found.table["particle.clearance_ratio"][best["row"]] == best["particle.clearance_ratio"]
+    assert found.path.endswith("table.parquet")
+
+
+def test_executors_make_the_same_table(folder):
+    alone = damprig.study(folder / "study.toml", folder / "alone").table
+    with ThreadPoolExecutor(2) as threads:
+        assert same(damprig.study(folder / "study.toml", folder / "threads", executor=threads).table, alone)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
+        found = damprig.study(folder / "study.toml", folder / "processes", executor=processes, shares=3)
+        assert same(found.table, alone)
+
+
+def test_a_dask_cluster_makes_the_same_table(folder):
+    distributed = pytest.importorskip("distributed")
+    alone = damprig.study(folder / "study.toml", folder / "alone").table
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, worker_dashboard_address=None
+    )
+    with cluster, distributed.Client(cluster) as client:
+        assert same(damprig.study(folder / "study.toml", folder / "dask", executor=client, shares=4).table, alone)
+
+
+def test_an_optimisation_and_a_continuation_are_those_of_the_command(folder, command):
+    (folder / "optimise.toml").write_text(
+        'case = "case.toml"\nobjective = "x_over_z"\nevaluations = 60\nrecord = { cycles = 10 }\n'
+        '[[variable]]\nkey = "particle.clearance_ratio"\nfrom = 8\nto = 14\n',
+        encoding="utf-8",
+    )
+    assert damprig.optimise(folder / "optimise.toml") == json.loads(command("optimise", folder / "optimise.toml", "--json"))
+    (folder / "continue.toml").write_text(
+        'case = "case.toml"\nparameter = "particle.clearance_ratio"\nfrom = 9\nto = 12\nrestarts = 0\n', encoding="utf-8"
+    )
+    found = damprig.continuation(folder / "continue.toml")
+    assert found == json.loads(command("continue", folder / "continue.toml", "--json"))
+
+
+def test_wrong_arguments_are_named(folder):
+    with pytest.raises(damprig.InputError, match="study.tom"):
+        damprig.study(folder / "study.tom")
+    with pytest.raises(damprig.InputError, match="must be the path of a file, not dict"):
+        damprig.study({})
+    with pytest.raises(damprig.InputError, match="submit"):
+        damprig.study(folder / "study.toml", folder / "out", executor=3)
+    with ThreadPoolExecutor(1) as threads, pytest.raises(damprig.InputError, match="shares = 0"):
+        damprig.study(folder / "study.toml", folder / "out", executor=threads, shares=0)
+    with pytest.raises(damprig.InputError, match="no periodic|case.toml|unknown key|parameter"):
+        (folder / "wrong.toml").write_text('case = "case.toml"\nparameter = "tmd.mass_ratio"\nfrom = 1\nto = 2\n', encoding="utf-8")
+        damprig.continuation(folder / "wrong.toml")
