@@ -22,6 +22,9 @@ pub struct Found {
     pub branches: Vec<FoundBranch>,
     /// Values of the parameter at which a new start found no periodic orbit, and why.
     pub gaps: Vec<FoundGap>,
+    /// Values of the parameter at which a new start was due when all `restarts` were used up.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_started: Vec<f64>,
     /// Key of the second parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_parameter: Option<&'static str>,
@@ -141,6 +144,7 @@ impl Found {
             column: parameter.column(),
             branches,
             gaps,
+            not_started: diagram.not_started.clone(),
             second_parameter: None,
             curves: Vec::new(),
         }

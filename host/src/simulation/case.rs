@@ -165,6 +165,15 @@ fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
         }
     };
     let values = set.get_ref();
+    if let Some((key, name, other)) = set_values::both_of_one(values, "") {
+        source.report(Problem {
+            title: format!("`{name}` and `{other}` are both set"),
+            span: key.span(),
+            allowed: "they give the same quantity".into(),
+            help: Some("set one of them".into()),
+        });
+        return None;
+    }
     source.read_changed_toml(&toml, title, |own| set_values::put(own, values, ""), |root| read_root(root, name))
 }
 

@@ -81,6 +81,23 @@ pub(super) fn put<'t>(own: &mut DeTable<'t>, values: &DeTable<'t>, path: &str) {
     }
 }
 
+/// Two of the values that are keys of one quantity, with the tables of both: the later one would replace the other.
+pub(super) fn both_of_one<'v, 't>(
+    values: &'v DeTable<'t>,
+    path: &str,
+) -> Option<(&'v Spanned<std::borrow::Cow<'t, str>>, String, &'static str)> {
+    values.iter().find_map(|(key, value)| {
+        let name = key.get_ref().as_ref();
+        let inside = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+        let other = alternatives(path, name).find(|other| values.contains_key(*other));
+        match (other, value.get_ref()) {
+            (Some(other), _) => Some((key, inside, other)),
+            (None, DeValue::Table(inner)) => both_of_one(inner, &inside),
+            _ => None,
+        }
+    })
+}
+
 /// The other keys of the quantity that a table has under this key.
 fn alternatives(path: &str, name: &str) -> impl Iterator<Item = &'static str> {
     let has = |quantity: &&Quantity| quantity.key(name).is_some();

@@ -86,6 +86,9 @@ fn a_wrong_value_is_refused_with_the_flag_the_key_and_what_is_allowed() {
         let told = refusal(&folder, &["case.toml", "--set", set]);
         assert!(words.iter().all(|word| told.contains(word)), "{set}\n{told}");
     }
+    let both = ["case.toml", "--set", "particle.clearance_m=0.02", "--set", "particle.clearance_ratio=5"];
+    let told = refusal(&folder, &both);
+    assert!(told.contains("clearance_m") && told.contains("are both set"), "{told}");
     let told = refusal(&folder, &["case.toml", "case.toml", "--plot", "x.svg"]);
     assert!(told.contains("--plot") && told.contains("second"), "{told}");
 }

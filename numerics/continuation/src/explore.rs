@@ -72,6 +72,8 @@ pub struct Diagram {
     pub branches: Vec<Branch>,
     /// Values of the parameter at which a new start failed, and why.
     pub gaps: Vec<(f64, NoStart)>,
+    /// Values of the parameter at which a new start was due when all were used up.
+    pub not_started: Vec<f64>,
 }
 
 /// A start beyond a grazing lies this far from it, as a share of the range.
@@ -120,8 +122,12 @@ impl System {
         let heading = (special.parameter - inner.parameters[0]).signum();
         let (initial, phase_rad) = (special.orbit.initial(), special.orbit.start_phase_rad);
         let mut at = special.parameter + heading * BEYOND * width;
-        while *restarts < task.most_restarts && at > task.range.0 && at < task.range.1 {
+        while at > task.range.0 && at < task.range.1 {
             if diagram.branches.iter().any(|branch| branch.covers(at)) {
+                return;
+            }
+            if *restarts == task.most_restarts {
+                diagram.not_started.push(at);
                 return;
             }
             *restarts += 1;

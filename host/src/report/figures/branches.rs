@@ -58,7 +58,10 @@ pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let picture =
         picture.overlay(|canvas| found.branches.iter().try_for_each(|branch| curve(canvas, &frame, branch)))?;
     // Marks lie over the curves.
-    picture.overlay(|canvas| found.branches.iter().try_for_each(|branch| marks(canvas, &frame, branch)))
+    picture.overlay(|canvas| {
+        let mut labelled = Vec::new();
+        found.branches.iter().try_for_each(|branch| marks(canvas, &frame, branch, &mut labelled))
+    })
 }
 
 fn tint(branch: &FoundBranch) -> RGBColor {
@@ -92,6 +95,9 @@ fn line(canvas: &Canvas, points: &[(f64, f64)], branch: &FoundBranch) -> Result<
     canvas.draw(&PathElement::new(points, tint(branch).stroke_width(2 * FINE as u32))).map_err(FigureError::of)
 }
 
+/// Room of a label, in steps of the overlay.
+const LABEL: (i32, i32) = (20 * FINE, 14 * FINE);
+
 /// Cuts a path into dashes.
 fn dashes(path: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
     let fine = f64::from(FINE);
@@ -124,14 +130,25 @@ fn dashes(path: &[(f64, f64)]) -> Vec<Vec<(f64, f64)>> {
     found
 }
 
-fn marks(canvas: &Canvas, frame: &Frame, branch: &FoundBranch) -> Result<(), FigureError> {
+/// Marks the special points; `labelled` has the places of the labels so far, so that none lies on another.
+fn marks(
+    canvas: &Canvas,
+    frame: &Frame,
+    branch: &FoundBranch,
+    labelled: &mut Vec<(i32, i32)>,
+) -> Result<(), FigureError> {
     for special in &branch.special_points {
         let Some(Mark { short, corners, .. }) = MARKS.iter().find(|mark| mark.name == special.kind) else { continue };
         let (x, y) = frame.fine_point(special.parameter, special.peak_x_m * 1e3);
         let inside = if special.is_grazing() { WHITE } else { tint(branch) };
         mark(canvas, (x, y), corners, (inside, tint(branch)), FINE)?;
         let style = text(12.0 * f64::from(FINE), INK).pos(Pos::new(HPos::Left, VPos::Bottom));
-        canvas.draw(&Text::new((*short).to_string(), (x + 6 * FINE, y - 5 * FINE), style)).map_err(FigureError::of)?;
+        if !labelled.iter().any(|(a, b)| (a - x).abs() < LABEL.0 && (b - y).abs() < LABEL.1) {
+            labelled.push((x, y));
+            canvas
+                .draw(&Text::new((*short).to_string(), (x + 6 * FINE, y - 5 * FINE), style))
+                .map_err(FigureError::of)?;
+        }
     }
     Ok(())
 }

@@ -54,6 +54,13 @@ pub fn text(found: &Found) -> String {
     for gap in &found.gaps {
         text.push_str(&format!("\nNo orbit from {} = {}: {}", found.parameter, significant(gap.parameter, 6), gap.why));
     }
+    for at in &found.not_started {
+        text.push_str(&format!(
+            "\nNot looked for orbits from {} = {} on: all `restarts` are used up; a larger number goes on there",
+            found.parameter,
+            significant(*at, 6)
+        ));
+    }
     text
 }
 
