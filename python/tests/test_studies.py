@@ -80,7 +80,7 @@ def test_a_dask_cluster_makes_the_same_table(folder):
 
 def test_an_optimisation_and_a_continuation_are_those_of_the_command(folder, command):
     (folder / "optimise.toml").write_text(
-        'case = "case.toml"\nobjective = "x_over_z"\nevaluations = 60\nrecord = { cycles = 10 }\n'
+        'case = "case.toml"\nobjective = "x_over_z"\nevaluations = 100\nrecord = { cycles = 10 }\n'
         '[[variable]]\nkey = "particle.clearance_ratio"\nfrom = 8\nto = 14\n',
         encoding="utf-8",
     )
