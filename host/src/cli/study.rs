@@ -67,7 +67,8 @@ Examples:
   damprig study run my-study.toml --out /data/my-study
 
 The folder gets table.parquet, a row for each point, with units and the study in its metadata: pandas, polars and
-DuckDB read it as it is. Ctrl-C stops after the points being computed; the same command goes on.
+DuckDB read it as it is. Ctrl-C stops after the points being computed, a second one at once; the same
+command goes on.
 
 Exit codes:
   0    success
