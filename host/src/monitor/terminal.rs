@@ -3,13 +3,17 @@
 
 use std::collections::VecDeque;
 use std::io;
+use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use ratatui::DefaultTerminal;
+use ratatui::backend::CrosstermBackend;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::crossterm::execute;
+use ratatui::crossterm::terminal::{EnterAlternateScreen, enable_raw_mode};
+use ratatui::{DefaultTerminal, Terminal};
 use tokio::sync::broadcast::Receiver as Frames;
 use tokio::sync::broadcast::error::TryRecvError;
 use tokio::sync::oneshot;
@@ -149,12 +153,15 @@ impl TerminalView {
         let (confirmed, confirmations) = channel();
         let keys = Keys { stop: Arc::clone(stop), actions, confirmed };
         let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
-        let terminal = ratatui::try_init()?;
+        let terminal = take_terminal()?;
         let (ends, ended) = channel();
         std::thread::Builder::new().name("terminal view".into()).spawn(move || {
             // A terminal that has gone needs no picture, and the run goes on without it.
-            let _ = show(terminal, &own_feed, &theirs, &keys, owns_run);
-            ratatui::restore();
+            // Dropped, the terminal would print that it has gone, and panic because nothing can be printed.
+            let mut terminal = ManuallyDrop::new(terminal);
+            let _ = show(&mut terminal, &own_feed, &theirs, &keys, owns_run);
+            let _ = terminal.show_cursor();
+            let _ = ratatui::try_restore();
             let _ = ends.send(());
         })?;
         let view = Self { shared: Arc::clone(&shared), ended, stop: Arc::clone(stop), feed: feed.clone() };
@@ -187,8 +194,21 @@ impl Drop for TerminalView {
     }
 }
 
+/// Opens the terminal for pictures. A panic restores it first; a terminal that has gone is left alone, where ratatui's own
+/// initialisation would print to it and so abort the program.
+fn take_terminal() -> io::Result<DefaultTerminal> {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let _ = ratatui::try_restore();
+        report(panic);
+    }));
+    enable_raw_mode()?;
+    execute!(io::stdout(), EnterAlternateScreen)?;
+    Terminal::new(CrosstermBackend::new(io::stdout()))
+}
+
 /// Draws until the view ends.
-fn show(mut terminal: DefaultTerminal, feed: &Feed, shared: &Shared, keys: &Keys, owns_run: bool) -> io::Result<()> {
+fn show(terminal: &mut DefaultTerminal, feed: &Feed, shared: &Shared, keys: &Keys, owns_run: bool) -> io::Result<()> {
     let Some((snapshot, mut frames)) = join(feed) else { return Ok(()) };
     let mut picture = Picture::new(snapshot, owns_run);
     loop {
@@ -231,7 +251,7 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
     match key.code {
         // As without the view: the second one ends the program at once.
         _ if control_c && keys.stop.swap(true, Ordering::Relaxed) => {
-            ratatui::restore();
+            let _ = ratatui::try_restore();
             std::process::exit(130);
         }
         _ if control_c => {}
