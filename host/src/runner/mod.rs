@@ -8,6 +8,7 @@
 mod campaign_run;
 mod context;
 mod error;
+mod held_impacts;
 mod plan_check;
 mod progress;
 mod reconnect;

@@ -7,7 +7,6 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use damprig_core::io::TICK_HZ;
-use damprig_core::measure::impacts::ImpactRecord;
 use damprig_core::measure::point::PointResult;
 use damprig_core::measure::transient::TransientResult;
 use damprig_core::rig::State;
@@ -16,6 +15,7 @@ use damprig_simulator::messages::set_plant;
 
 use super::context::Run;
 use super::error::RunError;
+use super::held_impacts::HeldImpacts;
 use super::plan_check::PlanCheck;
 use super::progress::SegmentProgress;
 use super::transients;
@@ -33,13 +33,6 @@ use crate::run_folder::write::recorder::Rows;
 
 /// Wall time without a result after which the device's status is requested.
 const ASK_AFTER: Duration = Duration::from_secs(2);
-
-/// Impacts are held for this time, or up to this number, and go into the journal together.
-const HOLD_IMPACTS: Duration = Duration::from_millis(250);
-const MOST_IMPACTS_HELD: usize = 256;
-
-/// A copy of an impact is searched for among this many latest ones.
-const COPIES_AMONG: usize = 16;
 
 /// What a segment is to measure.
 pub(super) struct Task<'c> {
@@ -84,10 +77,7 @@ pub(super) struct Segment<'r, 'a, 'c> {
     /// Place of the drive frequency among `places`, and its value in the last row.
     frequency_at: Option<usize>,
     frequency_hz: f32,
-    /// The latest impacts; the first `impacts_noted` of them are in the journal.
-    impacts: Vec<ImpactRecord>,
-    impacts_noted: usize,
-    impacts_noted_at: Instant,
+    impacts: HeldImpacts,
     is_held: bool,
 }
 
@@ -130,9 +120,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             places,
             frequency_at,
             frequency_hz: 0.0,
-            impacts: Vec::new(),
-            impacts_noted: 0,
-            impacts_noted_at: Instant::now(),
+            impacts: HeldImpacts::new(),
             is_held: false,
         }
     }
@@ -242,7 +230,7 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
                     return Ok(End::Reset);
                 }
             }
-            if self.impacts_noted_at.elapsed() > HOLD_IMPACTS {
+            if self.impacts.are_due() {
                 self.note_impacts();
             }
             self.run.tally.rig_s = self.before_s + f64::from(self.progress.latest_tick()) / f64::from(TICK_HZ);
@@ -340,12 +328,10 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
             // The structure may still ring: how many ticks follow the end depends on the host.
             Report::Event { event: Event::Impact(impact), .. } if self.progress.is_after_end(impact.tick) => Ok(false),
             Report::Event { event: Event::Impact(impact), .. } => {
-                // A message may arrive twice.
-                if !self.impacts.iter().rev().take(COPIES_AMONG).any(|known| *known == impact) {
+                if self.impacts.add(impact) {
                     self.run.watcher.impact(&impact);
-                    self.impacts.push(impact);
                 }
-                if self.impacts.len() - self.impacts_noted >= MOST_IMPACTS_HELD {
+                if self.impacts.are_many() {
                     self.note_impacts();
                 }
                 Ok(false)
@@ -365,14 +351,9 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
 
     /// Adds the new impacts to the journal.
     fn note_impacts(&mut self) {
-        let new = &self.impacts[self.impacts_noted..];
-        if !new.is_empty() {
-            let some = Impacts { id: self.task.id.clone(), impacts: new.to_vec() };
-            self.run.note(Entry::Impacts(Box::new(some)));
+        if let Some(impacts) = self.impacts.take_new() {
+            self.run.note(Entry::Impacts(Box::new(Impacts { id: self.task.id.clone(), impacts })));
         }
-        self.impacts.drain(..self.impacts.len().saturating_sub(COPIES_AMONG));
-        self.impacts_noted = self.impacts.len();
-        self.impacts_noted_at = Instant::now();
     }
 
     /// Pairs a tick with the host time of its arrival, for a board with its own clock.

@@ -28,22 +28,25 @@
 //! impact's change of velocity.
 
 mod correct;
+mod flight;
 mod guards;
 mod joint;
 mod observer;
 
 use super::base::BaseSegment;
 use super::modes::{self, Coefficients, Contact, Grip, Mode, Sign, Situation, signed};
-use super::polynomial::{self, COEFFICIENTS, Polynomial};
+use super::polynomial;
 use super::units::Units;
 use crate::io::{Invalid, require};
 use crate::model::{Initial, SetUp, Wall};
 use crate::scalar::Scalar;
 
+pub use flight::Flight;
+use flight::Weights;
 pub use joint::{Joined, Joint, Link, Rigid, WallTouch};
 pub use observer::{Impact, Observer};
 
-/// The largest (fastest rate × step) for which a flight's polynomial is accurate enough; see [`COEFFICIENTS`].
+/// The largest (fastest rate × step) for which a flight's polynomial is accurate enough; see [`polynomial::COEFFICIENTS`].
 pub const LARGEST_RATE_PER_STEP: f64 = 0.1;
 
 /// Largest number of events in one step of [`Sampled::step`].
@@ -60,43 +63,6 @@ pub struct SampledState<S> {
     pub offset: S,
     /// y′ − x′.
     pub slide: S,
-}
-
-/// The motion from one event to the next, as polynomials in the time since its start.
-#[derive(Clone, Copy, Debug)]
-pub struct Flight<S> {
-    /// x.
-    pub x: Polynomial<S>,
-    /// y − x.
-    pub offset: Polynomial<S>,
-    /// x − z.
-    pub stretch: Polynomial<S>,
-}
-
-/// Taylor recurrence of the structure for one moving mass: `X[n+2] = damping[n]·Q[n+1] + stiffness[n]·Q[n]`, where Q
-/// are the coefficients of x − z.
-#[derive(Clone, Copy, Debug)]
-struct Weights<S> {
-    damping: [S; COEFFICIENTS - 2],
-    stiffness: [S; COEFFICIENTS - 2],
-    /// Half the acceleration per unit of force.
-    half_inverse_mass: S,
-}
-
-impl<S: Scalar> Weights<S> {
-    fn new(c: &Coefficients<S>, mass: S) -> Self {
-        let mut weights = Self {
-            damping: [S::ZERO; COEFFICIENTS - 2],
-            stiffness: [S::ZERO; COEFFICIENTS - 2],
-            half_inverse_mass: S::ONE / (mass + mass),
-        };
-        for n in 0..COEFFICIENTS - 2 {
-            let (first, second) = (S::from_u8(n as u8 + 1), S::from_u8(n as u8 + 2));
-            weights.damping[n] = -c.damping / (mass * second);
-            weights.stiffness[n] = -c.stiffness / (mass * first * second);
-        }
-        weights
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -333,84 +299,6 @@ impl<S: Scalar, J: Joint<S>> Sampled<S, J> {
     /// The motion of what carries the structure's springs, dashpot and friction damper.
     fn ground(&self, base: &BaseSegment<S>) -> BaseSegment<S> {
         if self.is_force_driven { BaseSegment::at_rest(S::ZERO) } else { *base }
-    }
-
-    /// The motion from the present state in `mode`.
-    fn flight(&self, mode: Mode, base: &BaseSegment<S>) -> Flight<S> {
-        if let Some(link) = self.joint.link().filter(|link| link.acts(mode)) {
-            return self.joined_flight(link, mode, base);
-        }
-        if self.is_force_driven {
-            return self.forced_flight(mode, base);
-        }
-        let z = &base.0;
-        let mut x = [S::ZERO; COEFFICIENTS];
-        let mut stretch = [S::ZERO; COEFFICIENTS];
-        x[0] = self.state.x;
-        stretch[0] = self.state.x - z[0];
-        match mode.grip {
-            Grip::Stuck => x[1..4].copy_from_slice(&z[1..4]),
-            Grip::Absent | Grip::Slip(_) => {
-                let weights = match mode.contact {
-                    Contact::Held(_) => &self.together,
-                    Contact::Absent | Contact::Free(_) => &self.alone,
-                };
-                let force = self.c.drag(mode.contact) - self.c.resistance(mode.grip);
-                x[1] = self.state.v;
-                stretch[1] = x[1] - z[1];
-                x[2] = force * weights.half_inverse_mass
-                    + (weights.damping[0] * stretch[1] + weights.stiffness[0] * stretch[0]);
-                stretch[2] = x[2] - z[2];
-                x[3] = weights.damping[1] * stretch[2] + weights.stiffness[1] * stretch[1];
-                stretch[3] = x[3] - z[3];
-                for n in 2..COEFFICIENTS - 2 {
-                    x[n + 2] = weights.damping[n] * stretch[n + 1] + weights.stiffness[n] * stretch[n];
-                    stretch[n + 2] = x[n + 2];
-                }
-            }
-        }
-        Flight { x, offset: self.free_offset(mode, &x), stretch }
-    }
-
-    /// The same for a force drive, whose segments are P/k.
-    fn forced_flight(&self, mode: Mode, push: &BaseSegment<S>) -> Flight<S> {
-        let mut x = [S::ZERO; COEFFICIENTS];
-        let mut stretch = [S::ZERO; COEFFICIENTS];
-        x[0] = self.state.x;
-        for (s, u) in stretch.iter_mut().zip(&push.0) {
-            *s = -*u;
-        }
-        stretch[0] += x[0];
-        if let Grip::Absent | Grip::Slip(_) = mode.grip {
-            let weights = match mode.contact {
-                Contact::Held(_) => &self.together,
-                Contact::Absent | Contact::Free(_) => &self.alone,
-            };
-            x[1] = self.state.v;
-            stretch[1] += x[1];
-            for n in 0..COEFFICIENTS - 2 {
-                x[n + 2] = weights.damping[n] * x[n + 1] + weights.stiffness[n] * stretch[n];
-                if n == 0 {
-                    x[2] += (self.c.drag(mode.contact) - self.c.resistance(mode.grip)) * weights.half_inverse_mass;
-                }
-                stretch[n + 2] += x[n + 2];
-            }
-        }
-        Flight { x, offset: self.free_offset(mode, &x), stretch }
-    }
-
-    /// y − x of a particle that no joint moves, while the structure moves by `x`.
-    fn free_offset(&self, mode: Mode, x: &Polynomial<S>) -> Polynomial<S> {
-        let mut offset = [S::ZERO; COEFFICIENTS];
-        offset[0] = self.state.offset;
-        if let Contact::Free(direction) = mode.contact {
-            offset[1] = self.state.slide;
-            for n in 2..COEFFICIENTS {
-                offset[n] = -x[n];
-            }
-            offset[2] -= signed(direction, self.c.friction_acceleration) * S::from_f64(0.5);
-        }
-        offset
     }
 
     fn advance(&mut self, mode: Mode, flight: &Flight<S>, length: S) {
