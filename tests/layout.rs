@@ -8,13 +8,14 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
 use damprig_tests::support::images::project;
 
 /// The project's crates, and the project crates that each may depend on.
-const DIRECTIONS: [(&str, &[&str]); 12] = [
+const DIRECTIONS: [(&str, &[&str]); 13] = [
     ("damprig-core", &[]),
     ("damprig-batch", &["damprig-core"]),
     ("damprig-protocol", &["damprig-core"]),
     ("damprig-device", &["damprig-core", "damprig-protocol"]),
     ("damprig-simulator", &["damprig-core", "damprig-protocol", "damprig-device"]),
     ("damprig-continuation", &["damprig-core"]),
+    ("damprig-particles", &["damprig-core"]),
     ("damprig-firmware", &["damprig-core", "damprig-protocol", "damprig-device", "damprig-simulator"]),
     (
         "damprig",
@@ -22,6 +23,7 @@ const DIRECTIONS: [(&str, &[&str]); 12] = [
             "damprig-batch",
             "damprig-continuation",
             "damprig-core",
+            "damprig-particles",
             "damprig-protocol",
             "damprig-device",
             "damprig-simulator",
@@ -54,7 +56,7 @@ const CORE_LAYERS: [&str; 12] = [
 ];
 
 /// The modules of the host from the lowest layer to the highest.
-const HOST_LAYERS: [&str; 23] = [
+const HOST_LAYERS: [&str; 24] = [
     "host_time",
     "input",
     "settings",
@@ -66,9 +68,9 @@ const HOST_LAYERS: [&str; 23] = [
     "prediction",
     "runner",
     "simulation",
+    "continuation",
     "study",
     "optimise",
-    "continuation",
     "file_keys",
     "identify",
     "compare",
@@ -76,6 +78,7 @@ const HOST_LAYERS: [&str; 23] = [
     "board",
     "report",
     "recorded_run",
+    "thesis",
     "monitor",
     "cli",
 ];

@@ -1,9 +1,10 @@
-"""Studies, optimisations and continuations from their files, as ``damprig study``, ``optimise`` and ``continue`` compute them."""
+"""Studies, optimisations and continuations from files or dicts, as ``damprig study``, ``optimise`` and ``continue`` compute them."""
 
 from __future__ import annotations
 
 import json
 import os
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,17 +29,17 @@ class Study:
         A row for each point: ``row``, the axes by their keys, the metrics; units in ``table.units``.
     best : dict or None
         The best point: ``row``, ``objective`` (its value) and the axes by their keys; ``None`` if no point has a value.
-    path : str
-        Where ``table.parquet`` is.
+    path : str or None
+        Where ``table.parquet`` is; ``None`` of a dict without ``out``.
     """
 
     table: Table
     best: dict[str, Any] | None
-    path: str
+    path: str | None
 
 
 def study(
-    file: str | os.PathLike[str],
+    file: str | os.PathLike[str] | dict[str, Any],
     out: str | os.PathLike[str] | None = None,
     *,
     executor: Any = None,
@@ -48,11 +49,12 @@ def study(
 
     Parameters
     ----------
-    file : path
-        Study file (TOML); docs/STUDIES.md.
+    file : path or dict
+        Study file (TOML), or a dict with the keys of one (docs/STUDIES.md). The ``case`` of a dict may be a dict too; relative files
+        of a dict are those of the working directory.
     out : path, optional
-        Folder of the results; ``studies/`` and the name of the file when left out. The workers of an executor must see the
-        folder and the file under the same paths.
+        Folder of the results; ``studies/`` and the name of the file when left out. Those of a dict without it are not kept. The
+        workers of an executor must see the folder and the files under the same paths.
     executor : optional
         Any ``concurrent.futures`` executor, or a Dask ``Client``: gets one call for each share of the study's parts.
     shares : int, optional
@@ -63,16 +65,35 @@ def study(
     InputError
         The file, its case or the folder is wrong.
     """
-    path = _path("file", file)
-    folder = Path("studies") / Path(path).stem if out is None else Path(_path("out", out))
+    given = _given(file)
+    if out is None and isinstance(given, dict):
+        if executor is not None:
+            raise InputError("out is needed for a dict and an executor: the folder that its workers share")
+        with tempfile.TemporaryDirectory(prefix="damprig-") as folder:
+            done = _study(given, Path(folder) / "study", None, shares)
+        return Study(done.table, done.best, None)
+    folder = Path("studies") / Path(given).stem if out is None else Path(_path("out", out))
+    return _study(given, folder, executor, shares)
+
+
+def _study(given: str | dict[str, Any], folder: Path, executor: Any, shares: int | None) -> Study:
     if executor is None:
         if shares is not None:
             raise InputError("shares = … is for an executor: leave it out, or give executor")
-        _damprig.study_run(path, folder)
+        _damprig.study_run(given, folder)
     else:
-        _share_out(executor, os.path.abspath(path), os.path.abspath(folder), shares)
-    native, best, address = _damprig.study_merge(path, folder)
+        path = given if isinstance(given, dict) else os.path.abspath(given)
+        _share_out(executor, path, os.path.abspath(folder), shares)
+    native, best, address = _damprig.study_merge(given, folder)
     return Study(Table(native), best and _best(*best), address)
+
+
+def _given(file: Any) -> str | dict[str, Any]:
+    """The path of a file, or a dict whose case is named by its whole path, so that workers elsewhere find it."""
+    if not isinstance(file, dict):
+        return _path("file", file)
+    case = file.get("case")
+    return {**file, "case": os.path.abspath(case)} if isinstance(case, str | os.PathLike) else file
 
 
 def _best(row: int, objective: float, axes: list[tuple[str, float | None, str | None]]) -> dict[str, Any]:
@@ -80,7 +101,7 @@ def _best(row: int, objective: float, axes: list[tuple[str, float | None, str | 
     return {"row": row, "objective": objective, **values}
 
 
-def _share_out(executor: Any, file: str, out: str, shares: int | None) -> None:
+def _share_out(executor: Any, file: str | dict[str, Any], out: str, shares: int | None) -> None:
     if not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: must have a method submit, as concurrent.futures and Dask have, not {type(executor).__name__}")
     count = shares if shares is not None else getattr(executor, "_max_workers", None) or SHARES
@@ -93,30 +114,40 @@ def _share_out(executor: Any, file: str, out: str, shares: int | None) -> None:
         future.result()
 
 
-def optimise(file: str | os.PathLike[str]) -> dict[str, Any]:
+def optimise(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     """Optimises keys of a case; the answer of ``damprig optimise --json`` as a dict (docs/OPTIMISE.md).
+
+    Parameters
+    ----------
+    file : path or dict
+        Optimisation file (TOML), or a dict with the keys of one, whose ``case`` may be a dict too.
 
     Raises
     ------
     InputError
         The file or its case is wrong.
     """
-    return json.loads(_damprig.optimise(_path("file", file)))
+    return json.loads(_damprig.optimise(_given(file)))
 
 
-def continuation(file: str | os.PathLike[str]) -> dict[str, Any]:
+def continuation(file: str | os.PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     """Follows periodic orbits over a parameter; the answer of ``damprig continue --json`` as a dict (docs/CONTINUE.md).
+
+    Parameters
+    ----------
+    file : path or dict
+        Continuation file (TOML), or a dict with the keys of one, whose ``case`` may be a dict too.
 
     Raises
     ------
     InputError
         The file or its case is wrong, or there is no periodic orbit to start from.
     """
-    return json.loads(_damprig.continuation(_path("file", file)))
+    return json.loads(_damprig.continuation(_given(file)))
 
 
 def _path(name: str, given: Any) -> str:
     try:
         return os.fsdecode(given)
     except TypeError:
-        raise InputError(f"{name}: must be the path of a file, not {type(given).__name__}") from None
+        raise InputError(f"{name}: must be the path of a file, or a dict with the keys of one, not {type(given).__name__}") from None

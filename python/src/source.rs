@@ -1,8 +1,8 @@
 //! A case, a campaign or settings as a user gives them: the path of a file, or a dict with the same keys.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use damprig::input::Source;
+use damprig::input::{Refusal, Source};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -15,6 +15,53 @@ pub enum Given {
     File(PathBuf),
     /// A dict, as TOML; its relative files are those of the working directory.
     Text(Box<Source>),
+}
+
+/// A study, an optimisation or a continuation as a user gives it.
+pub enum Design {
+    /// A file.
+    File(PathBuf),
+    /// A dict, as TOML, with its case if that is a dict too; relative files are those of the working directory.
+    Texts(Box<Source>, Option<Box<Source>>),
+}
+
+impl Design {
+    /// Reads the argument called `name`.
+    ///
+    /// # Errors
+    /// As [`Given::of`].
+    pub fn of(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let Ok(dict) = argument.cast::<PyDict>() else {
+            return Ok(match Given::of(name, argument)? {
+                Given::File(path) => Self::File(path),
+                Given::Text(text) => Self::Texts(text, None),
+            });
+        };
+        let dict = dict.copy()?;
+        let mut case = None;
+        if let Some(given) = dict.get_item("case")?
+            && let Ok(given) = given.cast::<PyDict>()
+        {
+            case = Some(Box::new(Source::new("case", plain_toml::text("case", given)?)));
+            dict.set_item("case", "case")?;
+        }
+        Ok(Self::Texts(Box::new(Source::new(name, plain_toml::text(name, &dict)?)), case))
+    }
+
+    /// Reads it: `file` reads a file, `text` a text with its name as path and its case.
+    ///
+    /// # Errors
+    /// Those of the reader.
+    pub fn read<T>(
+        &self,
+        file: impl FnOnce(&Path) -> Result<T, Refusal>,
+        text: impl FnOnce(&Source, &Path, Option<&Source>) -> Result<T, Refusal>,
+    ) -> Result<T, Failure> {
+        Ok(match self {
+            Self::File(path) => file(path)?,
+            Self::Texts(source, case) => text(source, Path::new(source.name()), case.as_deref())?,
+        })
+    }
 }
 
 impl Given {

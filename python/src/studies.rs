@@ -1,4 +1,4 @@
-//! Studies, optimisations and continuations, from their files.
+//! Studies, optimisations and continuations, from their files or from dicts.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -20,6 +20,7 @@ use pyo3::types::PyDict;
 use crate::columns::Columns;
 use crate::failure::{Failure, interrupted, work};
 use crate::interrupt::Interrupt;
+use crate::source::Design;
 
 /// Looks for Ctrl-C from any of the threads that compute.
 struct Watch(Mutex<Interrupt>);
@@ -49,17 +50,18 @@ impl Foreman for Watch {
     }
 }
 
-fn opened(file: &Path, out: &Path) -> Result<(Study, DataSet), Failure> {
-    let study = Study::read(file)?;
+fn opened(design: &Design, out: &Path) -> Result<(Study, DataSet), Failure> {
+    let study = design.read(Study::read, Study::parse)?;
     let data_set = DataSet::open(&study, Store::at(out)?)?;
     Ok((study, data_set))
 }
 
 /// Computes what is missing of a study.
 #[pyfunction]
-pub fn study_run(py: Python<'_>, file: PathBuf, out: PathBuf) -> PyResult<()> {
+pub fn study_run(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf) -> PyResult<()> {
+    let design = Design::of("study", study)?;
     work(py, || {
-        let (study, data_set) = opened(&file, &out)?;
+        let (study, data_set) = opened(&design, &out)?;
         let watch = Watch::new();
         match run::run(&study, &data_set, &|_: &Progress| watch.goes_on())? {
             (Ending::Complete, _) => Ok(()),
@@ -70,10 +72,11 @@ pub fn study_run(py: Python<'_>, file: PathBuf, out: PathBuf) -> PyResult<()> {
 
 /// Computes a share of the missing parts: `shard` is `i/n`.
 #[pyfunction]
-pub fn study_work(py: Python<'_>, file: PathBuf, out: PathBuf, shard: String) -> PyResult<()> {
+pub fn study_work(py: Python<'_>, study: &Bound<'_, PyAny>, out: PathBuf, shard: String) -> PyResult<()> {
+    let design = Design::of("study", study)?;
     work(py, || {
         let shard: Shard = shard.parse().map_err(Failure::Input)?;
-        let (study, data_set) = opened(&file, &out)?;
+        let (study, data_set) = opened(&design, &out)?;
         let watch = Watch::new();
         match worker::shard(&study, &data_set, shard, &watch)? {
             Ending::Complete => Ok(()),
@@ -89,11 +92,12 @@ type Best = (u64, f64, Vec<(String, Option<f64>, Option<String>)>);
 #[pyfunction]
 pub fn study_merge<'py>(
     py: Python<'py>,
-    file: PathBuf,
+    study: &Bound<'py, PyAny>,
     out: PathBuf,
 ) -> PyResult<(Bound<'py, PyDict>, Option<Best>, String)> {
+    let design = Design::of("study", study)?;
     let (columns, best, address) = work(py, || {
-        let (study, data_set) = opened(&file, &out)?;
+        let (study, data_set) = opened(&design, &out)?;
         let mut progress = Progress::none(study.rows());
         let address = data_set.join(&study, |part, batch| {
             progress.meet_batch(&study, data_set.manifest().rows_of(part).start, batch);
@@ -118,9 +122,10 @@ pub fn study_merge<'py>(
 
 /// Optimises: the answer as JSON.
 #[pyfunction]
-pub fn optimise(py: Python<'_>, file: PathBuf) -> PyResult<String> {
+pub fn optimise(py: Python<'_>, optimisation: &Bound<'_, PyAny>) -> PyResult<String> {
+    let design = Design::of("optimisation", optimisation)?;
     work(py, || {
-        let optimisation = Optimisation::read(&file)?;
+        let optimisation = design.read(Optimisation::read, Optimisation::parse)?;
         let watch = Watch::new();
         let found = search::run(&optimisation, &|_: &search::Progress| watch.goes_on());
         let found = match found {
@@ -131,14 +136,16 @@ pub fn optimise(py: Python<'_>, file: PathBuf) -> PyResult<String> {
                 return Err(refusal.into());
             }
         };
-        json(&Answer::of(&optimisation, &found)?)
+        let answer = Answer::of(&optimisation, &found, &|| watch.goes_on())?;
+        if answer.is_stopped { Err(watch.stopped()) } else { json(&answer) }
     })
 }
 
 /// Follows periodic orbits: what was found as JSON.
 #[pyfunction]
-pub fn continuation(py: Python<'_>, file: PathBuf) -> PyResult<String> {
-    work(py, || json(&Continuation::read(&file)?.follow()?))
+pub fn continuation(py: Python<'_>, continuation: &Bound<'_, PyAny>) -> PyResult<String> {
+    let design = Design::of("continuation", continuation)?;
+    work(py, || json(&design.read(Continuation::read, Continuation::parse)?.follow()?))
 }
 
 fn json(answer: &impl serde::Serialize) -> Result<String, Failure> {

@@ -1,6 +1,7 @@
 """Studies, optimisations and continuations from Python equal those of the command."""
 
 import json
+import tomllib
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
@@ -92,10 +93,43 @@ def test_an_optimisation_and_a_continuation_are_those_of_the_command(folder, com
     assert found == json.loads(command("continue", folder / "continue.toml", "--json"))
 
 
+def test_dicts_are_computed_as_their_files(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    study, case = tomllib.loads(STUDY), tomllib.loads(CASE)
+    expected = damprig.study("study.toml", "out")
+    for given in [study, {**study, "case": case}, {**study, "case": folder / "case.toml"}]:
+        found = damprig.study(given)
+        assert same(found.table, expected.table) and found.best == expected.best and found.path is None
+    assert damprig.study(study, "kept").path.endswith("table.parquet")
+    with ThreadPoolExecutor(2) as threads:
+        assert same(damprig.study(study, "shared", executor=threads).table, expected.table)
+        with pytest.raises(damprig.InputError, match="out is needed"):
+            damprig.study(study, executor=threads)
+    variable = {"key": "particle.clearance_ratio", "from": np.float64(8), "to": 14}
+    optimise = {"case": case, "objective": "x_over_z", "evaluations": 100, "record": {"cycles": 10}, "variable": [variable]}
+    assert damprig.optimise({**optimise, "case": "case.toml"})["objective"] == damprig.optimise(optimise)["objective"]
+    follow = {"case": case, "parameter": "particle.clearance_ratio", "from": 9, "to": 12, "restarts": 0}
+    assert damprig.continuation({**follow, "case": "case.toml"})["branches"] == damprig.continuation(follow)["branches"]
+
+
+def test_a_wrong_dict_is_refused_as_its_file_is(folder):
+    study = tomllib.loads(STUDY)
+    with pytest.raises(damprig.InputError, match="must be of x_over_z"):
+        damprig.study({**study, "metrics": ["x_over"]})
+    with pytest.raises(damprig.InputError, match="restitution"):
+        wall = {"kind": "restitution", "coefficient": 2}
+        case = tomllib.loads(CASE)
+        damprig.study({**study, "case": {**case, "particle": {**case["particle"], "wall": wall}}})
+    with pytest.raises(damprig.InputError, match="absent.toml"):
+        damprig.continuation({"case": "absent.toml", "parameter": "particle.clearance_ratio", "from": 9, "to": 12})
+
+
 def test_wrong_arguments_are_named(folder):
     with pytest.raises(damprig.InputError, match="study.tom"):
         damprig.study(folder / "study.tom")
-    with pytest.raises(damprig.InputError, match="must be the path of a file, not dict"):
+    with pytest.raises(damprig.InputError, match="must be the path of a file, or a dict with the keys of one, not int"):
+        damprig.study(3)
+    with pytest.raises(damprig.InputError, match="`case` is missing"):
         damprig.study({})
     with pytest.raises(damprig.InputError, match="submit"):
         damprig.study(folder / "study.toml", folder / "out", executor=3)

@@ -11,6 +11,9 @@ use crate::setup::{self, BaseAmplitude, SetUpSpec, Shared, SpringSpec};
 
 const FORCE_AMPLITUDE: &str = set_up::BASE_AMPLITUDE.keys[1].name;
 
+/// The table of a case that a campaign does not have.
+const MANY_PARTICLES: &str = "many_particles";
+
 /// Starts of a particle that may start anywhere, as shares of the clearance from the centre.
 const UNKNOWN_STARTS: [f64; 5] = [0.0, -1.0, -0.5, 0.5, 1.0];
 
@@ -151,6 +154,11 @@ fn read<'a>(section: &Section<'a>, shared: &'a Shared<'a>) -> Option<CampaignSet
         Some(amplitude) => BaseAmplitude::Is(amplitude.value),
         None => BaseAmplitude::Unread,
     };
+    if section.has_own(MANY_PARTICLES) {
+        let help = "write damper = \"unmodelled\" to measure one; `damprig simulate` and `damprig study` compute it";
+        let allowed = "is for cases: the simulated plant and the predictions of a campaign have no spheres";
+        section.reject(MANY_PARTICLES, allowed, Some(help.into()));
+    }
     let spec = setup::read(section, shared, base, Some(1.0 / f64::from(TICK_HZ)));
     let has_unmodelled_damper = section.word(&set_up::DAMPER).is_some();
     if has_unmodelled_damper && let Some(modelled) = spec.as_ref().and_then(SetUpSpec::damper) {

@@ -1,15 +1,16 @@
 //! `damprig continue`: follows periodic orbits of a case over a parameter.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
 use super::outcome::{Failure, Outcome};
 use super::simulate::picture;
-use crate::continuation::Continuation;
+use crate::continuation::{Continuation, Found};
+use crate::optimise::table::check_folder;
 use crate::report::branch_table;
 use crate::report::exports::atomic_file::{EXISTS, OutFile};
-use crate::report::figures::branches;
+use crate::report::figures::{branches, curves};
 use crate::report::terminal;
 
 /// Follows periodic orbits of a case over a parameter, stable or not, and locates folds, period doublings, Neimark-Sacker points and
@@ -27,15 +28,19 @@ pub struct Args {
     #[arg(long)]
     json: bool,
 
-    /// Write the orbits to FILE (.csv or .parquet)
-    #[arg(long, value_name = "FILE", value_parser = branch_table::path)]
+    /// Write the orbits to a file (.csv or .parquet), or orbits, curves and their figures to a new folder
+    #[arg(long, value_name = "PLACE", value_parser = branch_table::place)]
     out: Option<PathBuf>,
 
     /// Draw the largest |x| over the parameter to FILE (.svg or .png)
     #[arg(long, value_name = "FILE", value_parser = picture)]
     plot: Option<PathBuf>,
 
-    /// Replace existing files of --out and --plot
+    /// Draw the curves in both parameters of a file with [second] to FILE (.svg or .png)
+    #[arg(long, value_name = "FILE", value_parser = picture)]
+    plot_curves: Option<PathBuf>,
+
+    /// Replace existing files of --out, --plot and --plot-curves
     #[arg(long)]
     force: bool,
 }
@@ -45,6 +50,10 @@ Examples:
   damprig continue host/continuations/clearance.toml
   damprig continue host/continuations/clearance.toml --plot branches.svg --out branches.csv
   damprig continue host/continuations/clearance.toml --json
+  damprig continue host/continuations/grazing-curve.toml --out curves
+
+A folder gets orbits.parquet, orbits.csv and branches.svg, .png; of a file with [second] also curves.parquet, curves.csv and
+curves.svg, .png.
 
 Exit codes:
   0    success
@@ -57,7 +66,18 @@ Exit codes:
 /// Bad input, no orbit to start from, an unwritable file.
 pub fn run(args: &Args) -> Outcome {
     let continuation = Continuation::read(&args.file).map_err(Failure::input)?;
-    let outputs = [("--out", &args.out), ("--plot", &args.plot)];
+    if args.plot_curves.is_some() && continuation.curve_parameters().is_none() {
+        let file = args.file.display();
+        return Err(Failure::Input(format!(
+            "--plot-curves: {file} has one parameter\n  add a table [second] to it; nothing was computed"
+        )));
+    }
+    let folder = args.out.as_deref().filter(|path| path.extension().is_none());
+    if let Some(folder) = folder.filter(|_| !args.force) {
+        check_folder(folder).map_err(Failure::input)?;
+    }
+    let table = args.out.clone().filter(|_| folder.is_none());
+    let outputs = [("--out", &table), ("--plot", &args.plot), ("--plot-curves", &args.plot_curves)];
     for (role, file) in outputs {
         if let Some(file) = file
             && !args.force
@@ -79,18 +99,45 @@ pub fn run(args: &Args) -> Outcome {
     } else {
         say!("{}", terminal::continuation::text(&found));
     }
-    if let Some(path) = &args.out {
-        let rows = branch_table::write(&found, &OutFile { path: path.clone(), force: args.force });
+    if let Some(path) = &table {
+        let rows =
+            branch_table::write(branch_table::orbits(&found), &OutFile { path: path.clone(), force: args.force });
         let rows = rows.map_err(Failure::failed)?;
         if !args.json {
             say!("Table: {} ({rows} orbits)", path.display());
         }
     }
-    if let Some(path) = &args.plot {
-        branches::draw(&found).and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
+    let branches = args.plot.as_ref().map(|path| (path, branches::draw(&found)));
+    let curves = args.plot_curves.as_ref().map(|path| (path, curves::draw(&found)));
+    for (path, picture) in branches.into_iter().chain(curves) {
+        picture.and_then(|picture| picture.save(path)).map_err(Failure::failed)?;
         if !args.json {
             say!("Figure: {}", path.display());
         }
+    }
+    if let Some(folder) = folder {
+        write_all(&found, folder).map_err(Failure::failed)?;
+        if !args.json {
+            say!("Written to {}", folder.display());
+        }
+    }
+    Ok(())
+}
+
+/// Writes all tables and figures to a folder.
+fn write_all(found: &Found, folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
+    let has_curves = found.curve_parameters.is_some();
+    for extension in ["parquet", "csv"] {
+        let file = |stem: &str| OutFile { path: folder.join(format!("{stem}.{extension}")), force: true };
+        branch_table::write(branch_table::orbits(found), &file("orbits"))?;
+        if has_curves {
+            branch_table::write(branch_table::curves(found), &file("curves"))?;
+        }
+    }
+    branches::draw(found)?.write(folder, "branches")?;
+    if has_curves {
+        curves::draw(found)?.write(folder, "curves")?;
     }
     Ok(())
 }

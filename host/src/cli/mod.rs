@@ -46,6 +46,7 @@ mod simulate;
 mod study;
 mod study_figures;
 mod study_work;
+mod thesis;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;
@@ -108,6 +109,8 @@ enum Command {
     Continue(continue_::Args),
     /// Optimise keys of a case over a band: the best values, and how sure they are
     Optimise(optimise::Args),
+    /// Compute the figures and tables of the source document beside the published values
+    Thesis(thesis::Args),
     /// Identify parameters of the rig from runs and tables, with their uncertainty
     Identify(identify::Args),
     /// Compare a run with simulations of its set-ups, with uncertainties
@@ -167,6 +170,7 @@ pub fn main() -> ExitCode {
         Command::Study(args) => study::run(&args),
         Command::Continue(args) => continue_::run(&args),
         Command::Optimise(args) => optimise::run(&args),
+        Command::Thesis(args) => thesis::run(&args),
         Command::Identify(args) => identify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Schema(args) => documents::schema(&args),

@@ -41,7 +41,7 @@ Examples:
   damprig optimise host/optimisations/hybrid-band.toml --out optimum
   damprig optimise my-optimisation.toml --json
 
-The answer does not depend on the number of threads. Ctrl-C ends the search; the best point so far is kept.
+The answer does not depend on the number of threads. Ctrl-C ends the search, or what follows it; the best point so far is kept.
 
 Exit codes:
   0    success
@@ -84,7 +84,8 @@ pub fn run(args: &Args) -> Outcome {
         Err(refusal) if stop.load(Ordering::Relaxed) => return Err(Failure::Interrupted(refusal.to_string())),
         found => found.map_err(Failure::input)?,
     };
-    let answer = Answer::of(&optimisation, &found).map_err(Failure::input)?;
+    let is_search_stopped = found.is_stopped;
+    let answer = Answer::of(&optimisation, &found, &|| !stop.load(Ordering::Relaxed)).map_err(Failure::input)?;
     if args.json {
         say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
     } else {
@@ -96,6 +97,10 @@ pub fn run(args: &Args) -> Outcome {
         if !args.json {
             say!("Written to {}", folder.display());
         }
+    }
+    if answer.is_stopped && !is_search_stopped {
+        let message = "stopped after the search: the optimum is above, what is around it is not complete";
+        return Err(Failure::Interrupted(message.into()));
     }
     if answer.is_stopped {
         let (done, all) = (answer.evaluations, optimisation.evaluations);

@@ -5,21 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args as ClapArgs;
-use damprig_core::model::SetUp;
-use serde::Serialize;
 
 use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
-use crate::motion_record::Quantity;
-use crate::report::describe;
-use crate::report::figures::simulated_motion::{self, COLUMNS};
+use crate::report::case_files::{Answer, Simulated};
+use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
 use crate::report::numbers::significant;
 use crate::report::terminal;
 use crate::simulation::analysis::Analysis;
 use crate::simulation::envelope::Envelope;
 use crate::simulation::time_history::{TablePath, TimeHistory};
-use crate::simulation::{Case, RunOptions, SetValues, SimulationResult, cost, simulate};
+use crate::simulation::{Case, RunOptions, SetValues, cost, simulate};
 
 /// Simulates cases exactly: locates every impact, stick and slip.
 #[derive(Debug, ClapArgs)]
@@ -88,51 +85,6 @@ Exit codes:
   2    the command line or the case is wrong; nothing was written
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
 
-/// The case as simulated.
-#[derive(Serialize)]
-struct Simulated<'a> {
-    name: &'a str,
-    #[serde(skip_serializing_if = "String::is_empty")]
-    set: &'a String,
-    set_up: &'a SetUp,
-    excitation: String,
-    cycle_s: f64,
-    duration_s: f64,
-    /// The length that X is divided by in the text, and its symbol.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reference: Option<(f64, &'static str)>,
-}
-
-/// The result with its case, and the analysis under its own key if requested.
-#[derive(Serialize)]
-struct Answer<'a> {
-    case: Simulated<'a>,
-    #[serde(flatten)]
-    result: &'a SimulationResult,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    analysis: Option<Analysis>,
-}
-
-impl<'a> Simulated<'a> {
-    fn of(case: &'a Case, values: &'a SetValues) -> Self {
-        Self {
-            name: &case.name,
-            set: &values.lines,
-            set_up: &case.set_up,
-            excitation: describe::excitation(case),
-            cycle_s: case.cycle_s(),
-            duration_s: case.run.duration_s,
-            reference: case.reference_m(),
-        }
-    }
-}
-
-/// Cycles above which a figure shows the last ones in a panel of their own.
-const LONG_CYCLES: f64 = 30.0;
-
-/// Cycles in that panel.
-const LAST_CYCLES: f64 = 10.0;
-
 /// Parses the file of a figure.
 pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
@@ -182,6 +134,9 @@ fn simulate_one(
     values: &SetValues,
     stop: &AtomicBool,
 ) -> Outcome {
+    if args.analyse {
+        case.refuse_many_particles("--analyse").map_err(Failure::input)?;
+    }
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));
     let envelopes = envelopes(args, case)?;
@@ -193,7 +148,7 @@ fn simulate_one(
     }
     let mut history = match (&args.out, rate_hz) {
         (Some(path), Some(rate_hz)) => {
-            Some(TimeHistory::create(path, rate_hz, case.set_up.particle.is_some()).map_err(Failure::failed)?)
+            Some(TimeHistory::create(path, rate_hz, case.has_impacts()).map_err(Failure::failed)?)
         }
         _ => None,
     };
@@ -223,7 +178,7 @@ fn simulate_one(
             let (kept, all) = (result.impacts.len(), result.summary.impact_count);
             warn!("warning: the result lists the first {kept} of {all} impacts; --out writes them all");
         }
-        let answer = Answer { case: Simulated::of(case, values), result: &result, analysis };
+        let answer = Answer { case: Simulated::of(case, &values.lines), result: &result, analysis, cycle_max_m: None };
         say!("{}", serde_json::to_string(&answer).map_err(Failure::failed)?);
     } else {
         say!("{}", terminal::simulation::summary(case, &result));
@@ -263,14 +218,6 @@ fn envelopes(args: &Args, case: &Case) -> Result<(Option<Envelope>, Option<Envel
             "--plot-from {from_s} s is not before the end of the drawn time, {to_s} s (the run lasts {duration_s} s)"
         )));
     }
-    // The base of an uncorrected acceleration record drifts, so x and y are drawn relative to it.
-    let drifts = case.record.as_ref().is_some_and(|r| r.quantity == Quantity::Acceleration);
-    let envelope = |from_s: f64, to_s: f64| {
-        let envelope = Envelope::new(from_s, to_s, COLUMNS);
-        if drifts { envelope.relative_to_base() } else { envelope }
-    };
     let is_requested = args.plot_from.is_some() || args.plot_to.is_some();
-    let is_long = !is_requested && !drifts && duration_s > LONG_CYCLES * case.cycle_s();
-    let last = is_long.then(|| envelope(duration_s - LAST_CYCLES * case.cycle_s(), duration_s));
-    Ok((Some(envelope(from_s, to_s)), last))
+    Ok(if is_requested { (Some(envelope(case, from_s, to_s, COLUMNS)), None) } else { usual_envelopes(case) })
 }

@@ -13,6 +13,7 @@ use crate::input::key::Quantity;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::motion_record::resolve;
 use crate::simulation::Case;
+use crate::simulation::case::default_name;
 
 /// A validated continuation.
 #[derive(Clone, Debug)]
@@ -21,6 +22,8 @@ pub struct Continuation {
     pub case: Case,
     /// Its file.
     pub case_file: PathBuf,
+    /// Its text.
+    pub case_text: String,
     /// The parameter.
     pub parameter: ParameterKey,
     /// The second parameter and its range.
@@ -49,13 +52,24 @@ impl Continuation {
     /// # Errors
     /// Lists all problems of the file: file, line, key, value, allowed values, likely fix; or those of the case.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let source = Source::read(path)?;
+        Self::parse(&Source::read(path)?, path, None)
+    }
+
+    /// Reads a text as [`Continuation::read`] does: its case is relative to `path`; `case` takes the place of the file that it names.
+    ///
+    /// # Errors
+    /// As [`Continuation::read`].
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
         let wanted = source.read_toml(source.text(), "this is not TOML", |root| read(root, path));
         source.verdict()?;
         let wanted = wanted.ok_or_else(|| Refusal(format!("{}: the file could not be read", path.display())))?;
-        let case_source = Source::read(&wanted.case_file)?;
-        let case = Case::read(&wanted.case_file)?;
-        let name = wanted.case_file.display().to_string();
+        let case_source = match case {
+            Some(given) => Source::new(given.name(), given.text()),
+            None => Source::read(&wanted.case_file)?,
+        };
+        let case = Case::parse(&case_source, &default_name(Path::new(case_source.name())))?;
+        let name = case_source.name().to_string();
+        case.refuse_many_particles("a continuation")?;
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
             return Err(Refusal(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \
@@ -108,12 +122,19 @@ impl Continuation {
         Ok(Self {
             name: case.name.clone(),
             case,
-            case_file: wanted.case_file,
+            case_file: case_source.name().into(),
+            case_text: case_source.text().to_string(),
             parameter: wanted.parameter,
             second: wanted.second,
             task,
             system,
         })
+    }
+
+    /// Both parameters, if the file has a second one.
+    #[must_use]
+    pub fn curve_parameters(&self) -> Option<[ParameterKey; 2]> {
+        self.second.map(|(second, _)| [self.parameter, second])
     }
 
     /// Keys of the parameters that a case has.
@@ -135,6 +156,7 @@ impl Continuation {
             let parameters = [self.parameter.parameter, parameter.parameter];
             let ranges = [self.task.range, *range];
             found.second_parameter = Some(parameter.key);
+            found.curve_parameters = Some([self.parameter, *parameter]);
             for (number, branch) in diagram.branches.iter().enumerate() {
                 for (_, special) in &branch.specials {
                     let curve = self.system.curve(&branch.sequence, special, parameters, ranges, self.task.steps);

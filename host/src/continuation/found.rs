@@ -12,12 +12,9 @@ pub struct Found {
     pub case: String,
     /// Key of the parameter.
     pub parameter: &'static str,
-    /// Its symbol and unit.
+    /// The parameter with its symbol and unit.
     #[serde(skip)]
-    pub label: &'static str,
-    /// Name of its column in tables.
-    #[serde(skip)]
-    pub column: String,
+    pub key: ParameterKey,
     /// The branches.
     pub branches: Vec<FoundBranch>,
     /// Values of the parameter at which a new start found no periodic orbit, and why.
@@ -28,6 +25,9 @@ pub struct Found {
     /// Key of the second parameter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_parameter: Option<&'static str>,
+    /// Both parameters of the curves.
+    #[serde(skip)]
+    pub curve_parameters: Option<[ParameterKey; 2]>,
     /// Curves of special points in both parameters.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub curves: Vec<FoundCurve>,
@@ -140,12 +140,12 @@ impl Found {
         Self {
             case: case.into(),
             parameter: parameter.key,
-            label: parameter.label,
-            column: parameter.column(),
+            key: *parameter,
             branches,
             gaps,
             not_started: diagram.not_started.clone(),
             second_parameter: None,
+            curve_parameters: None,
             curves: Vec::new(),
         }
     }

@@ -20,6 +20,12 @@ impl ParameterKey {
         self.key.replace('.', "_")
     }
 
+    /// Its unit; "1" for a plain number.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        self.label.rsplit_once('(').map_or("1", |(_, unit)| unit.trim_end_matches(')'))
+    }
+
     /// Its range, as a case declares it.
     pub(super) fn refusal(&self, value: f64) -> Option<String> {
         let (path, name) = self.key.rsplit_once('.')?;

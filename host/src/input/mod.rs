@@ -3,6 +3,7 @@
 //! [`section`] reads a TOML table, [`key`] has the declarations of keys; this module holds the text and renders the messages.
 //! The keys themselves are declared by the parsers of set-ups, campaigns and cases.
 
+mod files;
 pub mod key;
 pub mod locate;
 pub mod regular;
@@ -13,11 +14,12 @@ mod suggest;
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 use toml::de::DeTable;
 
+pub use files::{FileDigest, Files};
 pub use section::{Number, Section, Text};
 pub use shown::{shown, shown_in_line};
 pub use suggest::{listed, near, replacement};
@@ -50,6 +52,7 @@ pub struct Source {
     name: String,
     text: String,
     is_recorded: bool,
+    files: Arc<Files>,
     problems: Mutex<Vec<Problem>>,
     warnings: Mutex<Vec<Problem>>,
     attached: [OnceLock<Attached>; MOST_ATTACHED],
@@ -72,22 +75,29 @@ impl Source {
     /// # Errors
     /// Names the file and says why it cannot be read; when it does not exist, names files that look like it.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let text = regular::read_input(path)
-            .and_then(|bytes| String::from_utf8(bytes).map_err(|e| Error::new(ErrorKind::InvalidData, e)));
-        match text {
-            Ok(text) => Ok(Self::new(path.display().to_string(), text)),
-            Err(error) => {
-                let mut answer = format!("cannot read {}: {error}", path.display());
-                if error.kind() == ErrorKind::NotFound {
-                    answer.push_str(&neighbours(path));
-                } else if error.kind() == ErrorKind::InvalidData {
-                    answer.push_str("\n  it must be a text in UTF-8");
-                } else if path.join(CAMPAIGN).is_file() {
-                    answer.push_str(&format!("\n  did you mean {}?", path.join(CAMPAIGN).display()));
-                }
-                Err(Refusal(answer))
-            }
-        }
+        text_of(path, regular::read_input(path)).map(|text| Self::new(path.display().to_string(), text))
+    }
+
+    /// Reads a file that this one names, once for all sources with the same [`Source::with_files`].
+    ///
+    /// # Errors
+    /// As [`Source::read`].
+    pub fn read_named(&self, path: &Path) -> Result<Self, Refusal> {
+        let text = self.files.parsed(path, "text", |bytes| text_of(path, bytes))?;
+        Ok(Self::new(path.display().to_string(), text))
+    }
+
+    /// With the files that are read already.
+    #[must_use]
+    pub fn with_files(mut self, files: &Arc<Files>) -> Self {
+        self.files = Arc::clone(files);
+        self
+    }
+
+    /// The files that this one names.
+    #[must_use]
+    pub fn files(&self) -> &Files {
+        &self.files
     }
 
     /// A text in memory; `name` is its name in messages.
@@ -97,6 +107,7 @@ impl Source {
             name: name.into(),
             text: text.into(),
             is_recorded: false,
+            files: Arc::default(),
             problems: Mutex::default(),
             warnings: Mutex::default(),
             attached: Default::default(),
@@ -274,6 +285,22 @@ impl Source {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Refusal(pub String);
+
+/// The bytes of a file as a text, or why it has none.
+fn text_of(path: &Path, bytes: std::io::Result<Vec<u8>>) -> Result<String, Refusal> {
+    let text = bytes.and_then(|bytes| String::from_utf8(bytes).map_err(|e| Error::new(ErrorKind::InvalidData, e)));
+    text.map_err(|error| {
+        let mut answer = format!("cannot read {}: {error}", path.display());
+        if error.kind() == ErrorKind::NotFound {
+            answer.push_str(&neighbours(path));
+        } else if error.kind() == ErrorKind::InvalidData {
+            answer.push_str("\n  it must be a text in UTF-8");
+        } else if path.join(CAMPAIGN).is_file() {
+            answer.push_str(&format!("\n  did you mean {}?", path.join(CAMPAIGN).display()));
+        }
+        Refusal(answer)
+    })
+}
 
 /// "did you mean": files beside a missing one with a near name.
 fn neighbours(path: &Path) -> String {

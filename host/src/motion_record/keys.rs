@@ -169,7 +169,7 @@ fn read_record(s: &Section, find: &dyn Fn(&str) -> PathBuf) -> Option<Record> {
     if !s.source().is_clean() {
         return None;
     }
-    match read(&find(&file.value), &spec) {
+    match read(&find(&file.value), &spec, s.source().files()) {
         Ok(record) => Some(record),
         Err(RecordError(message)) => {
             let mut lines = message.lines();

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use super::at2::at2;
 use super::record::{Quantity, Record};
 use super::units::{finite, unit_list};
-use crate::input::{near, regular};
+use crate::input::{Files, near};
 
 /// Allowed deviation of a time step from the mean one, as a share: times printed with few decimals deviate.
 const UNEVEN: f64 = 0.1;
@@ -48,13 +48,16 @@ pub struct Spec {
 #[error("{0}")]
 pub struct RecordError(pub String);
 
-/// Reads a record.
+/// Reads a record, unless it is among the files that were read already.
 ///
 /// # Errors
 /// Names file, line and value; for a missing file, those that look like it.
-pub fn read(path: &Path, spec: &Spec) -> Result<Record, RecordError> {
-    let text = regular::read_input(path)
-        .map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
+pub fn read(path: &Path, spec: &Spec, files: &Files) -> Result<Record, RecordError> {
+    files.parsed(path, &format!("{spec:?}"), |bytes| parse(path, spec, bytes))
+}
+
+fn parse(path: &Path, spec: &Spec, bytes: std::io::Result<Vec<u8>>) -> Result<Record, RecordError> {
+    let text = bytes.map_err(|e| RecordError(format!("cannot read {}: {e}{}", path.display(), beside(path))))?;
     if text.contains(&0) {
         return Err(RecordError(format!("{}: this is not a text: it must be CSV or an AT2 file", path.display())));
     }

@@ -11,6 +11,7 @@ use super::search::{Found, Stage};
 use crate::input::Refusal;
 use crate::study::axis::{Axis, Reduction, Value};
 use crate::study::evaluate::quantile;
+use crate::study::simulate::{GoOn, Halt};
 
 /// Starts from wall to wall from which the optimum is simulated again.
 const DENSE_STARTS: u32 = 101;
@@ -71,7 +72,7 @@ pub struct Answer {
     pub goal: &'static str,
     /// Whether a point keeps all constraints. If none does, the optimum is the point of the least violation.
     pub is_feasible: bool,
-    /// The search was stopped; the optimum is the best so far.
+    /// The search was stopped and the optimum is the best so far, or what is around the optimum is not complete.
     pub is_stopped: bool,
     /// Evaluated points of the search.
     pub evaluations: usize,
@@ -101,18 +102,14 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// From what a search found. A search that was stopped keeps its optimum; what is around it is not computed.
+    /// From what a search found. A search that was stopped keeps its optimum; what is around it is not computed. When `go_on` says no,
+    /// what is computed so far is kept.
     ///
     /// # Errors
     /// The refusal of a case that the values make.
-    pub fn of(optimisation: &Optimisation, found: &Found) -> Result<Self, Refusal> {
+    pub fn of(optimisation: &Optimisation, found: &Found, go_on: GoOn) -> Result<Self, Refusal> {
         let (stage, best) = &found.points[found.best];
-        let is_whole = !found.is_stopped;
-        let (sensitivity, neighbourhood) = if is_whole && best.is_feasible() {
-            (neighbourhood::sensitivities(optimisation, best)?, neighbourhood::grid(optimisation, best)?)
-        } else {
-            (Vec::new(), Vec::new())
-        };
+        let around = Around::of(optimisation, best, found.is_stopped, go_on)?;
         let named = |(axis, value): (&Axis, f64)| Named { key: axis.key.clone(), value, unit: axis.unit() };
         let kept = |(constraint, value): (&super::file::Constraint, &f64)| Kept {
             metric: constraint.metric.name(),
@@ -129,7 +126,7 @@ impl Answer {
             metric: optimisation.objective.name(),
             goal: if optimisation.is_maximum { "maximum" } else { "minimum" },
             is_feasible: best.is_feasible(),
-            is_stopped: found.is_stopped,
+            is_stopped: around.is_stopped,
             evaluations: found.points.len(),
             found_by: Stage::name(*stage),
             objective: best.objective,
@@ -138,38 +135,69 @@ impl Answer {
             band: place_in_band(optimisation, best),
             constraints: optimisation.constraints.iter().zip(&best.constraints).map(kept).collect(),
             unresolved: best.unresolved,
-            starts: if is_whole { starts(optimisation, best)? } else { None },
-            sensitivity,
-            neighbourhood,
-            references: if is_whole {
-                References::at(optimisation, best)?
-            } else {
-                References { bare: None, tmd: None }
-            },
+            starts: around.starts,
+            sensitivity: around.sensitivity,
+            neighbourhood: around.neighbourhood,
+            references: around.references,
         })
     }
 }
 
-/// Values of the band's axes where the objective is; none of axes with a mean.
+/// What is computed around an optimum.
+struct Around {
+    is_stopped: bool,
+    starts: Option<Starts>,
+    sensitivity: Vec<Sensitivity>,
+    neighbourhood: Vec<Evaluated>,
+    references: References,
+}
+
+impl Around {
+    /// Nothing after a search that was stopped, and no neighbourhood where the constraints are not kept.
+    fn of(optimisation: &Optimisation, best: &Evaluated, is_stopped: bool, go_on: GoOn) -> Result<Self, Refusal> {
+        let mut around = Self {
+            is_stopped,
+            starts: None,
+            sensitivity: Vec::new(),
+            neighbourhood: Vec::new(),
+            references: References { bare: None, tmd: None },
+        };
+        if !is_stopped {
+            around.is_stopped = Halt::unless_stopped(around.fill(optimisation, best, go_on))?.is_none();
+        }
+        Ok(around)
+    }
+
+    fn fill(&mut self, optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<(), Halt> {
+        if best.is_feasible() {
+            self.sensitivity = neighbourhood::sensitivities(optimisation, best, go_on)?;
+            self.neighbourhood = neighbourhood::grid(optimisation, best, go_on)?;
+        }
+        self.starts = starts(optimisation, best, go_on)?;
+        self.references = References::at(optimisation, best, go_on)?;
+        Ok(())
+    }
+}
+
+/// Values of the band's axes where the objective is; none of axes with a mean, and of those after one.
 fn place_in_band(optimisation: &Optimisation, best: &Evaluated) -> Vec<Named> {
     let values = optimisation.band_values(best.band_point);
     let number = |(axis, value): (&Axis, Value)| match value {
-        Value::Number(value) if axis.reduce != Some(Reduction::Mean) => {
-            Some(Named { key: axis.key.clone(), value, unit: axis.unit() })
-        }
-        _ => None,
+        Value::Number(value) => Some(Named { key: axis.key.clone(), value, unit: axis.unit() }),
+        Value::Word(_) => None,
     };
-    optimisation.band().iter().zip(values).filter_map(number).collect()
+    let is_extreme = |(axis, _): &(&Axis, Value)| axis.reduce != Some(Reduction::Mean);
+    optimisation.band().iter().zip(values).take_while(is_extreme).filter_map(number).collect()
 }
 
-fn starts(optimisation: &Optimisation, best: &Evaluated) -> Result<Option<Starts>, Refusal> {
+fn starts(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Option<Starts>, Halt> {
     let case = Cases::at(optimisation, &best.values)?.case(0)?;
     if case.set_up.particle.is_none() {
         return Ok(None);
     }
     let last = f64::from(DENSE_STARTS - 1);
     let shares: Vec<f64> = (0..DENSE_STARTS).map(|n| 2.0 * f64::from(n) / last - 1.0).collect();
-    let mut values = from_starts(optimisation, &best.values, &shares)?;
+    let mut values = from_starts(optimisation, &best.values, &shares, go_on)?;
     values.sort_by(f64::total_cmp);
     let at = |share: f64| quantile(&values, share);
     let (q05, median, q95) = (at(0.05), at(0.5), at(0.95));

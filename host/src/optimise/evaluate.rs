@@ -7,7 +7,7 @@ use crate::simulation::Case;
 use crate::study::axis::{Axis, Value};
 use crate::study::evaluate::{quantile, reduce_over, started_at};
 use crate::study::metric::Metric;
-use crate::study::simulate::metrics_of_all;
+use crate::study::simulate::{GoOn, Halt, metrics_of_all};
 
 /// What an evaluated point gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,28 +54,33 @@ type Simulated = Vec<Vec<Vec<f64>>>;
 /// Evaluates the point at these shares of the variables' ranges.
 ///
 /// # Errors
-/// The refusal of a case that the values make.
-pub fn at(optimisation: &Optimisation, shares: &[f64]) -> Result<Evaluated, Refusal> {
+/// The refusal of a case that the values make, or that `go_on` said no.
+pub fn at(optimisation: &Optimisation, shares: &[f64], go_on: GoOn) -> Result<Evaluated, Halt> {
     let number = |(axis, share): (&Axis, &f64)| match axis.value(0, *share) {
         Value::Number(number) => number,
         Value::Word(_) => f64::NAN,
     };
     let values: Vec<f64> = optimisation.variables().iter().zip(shares).map(number).collect();
-    at_values(optimisation, values, shares.to_vec())
+    at_values(optimisation, values, shares.to_vec(), go_on)
 }
 
 /// Evaluates the point with these values of the variables.
 ///
 /// # Errors
-/// The refusal of a case that the values make.
-pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, shares: Vec<f64>) -> Result<Evaluated, Refusal> {
+/// As [`at`].
+pub fn at_values(
+    optimisation: &Optimisation,
+    values: Vec<f64>,
+    shares: Vec<f64>,
+    go_on: GoOn,
+) -> Result<Evaluated, Halt> {
     let metrics: Vec<Metric> =
         [optimisation.objective].into_iter().chain(optimisation.constraints.iter().map(|c| c.metric)).collect();
     let starts = optimisation.starts.as_ref();
     let start_shares = starts.map(|starts| starts.shares.as_slice());
     let cases = Cases::at(optimisation, &values)?;
     let cases = |point: usize| cases.case(point);
-    let (simulated, unresolved) = simulate_band(optimisation, &metrics, start_shares, &cases)?;
+    let (simulated, unresolved) = simulate_band(optimisation, &metrics, start_shares, &cases, go_on)?;
     let (objective, band_point) =
         over_starts(optimisation, &simulated[0], starts.map_or(1.0, |starts| starts.quantile));
     let mut constraints = Vec::new();
@@ -91,24 +96,25 @@ pub fn at_values(optimisation: &Optimisation, values: Vec<f64>, shares: Vec<f64>
 /// The objective from each of some starts, at these values of the variables.
 ///
 /// # Errors
-/// The refusal of a case that the values make.
-pub fn from_starts(optimisation: &Optimisation, values: &[f64], starts: &[f64]) -> Result<Vec<f64>, Refusal> {
+/// As [`at`].
+pub fn from_starts(optimisation: &Optimisation, values: &[f64], starts: &[f64], go_on: GoOn) -> Result<Vec<f64>, Halt> {
     let cases = Cases::at(optimisation, values)?;
     let cases = |point: usize| cases.case(point);
-    let (simulated, _) = simulate_band(optimisation, &[optimisation.objective], Some(starts), &cases)?;
+    let (simulated, _) = simulate_band(optimisation, &[optimisation.objective], Some(starts), &cases, go_on)?;
     Ok(simulated[0].iter().map(|over_band| reduced(optimisation, over_band).0).collect())
 }
 
 /// A metric over the band of cases that are not the optimisation's own, from their own starts.
 ///
 /// # Errors
-/// A case that is refused.
+/// A case that is refused, or that `go_on` said no.
 pub fn over_band(
     optimisation: &Optimisation,
     metric: Metric,
     cases: &dyn Fn(usize) -> Result<Case, Refusal>,
-) -> Result<(f64, usize), Refusal> {
-    let (simulated, _) = simulate_band(optimisation, &[metric], None, cases)?;
+    go_on: GoOn,
+) -> Result<(f64, usize), Halt> {
+    let (simulated, _) = simulate_band(optimisation, &[metric], None, cases, go_on)?;
     Ok(reduced(optimisation, &simulated[0][0]))
 }
 
@@ -118,7 +124,8 @@ fn simulate_band(
     metrics: &[Metric],
     starts: Option<&[f64]>,
     cases: &dyn Fn(usize) -> Result<Case, Refusal>,
-) -> Result<(Simulated, f64), Refusal> {
+    go_on: GoOn,
+) -> Result<(Simulated, f64), Halt> {
     let points = optimisation.band_points();
     let count = starts.map_or(1, <[f64]>::len);
     let mut all = Vec::with_capacity(points * count);
@@ -131,7 +138,9 @@ fn simulate_band(
     }
     let mut simulated = vec![vec![Vec::with_capacity(points); count]; metrics.len()];
     let mut unresolved = 0.0;
-    for (place, (values, given_up)) in metrics_of_all(&all, optimisation.record, metrics)?.into_iter().enumerate() {
+    for (place, (values, given_up)) in
+        metrics_of_all(&all, optimisation.record, metrics, go_on)?.into_iter().enumerate()
+    {
         unresolved += given_up;
         for (value, of_metric) in values.into_iter().zip(&mut simulated) {
             of_metric[place % count].push(value);

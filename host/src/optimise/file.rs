@@ -1,10 +1,11 @@
 //! Reads an optimisation file: the case, its variables, the band, the objective and the constraints.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::cases::Direct;
 use super::keys::{constraint, ensemble, optimisation as keys, variable};
-use crate::input::{Problem, Refusal, Section, Source, Span};
+use crate::input::{Files, Problem, Refusal, Section, Source, Span};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 use crate::study::axis::{self, Axis, Value, Values};
@@ -77,6 +78,8 @@ pub struct Optimisation {
     pub evaluations: u64,
     /// Of the random numbers.
     pub seed: u64,
+    /// The files that the case names, each read once.
+    files: Arc<Files>,
     pub(super) direct: Direct,
 }
 
@@ -116,12 +119,20 @@ impl Optimisation {
     /// # Errors
     /// Lists all problems of the file, or those of the case with values of the variables.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let source = Source::read(path)?;
-        let read = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path));
+        Self::parse(&Source::read(path)?, path, None)
+    }
+
+    /// Reads a text as [`Optimisation::read`] does: its files are relative to `path`; `case` takes the place of the file that it
+    /// names.
+    ///
+    /// # Errors
+    /// As [`Optimisation::read`].
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
+        let read = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case));
         source.verdict()?;
         let mut read =
             read.ok_or_else(|| Refusal(format!("{}: the optimisation could not be read", path.display())))?;
-        read.check(&source)?;
+        read.check(source)?;
         read.direct = Direct::of(&read);
         Ok(read)
     }
@@ -169,7 +180,7 @@ impl Optimisation {
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
         let set = SetValues { origin: "the variables and axes".into(), lines: lines(&self.axes, values) };
-        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str());
+        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files);
         Case::parse_changed(&source, &default_name(&self.case_path), &set)
     }
 
@@ -198,6 +209,7 @@ impl Optimisation {
     }
 
     fn check_case(&self, case: &Case) -> Result<(), Refusal> {
+        case.refuse_many_particles("an optimisation")?;
         let path = self.case_path.display();
         if self.starts.is_some() && case.set_up.particle.is_none() {
             return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
@@ -226,9 +238,9 @@ impl Optimisation {
     }
 }
 
-fn read_root(root: &Section, path: &Path) -> Option<Optimisation> {
+fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Optimisation> {
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
-    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case));
+    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
     let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
     let goal = root.word(&keys::GOAL);
     let (evaluations, seed) = (root.scalar(&keys::EVALUATIONS), root.scalar(&keys::SEED));
@@ -257,6 +269,7 @@ fn read_root(root: &Section, path: &Path) -> Option<Optimisation> {
         constraints: constraints.into_iter().collect::<Option<Vec<_>>>()?,
         evaluations: evaluations.map_or(EVALUATIONS_PER_VARIABLE * variables as u64, |count| count as u64),
         seed: seed? as u64,
+        files: Arc::default(),
         direct: Direct::default(),
     })
 }

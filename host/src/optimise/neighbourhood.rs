@@ -5,8 +5,8 @@ use serde::Serialize;
 
 use super::evaluate::{Evaluated, at_values};
 use super::file::Optimisation;
-use crate::input::Refusal;
 use crate::study::axis::{Axis, Values};
+use crate::study::simulate::{GoOn, Halt};
 
 /// Fine steps in a change of 1 %.
 const STEPS: i32 = 10;
@@ -67,13 +67,13 @@ fn is_inside(axis: &Axis, value: f64) -> bool {
 /// What a change of each variable alone does.
 ///
 /// # Errors
-/// The refusal of a case that the values make.
-pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated) -> Result<Vec<Sensitivity>, Refusal> {
+/// The refusal of a case that the values make, or that `go_on` said no.
+pub fn sensitivities(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Sensitivity>, Halt> {
     optimisation
         .variables()
         .iter()
         .enumerate()
-        .map(|(place, axis)| of_variable(optimisation, best, place, axis))
+        .map(|(place, axis)| of_variable(optimisation, best, place, axis, go_on))
         .collect()
 }
 
@@ -82,7 +82,8 @@ fn of_variable(
     best: &Evaluated,
     place: usize,
     axis: &Axis,
-) -> Result<Sensitivity, Refusal> {
+    go_on: GoOn,
+) -> Result<Sensitivity, Halt> {
     let step = step(axis, best.values[place]);
     let value = |n: i32| best.values[place] + step * f64::from(n) / f64::from(STEPS);
     let objective = |n: i32| {
@@ -92,9 +93,9 @@ fn of_variable(
         let mut values = best.values.clone();
         values[place] = value(n);
         let inside = is_inside(axis, values[place]);
-        inside.then(|| Ok(at_values(optimisation, values, Vec::new())?.objective)).transpose()
+        inside.then(|| Ok(at_values(optimisation, values, Vec::new(), go_on)?.objective)).transpose()
     };
-    let scan: Vec<Option<f64>> = (-REACH..=REACH).into_par_iter().map(objective).collect::<Result<_, Refusal>>()?;
+    let scan: Vec<Option<f64>> = (-REACH..=REACH).into_par_iter().map(objective).collect::<Result<_, Halt>>()?;
     let at = |n: i32| scan[(n + REACH) as usize];
     let within = (-STEPS..=STEPS).filter_map(at);
     let worst =
@@ -130,8 +131,8 @@ fn largest_jump(changes: &[Jump], objective: f64) -> Option<Jump> {
 /// optimisation on a line). Points outside the ranges are left out.
 ///
 /// # Errors
-/// The refusal of a case that the values make.
-pub fn grid(optimisation: &Optimisation, best: &Evaluated) -> Result<Vec<Evaluated>, Refusal> {
+/// As [`sensitivities`].
+pub fn grid(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Vec<Evaluated>, Halt> {
     let axes = optimisation.variables();
     let mut points: Vec<Vec<f64>> = Vec::new();
     let last = axes.len() - 1;
@@ -151,7 +152,7 @@ pub fn grid(optimisation: &Optimisation, best: &Evaluated) -> Result<Vec<Evaluat
         }
     }
     points.retain(|point| axes.iter().zip(point).all(|(axis, value)| is_inside(axis, *value)));
-    points.into_par_iter().map(|values| at_values(optimisation, values, Vec::new())).collect()
+    points.into_par_iter().map(|values| at_values(optimisation, values, Vec::new(), go_on)).collect()
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::cases::Cases;
 use super::evaluate::{Evaluated, over_band};
 use super::file::Optimisation;
-use crate::input::Refusal;
 use crate::simulation::Case;
+use crate::study::simulate::{GoOn, Halt};
 
 /// The objective of other dampers; `None` where it does not exist for them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,10 +38,10 @@ impl References {
     /// At the optimum's structure, base motion and mass.
     ///
     /// # Errors
-    /// The refusal of a case that the values make.
-    pub fn at(optimisation: &Optimisation, best: &Evaluated) -> Result<Self, Refusal> {
+    /// The refusal of a case that the values make, or that `go_on` said no.
+    pub fn at(optimisation: &Optimisation, best: &Evaluated, go_on: GoOn) -> Result<Self, Halt> {
         let middle = Cases::at(optimisation, &best.values)?.case(optimisation.band_points() / 2)?;
-        let bare = objective(optimisation, best, &|case| without_dampers(case, None))?;
+        let bare = objective(optimisation, best, &|case| without_dampers(case, None), go_on)?;
         let mass_kg = middle.set_up.particle.map(|p| p.mass_kg).or(middle.set_up.tmd.map(|t| t.mass_kg));
         let Some(mass_kg) = mass_kg else { return Ok(Self { bare, tmd: None }) };
         let is_force = matches!(middle.excitation, Excitation::ForceSine { .. } | Excitation::ForceHalfSine { .. });
@@ -49,7 +49,7 @@ impl References {
         let structure = middle.set_up.structure;
         let tmd = Tmd::tuned(&structure, mass_kg, tuning);
         let mass_ratio = mass_kg / structure.mass_kg;
-        let with_tmd = objective(optimisation, best, &|case| without_dampers(case, Some(tmd)))?;
+        let with_tmd = objective(optimisation, best, &|case| without_dampers(case, Some(tmd)), go_on)?;
         let tmd = with_tmd.map(|objective| TunedMass {
             mass_kg,
             tuning: tuning.name(),
@@ -75,13 +75,14 @@ fn objective(
     optimisation: &Optimisation,
     best: &Evaluated,
     change: &dyn Fn(Case) -> Case,
-) -> Result<Option<f64>, Refusal> {
+    go_on: GoOn,
+) -> Result<Option<f64>, Halt> {
     let cases = Cases::at(optimisation, &best.values)?;
     let changed = |point: usize| Ok(change(cases.case(point)?));
     let first = changed(0)?;
     if optimisation.objective.refusal(&first).is_some() || first.set_up.validate().is_err() {
         return Ok(None);
     }
-    let (value, _) = over_band(optimisation, optimisation.objective, &changed)?;
+    let (value, _) = over_band(optimisation, optimisation.objective, &changed, go_on)?;
     Ok(Some(value).filter(|value| !value.is_nan()))
 }

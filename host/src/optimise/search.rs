@@ -19,6 +19,7 @@ use super::evaluate::{self, Evaluated};
 use super::file::Optimisation;
 use crate::input::Refusal;
 use crate::study::points::{Method, Sampling};
+use crate::study::simulate::Halt;
 
 /// Share of the evaluations that the Sobol points have, and the swarm; the rest is Nelder–Mead's.
 const SOBOL_SHARE: f64 = 0.4;
@@ -122,7 +123,7 @@ pub fn estimate_s(optimisation: &Optimisation) -> Result<f64, Refusal> {
     let points = sampling.shares(optimisation.variables);
     let mut tried = 0.0;
     for shares in &points[1..] {
-        evaluate::at(optimisation, shares)?;
+        let _ = Halt::unless_stopped(evaluate::at(optimisation, shares, &|| true))?;
         tried += 1.0;
         if start.elapsed() > TRIAL {
             break;
@@ -234,12 +235,13 @@ impl<'a> Judge<'a> {
             return None;
         }
         let inside: Vec<f64> = shares.iter().map(|share| share.clamp(0.0, 1.0)).collect();
-        match evaluate::at(self.optimisation, &inside) {
+        match evaluate::at(self.optimisation, &inside, &|| self.goes_on()) {
             Ok(point) => {
                 self.meet(&point);
                 Some(point)
             }
-            Err(refusal) => {
+            Err(Halt::Stopped) => None,
+            Err(Halt::Refused(refusal)) => {
                 self.is_stopped.store(true, Ordering::Relaxed);
                 lock(&self.refusal).get_or_insert(refusal);
                 None
@@ -248,18 +250,23 @@ impl<'a> Judge<'a> {
     }
 
     fn meet(&self, point: &Evaluated) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.done.fetch_add(1, Ordering::Relaxed);
         let is_maximum = self.optimisation.is_maximum;
-        let best = {
-            let mut best = lock(&self.best);
-            if best.as_ref().is_none_or(|best| point.cost(is_maximum) < best.cost(is_maximum)) {
-                *best = Some(point.clone());
-            }
-            best.clone()
-        };
+        let mut best = lock(&self.best);
+        if best.as_ref().is_none_or(|best| point.cost(is_maximum) < best.cost(is_maximum)) {
+            *best = Some(point.clone());
+        }
+        drop(best);
+        self.goes_on();
+    }
+
+    /// Reports the progress; whether the search goes on.
+    fn goes_on(&self) -> bool {
+        let (done, best) = (self.done.load(Ordering::Relaxed), lock(&self.best).clone());
         if !(self.report)(&Progress { done, best }) {
             self.is_stopped.store(true, Ordering::Relaxed);
         }
+        !self.is_stopped.load(Ordering::Relaxed)
     }
 
     fn evaluate_all(&self, stage: Stage, points: &[Vec<f64>]) -> Vec<(Stage, Evaluated)> {

@@ -1,13 +1,14 @@
-//! Writes the orbits of a continuation as a table, CSV or Parquet.
+//! Tables of a continuation, CSV or Parquet: a row for each orbit of the branches, and a row for each point of the curves.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, UInt32Array};
-use arrow_schema::{DataType, Field, Schema};
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray, UInt32Array};
+use arrow_schema::{ArrowError, DataType, Field, Schema};
 use parquet::arrow::ArrowWriter;
 
+use crate::continuation::parameters::ParameterKey;
 use crate::continuation::{Found, FoundOrbit};
 use crate::report::exports::atomic_file::{OutFile, to_failure, write_new};
 use crate::run_folder::ReadError;
@@ -18,26 +19,28 @@ use crate::run_folder::write::parquet_file::properties;
 /// Most multipliers of an orbit.
 const MULTIPLIERS: usize = 4;
 
-/// Parses the path of a table.
+/// Parses the place of the results: a table, or a folder.
 ///
 /// # Errors
 /// Names the extensions that are supported.
-pub fn path(text: &str) -> Result<PathBuf, String> {
+pub fn place(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
-        Some("csv" | "parquet") => Ok(path),
-        Some(other) => Err(format!("the extension .{other} is not supported; use .csv or .parquet")),
-        None => Err("the file needs an extension: .csv or .parquet".into()),
+        None | Some("csv" | "parquet") => Ok(path),
+        Some(other) => {
+            let why = format!("the extension .{other} is not supported");
+            Err(format!("{why}; use .csv or .parquet for the orbits, or the name of a folder for everything"))
+        }
     }
 }
 
-/// Writes one row for each orbit, branch after branch.
+/// Writes a table, as CSV if the file's name ends so, else as Parquet. Returns the number of its rows.
 ///
 /// # Errors
 /// Names the file that exists or cannot be written.
-pub fn write(found: &Found, out: &OutFile) -> Result<usize, ReadError> {
+pub fn write(table: Result<RecordBatch, ArrowError>, out: &OutFile) -> Result<usize, ReadError> {
     let failed = to_failure(&out.path);
-    let batch = table(found).map_err(|e| failed(&e))?;
+    let batch = table.map_err(|e| failed(&e))?;
     let is_csv = out.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
     write_new(out, |file| {
         if !is_csv {
@@ -61,12 +64,58 @@ pub fn write(found: &Found, out: &OutFile) -> Result<usize, ReadError> {
     Ok(batch.num_rows())
 }
 
-fn table(found: &Found) -> Result<RecordBatch, arrow_schema::ArrowError> {
+/// The column of a parameter: its unit, and its key in a case.
+fn parameter_field(parameter: &ParameterKey) -> Field {
+    let mut field = field(&parameter.column(), DataType::Float64, parameter.unit());
+    let mut metadata = field.metadata().clone();
+    metadata.insert("key", parameter.key);
+    field.set_metadata(metadata);
+    field
+}
+
+/// A row for each point of the curves in two parameters, curve after curve; no rows without a second parameter.
+///
+/// # Errors
+/// The table library's error.
+pub fn curves(found: &Found) -> Result<RecordBatch, ArrowError> {
+    let numbered = || (1u32..).zip(&found.curves);
+    let rows = || numbered().flat_map(|(number, curve)| curve.points.iter().map(move |point| (number, curve, point)));
+    let number = |place: usize| -> ArrayRef {
+        Arc::new(Float64Array::from_iter_values(rows().map(|(_, _, point)| point[place])))
+    };
+    let text = |values: Vec<String>| -> ArrayRef { Arc::new(StringArray::from(values)) };
+    let mut columns: Vec<(Field, ArrayRef)> = vec![
+        (
+            field("curve", DataType::UInt32, "1"),
+            Arc::new(UInt32Array::from_iter_values(rows().map(|(number, _, _)| number))),
+        ),
+        (
+            field("branch", DataType::UInt32, "1"),
+            Arc::new(UInt32Array::from_iter_values(rows().map(|(_, curve, _)| curve.branch as u32))),
+        ),
+        (field("kind", DataType::Utf8, ""), text(rows().map(|(_, curve, _)| curve.kind.to_string()).collect())),
+    ];
+    for (place, parameter) in found.curve_parameters.iter().flatten().enumerate() {
+        columns.push((parameter_field(parameter), number(place)));
+    }
+    columns.push((field("peak_x_m", DataType::Float64, "m"), number(2)));
+    columns.push((
+        field("meaning", DataType::Utf8, ""),
+        text(rows().map(|(_, curve, _)| curve.meaning.clone()).collect()),
+    ));
+    let (fields, arrays): (Vec<Field>, Vec<ArrayRef>) = columns.into_iter().unzip();
+    RecordBatch::try_new(Arc::new(Schema::new(fields)), arrays)
+}
+
+/// A row for each orbit, branch after branch.
+///
+/// # Errors
+/// The table library's error.
+pub fn orbits(found: &Found) -> Result<RecordBatch, ArrowError> {
     let rows = || found.branches.iter().flat_map(|branch| branch.orbits.iter().map(move |orbit| (branch, orbit)));
     let number = |get: &dyn Fn(&FoundOrbit) -> f64| -> ArrayRef {
         Arc::new(Float64Array::from_iter_values(rows().map(|(_, orbit)| get(orbit))))
     };
-    let unit = found.label.rsplit_once('(').map_or("1", |(_, unit)| unit.trim_end_matches(')'));
     let mut columns: Vec<(Field, ArrayRef)> = vec![
         (
             field("branch", DataType::UInt32, "1"),
@@ -76,7 +125,7 @@ fn table(found: &Found) -> Result<RecordBatch, arrow_schema::ArrowError> {
             field("periods", DataType::UInt32, "1"),
             Arc::new(UInt32Array::from_iter_values(rows().map(|(branch, _)| branch.periods))),
         ),
-        (field(&found.column, DataType::Float64, unit), number(&|orbit| orbit.parameter)),
+        (parameter_field(&found.key), number(&|orbit| orbit.parameter)),
         (
             field("is_stable", DataType::Boolean, ""),
             Arc::new(BooleanArray::from_iter(rows().map(|(_, orbit)| Some(orbit.is_stable)))),

@@ -2,9 +2,11 @@
 //! text.
 //!
 //! `numbers`, `parameters` and `describe` are the lowest layer, then [`figures`]; [`page`], [`exports`] and [`terminal`] do not import each
-//! other.
+//! other. The modules named after files write what a command leaves in its folder.
 
+pub mod bifurcation_files;
 pub mod branch_table;
+pub mod case_files;
 pub mod compared;
 pub mod describe;
 pub mod exports;
@@ -12,4 +14,5 @@ pub mod figures;
 pub mod numbers;
 pub mod page;
 pub mod parameters;
+pub mod study_files;
 pub mod terminal;

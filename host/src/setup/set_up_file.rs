@@ -98,7 +98,7 @@ pub fn attach(root: &Section, copies: Option<&str>) -> Option<SetUpText> {
     let own = Path::new(root.source().name()).parent().unwrap_or(Path::new("")).to_path_buf();
     let copy = copies.map(|copies| kept(&own.join(copies), &named.value)).filter(|copy| copy.is_file());
     let path = copy.unwrap_or_else(|| own.join(&named.value));
-    match Source::read(&path) {
+    match root.source().read_named(&path) {
         Ok(file) => {
             let padded = root.source().attach(file.name(), file.text());
             Some(SetUpText { file: named.value, text: file.text().to_string(), padded })

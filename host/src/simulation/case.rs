@@ -5,11 +5,13 @@ use std::path::Path;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::{Initial, SetUp};
+use damprig_particles::Damper;
 use toml::de::DeTable;
 
 use super::excitation::{self, CaseExcitation};
 use super::json_case;
 use super::keys::{case, initial, run};
+use super::many_particles;
 use super::set_values::{self, SetValues};
 use crate::input::locate::Step::Key;
 use crate::input::{Problem, Refusal, Section, Source};
@@ -26,6 +28,8 @@ pub struct Case {
     pub name: String,
     /// Structure and dampers.
     pub set_up: SetUp,
+    /// Spheres in a box, in place of the dampers of the set-up.
+    pub many_particles: Option<Damper>,
     /// Excitation in closed form; [`Excitation::Fixed`] with a record.
     pub excitation: Excitation,
     /// Recorded base motion.
@@ -128,6 +132,27 @@ impl Case {
         }
     }
 
+    /// Whether a particle or spheres may hit walls of the structure.
+    #[must_use]
+    pub fn has_impacts(&self) -> bool {
+        self.set_up.particle.is_some() || self.many_particles.is_some()
+    }
+
+    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers.
+    ///
+    /// # Errors
+    /// Says that `what` is not available, and what is.
+    pub fn refuse_many_particles(&self, what: &str) -> Result<(), Refusal> {
+        match self.many_particles {
+            Some(_) => Err(Refusal(format!(
+                "{}: {what} is not available for `many_particles`: it needs a motion whose every event is found exactly\n  \
+                 `damprig simulate` and `damprig study` follow the spheres",
+                self.name
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
     #[must_use]
     pub fn cycle_s(&self) -> f64 {
@@ -215,7 +240,19 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let initial = read_initial(initial_section.as_ref(), record.map_or(0.0, Record::start_m), start_m);
     let run_section = root.table_of(&case::RUN, None);
     let run = run_section.as_ref().and_then(|s| read_run(s, record.map(Record::duration_s)));
+    let spheres = root.table_of(&case::MANY_PARTICLES, None);
+    if let (Some(spheres), Some(spec)) = (&spheres, &spec) {
+        refuse_beside_spheres(spheres, spec, record, initial_section.as_ref());
+    }
+    let gravity_m_per_s2 = spec.map_or(0.0, |spec| spec.at(z_m).gravity_m_per_s2);
+    let many_particles = match &spheres {
+        Some(spheres) => many_particles::read::read(spheres, spec.as_ref().map(SetUpSpec::structure), gravity_m_per_s2),
+        None => None,
+    };
     let (spec, case_excitation, run) = (spec?, case_excitation?, run?);
+    if root.is_given(&case::MANY_PARTICLES) && many_particles.is_none() {
+        return None;
+    }
     if stated_m.is_some() && !spec.is_relative() && case_excitation.amplitude_m().is_none() {
         let help = "write base = { kind = \"sine\", frequency_hz = … } to move the base by it, or leave it out";
         root.reject(BASE_AMPLITUDE.name(), "is not used: the case has no ratio and no moving base", Some(help.into()));
@@ -237,11 +274,54 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
             help: None,
         });
     }
-    let case = Case { name, set_up, excitation, record, initial, run };
+    let case = Case { name, set_up, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {
         check_cycle(section, &case);
     }
     Some(case)
+}
+
+/// Refuses what does not go with spheres in a box.
+fn refuse_beside_spheres(
+    spheres: &Section,
+    spec: &SetUpSpec,
+    record: Option<&Record>,
+    initial_section: Option<&Section>,
+) {
+    let refuse = |title: String, allowed: &str, help: &str| {
+        spheres.source().report(Problem {
+            title,
+            span: spheres.span(),
+            allowed: allowed.into(),
+            help: Some(help.into()),
+        });
+    };
+    let name = case::MANY_PARTICLES.name();
+    if let Some(damper) = spec.damper() {
+        let allowed = match damper {
+            "friction_damper" => "their motion beside a friction damper has no equations yet",
+            _ => "the spheres are the damper",
+        };
+        refuse(format!("`{name}` and `{damper}` are both given"), allowed, "leave out one of them");
+    }
+    if record.is_some() {
+        let allowed = "spheres in a box need a base or a force in closed form";
+        refuse(
+            format!("`{name}` and a recorded base motion or noise are both given"),
+            allowed,
+            "take a sine or a pulse",
+        );
+    }
+    for quantity in [&initial::Y, &initial::U] {
+        if let Some(section) = initial_section.filter(|section| section.is_given(quantity)) {
+            let help = "leave it out: `seed` places the spheres, at rest in the box";
+            section.reject(
+                quantity.name(),
+                format!("is for a particle or a tuned mass, not for `{name}`"),
+                Some(help.into()),
+            );
+        }
+    }
 }
 
 /// Reads `base` or `force`.

@@ -56,6 +56,9 @@ impl Viewer for ArcCounter {
 /// # Errors
 /// Names a value that is not physical.
 pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
+    if let Some(damper) = &case.many_particles {
+        return trial(case, damper.step_s(case.set_up.structure.mass_kg), None);
+    }
     // Stiffness depends on the set-up alone, so this also holds for a case on a record.
     let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
     let (arc_s, duration_s) = (motion.shortest_arc_s(), case.run.duration_s);
@@ -66,6 +69,12 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     if duration_s / least_s < FEW_ARCS && case.set_up.particle.is_none() {
         return Ok(Cost { stiff_arc_s, ..Cost::default() });
     }
+    trial(case, least_s, stiff_arc_s)
+}
+
+/// Times the first moments of a run whose pieces take about `least_s`, s.
+fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, Invalid> {
+    let duration_s = case.run.duration_s;
     let (start, mut count) = (Instant::now(), ArcCounter::default());
     let mut trial = case.clone();
     trial.run.sample_times_s.clear();
@@ -94,9 +103,10 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
 /// # Errors
 /// Names a value that is not physical.
 pub fn longest_part_s(case: &Case, rate_hz: Option<f64>) -> Result<f64, Invalid> {
-    let arc_s = match &case.record {
-        Some(record) => record.step_s,
-        None => Exact::new(&case.set_up, &case.excitation, &case.initial)?.shortest_arc_s(),
+    let arc_s = match (&case.record, &case.many_particles) {
+        (Some(record), _) => record.step_s,
+        (None, Some(damper)) => damper.step_s(case.set_up.structure.mass_kg),
+        (None, None) => Exact::new(&case.set_up, &case.excitation, &case.initial)?.shortest_arc_s(),
     };
     let part_s = (case.run.duration_s / 2_000.0).clamp(10_000.0 * arc_s, 300_000.0 * arc_s);
     Ok(rate_hz.map_or(part_s, |rate_hz| part_s.min(200_000.0 / rate_hz)))

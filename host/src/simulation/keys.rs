@@ -1,10 +1,15 @@
 //! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
+use damprig_particles::{LEAST_RESTITUTION, LEAST_STEPS};
+
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Optional, Required, RequiredUnless};
-use crate::input::key::Range::{Any, NotNegative, Positive, Whole};
+use crate::input::key::Range::{Any, Between, NotNegative, Positive, Whole};
 use crate::input::key::{Key, Kind, MOST_WHOLE, Need, Quantity, Table, key, number, tables};
 use crate::setup;
+
+/// Most spheres of a many-particle damper.
+const MOST_SPHERES: f64 = 1e6;
 
 /// Of the amplitude of the base's motion.
 const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
@@ -23,6 +28,7 @@ tables! {
         SET_UP_FILE: Optional, [setup::SET_UP_FILE];
         BASE: Optional, [key("base", Kind::Table, "motion of the base; fixed when left out")];
         FORCE: Optional, [key("force", Kind::Table, "force on the structure, over a fixed base")];
+        MANY_PARTICLES: Optional, [key("many_particles", Kind::Table, "spheres in a box on the structure, in place of the other dampers")];
         INITIAL: Optional, [key("initial", Kind::Table, "initial displacements and velocities; at rest when left out")];
         RUN: Required, [key("run", Kind::Table, "duration and requested output, e.g. run = { duration_s = 10 }")];
     }
@@ -60,6 +66,36 @@ tables! {
     force_half_sine("force", "half_sine") {
         AMPLITUDE: Required, [number("amplitude_n", Any, "P").usual(-1e4, 1e4)];
         DURATION: Required, [number("duration_s", Positive, "T, the length of the pulse").usual(1e-3, 60.0)];
+    }
+
+    "Spheres of one size in a box on the structure: docs/PARTICLES.md."
+    many_particles("many_particles") {
+        COUNT: Required, [number("count", Whole(1.0, MOST_SPHERES), "number of spheres").usual(1.0, 5000.0)];
+        DIAMETER: Required, [number("diameter_m", Positive, "diameter of the spheres").usual(5e-4, 0.05)];
+        MASS: Required, [
+            number("mass_kg", Positive, "m, the mass of all spheres together").usual(1e-3, 100.0),
+            number("mass_ratio", Positive, "β = m/M, that mass over the structure's").usual(0.005, 0.5),
+        ];
+        RESTITUTION: Required, [
+            number("restitution", Between(LEAST_RESTITUTION, 1.0), "e of every contact, between spheres and with the box").usual(0.05, 0.98),
+        ];
+        FRICTION: Default(Number(0.0)), [
+            number("friction_coefficient", NotNegative, "μ of every contact; with friction the spheres rotate").usual(0.0, 0.8),
+        ];
+        STIFFNESS: Required, [
+            number("stiffness_n_per_m", Positive, "k, the contacts' stiffness: larger is harder and slower to compute").usual(100.0, 1e8),
+            number("contact_time_s", Positive, "duration of an undamped contact of two spheres, which gives the stiffness").usual(1e-6, 0.01),
+        ];
+        LENGTH: Required, [
+            number("length_m", Positive, "inner length of the box, along the motion").usual(0.002, 1.0),
+            number("clearance_m", Positive, "d, half the free travel: the length is 2d plus what the spheres take, packed in layers").usual(5e-4, 0.2),
+        ];
+        WIDTH: Required, [number("width_m", Positive, "inner width of the box, across the motion").usual(0.001, 1.0)];
+        HEIGHT: Required, [number("height_m", Positive, "inner height of the box").usual(0.001, 1.0)];
+        STEPS: Default(Number(25.0)), [
+            number("steps_per_contact", Between(LEAST_STEPS, 10_000.0), "steps of the shortest contact").usual(10.0, 500.0),
+        ];
+        SEED: Default(Number(1.0)), [number("seed", Whole(0.0, MOST_WHOLE), "of the spheres' places at the start")];
     }
 
     "Initial state, in the fixed frame."

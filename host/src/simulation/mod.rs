@@ -1,7 +1,7 @@
 //! Simulates one case from a file, as `damprig simulate` does.
 //!
 //! The integrators are core's: [`damprig_core::integrator::exact`] for an excitation in closed form,
-//! [`damprig_core::integrator::sampled`] for a recorded base motion. This module reads the case file ([`case`]), runs it
+//! [`damprig_core::integrator::sampled`] for a recorded base motion; spheres in a box are followed by [`damprig_particles`]. This module reads the case file ([`case`]), runs it
 //! ([`simulate()`]) and collects the result ([`result`]). A [`Viewer`] sees the motion: the time history in a file
 //! ([`time_history`]), the envelope for a figure ([`envelope`]). [`analysis`] examines the steady state and its stability.
 //!
@@ -23,11 +23,13 @@ pub mod analysis;
 pub mod case;
 pub mod collector;
 pub mod cost;
+pub mod cycle_maxima;
 pub mod envelope;
 mod exact_driver;
 mod excitation;
 mod json_case;
 mod keys;
+pub mod many_particles;
 pub mod motion;
 pub mod result;
 mod sampled_driver;

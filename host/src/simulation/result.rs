@@ -1,7 +1,8 @@
 //! The result of a simulated case: states, impacts and summary, as `damprig simulate --json` prints them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+use super::many_particles::SpheresResult;
 use super::motion::{AccumulationRecord, ImpactRecord};
 use super::statistics::LastCycles;
 
@@ -23,6 +24,9 @@ pub struct SimulationResult {
     pub accumulations: Vec<AccumulationRecord>,
     /// Statistics of the whole run.
     pub summary: Summary,
+    /// What only a many-particle damper has.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub many_particles: Option<SpheresResult>,
     /// Where the run was stopped before its end, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_at_s: Option<f64>,
@@ -32,7 +36,8 @@ pub struct SimulationResult {
 }
 
 /// Statistics of a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Summary {
     /// Simulated time, s: the duration of the case unless the run was stopped.
     pub simulated_s: f64,

@@ -8,7 +8,7 @@ use super::collector::{Collector, RunOptions};
 use super::motion::Viewer;
 use super::result::SimulationResult;
 use super::statistics::LastCyclesMeter;
-use super::{Case, exact_driver, sampled_driver};
+use super::{Case, exact_driver, many_particles, sampled_driver};
 
 /// Simulates a case. `viewer` sees the motion too.
 ///
@@ -17,9 +17,15 @@ use super::{Case, exact_driver, sampled_driver};
 pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> Result<SimulationResult, Invalid> {
     let mut collector = Collector::new(case, options.keep, viewer);
     let wanted = Wanted { cycle_s: case.run.cycle_s, steady_from_cycle: case.run.steady_from_cycle, whole_run: true };
-    let (summary, end) = match &case.record {
-        Some(record) => sampled_driver::run(case, record, wanted, &mut collector, options)?,
-        None => exact_driver::run(case, wanted, &mut collector, options)?,
+    let mut spheres = None;
+    let (summary, end) = match (&case.many_particles, &case.record) {
+        (Some(damper), _) => {
+            let (summary, end, result) = many_particles::driver::run(case, damper, wanted, &mut collector, options)?;
+            spheres = Some(result);
+            (summary, end)
+        }
+        (None, Some(record)) => sampled_driver::run(case, record, wanted, &mut collector, options)?,
+        (None, None) => exact_driver::run(case, wanted, &mut collector, options)?,
     };
     let is_complete = summary.simulated_s >= case.run.duration_s;
     if is_complete {
@@ -35,6 +41,7 @@ pub fn simulate<V: Viewer>(case: &Case, viewer: &mut V, options: RunOptions) -> 
         impacts: collector.events.impacts.take().unwrap_or_default(),
         accumulations: std::mem::take(&mut collector.events.accumulations),
         stopped_at_s: (!is_complete).then_some(summary.simulated_s),
+        many_particles: spheres,
         last_cycles: collector.last_cycles.as_ref().filter(|_| is_complete).and_then(LastCyclesMeter::last_cycles),
         summary,
     })

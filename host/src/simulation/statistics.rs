@@ -18,9 +18,9 @@ const NODES: [(f64, f64); 4] = [
 ];
 
 /// A quantity of a motion state and its rate.
-type ValueAndRate = fn(&MotionState) -> (f64, f64);
+pub(super) type ValueAndRate = fn(&MotionState) -> (f64, f64);
 
-fn x(at: &MotionState) -> (f64, f64) {
+pub(super) fn x(at: &MotionState) -> (f64, f64) {
     (at.state.x_m, at.state.v_m_per_s)
 }
 
@@ -30,7 +30,13 @@ fn x_minus_z(at: &MotionState) -> (f64, f64) {
 
 /// The largest of `least` and the quantity's magnitude between two times of a piece. The piece is divided into `parts`
 /// intervals with at most one extremum each, where the rate changes its sign.
-fn largest_abs(piece: &impl Piece, (from_s, to_s): (f64, f64), parts: u32, of: ValueAndRate, least: f64) -> f64 {
+pub(super) fn largest_abs(
+    piece: &impl Piece,
+    (from_s, to_s): (f64, f64),
+    parts: u32,
+    of: ValueAndRate,
+    least: f64,
+) -> f64 {
     let mut largest = least;
     let mut last = (from_s, of(&piece.at(from_s)));
     for part in 1..=parts {
@@ -101,6 +107,11 @@ impl MotionStatistics {
             cycle_max_m: 0.0,
             steady: (0.0, 0.0, 0),
         }
+    }
+
+    /// Starts with this cycle, before any piece.
+    pub fn skip_to(&mut self, cycle: u64) {
+        self.cycle = cycle;
     }
 
     /// √(1/T ∫x² dt), m.

@@ -148,14 +148,16 @@ impl Axis {
     }
 }
 
-/// A value between two ends: exactly the ends at 0 and 1.
+/// A value between two ends: exactly the ends at 0 and 1, and a whole number where only rounding keeps it from being one.
 fn between(from: f64, to: f64, is_log: bool, share: f64) -> f64 {
-    match share {
-        0.0 => from,
-        1.0 => to,
+    let value = match share {
+        0.0 => return from,
+        1.0 => return to,
         _ if is_log => from * libm::exp(share * libm::log(to / from)),
         _ => from + share * (to - from),
-    }
+    };
+    let whole = value.round();
+    if (value - whole).abs() <= 4.0 * f64::EPSILON * value.abs().max(from.abs()).max(to.abs()) { whole } else { value }
 }
 
 /// Reads an `[[axis]]`. `has_sampling`: a range without a `count` is drawn from; `missing_count` says what to do about one that is not.
@@ -275,6 +277,8 @@ mod tests {
     fn a_range_has_both_its_ends_exactly_and_a_log_range_even_ratios() {
         assert_eq!([between(0.1, 0.7, false, 0.0), between(0.1, 0.7, false, 1.0)], [0.1, 0.7]);
         assert_eq!([between(0.1, 0.7, true, 0.0), between(0.1, 0.7, true, 1.0)], [0.1, 0.7]);
+        let whole: Vec<f64> = (0..100).map(|n| between(1.0, 100.0, false, f64::from(n) / 99.0)).collect();
+        assert!(whole.iter().all(|value| value.fract() == 0.0), "seeds are whole numbers: {whole:?}");
         let middle = between(1.0, 100.0, true, 0.5);
         assert!((middle - 10.0).abs() < 1e-14, "{middle}");
     }

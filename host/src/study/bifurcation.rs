@@ -3,6 +3,9 @@
 //! At each value the cycles after a transient are sampled at drive phase 0: the Poincaré section. A motion that repeats every k
 //! cycles has k points, a chaotic one fills a set. Where up and down differ, two motions exist.
 
+use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use damprig_core::integrator::exact::response::{Response, Wanted};
 use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::Initial;
@@ -21,6 +24,43 @@ pub struct Sweep {
     pub settle_cycles: u32,
     /// Cycles at each value that are sampled.
     pub cycles: u32,
+}
+
+/// A key, its first and last value and their number, as the command line writes them: `KEY=FROM:TO:COUNT`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepAxis {
+    /// The key with its tables.
+    pub key: String,
+    /// Its values, rising.
+    pub values: Vec<f64>,
+}
+
+impl FromStr for SweepAxis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = "write KEY=FROM:TO:COUNT, for example particle.clearance_ratio=10:16:301";
+        let (key, range) = text.split_once('=').ok_or_else(|| format!("there is no `=`; {form}"))?;
+        let parts: Vec<&str> = range.split(':').collect();
+        let [from, to, count] = parts[..] else { return Err(format!("{range:?} is not FROM:TO:COUNT; {form}")) };
+        let number = |text: &str| {
+            let number: f64 = text.trim().parse().map_err(|_| format!("{text:?} is not a number; {form}"))?;
+            if number.is_finite() { Ok(number) } else { Err(format!("{text:?} is not finite; {form}")) }
+        };
+        let (from, to) = (number(from)?, number(to)?);
+        let count: u32 = count.trim().parse().map_err(|_| format!("{count:?} is not a whole number; {form}"))?;
+        if to <= from {
+            return Err(format!(
+                "the last value {to} must be greater than the first, {from}; --direction selects up or down"
+            ));
+        }
+        if !(2..=1_000_000).contains(&count) {
+            return Err(format!("the number of values is {count}; it must be from 2 to 1000000"));
+        }
+        let last = f64::from(count - 1);
+        let value = |n: u32| if n + 1 == count { to } else { from + (to - from) * (f64::from(n) / last) };
+        Ok(Self { key: key.trim().into(), values: (0..count).map(value).collect() })
+    }
 }
 
 /// Direction of a sweep.
@@ -71,6 +111,7 @@ pub fn cases(source_name: &str, text: &str, name: &str, sweep: &Sweep, set: &Set
         let lines = format!("{}{} = {value:?}\n", set.lines, sweep.key);
         let values = SetValues { origin: "--axis and --set".into(), lines };
         let case = Case::parse_changed(&Source::new(source_name, text), name, &values)?;
+        case.refuse_many_particles("a bifurcation diagram")?;
         match case.excitation {
             Excitation::Sine { .. } | Excitation::ForceSine { .. } if case.record.is_none() => Ok(case),
             _ => Err(Refusal(format!(
@@ -137,9 +178,45 @@ pub fn run(
     Ok(samples)
 }
 
+/// Sweeps in one or both directions, both at once. `go_on` sees the number of values begun in all directions; its `false` stops the
+/// sweeps there.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_all(
+    cases: &[Case],
+    sweep: &Sweep,
+    directions: &[Direction],
+    go_on: &(dyn Fn(u64) -> bool + Sync),
+) -> Result<Vec<Sample>, Refusal> {
+    let done = AtomicU64::new(0);
+    let swept =
+        |direction: Direction| run(cases, sweep, direction, &mut |_| go_on(done.fetch_add(1, Ordering::Relaxed)));
+    let (first, second) = match directions {
+        [first, second, ..] => rayon::join(|| swept(*first), || swept(*second)),
+        [one] => (swept(*one), Ok(Vec::new())),
+        [] => (Ok(Vec::new()), Ok(Vec::new())),
+    };
+    Ok([first?, second?].concat())
+}
+
 /// The state with a particle that a smaller cavity has no room for put at its wall.
 fn inside(state: Initial, case: &Case) -> Initial {
     let Some(particle) = case.set_up.particle.filter(|_| !case.set_up.has_soft_walls()) else { return state };
     let offset_m = (state.y_m - state.x_m).clamp(-particle.clearance_m, particle.clearance_m);
     Initial { y_m: state.x_m + offset_m, ..state }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_has_both_its_ends_and_a_wrong_one_says_what_to_write() {
+        let axis: SweepAxis = "a.b=1:2:3".parse().expect("it is sound");
+        assert_eq!((axis.key.as_str(), &axis.values[..]), ("a.b", &[1.0, 1.5, 2.0][..]));
+        for wrong in ["a.b", "a.b=1:2", "a.b=1:x:3", "a.b=2:1:3", "a.b=1:2:1", "a.b=1:inf:5"] {
+            assert!(wrong.parse::<SweepAxis>().is_err(), "{wrong}");
+        }
+    }
 }

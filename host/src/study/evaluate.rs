@@ -9,9 +9,10 @@ use damprig_core::integrator::exact::response::{Response, Wanted};
 use super::axis::{Axis, Reduction, Value};
 use super::file::Study;
 use super::metric::Metric;
-use super::simulate::{Counted, Simulated, metrics_of_all};
+use super::simulate::{Counted, GoOn, Halt, Simulated, metrics_of_all};
 use crate::input::Refusal;
-use crate::simulation::Case;
+use crate::simulation::case::RunSpec;
+use crate::simulation::{Case, cost};
 
 /// A column of the table that is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,30 +84,41 @@ pub fn main_column(study: &Study, metric: Metric) -> String {
     main_quantile(study).map_or_else(|| metric.name().into(), |quantile| quantile_name(metric.name(), quantile))
 }
 
-/// Reduced axes with a largest or smallest value, and so a place of it.
+/// Reduced axes with a largest or smallest value, and so a place of it. The last axis is reduced first: what comes after a mean has a
+/// place for each value of the mean's axis, and so none.
 fn extreme_axes(study: &Study) -> impl Iterator<Item = usize> {
     let is_extreme = |place: &usize| study.axes[*place].reduce != Some(Reduction::Mean);
-    study.points.reduced().iter().copied().filter(is_extreme)
+    study.points.reduced().iter().copied().take_while(is_extreme)
 }
 
 /// Simulations that are computed together, at least: they fill the vector lanes.
 const TOGETHER: u64 = 64;
 
+/// Cases that are read between two questions whether to go on.
+const POINTS_PER_QUESTION: u64 = 256;
+
 /// Rows that are computed together.
 #[must_use]
 pub fn rows_together(study: &Study) -> u64 {
+    // Spheres are slow, and no lanes compute them.
+    if study.metrics.contains(&Metric::CollectiveMotion) || study.metrics.contains(&Metric::LossFactor) {
+        return 1;
+    }
     TOGETHER.div_ceil(study.simulations_per_row().max(1))
 }
 
 /// Computes rows of the table: for each the values of the columns that [`columns`] names.
 ///
 /// # Errors
-/// The refusal of a case that the axes make.
-pub fn rows(study: &Study, rows: Range<u64>) -> Result<Vec<Vec<f64>>, Refusal> {
+/// The refusal of a case that the axes make, or that `go_on` said no.
+pub fn rows(study: &Study, rows: Range<u64>, go_on: GoOn) -> Result<Vec<Vec<f64>>, Halt> {
     let points = study.points.points_per_row(&study.axes).unwrap_or(0);
     let mut cases = Vec::new();
     for row in rows.clone() {
         for point in 0..points {
+            if point % POINTS_PER_QUESTION == POINTS_PER_QUESTION - 1 && !go_on() {
+                return Err(Halt::Stopped);
+            }
             let case = study.case_with(&study.points.values(&study.axes, row, point))?;
             match &study.ensemble {
                 None => cases.push(case),
@@ -114,7 +126,7 @@ pub fn rows(study: &Study, rows: Range<u64>) -> Result<Vec<Vec<f64>>, Refusal> {
             }
         }
     }
-    let simulated = metrics_of_all(&cases, study.record, &study.metrics)?;
+    let simulated = metrics_of_all(&cases, study.record, &study.metrics, go_on)?;
     let each = study.simulations_per_row() as usize;
     Ok(rows.zip(simulated.chunks(each)).map(|(row, simulated)| row_of(study, row, simulated)).collect())
 }
@@ -206,8 +218,14 @@ pub fn trial_s(study: &Study, row: u64) -> Result<f64, Refusal> {
     let case = study.case_with(&study.points.values(&study.axes, row, 0))?;
     let reading_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let simulating_s = if case.record.is_some() {
-        metrics_of_all(&[case], None, &study.metrics)?;
+    let simulating_s = if case.many_particles.is_some() {
+        let end_s = Counted::of(&case, study.record).end_s;
+        cost::estimate(&Case { run: RunSpec { duration_s: end_s, ..RunSpec::default() }, ..case })
+            .map_err(|invalid| Refusal(invalid.to_string()))?
+            .seconds
+    } else if case.record.is_some() {
+        // Nothing stops it, so it has a result.
+        let _ = Halt::unless_stopped(metrics_of_all(&[case], None, &study.metrics, &|| true))?;
         start.elapsed().as_secs_f64()
     } else {
         let end_s = Counted::of(&case, study.record).end_s;
@@ -244,6 +262,24 @@ pub fn cycles_per_row(study: &Study) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn several_axes_become_one_value_from_the_last_to_the_first() {
+        let axis = |count: u32, reduce: Reduction| Axis {
+            key: "a".into(),
+            values: crate::study::axis::Values::Numbers((0..count).map(f64::from).collect()),
+            is_log: false,
+            reduce: Some(reduce),
+            span: 0..0,
+        };
+        let values = [1.0, 2.0, 3.0, 4.0, 5.0, 9.0];
+        let of = |first: Reduction, second: Reduction| reduce_over(&[&axis(2, first), &axis(3, second)], &values);
+        assert_eq!(of(Reduction::Maximum, Reduction::Maximum), (9.0, 5));
+        assert_eq!(of(Reduction::Minimum, Reduction::Maximum), (3.0, 2));
+        // The largest mean is that of the second value of the first axis.
+        assert_eq!(of(Reduction::Maximum, Reduction::Mean), (6.0, 3));
+        assert_eq!(of(Reduction::Mean, Reduction::Maximum).0, 6.0);
+    }
 
     #[test]
     fn a_quantile_lies_between_the_sorted_values() {

@@ -1,16 +1,19 @@
 //! Reads a study file: the case, its axes, and what is computed.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
 use super::axis::{self, Axis, Value};
-use super::keys::{ensemble, record, sampling, study as keys};
+use super::keys::{ensemble, overlay, record, sampling, study as keys};
 use super::metric::Metric;
 use super::points::{Method, Points, Sampling};
 use super::simulate::Record;
+use super::table::LEAST_OF_MAP;
+use crate::continuation::Continuation;
 use crate::input::section::Text;
-use crate::input::{Problem, Refusal, Section, Source, near};
+use crate::input::{Files, Problem, Refusal, Section, Source, near};
 use crate::simulation::case::default_name;
 use crate::simulation::{Case, SetValues};
 
@@ -35,6 +38,15 @@ pub struct Ensemble {
     pub quantiles: Vec<f64>,
 }
 
+/// Curves over the map.
+#[derive(Clone, Debug)]
+pub struct Overlay {
+    /// Path of the continuation file.
+    pub path: PathBuf,
+    /// What it says.
+    pub continuation: Continuation,
+}
+
 /// A study as read.
 #[derive(Clone, Debug)]
 pub struct Study {
@@ -54,6 +66,8 @@ pub struct Study {
     pub record: Option<Record>,
     /// Several starts, if any.
     pub ensemble: Option<Ensemble>,
+    /// Curves over the map; they change no result.
+    pub overlays: Vec<Overlay>,
     /// What is computed, in the order of the file.
     pub metrics: Vec<Metric>,
     /// The metric whose best value is marked.
@@ -62,6 +76,8 @@ pub struct Study {
     pub is_maximum: bool,
     /// Rows of a part of the results, if the study states them.
     pub rows_per_part: Option<u64>,
+    /// The files that the case names, each read once.
+    pub files: Arc<Files>,
     /// SHA-256 of all that the results follow from: study, case, and the files that the case names.
     pub identity: String,
 }
@@ -72,11 +88,18 @@ impl Study {
     /// # Errors
     /// Lists all problems of the file, or those of the case with values of the axes.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let source = Source::read(path)?;
-        let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path));
+        Self::parse(&Source::read(path)?, path, None)
+    }
+
+    /// Reads a text as [`Study::read`] does: its files are relative to `path`; `case` takes the place of the file that it names.
+    ///
+    /// # Errors
+    /// As [`Study::read`].
+    pub fn parse(source: &Source, path: &Path, case: Option<&Source>) -> Result<Self, Refusal> {
+        let study = source.read_toml(source.text(), "this is not TOML", |root| read_root(root, path, case));
         source.verdict()?;
         let mut study = study.ok_or_else(|| Refusal(format!("{}: the study could not be read", path.display())))?;
-        study.check(&source)?;
+        study.check(source)?;
         study.identity = study.digest();
         Ok(study)
     }
@@ -100,7 +123,7 @@ impl Study {
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
         let set = SetValues { origin: "the axes of the study".into(), lines: lines(&self.axes, values) };
-        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str());
+        let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files);
         Case::parse_changed(&source, &default_name(&self.case_path), &set)
     }
 
@@ -162,13 +185,37 @@ impl Study {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
         }
-        // The other files that the case names: what it was read to be at its first point.
-        let first: Vec<Value> = self.axes.iter().map(|axis| axis.checked_values().swap_remove(0)).collect();
-        if let Ok(case) = self.case_with(&first) {
-            digest.update(format!("{case:?}"));
+        // The other files that the case names. Only words name files, so every combination of them is read; one that is refused here is
+        // refused at its point.
+        for values in combinations_of_words(&self.axes) {
+            let _ = self.case_with(&values);
+        }
+        let folder = self.case_path.parent().unwrap_or(Path::new(""));
+        for (path, content) in self.files.digests() {
+            // As the case names it: the same study in another folder is the same.
+            let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().into_owned();
+            digest.update((name.len() as u64).to_le_bytes());
+            digest.update(&name);
+            digest.update(content);
         }
         digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
     }
+}
+
+/// The first values of all axes, with every combination of words.
+fn combinations_of_words(axes: &[Axis]) -> Vec<Vec<Value>> {
+    let mut all: Vec<Vec<Value>> = vec![Vec::new()];
+    for axis in axes {
+        let mut values = axis.checked_values();
+        if !matches!(axis.values, axis::Values::Words(_)) {
+            values.truncate(1);
+        }
+        let with = |first: &Vec<Value>| -> Vec<Vec<Value>> {
+            values.iter().map(|value| first.iter().cloned().chain([value.clone()]).collect()).collect()
+        };
+        all = all.iter().flat_map(with).collect();
+    }
+    all
 }
 
 /// Values of axes as lines of TOML.
@@ -196,9 +243,9 @@ fn ends(axis: &Axis) -> Option<[Value; 2]> {
     Some([first, last])
 }
 
-fn read_root(root: &Section, path: &Path) -> Option<Study> {
+fn read_root(root: &Section, path: &Path, given: Option<&Source>) -> Option<Study> {
     let name = root.text_of(&keys::NAME).map_or_else(|| default_name(path), |text| text.value);
-    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case));
+    let case = root.text_of(&keys::CASE).and_then(|case| read_case(root, path, &case, given));
     let metrics = read_metrics(root);
     let objective = root.word(&keys::OBJECTIVE).map(|place| Metric::ALL[place]);
     let goal = root.word(&keys::GOAL);
@@ -209,9 +256,17 @@ fn read_root(root: &Section, path: &Path) -> Option<Study> {
         root.tables_of(&keys::AXIS).iter().map(|s| axis::read(s, sampling_section.is_some(), MISSING_COUNT)).collect();
     let record = root.table_of(&keys::RECORD, None).map(|s| read_record(&s));
     let ensemble = root.table_of(&keys::ENSEMBLE, None).map(|s| read_ensemble(&s));
+    let overlays: Vec<Option<(Text, Overlay)>> =
+        root.tables_of(&keys::OVERLAY).iter().map(|s| read_overlay(s, path)).collect();
     let axes = axes.into_iter().collect::<Option<Vec<Axis>>>()?;
     check_axes(root, &axes, sampling);
     let (metrics, (case_path, case_text)) = (metrics?, case?);
+    let overlays = overlays.into_iter().collect::<Option<Vec<_>>>()?;
+    for (named, overlay) in &overlays {
+        if let Some((what, help)) = overlay.mismatch(&axes, &case_path, &case_text) {
+            root.refuse(overlay::CONTINUATION.name(), &named.span, what, Some(help));
+        }
+    }
     let objective = objective.or(metrics.first().copied())?;
     if !metrics.contains(&objective) {
         let help = Some(format!("add {:?} to `metrics`", objective.name()));
@@ -230,16 +285,66 @@ fn read_root(root: &Section, path: &Path) -> Option<Study> {
         axes,
         record: record.unwrap_or(Some(None))?,
         ensemble: ensemble.unwrap_or(Some(None))?,
+        overlays: overlays.into_iter().map(|(_, overlay)| overlay).collect(),
         metrics,
         objective,
         is_maximum: goal? == 1,
         rows_per_part: rows_per_part.map(|rows| rows as u64),
+        files: Arc::default(),
         identity: String::new(),
     })
 }
 
-/// Path and text of the case that the file at `path` names.
-pub(crate) fn read_case(root: &Section, path: &Path, case: &Text) -> Option<(PathBuf, String)> {
+fn read_overlay(s: &Section, path: &Path) -> Option<(Text, Overlay)> {
+    let named = s.text_of(&overlay::CONTINUATION);
+    s.finish();
+    let named = named?;
+    let path = path.parent().unwrap_or(Path::new("")).join(&named.value);
+    match Continuation::read(&path) {
+        Ok(continuation) => Some((named, Overlay { path, continuation })),
+        Err(refusal) => {
+            s.refuse(overlay::CONTINUATION.name(), &named.span, refusal.to_string(), None);
+            None
+        }
+    }
+}
+
+impl Overlay {
+    /// Why the curves do not belong over the map of a study with these axes, and what to do.
+    fn mismatch(&self, axes: &[Axis], case_path: &Path, case_text: &str) -> Option<(String, String)> {
+        let Some(parameters) = self.continuation.curve_parameters() else {
+            let help = "add a table [second] with the other axis of the study to the continuation file";
+            return Some(("must be a continuation in two parameters".into(), help.into()));
+        };
+        let is_grid = |axis: &Axis| {
+            let is_long = matches!(&axis.values, axis::Values::Numbers(numbers) if numbers.len() >= LEAST_OF_MAP);
+            is_long && axis.reduce.is_none()
+        };
+        if axes.len() != 2 || !axes.iter().all(is_grid) {
+            let help = "leave the overlay out, or the other axes".into();
+            return Some((format!("needs a map: two axes of at least {LEAST_OF_MAP} numbers, and no others"), help));
+        }
+        let keys = parameters.map(|parameter| parameter.key);
+        if let Some(axis) = axes.iter().find(|axis| !keys.contains(&axis.key.as_str())) {
+            let both: Vec<&str> = axes.iter().map(|axis| axis.key.as_str()).collect();
+            let what = format!("must have the study's axes as its parameters: {} is not one of them", axis.key);
+            let (first, second) = (keys[0], keys[1]);
+            let help =
+                format!("it has {first} and {second}: write {} for them in the continuation file", both.join(" and "));
+            return Some((what, help));
+        }
+        (self.continuation.case_text != case_text).then(|| {
+            let what = format!("must be of the study's case, not of {}", self.continuation.case_file.display());
+            (what, format!("write the path of {} in the continuation file", case_path.display()))
+        })
+    }
+}
+
+/// Path and text of the case that the file at `path` names, or of the one that is `given` in its place.
+pub(crate) fn read_case(root: &Section, path: &Path, case: &Text, given: Option<&Source>) -> Option<(PathBuf, String)> {
+    if let Some(given) = given {
+        return Some((given.name().into(), given.text().to_string()));
+    }
     let case_path = path.parent().unwrap_or(Path::new("")).join(&case.value);
     match Source::read(&case_path) {
         Ok(source) => Some((case_path, source.text().to_string())),

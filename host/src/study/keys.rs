@@ -21,6 +21,7 @@ tables! {
         RECORD: Optional, [key("record", Kind::Table, "what is counted of each simulation; default: as the case's `run` says")];
         PART: Optional, [number("points_per_part", Whole(1.0, 1e6), "points of a part of the results: a kill costs those being computed; default: about two million cycles")];
         ENSEMBLE: Optional, [key("ensemble", Kind::Table, "several starts of the particle at each point")];
+        OVERLAY: Optional, [key("overlay", Kind::Tables, "curves over the map: where periodic motions of the case change")];
     }
 
     "An axis: one key of the case and its values."
@@ -54,6 +55,11 @@ tables! {
             number("settle_cycles", Whole(0.0, 1e9), "cycles simulated before, from rest, not counted"),
             number("settle_s", Positive, "time simulated before, from rest, not counted; rounded up to whole cycles"),
         ];
+    }
+
+    "Curves over the map of a study: where a periodic motion of the case changes, in the two keys that the study varies."
+    overlay("overlay") {
+        CONTINUATION: Required, [key("continuation", Kind::Text, "a continuation file with a table [second], relative to this file; its case and its two parameters are those of the study")];
     }
 
     "Several starts of the particle at each point."

@@ -1,6 +1,6 @@
 //! What a study computes at each point.
 
-use damprig_core::integrator::exact::Excitation;
+use damprig_core::integrator::exact::{Excitation, Observer};
 
 use crate::input::key::names;
 use crate::simulation::Case;
@@ -33,6 +33,10 @@ pub enum Metric {
     Period,
     /// Magnitude of the largest Floquet multiplier.
     LargestMultiplier,
+    /// Energy lost in a many-particle damper over 2π times the structure's.
+    LossFactor,
+    /// Share of the spheres' momentum that they have in common.
+    CollectiveMotion,
 }
 
 /// Names of the metrics, in the order of [`Metric::ALL`].
@@ -40,7 +44,7 @@ pub const METRIC_NAMES: &[&str] = names!(Metric::ALL, metric => metric.name());
 
 impl Metric {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::XOverZ,
         Self::MaxXOverZ,
         Self::RmsOverZ,
@@ -53,6 +57,8 @@ impl Metric {
         Self::PeakContactForce,
         Self::Period,
         Self::LargestMultiplier,
+        Self::LossFactor,
+        Self::CollectiveMotion,
     ];
 
     /// Name in study files and column in tables; its end is the unit.
@@ -71,6 +77,8 @@ impl Metric {
             Self::PeakContactForce => "peak_contact_force_n",
             Self::Period => "period_cycles",
             Self::LargestMultiplier => "largest_multiplier",
+            Self::LossFactor => "loss_factor",
+            Self::CollectiveMotion => "collective_motion",
         }
     }
 
@@ -92,6 +100,10 @@ impl Metric {
             Self::LargestMultiplier => {
                 "magnitude of the largest Floquet multiplier of the periodic motion; below 1 it is stable"
             }
+            Self::LossFactor => {
+                "energy that the spheres lose in a cycle over 2π times the structure's largest kinetic energy in it"
+            }
+            Self::CollectiveMotion => "share of the spheres' momentum in the box that they have in common, 0 to 1",
         }
     }
 
@@ -111,6 +123,8 @@ impl Metric {
             Self::PeakContactForce => "largest contact force (N)",
             Self::Period => "period (drive periods)",
             Self::LargestMultiplier => "largest multiplier",
+            Self::LossFactor => "loss factor",
+            Self::CollectiveMotion => "collective motion",
         }
     }
 
@@ -142,10 +156,16 @@ impl Metric {
     pub fn refusal(self, case: &Case) -> Option<&'static str> {
         let is_sine = matches!(case.excitation, Excitation::Sine { .. });
         match self {
+            Self::LossFactor | Self::CollectiveMotion if case.many_particles.is_none() => {
+                Some("it is that of a many-particle damper; the case has no `many_particles`")
+            }
+            Self::Period | Self::LargestMultiplier if case.many_particles.is_some() => {
+                Some("spheres in a box have no periodic motion whose every event is found exactly")
+            }
             Self::XOverZ | Self::MaxXOverZ | Self::RmsOverZ if case.reference_m().is_none() => {
                 Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
             }
-            Self::ImpactsPerCycle if case.set_up.particle.is_none() => Some("the case has no particle"),
+            Self::ImpactsPerCycle if !case.has_impacts() => Some("the case has no particle"),
             Self::PeakContactForce if !case.set_up.has_soft_walls() => {
                 Some("a hard wall's impact takes no time and has no finite force; give the walls `kind = \"voigt\"`")
             }
@@ -180,6 +200,10 @@ pub struct Figures {
     pub cycles: f64,
     /// Largest force of a soft wall, N.
     pub peak_contact_force_n: f64,
+    /// Loss factor of a many-particle damper.
+    pub loss_factor: f64,
+    /// Collective motion of its spheres.
+    pub collective_motion: f64,
 }
 
 /// Period and largest multiplier of a case's motion after its transient.
@@ -192,10 +216,9 @@ pub struct Periodicity {
 }
 
 impl Periodicity {
-    /// Of a case; not a number where the motion does not repeat.
-    #[must_use]
-    pub fn of(case: &Case) -> Self {
-        let driven = Analysis::of(case).and_then(|analysis| analysis.driven);
+    /// Of a case; not a number where the motion does not repeat. `watch` sees the transient.
+    pub fn of(case: &Case, watch: &mut impl Observer) -> Self {
+        let driven = Analysis::watched(case, watch).and_then(|analysis| analysis.driven);
         let periodic = driven.filter(|driven| driven.motion == MotionKind::Periodic);
         let periods = periodic.as_ref().and_then(|driven| driven.repeats_after);
         let orbit = periodic.as_ref().and_then(|driven| driven.orbit.as_ref());
@@ -223,6 +246,8 @@ impl Metric {
             Self::ImpactsPerCycle => figures.impacts / figures.cycles,
             Self::PeakContactForce => figures.peak_contact_force_n,
             Self::Period => periodicity.map_or(f64::NAN, |found| found.period_cycles),
+            Self::LossFactor => figures.loss_factor,
+            Self::CollectiveMotion => figures.collective_motion,
             Self::LargestMultiplier => periodicity.map_or(f64::NAN, |found| found.largest_multiplier),
         }
     }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::data_set::DataSet;
 use super::evaluate::{columns, cycles_per_row, main_column, rows, rows_together, trial_s};
 use super::file::Study;
+use super::simulate::Halt;
 use crate::input::Refusal;
 
 /// Rows tried for an estimate.
@@ -92,7 +93,8 @@ pub fn run(
     Ok((Ending::Complete, progress))
 }
 
-/// Computes rows of the table on all cores, some together. `go_on` is asked before each of these with its first row; `None` if it says no.
+/// Computes rows of the table on all cores, some together. `go_on` is asked before each of these and within it, with its first row;
+/// `None` if it says no.
 ///
 /// # Errors
 /// A case that the axes make and that is refused.
@@ -103,8 +105,11 @@ pub fn compute(
 ) -> Result<Option<Vec<Vec<f64>>>, Refusal> {
     let together = rows_together(study);
     let group = |first: u64| {
-        // A part of few long rows is stopped within it.
-        if go_on(first) { rows(study, first..(first + together).min(numbers.end)).map(Some) } else { Ok(None) }
+        if !go_on(first) {
+            return Ok(None);
+        }
+        let numbers = first..(first + together).min(numbers.end);
+        Halt::unless_stopped(rows(study, numbers, &|| go_on(first)))
     };
     let firsts: Vec<u64> = numbers.clone().step_by(together as usize).collect();
     let groups: Option<Vec<_>> = firsts.into_par_iter().map(group).collect::<Result<_, Refusal>>()?;

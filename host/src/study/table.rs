@@ -16,6 +16,9 @@ use crate::run_folder::read::parquet_file;
 /// Relative difference of cycle maxima, or of the response between starts, from which a point is marked in a map.
 pub const MARKED: f64 = 0.01;
 
+/// Values on both axes from which a map is drawn rather than curves.
+pub const LEAST_OF_MAP: usize = 5;
+
 /// A table that has been read.
 #[derive(Clone, Debug)]
 pub struct StudyTable {
@@ -39,6 +42,25 @@ impl StudyTable {
     pub fn column(&self, name: &str) -> Option<Vec<f64>> {
         let column = self.batch.column_by_name(name)?.as_primitive_opt::<Float64Type>()?;
         Some(column.iter().map(|value| value.unwrap_or(f64::NAN)).collect())
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.batch.num_rows()
+    }
+
+    /// Names of the columns.
+    #[must_use]
+    pub fn columns(&self) -> Vec<String> {
+        self.batch.schema().fields().iter().map(|field| field.name().clone()).collect()
+    }
+
+    /// The words of a column, one for each row. `None` without such a column.
+    #[must_use]
+    pub fn words(&self, name: &str) -> Option<Vec<String>> {
+        let column = self.batch.column_by_name(name)?.as_string_opt::<i32>()?;
+        Some(column.iter().map(|word| word.unwrap_or_default().to_string()).collect())
     }
 
     /// Where the motion differs from cycle to cycle: the largest cycle maximum is above their mean by [`MARKED`]. `None` if the

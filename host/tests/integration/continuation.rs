@@ -2,7 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use arrow_array::RecordBatch;
 use damprig::continuation::Continuation;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+use crate::common::{damprig, read_parquet};
 
 fn shipped() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("continuations/clearance.toml")
@@ -56,4 +61,45 @@ fn a_wrong_file_is_refused_with_key_value_and_fix() {
         let message = refusal(from, to);
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
+}
+
+/// The shipped two-parameter file with its case beside it, in a folder.
+fn curves_in(folder: &TempDir) {
+    let host = Path::new(env!("CARGO_MANIFEST_DIR"));
+    std::fs::copy(host.join("cases/spid.toml"), folder.path().join("spid.toml")).expect("copied");
+    let text = std::fs::read_to_string(host.join("continuations/grazing-curve.toml")).expect("shipped");
+    std::fs::write(folder.path().join("curves.toml"), text.replace("../cases/", "")).expect("written");
+}
+
+#[test]
+fn a_folder_gets_orbits_and_curves_with_their_units_and_figures() {
+    let folder = TempDir::new().expect("a folder");
+    curves_in(&folder);
+    damprig(&folder).args(["continue", "curves.toml", "--out", "all", "--plot-curves", "own.svg"]).assert().success();
+    let file = |name: &str| folder.path().join("all").join(name);
+    let batches = read_parquet(file("curves.parquet"));
+    let schema = batches[0].schema();
+    let field = schema.field_with_name("particle_clearance_ratio").expect("a column");
+    assert_eq!(
+        (field.metadata()["unit"].as_str(), field.metadata()["key"].as_str()),
+        ("1", "particle.clearance_ratio")
+    );
+    let rows: usize = batches.iter().map(RecordBatch::num_rows).sum();
+    let text = std::fs::read_to_string(file("curves.csv")).expect("written");
+    assert_eq!(text.lines().count(), rows + 1);
+    for kind in ["grazing", "symmetry breaking", "Neimark-Sacker"] {
+        assert!(text.contains(kind), "{kind}");
+        assert!(std::fs::read_to_string(file("curves.svg")).expect("drawn").contains(&format!(">{kind}</text>")));
+    }
+    for name in ["orbits.parquet", "orbits.csv", "branches.svg", "branches.png", "curves.png"] {
+        assert!(file(name).is_file(), "{name}");
+    }
+    // The folder is not written to twice, and one parameter has no curves.
+    let again = damprig(&folder).args(["continue", "curves.toml", "--out", "all"]).assert().code(2);
+    again.stderr(contains("is not empty"));
+    let text = std::fs::read_to_string(folder.path().join("curves.toml")).expect("written");
+    let (one, _) = text.split_once("[second]").expect("a second parameter");
+    std::fs::write(folder.path().join("one.toml"), one).expect("written");
+    let refused = damprig(&folder).args(["continue", "one.toml", "--plot-curves", "no.svg"]).assert().code(2);
+    refused.stderr(contains("add a table [second]"));
 }

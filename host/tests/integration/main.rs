@@ -27,6 +27,7 @@ mod hostile_text;
 mod identify;
 mod idle;
 mod limits;
+mod many_particles;
 mod monitor;
 mod monitor_folder;
 mod mutations;
@@ -58,5 +59,6 @@ mod study_cluster;
 #[cfg(feature = "object-store")]
 mod study_objects;
 mod study_work;
+mod thesis;
 mod transients;
 mod unusual;

@@ -136,7 +136,7 @@ fn least_of_dense_search(optimisation: &Optimisation, count: usize) -> f64 {
         let shares: Vec<f64> = (0..variables)
             .map(|variable| (point / count.pow(variable as u32) % count) as f64 / (count - 1) as f64)
             .collect();
-        evaluate::at(optimisation, &shares).expect("it is sound").objective
+        evaluate::at(optimisation, &shares, &|| true).expect("it is sound").objective
     };
     (0..points).map(at).fold(f64::MAX, f64::min)
 }
@@ -193,12 +193,13 @@ fn the_worst_start_counts_unless_a_quantile_is_wanted() {
     let file = |over: &str| format!("{TOP}{CLEARANCE}[ensemble]\nstarts = 5\n{over}");
     let objective = |over: &str| {
         let folder = folder(CASE, &file(over));
-        evaluate::at(&read(&folder), &[0.3]).expect("it is sound").objective
+        evaluate::at(&read(&folder), &[0.3], &|| true).expect("it is sound").objective
     };
     let optimisation = folder(CASE, &file(""));
     let optimisation = read(&optimisation);
-    let value = evaluate::at(&optimisation, &[0.3]).expect("it is sound").values;
-    let mut starts = evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0]).expect("sound");
+    let value = evaluate::at(&optimisation, &[0.3], &|| true).expect("it is sound").values;
+    let mut starts =
+        evaluate::from_starts(&optimisation, &value, &[-1.0, -0.5, 0.0, 0.5, 1.0], &|| true).expect("sound");
     starts.sort_by(f64::total_cmp);
     assert!(starts[0] < starts[4], "the starts differ");
     assert_eq!(objective(""), starts[4]);

@@ -228,13 +228,71 @@ fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
         read("x_over_z.svg")
     };
     let map = picture(&format!("{top}{clearance}{restitution}"));
-    assert!(map.contains("hatch-0") && map.contains("smallest: ") && map.contains("particle.wall.coefficient"));
+    assert!(map.contains("hatch-0") && map.contains("smallest: ") && map.contains("d/Z"));
     let one = picture(&format!("{top}{clearance}{ensemble}"));
     assert!(one.contains("<polygon") && one.contains("median over the starts"));
     let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 6\n", ""));
     let points = picture(&drawn);
     // The dots, and the mark of the best one.
     assert_eq!(points.matches("<circle").count(), 21);
+}
+
+/// A continuation in two parameters of the case.
+const CURVES: &str = "case = \"case.toml\"\nparameter = \"particle.clearance_ratio\"\nfrom = 3\nto = 20\nrestarts = 0\n\
+                      [second]\nparameter = \"particle.wall.coefficient\"\nfrom = 0.2\nto = 0.9\n";
+
+const OVER: &str = "[[overlay]]\ncontinuation = \"curves.toml\"\n";
+
+fn axis(key: &str, from: &str, to: &str) -> String {
+    format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 6\n")
+}
+
+#[test]
+fn a_map_has_the_curves_of_its_overlays_with_either_axis_across() {
+    let (clearance, restitution) =
+        (axis("particle.clearance_ratio", "5", "20"), axis("particle.wall.coefficient", "0.2", "0.9"));
+    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";
+    let first_point = |axes: [&str; 2]| {
+        let folder = folder(&format!("{top}{}{}{OVER}", axes[0], axes[1]));
+        std::fs::write(folder.path().join("curves.toml"), CURVES).unwrap();
+        let _ = done(&folder);
+        let map = std::fs::read_to_string(folder.path().join("out/x_over_z.svg")).unwrap();
+        assert!(map.contains(">grazing</text>") && map.contains(">Neimark-Sacker</text>"), "labels");
+        let points = map.split("<polyline points=\"").nth(1).expect("a curve").split([' ', '"']).next().unwrap();
+        let (x, y) = points.split_once(',').expect("a point");
+        (x.parse::<f64>().unwrap(), y.parse::<f64>().unwrap())
+    };
+    // Shares of the axes' lengths: exchanged with the axes.
+    let share = |(x, y): (f64, f64)| ((x - 92.0) / 708.0, (540.0 - y) / 496.0);
+    let (across, up) = share(first_point([&clearance, &restitution]));
+    let swapped = share(first_point([&restitution, &clearance]));
+    assert!((across - swapped.1).abs() < 1e-3 && (up - swapped.0).abs() < 1e-3, "{across} {up} {swapped:?}");
+}
+
+#[test]
+fn an_overlay_that_does_not_belong_over_the_map_is_refused() {
+    let (clearance, restitution) =
+        (axis("particle.clearance_ratio", "5", "20"), axis("particle.wall.coefficient", "0.2", "0.9"));
+    let mass = axis("particle.mass_ratio", "0.05", "0.2");
+    let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\"]\n";
+    let one = CURVES.split("[second]").next().unwrap();
+    let other = CURVES.replace("case.toml", "other.toml");
+    for (axes, curves, words) in [
+        ([&clearance, &mass], CURVES, ["particle.mass_ratio is not one of them", "write particle.clearance_ratio and"]),
+        ([&clearance, &restitution], one, ["a continuation in two parameters", "add a table [second]"]),
+        ([&clearance, &restitution], &other, ["must be of the study's case", "other.toml"]),
+        ([&clearance, &String::new()], CURVES, ["needs a map", "two axes of at least 5 numbers"]),
+        ([&clearance, &restitution], "case = 3", ["study.toml", "curves.toml"]),
+    ] {
+        let folder = folder(&format!("{top}{}{}{OVER}", axes[0], axes[1]));
+        std::fs::write(folder.path().join("curves.toml"), curves).unwrap();
+        std::fs::write(folder.path().join("other.toml"), CASE.replace("1.6", "1.7")).unwrap();
+        let output = run(&folder, "2", &["--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        assert!(words.iter().all(|word| told.contains(word)), "{words:?}\n{told}");
+        assert!(!folder.path().join("out").exists());
+    }
 }
 
 #[test]
@@ -299,6 +357,43 @@ fn a_study_that_changed_since_its_parts_were_written_is_refused() {
     let told = run(&folder, "2", &["--out", "out"]);
     let told = String::from_utf8_lossy(&told.stderr);
     assert!(told.contains("00000000.parquet") && told.contains("remove"), "{told}");
+}
+
+#[test]
+fn a_changed_record_is_noticed_whichever_word_names_it_and_the_folder_of_the_study_does_not_matter() {
+    let case = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }\n\
+                base = { kind = \"record\", file = \"a.csv\", quantity = \"displacement\", unit = \"mm\" }\n\
+                particle = { mass_ratio = 0.1, clearance_m = 0.03, wall = { kind = \"restitution\", coefficient = 0.5 } }\n\
+                run = { }\n";
+    let study = "case = \"case.toml\"\nmetrics = [\"max_abs_x_m\"]\n[[axis]]\nkey = \"particle.clearance_m\"\nvalues = [0.02, 0.03]\n\
+                 [[axis]]\nkey = \"base.file\"\nwords = [\"a.csv\", \"b.csv\"]\n";
+    let folder = folder(study);
+    std::fs::write(folder.path().join("case.toml"), case).unwrap();
+    let record = |name: &str, factor: f64| {
+        let rows = (0..200).map(|n| format!("{},{}\n", 0.01 * f64::from(n), factor * (0.1 * f64::from(n)).sin()));
+        std::fs::write(folder.path().join(name), format!("t,z\n{}", rows.collect::<String>())).unwrap();
+    };
+    record("a.csv", 1.0);
+    record("b.csv", 2.0);
+    let table = done(&folder);
+    let largest = column(&table, "max_abs_x_m");
+    assert!(largest[0] < largest[1] && largest[2] < largest[3], "{largest:?}");
+    let path = folder.path().join("study.toml");
+    let from_elsewhere = || {
+        let mut command = damprig(&TempDir::new().unwrap());
+        command.current_dir("/").args(["study", "run"]).arg(&path).arg("--out").arg(folder.path().join("out"));
+        command.output().unwrap()
+    };
+    assert!(from_elsewhere().status.success(), "{:?}", from_elsewhere());
+    for (changed, factor) in [("b.csv", 2.0), ("a.csv", 1.0)] {
+        record(changed, 1.5 * factor);
+        let output = run(&folder, "2", &["--out", "out"]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{changed}: {told}");
+        assert!(told.contains("a file that the case names has changed"), "{told}");
+        record(changed, factor);
+    }
+    assert!(run(&folder, "2", &["--out", "out"]).status.success());
 }
 
 #[test]

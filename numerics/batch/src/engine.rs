@@ -84,6 +84,9 @@ fn bends<S: Simd>(
     Bends { simple: one_way.or(bent), turns: (v * v_end).less(zero) }
 }
 
+/// Steps of all lanes between two questions whether to go on: about a millisecond.
+const STEPS_PER_QUESTION: u32 = 16_384;
+
 impl<S: Simd> Engine<S> {
     #[inline(always)]
     pub fn new(simd: S) -> Self {
@@ -111,14 +114,16 @@ impl<S: Simd> Engine<S> {
         }
     }
 
-    /// Computes points from `next` until there is none, and hands each outcome to `done`.
+    /// Computes points from `next` until there is none, and hands each outcome to `done`; ends when `go_on` says no.
     #[inline(always)]
     pub fn run(
         &mut self,
         points: &[Point],
         mut next: impl FnMut() -> Option<(usize, Prepared)>,
         mut done: impl FnMut(usize, Outcome),
+        go_on: &dyn Fn() -> bool,
     ) {
+        let mut steps = 0u32;
         for lane in 0..S::F64_LANES {
             self.put(lane, points, next());
         }
@@ -133,7 +138,16 @@ impl<S: Simd> Engine<S> {
                 if flying == 0.0 || (flying < live && flying <= FEW * live) {
                     break;
                 }
-                while self.fly() {}
+                while self.fly() {
+                    steps += 1;
+                    if steps.is_multiple_of(STEPS_PER_QUESTION) && !go_on() {
+                        return;
+                    }
+                }
+                steps += 1;
+                if steps.is_multiple_of(STEPS_PER_QUESTION) && !go_on() {
+                    return;
+                }
             }
             if self.zero.less(self.meets).any() {
                 self.bounce();

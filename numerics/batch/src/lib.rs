@@ -70,4 +70,4 @@ mod tops;
 mod vector;
 
 pub use point::{Outcome, Point};
-pub use study::{InstructionSet, InvalidPoint, simulate, simulate_on};
+pub use study::{InstructionSet, InvalidPoint, simulate, simulate_on, simulate_while};

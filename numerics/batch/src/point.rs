@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Exact, Excitation};
+use damprig_core::integrator::exact::{Exact, Excitation, Observer};
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::{Initial, SetUp};
 
@@ -82,7 +82,17 @@ impl Point {
     /// Names the first value that is not physical.
     pub fn by_exact_engine(&self) -> Result<Outcome, Invalid> {
         self.validate()?;
-        let mut motion = self.motion()?;
+        Ok(self.run(self.motion()?, &mut ()))
+    }
+
+    /// The same of a point that is valid; `None` if `go_on` says no.
+    pub(crate) fn while_going_on(&self, go_on: &dyn Fn() -> bool) -> Option<Outcome> {
+        let mut stop = Stop { go_on, arcs: 0, is_stopped: false };
+        let outcome = self.run(self.motion().ok()?, &mut stop);
+        (!stop.is_stopped).then_some(outcome)
+    }
+
+    fn run(&self, mut motion: Exact, watch: &mut impl Observer) -> Outcome {
         let cycle_s = self.cycle_s();
         let end_s = self.cycles as f64 * cycle_s;
         let mut response = Response::new(Wanted {
@@ -90,10 +100,10 @@ impl Point {
             steady_from_cycle: Some(self.steady_from_cycle),
             whole_run: true,
         });
-        motion.run(end_s, &mut response);
+        motion.run(end_s, &mut (&mut response, watch));
         response.finish(end_s);
         let steady = response.steady_m();
-        Ok(Outcome {
+        Outcome {
             steady_mean_m: steady.map(|steady| steady.1),
             steady_max_m: steady.map(|steady| steady.0),
             last_cycle_max_m: response.last_cycle_max_m().unwrap_or(0.0),
@@ -104,6 +114,29 @@ impl Point {
             lane_steps: 0,
             exact_steps: 1,
             unresolved: motion.unresolved(),
-        })
+        }
+    }
+}
+
+/// Arcs between two questions whether to go on: about a millisecond.
+const ARCS_PER_QUESTION: u32 = 1_024;
+
+/// Ends a run when it is not to go on.
+struct Stop<'a> {
+    go_on: &'a dyn Fn() -> bool,
+    arcs: u32,
+    is_stopped: bool,
+}
+
+impl Observer for Stop<'_> {
+    const ARCS: bool = false;
+
+    fn goes_on(&mut self, _: f64) -> bool {
+        self.arcs += 1;
+        if self.arcs >= ARCS_PER_QUESTION {
+            self.arcs = 0;
+            self.is_stopped |= !(self.go_on)();
+        }
+        !self.is_stopped
     }
 }

@@ -112,11 +112,9 @@ pub fn simulate_on(
     threads: usize,
     instructions: InstructionSet,
 ) -> Result<Vec<Outcome>, InvalidPoint> {
-    for (index, point) in points.iter().enumerate() {
-        point.validate().map_err(|invalid| InvalidPoint { index, invalid })?;
-    }
+    validate(points)?;
     let next = AtomicUsize::new(0);
-    let work = || instructions.dispatch(Share { points, next: &next });
+    let work = || instructions.dispatch(Share { points, next: &next, go_on: &|| true });
     let mut all: Vec<(usize, Outcome)> = std::thread::scope(|scope| {
         let others: Vec<_> = (1..threads.clamp(1, points.len().max(1))).map(|_| scope.spawn(work)).collect();
         let mut all = work();
@@ -132,10 +130,33 @@ pub fn simulate_on(
     Ok(all.into_iter().map(|(_, outcome)| outcome).collect())
 }
 
+/// Simulates every point on this thread; `None` if `go_on`, which is asked about every millisecond, says no.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_while(points: &[Point], go_on: &dyn Fn() -> bool) -> Result<Option<Vec<Outcome>>, InvalidPoint> {
+    validate(points)?;
+    let next = AtomicUsize::new(0);
+    let mut all = InstructionSet::fastest().dispatch(Share { points, next: &next, go_on });
+    if all.len() < points.len() {
+        return Ok(None);
+    }
+    all.sort_unstable_by_key(|(index, _)| *index);
+    Ok(Some(all.into_iter().map(|(_, outcome)| outcome).collect()))
+}
+
+fn validate(points: &[Point]) -> Result<(), InvalidPoint> {
+    for (index, point) in points.iter().enumerate() {
+        point.validate().map_err(|invalid| InvalidPoint { index, invalid })?;
+    }
+    Ok(())
+}
+
 /// What one thread does: takes points until there is none.
 struct Share<'a> {
     points: &'a [Point],
     next: &'a AtomicUsize,
+    go_on: &'a dyn Fn() -> bool,
 }
 
 impl WithSimd for Share<'_> {
@@ -146,7 +167,7 @@ impl WithSimd for Share<'_> {
         let mut outcomes = Vec::new();
         let mut scalar = Vec::new();
         let next = || self.next_for_lane(&mut scalar);
-        Engine::new(simd).run(self.points, next, |index, outcome| outcomes.push((index, outcome)));
+        Engine::new(simd).run(self.points, next, |index, outcome| outcomes.push((index, outcome)), self.go_on);
         outcomes.extend(scalar);
         outcomes
     }
@@ -162,7 +183,7 @@ impl Share<'_> {
             let motion = point.motion().ok()?;
             match Prepared::new(point, &motion) {
                 Some(prepared) => return Some((index, prepared)),
-                None => scalar.push((index, point.by_exact_engine().ok()?)),
+                None => scalar.push((index, point.while_going_on(self.go_on)?)),
             }
         }
     }

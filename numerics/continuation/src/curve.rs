@@ -1,14 +1,11 @@
-//! Curves of special points in two parameters.
-//!
-//! A grazing adds its conditions to the boundary value problem. A fold or a period doubling adds σ = 0, where σ solves
-//! `[J b; cᵀ 0] [v; σ] = [0; 1]` with the derivatives J of the (twisted) problem: σ is zero where J is singular. Its gradient is
-//! `−wᵀ (∂J/∂z) v` with the solution w of the transposed system; nested dual numbers give it exactly.
+//! Curves of special points in two parameters: the boundary value problem and the point's own conditions, in pseudo-arclength steps.
+//! [`crate::defining`] has the conditions.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::boundary_problem::{BoundaryProblem, Condition, Linearised};
+use crate::boundary_problem::{BoundaryProblem, Linearised};
 use crate::branch::{BranchEnd, Steps};
-use crate::dual::Dual;
+use crate::defining::Defining;
 use crate::newton::{Solution, solve};
 use crate::orbit::Orbit;
 use crate::parameter::Parameter;
@@ -29,14 +26,6 @@ pub struct Curve {
     pub ends: [BranchEnd; 2],
 }
 
-/// The condition of a curve.
-enum Defining {
-    /// Conditions on the flow, with an unknown time or without.
-    Conditions(Vec<Condition>, bool),
-    /// The twisted problem is singular; the vectors b and c.
-    Singular(f64, DVector<f64>, DVector<f64>),
-}
-
 struct CurveFollower<'a> {
     problem: BoundaryProblem<'a>,
     ranges: [(f64, f64); 2],
@@ -50,8 +39,8 @@ const SHALLOW: f64 = 1e-7;
 const SHORTEST: f64 = 1e-7;
 
 impl System {
-    /// Follows a special point that was found over `parameters[0]` in both parameters. `None` for kinds that are not followed: points
-    /// where branches cross, and Neimark-Sacker points.
+    /// Follows a special point that was found over `parameters[0]` in both parameters. `None` for points where another branch crosses
+    /// without a symmetry, which are not followed, and where no curve could be started.
     #[must_use]
     pub fn curve(
         &self,
@@ -64,21 +53,8 @@ impl System {
         let problem = BoundaryProblem { system: self, sequence, parameters: &parameters };
         let size = problem.len();
         let values = [special.parameter, self.value(parameters[1])];
-        let mut defining = match &special.kind {
-            SpecialKind::Grazing(conditions) => {
-                Defining::Conditions(conditions.clone(), conditions.iter().any(Condition::has_time))
-            }
-            SpecialKind::Fold | SpecialKind::PeriodDoubling => {
-                let twist = if special.kind == SpecialKind::Fold { 1.0 } else { -1.0 };
-                let linear = problem.linearise::<f64>(&special.unknowns, &values, twist);
-                let matrix = DMatrix::from_fn(size, size, |row, k| linear.by_unknowns[row][k]);
-                let svd = matrix.svd(true, true);
-                let left = svd.u?.column(size - 1).into_owned();
-                Defining::Singular(twist, left, svd.v_t?.row(size - 1).transpose())
-            }
-            _ => return None,
-        };
-        let extra = usize::from(matches!(defining, Defining::Conditions(_, true)));
+        let mut defining = Defining::of(&problem, special, &values)?;
+        let extra = defining.extra_unknowns();
         let mean = special.unknowns.iter().map(|u| u * u).sum::<f64>() / size as f64;
         let mut weights = DVector::from_element(size + 2 + extra, 1.0 / (size as f64 * mean.max(1.0)));
         (weights[size], weights[size + 1]) = (1.0, 1.0);
@@ -88,7 +64,7 @@ impl System {
             start[size + n] = (values[n] - ranges[n].0) / (ranges[n].1 - ranges[n].0);
         }
         if extra == 1 {
-            start[size + 2] = special.touch_time;
+            start[size + 2] = defining.first_extra(special);
         }
         // Along the second parameter first: the point was found over the first one.
         let mut along = DVector::zeros(size + 2 + extra);
@@ -146,65 +122,27 @@ impl CurveFollower<'_> {
                 matrix[(row, size + n)] = by_parameters[n][row] * scale[n];
             }
         }
-        match defining {
-            Defining::Conditions(conditions, has_time) => {
-                let time = if *has_time { point[size + 2] } else { 0.0 };
-                for (n, condition) in conditions.iter().enumerate() {
-                    let (value, gradient, by_parameter, by_time) =
-                        self.problem.condition(*condition, unknowns, &values, time);
-                    let row = size + n;
-                    right[row] = value;
-                    for k in 0..size {
-                        matrix[(row, k)] = gradient[k];
-                    }
-                    for n in 0..2 {
-                        matrix[(row, size + n)] = by_parameter[n] * scale[n];
-                    }
-                    if *has_time {
-                        matrix[(row, size + 2)] = by_time;
-                    }
-                }
+        let extra = if defining.extra_unknowns() == 1 { point[size + 2] } else { 0.0 };
+        let rows = defining.rows(&self.problem, unknowns, &values, extra)?;
+        for (n, row) in rows.into_iter().enumerate() {
+            right[size + n] = row.value;
+            for k in 0..size {
+                matrix[(size + n, k)] = row.by_unknowns[k];
             }
-            Defining::Singular(twist, left, right_null) => {
-                let (sigma, v, w) = self.singular(unknowns, &values, *twist, (left, right_null))?;
-                right[size] = sigma;
-                let along: Vec<Dual<f64>> =
-                    unknowns.iter().zip(&v).map(|(value, slope)| Dual { value: *value, slope: *slope }).collect();
-                let second = self.problem.linearise(&along, &values.map(Dual::constant), *twist);
-                for k in 0..size {
-                    matrix[(size, k)] = -(0..size).map(|row| w[row] * second.by_unknowns[row][k].slope).sum::<f64>();
-                }
-                for n in 0..2 {
-                    let sum: f64 = (0..size).map(|row| w[row] * second.by_parameters[n][row].slope).sum();
-                    matrix[(size, size + n)] = -sum * scale[n];
-                }
+            for p in 0..2 {
+                matrix[(size + n, size + p)] = row.by_parameters[p] * scale[p];
+            }
+            if defining.extra_unknowns() == 1 {
+                matrix[(size + n, size + 2)] = row.by_extra;
+            }
+        }
+        if let Some(direction) = defining.unfolding() {
+            for row in 0..size {
+                right[row] += extra * direction[row];
+                matrix[(row, size + 2)] = direction[row];
             }
         }
         Some((right, matrix))
-    }
-
-    /// σ with its vectors v and w.
-    fn singular(
-        &self,
-        unknowns: &[f64],
-        values: &[f64],
-        twist: f64,
-        (b, c): (&Point, &Point),
-    ) -> Option<(f64, Point, Point)> {
-        let size = self.problem.len();
-        let linear = self.problem.linearise::<f64>(unknowns, values, twist);
-        let bordered = DMatrix::from_fn(size + 1, size + 1, |row, k| match (row < size, k < size) {
-            (true, true) => linear.by_unknowns[row][k],
-            (true, false) => b[row],
-            (false, true) => c[k],
-            (false, false) => 0.0,
-        });
-        let mut unit = DVector::zeros(size + 1);
-        unit[size] = 1.0;
-        let solved = bordered.clone().lu().solve(&unit)?;
-        let transposed = bordered.transpose().lu().solve(&unit)?;
-        let v = solved.rows(0, size).into_owned();
-        Some((solved[size], v, transposed.rows(0, size).into_owned()))
     }
 
     fn correct(
@@ -226,12 +164,9 @@ impl CurveFollower<'_> {
             }
             (residual, matrix)
         })?;
-        // The borders follow the null vectors.
-        if let Defining::Singular(twist, b, c) = defining {
-            let point = &solution.unknowns;
-            let (_, v, w) = self.singular(self.unknowns(point), &self.values(point), *twist, (b, c))?;
-            (*b, *c) = (w.normalize(), v.normalize());
-        }
+        let point = &solution.unknowns;
+        let extra = if defining.extra_unknowns() == 1 { point[self.problem.len() + 2] } else { 0.0 };
+        defining.follow(&self.problem, self.unknowns(point), &self.values(point), extra)?;
         Some(solution)
     }
 

@@ -10,6 +10,7 @@ mod boundary_problem;
 mod branch;
 mod checks;
 mod curve;
+mod defining;
 mod dual;
 mod explore;
 mod flow;

@@ -5,6 +5,7 @@
 //! of the file. Every problem is reported to the [`Source`]; parsers continue with `None`, and the caller gets all problems at the
 //! end.
 
+mod free;
 mod quantities;
 mod unusual;
 
@@ -13,6 +14,7 @@ use std::cell::RefCell;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+pub use free::{FreeKey, FreeValue};
 pub use quantities::Given;
 
 use super::key::{Key, Range, number};

@@ -113,18 +113,20 @@ impl Frame {
     /// Point of the figure for a pair of values.
     #[must_use]
     pub fn point(&self, x: f64, y: f64) -> (i32, i32) {
-        let (across, up) = self.place(x, y);
+        let (across, up) = self.exact_point(x, y);
         (across.round() as i32, up.round() as i32)
     }
 
     /// The same in the finer steps of an overlay.
     #[must_use]
     pub fn fine_point(&self, x: f64, y: f64) -> (i32, i32) {
-        let ((across, up), fine) = (self.place(x, y), f64::from(FINE));
+        let ((across, up), fine) = (self.exact_point(x, y), f64::from(FINE));
         ((across * fine).round() as i32, (up * fine).round() as i32)
     }
 
-    fn place(&self, x: f64, y: f64) -> (f64, f64) {
+    /// The same without rounding.
+    #[must_use]
+    pub fn exact_point(&self, x: f64, y: f64) -> (f64, f64) {
         let (left, top, right, bottom) = self.bounds;
         let across = f64::from(left) + self.x.place(x) * f64::from(right - left);
         (across, f64::from(bottom) - self.y.place(y) * f64::from(bottom - top))

@@ -47,7 +47,7 @@ const MARKS: [Mark; 6] = [
 pub fn draw(found: &Found) -> Result<Picture, FigureError> {
     let orbits = || found.branches.iter().flat_map(|branch| &branch.orbits);
     let frame = Frame {
-        x: Axis::around(found.label, Scale::Linear, orbits().map(|orbit| orbit.parameter)),
+        x: Axis::around(found.key.label, Scale::Linear, orbits().map(|orbit| orbit.parameter)),
         y: Axis::around("max |x| (mm)", Scale::Linear, orbits().map(|orbit| orbit.peak_x_m * 1e3)),
         bounds: BOUNDS,
     };

@@ -8,13 +8,16 @@ pub mod axis;
 pub mod bifurcation;
 pub mod branches;
 pub mod campaign;
+pub mod case_overlay;
 pub mod comparison;
+pub mod curves;
 pub mod frequency_response;
 pub mod peak_motion;
 pub mod set_ups;
 pub mod simulated_motion;
 pub mod study;
 mod study_curves;
+mod study_labels;
 mod study_map;
 pub mod time_histories;
 pub mod transfer_function;
@@ -113,6 +116,22 @@ fn register_font() {
     });
 }
 
+/// A figure's SVG as PNG, with `scale` pixels per point.
+///
+/// # Errors
+/// When it is no SVG, or too large for memory.
+pub fn png_of(svg: &str, scale: f32) -> Result<Vec<u8>, FigureError> {
+    let mut fonts = usvg::fontdb::Database::new();
+    fonts.load_font_data(FONT.to_vec());
+    let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
+    let tree = usvg::Tree::from_str(svg, &options).map_err(FigureError::of)?;
+    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| FigureError("the figure is empty".into()))?;
+    let mut pixels =
+        tiny_skia::Pixmap::new(size.width(), size.height()).ok_or_else(|| FigureError("the figure is empty".into()))?;
+    resvg::render(&tree, tiny_skia::Transform::from_scale(scale, scale), &mut pixels.as_mut());
+    pixels.encode_png().map_err(FigureError::of)
+}
+
 /// A finished drawing.
 #[derive(Clone, Debug)]
 pub struct Picture {
@@ -196,16 +215,7 @@ impl Picture {
     /// # Errors
     /// When the figure is too large for memory.
     pub fn png(&self) -> Result<Vec<u8>, FigureError> {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_data(FONT.to_vec());
-        let options = usvg::Options { fontdb: Arc::new(fonts), ..usvg::Options::default() };
-        let tree = usvg::Tree::from_str(&self.svg, &options).map_err(FigureError::of)?;
-        let size =
-            tree.size().to_int_size().scale_by(PNG_SCALE).ok_or_else(|| FigureError("the figure is empty".into()))?;
-        let mut pixels = tiny_skia::Pixmap::new(size.width(), size.height())
-            .ok_or_else(|| FigureError("the figure is empty".into()))?;
-        resvg::render(&tree, tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE), &mut pixels.as_mut());
-        pixels.encode_png().map_err(FigureError::of)
+        png_of(&self.svg, PNG_SCALE)
     }
 
     /// Writes `stem.svg` and `stem.png` into `folder`.

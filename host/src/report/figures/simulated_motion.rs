@@ -10,6 +10,7 @@ use super::axis::{Axis, Frame, Scale};
 use super::{Canvas, FINE, FigureError, INK, Picture, colour, text};
 use damprig_core::integrator::exact::Excitation;
 
+use crate::motion_record::Quantity;
 use crate::report::describe;
 use crate::simulation::Case;
 use crate::simulation::envelope::{Envelope, EnvelopeColumn, ValueRange};
@@ -56,6 +57,33 @@ fn impact_colour() -> RGBColor {
 
 const WALL: RGBColor = RGBColor(0xaa, 0xaa, 0xaa);
 
+/// Cycles above which a figure shows the last ones in a panel of their own.
+const LONG_CYCLES: f64 = 30.0;
+
+/// Cycles in that panel.
+const LAST_CYCLES: f64 = 10.0;
+
+/// Whether the base drifts, as that of an uncorrected acceleration record does: x and y are then drawn relative to it.
+fn drifts(case: &Case) -> bool {
+    case.record.as_ref().is_some_and(|record| record.quantity == Quantity::Acceleration)
+}
+
+/// The envelope that draws a case between two times, s, in so many columns.
+#[must_use]
+pub fn envelope(case: &Case, from_s: f64, to_s: f64, columns: usize) -> Envelope {
+    let envelope = Envelope::new(from_s, to_s, columns);
+    if drifts(case) { envelope.relative_to_base() } else { envelope }
+}
+
+/// What is drawn of a case unless a window is asked for: the whole run, and the last cycles of a long one.
+#[must_use]
+pub fn usual_envelopes(case: &Case) -> (Option<Envelope>, Option<Envelope>) {
+    let duration_s = case.run.duration_s;
+    let is_long = !drifts(case) && duration_s > LONG_CYCLES * case.cycle_s();
+    let last = is_long.then(|| envelope(case, duration_s - LAST_CYCLES * case.cycle_s(), duration_s, COLUMNS));
+    (Some(envelope(case, 0.0, duration_s, COLUMNS)), last)
+}
+
 /// Draws a simulated case: the whole run, the last cycles, or both.
 ///
 /// # Errors
@@ -66,10 +94,11 @@ pub fn of_case(case: &Case, whole: Option<&Envelope>, last: Option<&Envelope>) -
         return Err(FigureError("the run was stopped before the start of the drawn time".into()));
     }
     let set_up = &case.set_up;
-    let second_mass = match (set_up.particle, set_up.tmd) {
-        (Some(_), _) => Some("particle"),
-        (None, Some(_)) => Some("tuned mass"),
-        (None, None) => None,
+    let second_mass = match (set_up.particle, set_up.tmd, &case.many_particles) {
+        (Some(_), ..) => Some("particle"),
+        (None, Some(_), _) => Some("tuned mass"),
+        (None, None, Some(_)) => Some("spheres, mean"),
+        (None, None, None) => None,
     };
     let base_moves = envelopes.iter().all(|o| !o.is_relative()) && case.record.is_some()
         || matches!(

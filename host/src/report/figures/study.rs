@@ -1,17 +1,17 @@
 //! The figures of a study: for each metric a map over two axes, curves over one, or the drawn points.
 
+use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels};
+use super::study_labels::{label, name};
 use super::study_map::{self, Map, MapAxis};
 use super::{FigureError, Picture};
+use crate::continuation::Found;
 use crate::report::numbers::significant;
 use crate::study::Study;
 use crate::study::axis::{Axis, Value, Values};
 use crate::study::evaluate::{main_column, main_quantile};
 use crate::study::metric::Metric;
-use crate::study::table::{StudyTable, numbers};
-
-/// Values on both axes from which a map is drawn rather than curves.
-const LEAST_OF_MAP: usize = 5;
+use crate::study::table::{LEAST_OF_MAP, StudyTable, numbers};
 
 /// Most curves of a figure.
 const MOST_CURVES: usize = 12;
@@ -27,10 +27,11 @@ pub struct StudyFigure {
     pub picture: Result<Picture, FigureError>,
 }
 
-/// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point.
+/// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point. `overlays`: what the study's
+/// overlays found.
 #[must_use]
-pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>) -> Vec<StudyFigure> {
-    study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, *metric)).collect()
+pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>, overlays: &[Found]) -> Vec<StudyFigure> {
+    study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, overlays, *metric)).collect()
 }
 
 /// Kept axes that are grids of at least two numbers, the longest first.
@@ -43,10 +44,16 @@ fn grids(study: &Study) -> Vec<usize> {
     places
 }
 
-fn draw_metric(study: &Study, table: &StudyTable, best: Option<u64>, metric: Metric) -> Option<StudyFigure> {
+fn draw_metric(
+    study: &Study,
+    table: &StudyTable,
+    best: Option<u64>,
+    overlays: &[Found],
+    metric: Metric,
+) -> Option<StudyFigure> {
     let column = main_column(study, metric);
     let values = table.column(&column).filter(|values| values.iter().any(|value| value.is_finite()))?;
-    let sheet = Sheet { study, table, metric, values, column, best };
+    let sheet = Sheet { study, table, metric, values, column, best, overlays };
     let is_drawn = study.points.kept().iter().any(|place| matches!(study.axes[*place].values, Values::Drawn { .. }));
     let (picture, caption) = match &grids(study)[..] {
         _ if is_drawn => sheet.drawn_points(),
@@ -57,11 +64,6 @@ fn draw_metric(study: &Study, table: &StudyTable, best: Option<u64>, metric: Met
     Some(StudyFigure { stem: metric.name().into(), caption, picture })
 }
 
-/// Quantity and unit of an axis: `particle.clearance_ratio`, `base.frequency_hz (Hz)`.
-fn label(axis: &Axis) -> String {
-    if axis.unit().is_empty() { axis.key.clone() } else { format!("{} ({})", axis.key, axis.unit()) }
-}
-
 struct Sheet<'a> {
     study: &'a Study,
     table: &'a StudyTable,
@@ -69,6 +71,7 @@ struct Sheet<'a> {
     values: Vec<f64>,
     column: String,
     best: Option<u64>,
+    overlays: &'a [Found],
 }
 
 impl Sheet<'_> {
@@ -104,7 +107,7 @@ impl Sheet<'_> {
                 Value::Number(number) => significant(*number, 5),
                 Value::Word(word) => word.clone(),
             };
-            format!("{} = {value} {}", axis.short_key(), axis.unit()).trim_end().to_string()
+            format!("{} = {value} {}", name(self.study, axis), axis.unit()).trim_end().to_string()
         };
         others.iter().map(word).collect::<Vec<_>>().join(", ")
     }
@@ -148,7 +151,7 @@ impl Sheet<'_> {
             values
         };
         let map_axis = |place: usize| MapAxis {
-            label: label(self.axis(place)),
+            label: label(self.study, self.axis(place)),
             values: rising(place),
             is_log: self.axis(place).is_log,
         };
@@ -178,10 +181,20 @@ impl Sheet<'_> {
             ((Self::number(&there, x), Self::number(&there, y)), words)
         });
         let title = self.title(&others);
-        let map = Map { title, x: across, y: up, label: self.value_label(), values, marked, best };
-        let caption =
+        let curves = self.curves_over(x);
+        let mut caption =
             format!("{}: {}, as computed at each point; lines of equal value.", self.column, self.metric.doc());
+        if !curves.is_empty() {
+            caption.push_str(" Black: where a periodic motion changes; docs/CONTINUE.md has the names.");
+        }
+        let map = Map { title, x: across, y: up, label: self.value_label(), values, marked, curves, best };
         (study_map::draw(&map), caption)
+    }
+
+    /// The curves of the overlays, with this axis as abscissa.
+    fn curves_over(&self, x: usize) -> Vec<SpecialCurve> {
+        let is_swapped = |found: &Found| found.parameter != self.axis(x).key;
+        self.overlays.iter().flat_map(|found| SpecialCurve::all(found, is_swapped(found))).collect()
     }
 
     fn curves(&self, x: usize) -> (Result<Picture, FigureError>, String) {
@@ -219,7 +232,7 @@ impl Sheet<'_> {
         let others = if curves.len() == 1 { self.others(&[x]) } else { Vec::new() };
         let labels = CurveLabels {
             title: self.title(&others),
-            x: label(self.axis(x)),
+            x: label(self.study, self.axis(x)),
             is_log: self.axis(x).is_log,
             y: self.value_label(),
             best,
@@ -238,8 +251,13 @@ impl Sheet<'_> {
         let curve = Curve { label: String::new(), points, band: Vec::new(), is_scattered: true };
         let best = self.best_words().map(|(row, words)| (point(row), words));
         let is_log = matches!(self.axis(x).values, Values::Drawn { is_log: true, .. });
-        let labels =
-            CurveLabels { title: self.study.name.clone(), x: label(self.axis(x)), is_log, y: self.value_label(), best };
+        let labels = CurveLabels {
+            title: self.study.name.clone(),
+            x: label(self.study, self.axis(x)),
+            is_log,
+            y: self.value_label(),
+            best,
+        };
         let caption = format!("{}: {}, of all drawn points.", self.column, self.metric.doc());
         (study_curves::draw(&[curve], &labels), caption)
     }

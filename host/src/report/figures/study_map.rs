@@ -7,6 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, RGBColor, WHITE};
 
 use super::axis::{Axis, Frame, Scale};
+use super::curves::{self, Curve};
 use super::{Canvas, FigureError, INK, Picture, text};
 use crate::report::numbers::significant;
 
@@ -25,6 +26,8 @@ pub struct Map {
     pub values: Vec<f64>,
     /// Marked points, each kind with its meaning; values as in `values`. At most two kinds.
     pub marked: Vec<(String, Vec<bool>)>,
+    /// Curves of special points over it.
+    pub curves: Vec<Curve>,
     /// The best point and its text.
     pub best: Option<((f64, f64), String)>,
 }
@@ -69,6 +72,31 @@ impl MapAxis {
     }
 }
 
+impl Map {
+    /// The map with some values of its longest axes, evenly taken; the best point stays.
+    fn thinned(&self) -> Self {
+        let places = |count: usize| -> Vec<usize> {
+            let kept = count.min(MOST_VALUES);
+            (0..kept).map(|n| n * (count - 1) / (kept - 1)).collect()
+        };
+        let (columns, across, up) = (self.x.values.len(), places(self.x.values.len()), places(self.y.values.len()));
+        let axis = |axis: &MapAxis, places: &[usize]| {
+            let values = places.iter().map(|place| axis.values[*place]).collect();
+            MapAxis { values, ..axis.clone() }
+        };
+        let kept = || up.iter().flat_map(|row| across.iter().map(move |column| row * columns + column));
+        let marked =
+            |(meaning, points): &(String, Vec<bool>)| (meaning.clone(), kept().map(|place| points[place]).collect());
+        Self {
+            x: axis(&self.x, &across),
+            y: axis(&self.y, &up),
+            values: kept().map(|place| self.values[place]).collect(),
+            marked: self.marked.iter().map(marked).collect(),
+            ..self.clone()
+        }
+    }
+}
+
 const WIDTH: i32 = 980;
 const HEIGHT: i32 = 640;
 const BOUNDS: (i32, i32, i32, i32) = (92, 44, 800, 540);
@@ -92,6 +120,9 @@ const CONTOURS: usize = 9;
 /// Ratio of largest to smallest value from which the colour scale is logarithmic.
 const LOG_FROM: f64 = 20.0;
 
+/// Most values of an axis that are drawn: more are closer than the pixels of a screen, and too many shapes for an SVG.
+const MOST_VALUES: usize = 400;
+
 /// Draws a map.
 ///
 /// # Errors
@@ -99,6 +130,9 @@ const LOG_FROM: f64 = 20.0;
 pub fn draw(map: &Map) -> Result<Picture, FigureError> {
     if map.x.values.len() < 2 || map.y.values.len() < 2 {
         return Err(FigureError("a map needs at least two values on both axes".into()));
+    }
+    if map.x.values.len() > MOST_VALUES || map.y.values.len() > MOST_VALUES {
+        return draw(&map.thinned());
     }
     let finite = || map.values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -133,7 +167,9 @@ pub fn draw(map: &Map) -> Result<Picture, FigureError> {
         }
         Ok(())
     })?;
-    with_lines.above(|canvas| labels(canvas, map, &frame, &colours))
+    with_lines
+        .with_elements(&curves::elements(&map.curves, &frame))
+        .above(|canvas| labels(canvas, map, &frame, &colours))
 }
 
 /// Runs of neighbours that are alike: first place and the place after the last.
@@ -294,5 +330,34 @@ mod tests {
     #[test]
     fn neighbours_of_one_colour_are_one_rectangle() {
         assert_eq!(runs(&[1.0, 1.0, 2.0], |a, b| a == b), [(0, 2), (2, 3)]);
+    }
+
+    /// An SVG with a shape for each of its points could not be turned into a PNG.
+    #[test]
+    fn a_map_of_millions_of_points_is_drawn_from_some_of_them() {
+        let axis =
+            |count: usize| MapAxis { label: "a".into(), values: (0..count).map(|n| n as f64).collect(), is_log: false };
+        let (columns, rows) = (1_000, 2_000);
+        let values: Vec<f64> = (0..columns * rows).map(|place| (place % 97) as f64).collect();
+        let marked = vec![("odd".into(), values.iter().map(|value| value % 2.0 == 1.0).collect())];
+        let (x, y) = (axis(columns), axis(rows));
+        let map = Map {
+            title: "m".into(),
+            x,
+            y,
+            label: "b".into(),
+            values,
+            marked,
+            best: Some(((3.0, 4.0), "here".into())),
+            curves: Vec::new(),
+        };
+        let thinned = map.thinned();
+        assert_eq!((thinned.x.values.len(), thinned.y.values.len()), (MOST_VALUES, MOST_VALUES));
+        assert_eq!((thinned.x.values[MOST_VALUES - 1], thinned.y.values[MOST_VALUES - 1]), (999.0, 1999.0));
+        for (place, value) in thinned.values.iter().enumerate() {
+            let (x, y) = (thinned.x.values[place % MOST_VALUES], thinned.y.values[place / MOST_VALUES]);
+            assert_eq!(*value, ((y as usize * columns + x as usize) % 97) as f64);
+        }
+        assert!(draw(&map).expect("a picture").png().is_ok());
     }
 }

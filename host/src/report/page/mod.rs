@@ -138,6 +138,16 @@ fn long_texts(data: &PageData) -> Markup {
 
 /// A self-contained HTML document with this content.
 fn document(title: &str, content: &Markup) -> String {
+    document_that_may(title, content, "default-src 'none'; style-src 'unsafe-inline'")
+}
+
+/// A self-contained HTML document whose content may have images within it (`data:`).
+#[must_use]
+pub fn document_with_images(title: &str, content: &Markup) -> String {
+    document_that_may(title, content, "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
+}
+
+fn document_that_may(title: &str, content: &Markup, policy: &str) -> String {
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -145,7 +155,7 @@ fn document(title: &str, content: &Markup) -> String {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 // The browser fetches and runs nothing, whatever the names in the run contain.
-                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
+                meta http-equiv="Content-Security-Policy" content=(policy);
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
@@ -226,6 +236,7 @@ fn drawn(picture: Result<Picture, FigureError>, caption: &str) -> Markup {
 }
 
 /// The SVG without its XML declaration.
-fn without_prolog(svg: &str) -> &str {
+#[must_use]
+pub fn without_prolog(svg: &str) -> &str {
     svg.find("<svg").map_or("", |start| &svg[start..])
 }

@@ -4,12 +4,14 @@ use std::f64::consts::TAU;
 
 use damprig_core::integrator::exact::Excitation;
 use damprig_core::model::Wall;
+use damprig_particles::Damper;
 
 use crate::motion_record::Quantity;
 use crate::report::describe;
 use crate::report::numbers::{duration, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::Cost;
+use crate::simulation::many_particles::SpheresResult;
 use crate::simulation::time_history::TablePath;
 use crate::simulation::{Case, SimulationResult};
 
@@ -18,6 +20,9 @@ const LONG_S: f64 = 10.0;
 
 /// Rows of a time history above which a warning is given.
 const MANY_ROWS: f64 = 2e7;
+
+/// Overlap over the diameter above which contacts count as soft.
+const LARGE_OVERLAP: f64 = 0.05;
 
 /// Warnings before the run: stiff walls, long computing time, large files.
 pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) -> Vec<String> {
@@ -106,7 +111,71 @@ fn set_up(case: &Case) -> Vec<(&'static str, String)> {
         );
         lines.push(("tuned mass", text));
     }
+    if let Some(spheres) = &case.many_particles {
+        lines.extend(many_particles(case, spheres));
+    }
     lines.push(("excitation", describe::excitation(case)));
+    lines
+}
+
+/// The spheres and their box.
+fn many_particles(case: &Case, spheres: &Damper) -> [(&'static str, String); 2] {
+    let volume_m3 = std::f64::consts::PI / 6.0 * spheres.diameter_m.powi(3);
+    let ratio = spheres.mass_kg / case.set_up.structure.mass_kg;
+    let sides = spheres.cavity.sides_m();
+    let share = spheres.count as f64 * volume_m3 / sides.iter().product::<f64>();
+    let friction = match spheres.friction_coefficient {
+        0.0 => String::new(),
+        mu => format!(", μ = {}", significant(mu, 4)),
+    };
+    let text = format!(
+        "{} of {}, mass ratio {} ({} kg/m³), e = {}{friction}, k = {} N/m",
+        spheres.count,
+        millimetres(spheres.diameter_m),
+        significant(ratio, 4),
+        significant(spheres.sphere_kg() / volume_m3, 3),
+        significant(spheres.restitution, 4),
+        significant(spheres.stiffness_n_per_m, 3)
+    );
+    let sides = sides.map(millimetres).join(" × ");
+    [("spheres", text), ("box", format!("{sides}, {} % filled", significant(100.0 * share, 3)))]
+}
+
+/// What the spheres did.
+fn spheres_results(result: &SpheresResult) -> Vec<(&'static str, String)> {
+    let mut lines = vec![("collisions", format!("{} between spheres", result.collisions))];
+    let last = &result.last;
+    if last.cycles > 0 {
+        let text = format!(
+            "{} mJ per cycle, loss factor {}; collective motion {} (last {} cycles)",
+            significant(1e3 * last.lost_per_cycle_j(), 4),
+            significant(last.loss_factor(), 3),
+            significant(last.collective_motion(), 3),
+            last.cycles
+        );
+        lines.push(("spheres lose", text));
+    }
+    let (impacts_j, friction_j) = (result.lost_in_impacts_j, result.lost_in_friction_j);
+    lines.push((
+        "lost in all",
+        format!(
+            "{} mJ in impacts, {} mJ in friction, {} mJ in the structure; the energy book misses {} mJ",
+            significant(1e3 * impacts_j, 4),
+            significant(1e3 * friction_j, 4),
+            significant(1e3 * result.lost_in_structure_j, 4),
+            significant(1e3 * result.energy_error_j, 2)
+        ),
+    ));
+    let overlap = significant(100.0 * result.largest_overlap_ratio, 2);
+    let soft = if result.largest_overlap_ratio > LARGE_OVERLAP {
+        ": the contacts are soft; raise `stiffness_n_per_m`"
+    } else {
+        ""
+    };
+    lines.push((
+        "contacts",
+        format!("largest overlap {overlap} % of the diameter{soft}; step {} µs", significant(1e6 * result.step_s, 3)),
+    ));
     lines
 }
 
@@ -141,11 +210,14 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         lines.push(("RMS of x − z", millimetres(rms_m)));
     }
     lines.push(("RMS of x", millimetres(s.rms_x_m) + &over(s.rms_x_m, "RMS")));
-    if case.set_up.particle.is_some() {
+    if case.has_impacts() {
         let kind = if case.set_up.has_soft_walls() { "contacts" } else { "impacts" };
         let rate = last_cycles
             .map_or(String::new(), |e| format!(", {} per cycle at the end", significant(e.impacts_per_cycle, 3)));
         lines.push((kind, format!("{}{rate}", s.impact_count)));
+    }
+    if let Some(spheres) = &result.many_particles {
+        lines.extend(spheres_results(spheres));
     }
     if s.accumulation_count > 0 {
         lines.push(("accumulations", accumulations(result)));

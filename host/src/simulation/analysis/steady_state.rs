@@ -246,6 +246,12 @@ impl Analysis {
     /// Analyses a case with an excitation in closed form; `None` for a recorded base motion.
     #[must_use]
     pub fn of(case: &Case) -> Option<Self> {
+        Self::watched(case, &mut ())
+    }
+
+    /// The same while `watch` sees the transient. A run that it ends has no driven motion.
+    #[must_use]
+    pub fn watched(case: &Case, watch: &mut impl Observer) -> Option<Self> {
         if case.record.is_some() {
             return None;
         }
@@ -254,11 +260,11 @@ impl Analysis {
         let driven = match case.excitation {
             Excitation::Sine { angular_frequency_rad_per_s, .. }
             | Excitation::ForceSine { angular_frequency_rad_per_s, .. } => {
-                ForcedResponse::of(case, motion, angular_frequency_rad_per_s, &mut meter)
+                ForcedResponse::of(case, motion, angular_frequency_rad_per_s, &mut meter, watch)
             }
             _ => {
                 let mut motion = motion;
-                motion.run(case.run.duration_s, &mut meter);
+                motion.run(case.run.duration_s, &mut (&mut meter, watch));
                 None
             }
         };
@@ -267,7 +273,13 @@ impl Analysis {
 }
 
 impl ForcedResponse {
-    fn of(case: &Case, motion: Exact, turning: f64, meter: &mut EnergyMeter) -> Option<Self> {
+    fn of(
+        case: &Case,
+        motion: Exact,
+        turning: f64,
+        meter: &mut EnergyMeter,
+        watch: &mut impl Observer,
+    ) -> Option<Self> {
         let period_s = TAU / turning;
         let whole = (case.run.duration_s / period_s * (1.0 + 1e-12)).floor() as u64;
         let mut motion = motion;
@@ -277,7 +289,10 @@ impl ForcedResponse {
         }
         let periods = ANALYSED_PERIODS.min(whole.div_ceil(2)).max(FEWEST_PERIODS).min(whole);
         let start_s = (whole - periods) as f64 * period_s;
-        motion.run(start_s, meter);
+        motion.run(start_s, &mut (&mut *meter, &mut *watch));
+        if !watch.goes_on(start_s) {
+            return None;
+        }
         let mut lock_in = LockIn::new(turning);
         let mut last_cycles = ExactObserver(LastCyclesMeter::new(period_s, case.run.duration_s));
         let mut section = Section::new(motion.clone(), period_s);

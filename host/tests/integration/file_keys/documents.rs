@@ -128,10 +128,14 @@ pub fn is_parsed(kind: &str, document: &Value) -> bool {
             for folder in [&cases, &files, &more] {
                 std::fs::create_dir(folder).unwrap();
             }
-            for case in ["spid.toml", "soft-wall.toml"] {
+            for case in ["spid.toml", "soft-wall.toml", "many-particles.toml"] {
                 std::fs::copy(own("cases").join(case), cases.join(case)).unwrap();
             }
             std::fs::copy(own("optimisations/cases/hybrid.toml"), more.join("hybrid.toml")).unwrap();
+            // Of the overlay of a study.
+            let (continuations, curves) = (folder.path().join("continuations"), "grazing-curve.toml");
+            std::fs::create_dir(&continuations).unwrap();
+            std::fs::copy(own("continuations").join(curves), continuations.join(curves)).unwrap();
             let file = files.join("file.toml");
             std::fs::write(&file, text).unwrap();
             match kind {

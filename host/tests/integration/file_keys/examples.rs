@@ -102,7 +102,22 @@ measure_s = 2
 cycles = 4
 "#;
 
-pub const MORE_CASES: [&str; 9] = [
+pub const MORE_CASES: [&str; 10] = [
+    r#"
+structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
+run = { duration_s = 1 }
+[many_particles]
+count = 3
+diameter_m = 0.01
+mass_kg = 0.16
+restitution = 0.5
+stiffness_n_per_m = 1e4
+length_m = 0.1
+width_m = 0.02
+height_m = 0.02
+steps_per_contact = 50
+seed = 7
+"#,
     r#"
 structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }
 force = { kind = "sine", amplitude_n = 1, frequency_ratio = 0.9 }

@@ -148,34 +148,54 @@ fn orbits_of_a_period_doubling_curve_have_the_multiplier_minus_one() {
     }
 }
 
-#[test]
-fn a_grazing_curve_meets_the_grazings_of_branches_at_other_values_of_the_second_parameter() {
+/// Follows the first special point of a kind over clearance and restitution, and compares points of the curve with the special points of
+/// branches at other restitutions.
+fn assert_curve_meets_branches(
+    is_of_kind: fn(&SpecialKind) -> bool,
+    restitutions: (f64, f64),
+    on_orbit: fn(&Orbit) -> f64,
+) {
     let mut task = task(Parameter::Clearance, (2.0, 40.0), 10.0);
     start_on_symmetric_orbit(&mut task, 10.0, 0.5, 1.0);
     let system = System::new(&impact_damper(10.0, 0.5), &sine(1.0), Ties::default()).expect("physical");
     let found = system.explore(&task).expect("periodic");
-    let grazing = |branch: &Branch| {
-        let (_, first) = branch.specials.first().expect("a grazing").clone();
-        assert!(matches!(first.kind, SpecialKind::Grazing(_)));
-        first
+    let first = |branch: &Branch| {
+        let special = branch.specials.iter().find(|(_, special)| is_of_kind(&special.kind));
+        special.unwrap_or_else(|| panic!("{:?}", branch.specials.len())).1.clone()
     };
     let parameters = [Parameter::Clearance, Parameter::Restitution];
-    let curve = system
-        .curve(
-            &found.branches[0].sequence,
-            &grazing(&found.branches[0]),
-            parameters,
-            [task.range, (0.35, 0.6)],
-            Steps::default(),
-        )
-        .expect("a curve");
+    let (branch, ranges) = (&found.branches[0], [task.range, restitutions]);
+    let curve = system.curve(&branch.sequence, &first(branch), parameters, ranges, Steps::default()).expect("a curve");
     println!("{:?} {} orbits", curve.ends, curve.orbits.len());
     assert!(curve.orbits.len() > 10);
+    for orbit in &curve.orbits {
+        assert!(on_orbit(orbit) < 1e-7, "{:?} {:?}", orbit.parameters, orbit.multipliers);
+    }
     for orbit in curve.orbits.iter().step_by(7) {
         let e = orbit.parameters[1];
         start_on_symmetric_orbit(&mut task, 10.0, e, 1.0);
         let there = diagram(&impact_damper(10.0, e), &sine(1.0), &task);
-        let expected = grazing(&there.branches[0]).parameter;
+        let expected = first(&there.branches[0]).parameter;
         assert!((orbit.parameters[0] / expected - 1.0).abs() < 1e-9, "{:?} {expected}", orbit.parameters);
     }
+}
+
+#[test]
+fn a_grazing_curve_meets_the_grazings_of_branches_at_other_values_of_the_second_parameter() {
+    assert_curve_meets_branches(|kind| matches!(kind, SpecialKind::Grazing(_)), (0.35, 0.6), |_| 0.0);
+}
+
+#[test]
+fn a_neimark_sacker_curve_has_multipliers_on_the_unit_circle_and_meets_the_points_of_branches() {
+    let off_circle = |orbit: &Orbit| {
+        let complex = orbit.multipliers.iter().filter(|m| m.im.abs() > 1e-3);
+        complex.map(|m| (m.norm() - 1.0).abs()).fold(f64::INFINITY, f64::min)
+    };
+    assert_curve_meets_branches(|kind| *kind == SpecialKind::NeimarkSacker, (0.4, 0.6), off_circle);
+}
+
+#[test]
+fn a_curve_of_broken_symmetry_has_a_multiplier_of_one_and_meets_the_points_of_branches() {
+    let off_one = |orbit: &Orbit| orbit.multipliers.iter().map(|m| (m - 1.0).norm()).fold(f64::INFINITY, f64::min);
+    assert_curve_meets_branches(|kind| *kind == SpecialKind::SymmetryBreaking, (0.4, 0.6), off_one);
 }

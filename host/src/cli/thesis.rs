@@ -1,0 +1,264 @@
+//! `damprig thesis`: computes the figures and tables of the source document and sets them beside the published values.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::Args as ClapArgs;
+
+use super::outcome::{Failure, Outcome};
+use super::progress;
+use crate::input::shown_in_line;
+use crate::report::numbers::{duration, significant};
+use crate::report::terminal::plain_table;
+use crate::thesis::catalogue::{Catalogue, Item};
+use crate::thesis::claims::{self, Evidence};
+use crate::thesis::compared::{ComparedItem, Comparison};
+use crate::thesis::files::{self, WriteOut};
+use crate::thesis::page;
+use crate::thesis::published::{PUBLISHED, Published};
+use crate::thesis::results::Results;
+use crate::thesis::run::{self, Ending, RunFailure, Task};
+
+/// Computes every figure and table of the source document and sets them beside the published values.
+///
+/// docs/THESIS.md describes the results, the readings and the files.
+#[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
+pub struct Args {
+    /// Figures and tables (table-3-4) [default: all]
+    #[arg(value_name = "ITEM")]
+    items: Vec<String>,
+
+    /// Folder of the results
+    #[arg(long, value_name = "DIR", default_value = "thesis")]
+    out: PathBuf,
+
+    /// List all figures and tables, where their numbers come from and why; compute nothing
+    #[arg(long, conflicts_with_all = ["quick", "published"])]
+    list: bool,
+
+    /// Leave out the other readings of the document, which show how the results move
+    #[arg(long)]
+    quick: bool,
+
+    /// Print the numbers with their readings as one JSON object
+    #[arg(long)]
+    json: bool,
+
+    /// Fill gaps in the published values from this file (TOML, as published.toml)
+    #[arg(long, value_name = "FILE")]
+    published: Option<PathBuf>,
+
+    /// Use the items.toml, published.toml and other files in this folder [default: those of this version, written to DIR/files]
+    #[arg(long, value_name = "FOLDER")]
+    files: Option<PathBuf>,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  damprig thesis                                           everything; then open thesis/thesis.html
+  damprig thesis --quick                                   without the other readings
+  damprig thesis --list
+  damprig thesis table-3-4 fig-3-9
+  damprig thesis table-3-4 --json
+  damprig thesis --published my-values.toml
+
+The folder gets thesis.html, thesis.md, published.csv, claims.csv, the results of each item in a folder of its name, and in files/ the
+studies, cases, continuations and campaigns behind them, which the other commands of damprig run alone. What is complete is not
+computed again; Ctrl-C stops, and the same command goes on.
+
+Exit codes:
+  0    success
+  1    a part could not be computed or a file not be written; the other parts are kept
+  2    the command line or a file is wrong
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP); the results so far are kept";
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// Bad input, an unwritable file, an interrupted run.
+pub fn run(args: &Args) -> Outcome {
+    let checked = Shipped::new(args)?;
+    let catalogue = checked.catalogue()?;
+    wanted(&catalogue, &args.items)?;
+    if args.list {
+        return list(&catalogue, args);
+    }
+    let mut published = Published::read(&catalogue).map_err(Failure::input)?;
+    if let Some(file) = &args.published {
+        published.fill(file).map_err(Failure::input)?;
+    }
+    let folder = match &args.files {
+        Some(folder) => folder.clone(),
+        None => files::write_out(&args.out).map_err(|error| match error {
+            WriteOut::Differs(refusal) => Failure::input(refusal),
+            WriteOut::Failed(error) => Failure::failed(error),
+        })?,
+    };
+    let catalogue = Catalogue::read(&folder).map_err(Failure::input)?;
+    let results = Results::at(&args.out);
+    let items = wanted(&catalogue, &args.items)?;
+    let tasks = run::plan(&catalogue, &results, &items, args.quick).map_err(Failure::input)?;
+    let ended = compute(&catalogue, &tasks, args)?;
+    let all: Vec<&Item> = catalogue.items.iter().collect();
+    let files = command_folder(&folder, &args.out);
+    let whole = Comparison::of(
+        &catalogue,
+        &published,
+        &results,
+        &all,
+        claims::judge_all(&Evidence { results: &results, published: &published }),
+        &files,
+    );
+    page::write(&whole, &args.out).map_err(Failure::failed)?;
+    let shown = Comparison { items: whole.items.into_iter().filter(|c| is_among(c.item, &items)).collect(), ..whole };
+    if args.json {
+        say!("{}", shown.json());
+    } else {
+        say(&shown, args);
+    }
+    ended
+}
+
+/// The files to check the command line against, before anything is written.
+struct Shipped {
+    folder: PathBuf,
+    /// Removes the folder at the end.
+    _temporary: Option<tempfile::TempDir>,
+}
+
+impl Shipped {
+    fn new(args: &Args) -> Result<Self, Failure> {
+        if let Some(folder) = &args.files {
+            return Ok(Self { folder: folder.clone(), _temporary: None });
+        }
+        let temporary = tempfile::TempDir::new().map_err(Failure::failed)?;
+        let folder = files::write_out(temporary.path()).map_err(Failure::failed)?;
+        Ok(Self { folder, _temporary: Some(temporary) })
+    }
+
+    fn catalogue(&self) -> Result<Catalogue, Failure> {
+        Catalogue::read(&self.folder).map_err(Failure::input)
+    }
+}
+
+/// The items that the command line names, in the order of the document; all if it names none.
+fn wanted<'a>(catalogue: &'a Catalogue, names: &[String]) -> Result<Vec<&'a Item>, Failure> {
+    let named =
+        names.iter().map(|name| catalogue.find(name)).collect::<Result<Vec<&Item>, _>>().map_err(Failure::input)?;
+    let is_wanted = |item: &&Item| named.is_empty() || is_among(item, &named);
+    Ok(catalogue.items.iter().filter(is_wanted).collect())
+}
+
+fn is_among(item: &Item, items: &[&Item]) -> bool {
+    items.iter().any(|other| other.name == item.name)
+}
+
+/// The folder of the files as a command names it that is started in the folder of the results.
+fn command_folder(folder: &Path, out: &Path) -> PathBuf {
+    let elsewhere = || folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    folder.strip_prefix(out).map_or_else(|_| elsewhere(), Path::to_path_buf)
+}
+
+fn list(catalogue: &Catalogue, args: &Args) -> Outcome {
+    let items = wanted(catalogue, &args.items)?;
+    if args.json {
+        let item = |item: &&Item| {
+            serde_json::json!({
+                "name": item.name,
+                "title": item.title,
+                "kind": item.kind.name(),
+                "reason": item.reason,
+                "reading": item.reading,
+            })
+        };
+        say!("{}", serde_json::Value::from(items.iter().map(item).collect::<Vec<_>>()));
+        return Ok(());
+    }
+    let mut table = plain_table(&["Item", "Shows", "Numbers", "Why"]);
+    table.set_content_arrangement(comfy_table::ContentArrangement::Dynamic);
+    for item in items {
+        table.add_row([item.name.as_str(), &item.title, item.kind.words(), item.reason.as_deref().unwrap_or("")]);
+    }
+    say!("{table}");
+    Ok(())
+}
+
+/// Computes what is not complete. The inner outcome is how that ended: the results so far are kept and shown in any case.
+fn compute(catalogue: &Catalogue, tasks: &[Task], args: &Args) -> Result<Outcome, Failure> {
+    let open: Vec<&Task> = tasks.iter().filter(|task| !task.is_complete).collect();
+    if open.is_empty() {
+        return Ok(Ok(()));
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    super::watch_for_ctrl_c(&stop)?;
+    let estimate_s: f64 = open.iter().map(|task| task.estimate_s).sum();
+    if !args.json {
+        let (parts, all) = (open.len(), tasks.len());
+        let cores = rayon::current_num_threads();
+        say!("{parts} of {all} parts to compute, about {} on {cores} cores", duration(estimate_s));
+    }
+    let bar = progress::bar((1e3 * estimate_s) as u64);
+    let (mut before_s, mut failure) = (0.0, None);
+    for (done, task) in open.iter().enumerate() {
+        bar.set_message(shown_in_line(&format!("{}: {}", task.item.name, task.part.title)).into_owned());
+        let start = Instant::now();
+        let report = |share: f64| {
+            bar.set_position((1e3 * (before_s + share.clamp(0.0, 1.0) * task.estimate_s)) as u64);
+            !stop.load(Ordering::Relaxed)
+        };
+        let ending =
+            if stop.load(Ordering::Relaxed) { Ok(Ending::Stopped) } else { run::run(catalogue, task, &report) };
+        match ending {
+            Ok(Ending::Complete) if !args.json => {
+                let took = duration(start.elapsed().as_secs_f64());
+                bar.suspend(|| say!("{}: {} ({took})", task.item.name, task.part.title));
+            }
+            Ok(Ending::Complete) => {}
+            Ok(Ending::Stopped) => {
+                bar.finish_and_clear();
+                let parts = open.len();
+                let message = format!("stopped after {done} of {parts} parts; the same command goes on with them");
+                return Ok(Err(Failure::Interrupted(message)));
+            }
+            Err(error) => {
+                let text = format!("{}, {}: {error}", task.item.name, task.part.title);
+                bar.suspend(|| warn!("warning: {text}"));
+                let of = if matches!(error, RunFailure::Input(_)) { Failure::Input } else { Failure::Failed };
+                failure.get_or_insert(of(format!("a part could not be computed: {text}")));
+            }
+        }
+        before_s += task.estimate_s;
+    }
+    bar.finish_and_clear();
+    Ok(failure.map_or(Ok(()), Err))
+}
+
+/// Prints a line for each item with published values, the verdicts, and where the page is.
+fn say(comparison: &Comparison, args: &Args) {
+    for compared in comparison.items.iter().filter(|compared| !compared.rows.is_empty()) {
+        say_item(compared);
+    }
+    for judgement in &comparison.judgements {
+        let (verdict, detail) = (judgement.verdict.words(), judgement.verdict.detail());
+        say!("Claim {}: {verdict} {detail}\n  {}", judgement.number, judgement.claim);
+    }
+    let gaps =
+        comparison.items.iter().flat_map(|compared| &compared.rows).filter(|row| row.value.value.is_none()).count();
+    if gaps > 0 && args.published.is_none() {
+        say!("{gaps} published values are missing: fill them in with --published FILE, as {PUBLISHED}");
+    }
+    say!("Page: {}", args.out.join(page::PAGE).display());
+}
+
+fn say_item(compared: &ComparedItem) {
+    say!("{}: {}", compared.item.name, compared.item.title);
+    for row in &compared.rows {
+        let published = row.value.value.map_or_else(|| "—".into(), |value| significant(value, 5));
+        let computed = row.computed.as_ref().map_or_else(|_| "—".into(), |value| significant(*value, 5));
+        let unit = row.unit();
+        say!("  {:48} {:>10}  {computed:>10} {unit}", row.value.label, format!("({published})"));
+    }
+}

@@ -1,0 +1,79 @@
+//! Writes the files of a bifurcation diagram: the table of its sampled cycles, the figure, and a Poincaré section.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
+use arrow_schema::{DataType, Schema};
+
+use crate::report::figures::bifurcation as figure;
+use crate::report::numbers::significant;
+use crate::run_folder::own_files;
+use crate::run_folder::schema::table::field;
+use crate::study::bifurcation::{Sample, Sweep};
+use crate::study::data_set::table_bytes;
+
+/// Name of the table.
+pub const TABLE: &str = "bifurcation.parquet";
+
+/// Why the files could not be written.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Unwritten(pub String);
+
+impl Unwritten {
+    fn of(error: impl std::fmt::Display) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Writes table and figure, in place of earlier ones, and the Poincaré section at the value nearest to `section`. Answers with the title
+/// of that section, if there is one.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write(
+    out: &Path,
+    name: &str,
+    samples: &[Sample],
+    sweep: &Sweep,
+    section: Option<f64>,
+) -> Result<Option<String>, Unwritten> {
+    let batch = batch(samples, &sweep.key).map_err(Unwritten::of)?;
+    let bytes = table_bytes(&batch).map_err(Unwritten::of)?;
+    own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
+    let title = format!("{name}: {} sampled cycles at each value", sweep.cycles);
+    let picture = figure::diagram(samples, &sweep.key, &title).map_err(Unwritten::of)?;
+    picture.write(out, "bifurcation").map_err(Unwritten::of)?;
+    let Some(wanted) = section else { return Ok(None) };
+    let distance = |sample: &Sample| (sample.value - wanted).abs();
+    let Some(nearest) = samples.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|s| s.value) else {
+        return Ok(None);
+    };
+    let there: Vec<Sample> = samples.iter().filter(|sample| sample.value == nearest).copied().collect();
+    let title = format!("{} = {}", sweep.key, significant(nearest, 6));
+    figure::section(&there, &title).and_then(|picture| picture.write(out, "section")).map_err(Unwritten::of)?;
+    Ok(Some(title))
+}
+
+fn batch(samples: &[Sample], key: &str) -> Result<RecordBatch, arrow_schema::ArrowError> {
+    let unit = crate::input::key::Unit::of(key).map_or("1", |unit| unit.symbol);
+    let numbers = |of: fn(&Sample) -> f64| Arc::new(samples.iter().map(of).collect::<Float64Array>()) as ArrayRef;
+    let directions = samples.iter().map(|sample| sample.direction.name());
+    let columns: [(&str, &str, ArrayRef); 6] = [
+        (key, if unit.is_empty() { "1" } else { unit }, numbers(|s| s.value)),
+        ("x_m", "m", numbers(|s| s.x_m)),
+        ("v_m_per_s", "m/s", numbers(|s| s.v_m_per_s)),
+        ("y_minus_x_m", "m", numbers(|s| s.offset_m)),
+        ("u_minus_v_m_per_s", "m/s", numbers(|s| s.slide_m_per_s)),
+        ("cycle_max_m", "m", numbers(|s| s.cycle_max_m)),
+    ];
+    let mut fields = vec![field("direction", DataType::Utf8, "")];
+    let mut arrays: Vec<ArrayRef> = vec![Arc::new(StringArray::from_iter_values(directions))];
+    for (name, unit, array) in columns {
+        fields.push(field(name, DataType::Float64, unit));
+        arrays.push(array);
+    }
+    let metadata = [("damprig.version".to_string(), crate::VERSION_LINE.to_string())];
+    RecordBatch::try_new(Arc::new(Schema::new_with_metadata(fields, std::collections::HashMap::from(metadata))), arrays)
+}

@@ -1,0 +1,93 @@
+//! A simulated case as one JSON object, as `damprig simulate --json` prints it.
+
+use damprig_core::model::SetUp;
+use damprig_particles::Damper;
+use serde::Serialize;
+
+use crate::report::describe;
+use crate::simulation::analysis::Analysis;
+use crate::simulation::{Case, SimulationResult};
+
+/// The case as simulated.
+#[derive(Debug, Serialize)]
+pub struct Simulated<'a> {
+    name: &'a str,
+    #[serde(skip_serializing_if = "str::is_empty")]
+    set: &'a str,
+    set_up: &'a SetUp,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    many_particles: Option<Spheres>,
+    excitation: String,
+    cycle_s: f64,
+    duration_s: f64,
+    /// The length that X is divided by in the text, and its symbol.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<(f64, &'static str)>,
+}
+
+/// The spheres and their box as simulated.
+#[derive(Debug, Serialize)]
+struct Spheres {
+    count: usize,
+    diameter_m: f64,
+    mass_kg: f64,
+    restitution: f64,
+    friction_coefficient: f64,
+    stiffness_n_per_m: f64,
+    length_m: f64,
+    width_m: f64,
+    height_m: f64,
+    steps_per_contact: f64,
+    seed: u64,
+}
+
+impl Spheres {
+    fn of(damper: &Damper) -> Self {
+        Self {
+            count: damper.count,
+            diameter_m: damper.diameter_m,
+            mass_kg: damper.mass_kg,
+            restitution: damper.restitution,
+            friction_coefficient: damper.friction_coefficient,
+            stiffness_n_per_m: damper.stiffness_n_per_m,
+            length_m: damper.cavity.length_m,
+            width_m: damper.cavity.width_m,
+            height_m: damper.cavity.height_m,
+            steps_per_contact: damper.steps_per_contact,
+            seed: damper.seed,
+        }
+    }
+}
+
+/// The result with its case, and what was asked for besides under keys of its own.
+#[derive(Debug, Serialize)]
+pub struct Answer<'a> {
+    /// The case.
+    pub case: Simulated<'a>,
+    /// The result.
+    #[serde(flatten)]
+    pub result: &'a SimulationResult,
+    /// The analysis of its steady state.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub analysis: Option<Analysis>,
+    /// Largest |x| of each whole cycle, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cycle_max_m: Option<&'a [f64]>,
+}
+
+impl<'a> Simulated<'a> {
+    /// Of a case; `set`: the lines of the values that were set from outside.
+    #[must_use]
+    pub fn of(case: &'a Case, set: &'a str) -> Self {
+        Self {
+            name: &case.name,
+            set,
+            set_up: &case.set_up,
+            many_particles: case.many_particles.as_ref().map(Spheres::of),
+            excitation: describe::excitation(case),
+            cycle_s: case.cycle_s(),
+            duration_s: case.run.duration_s,
+            reference: case.reference_m(),
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What a judge looks at: tables of computed parts, and the published values.
+
+use super::super::found::rows_at;
+use super::super::published::{Origin, Published, PublishedValue};
+use super::super::results::{ResultError, Results};
+use super::Number;
+use crate::study::table::StudyTable;
+
+/// A published value counts as reproduced within this share of it. The document prints two or three digits, and the error of its
+/// scheme (its step is not stated) is not known.
+pub const REPRODUCED: f64 = 0.05;
+
+/// A change of the response counts from this share of it on, as for the hatching of maps.
+pub const NOTABLE: f64 = 0.01;
+
+/// What a judge looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// What was computed.
+    pub results: &'a Results,
+    /// What is printed.
+    pub published: &'a Published,
+}
+
+/// A printed value beside the computed one.
+#[derive(Clone, Debug)]
+pub struct Pair {
+    /// Its label.
+    pub label: String,
+    /// As printed.
+    pub printed: f64,
+    /// As computed.
+    pub computed: f64,
+    /// The 5 and 95 % quantiles over the starts of the particle, where they were computed.
+    pub band: Option<(f64, f64)>,
+}
+
+impl Pair {
+    /// Whether the computed value reproduces the printed one.
+    #[must_use]
+    pub fn is_reproduced(&self) -> bool {
+        let is_in_band = self.band.is_some_and(|(low, high)| (low..=high).contains(&self.printed));
+        self.deviation().abs() <= REPRODUCED || is_in_band
+    }
+
+    /// Relative deviation of the computed value from the printed one.
+    #[must_use]
+    pub fn deviation(&self) -> f64 {
+        self.computed / self.printed - 1.0
+    }
+}
+
+impl Evidence<'_> {
+    /// The table of a study.
+    ///
+    /// # Errors
+    /// A part that has not been computed; a file that is damaged.
+    pub fn study(&self, item: &str, part: &str) -> Result<Numbers, ResultError> {
+        Ok(Numbers { table: self.results.study(item, part)?, shown: format!("{item}/{part}") })
+    }
+
+    /// A printed value.
+    ///
+    /// # Errors
+    /// A label that published.toml does not have, or has as a gap.
+    pub fn printed(&self, item: &str, label: &str) -> Result<f64, ResultError> {
+        let missing = || ResultError::Wrong(format!("published.toml has no value {label:?} of {item}"));
+        self.published.value(item, label).ok_or_else(missing)
+    }
+
+    /// The values that the document computed for an item, beside those of a part's table, as far as it has their rows.
+    ///
+    /// # Errors
+    /// As [`Evidence::study`]; a column that the table lacks; no row of any value.
+    pub fn pairs(&self, item: &str, part: &str) -> Result<Vec<Pair>, ResultError> {
+        let table = self.study(item, part)?;
+        let values = self.published.of(item).filter(|value| value.origin == Origin::Computed);
+        let pair = |value: &PublishedValue| pair(value, &table).transpose();
+        let pairs: Vec<Pair> = values.filter_map(pair).collect::<Result<_, _>>()?;
+        if pairs.is_empty() {
+            return Err(ResultError::Wrong(format!("{}: it has no row for the values of published.toml", table.shown)));
+        }
+        Ok(pairs)
+    }
+}
+
+/// A printed value beside the computed one; `None` for a gap, and if the table has no such row.
+fn pair(value: &PublishedValue, table: &Numbers) -> Result<Option<Pair>, ResultError> {
+    let (Some(printed), Some(quantity)) = (value.value, &value.quantity) else { return Ok(None) };
+    let Ok(rows) = rows_at(&table.table, &value.at) else { return Ok(None) };
+    let row = rows[0];
+    let label = value.label.clone();
+    // A table over several starts has quantiles in place of the value.
+    if let Ok(middle) = table.column(&format!("{quantity}_q50")) {
+        let quantile = |share: &str| Ok::<f64, ResultError>(table.column(&format!("{quantity}_{share}"))?[row]);
+        let band = Some((quantile("q05")?, quantile("q95")?));
+        return Ok(Some(Pair { label, printed, computed: middle[row], band }));
+    }
+    let computed = table.column(quantity)?[row];
+    Ok(Some(Pair { label, printed, computed, band: None }))
+}
+
+fn is_same(value: f64, wanted: f64) -> bool {
+    (value - wanted).abs() <= 1e-9 * wanted.abs().max(1.0)
+}
+
+/// A computed table. What it lacks is an error that names it.
+#[derive(Clone, Debug)]
+pub struct Numbers {
+    table: StudyTable,
+    shown: String,
+}
+
+impl Numbers {
+    /// A column of numbers.
+    ///
+    /// # Errors
+    /// The table has no such column.
+    pub fn column(&self, name: &str) -> Result<Vec<f64>, ResultError> {
+        self.table.column(name).ok_or_else(|| self.lacks(name))
+    }
+
+    /// A column of words.
+    ///
+    /// # Errors
+    /// The table has no such column.
+    pub fn words(&self, name: &str) -> Result<Vec<String>, ResultError> {
+        self.table.words(name).ok_or_else(|| self.lacks(name))
+    }
+
+    fn lacks(&self, name: &str) -> ResultError {
+        ResultError::Wrong(format!("{}: its table has no column {name}", self.shown))
+    }
+
+    /// The rows in which every key has its value; at least one.
+    ///
+    /// # Errors
+    /// The table has no such column, or no such row.
+    pub fn rows(&self, keys: &[(&str, f64)]) -> Result<Vec<usize>, ResultError> {
+        let mut rows: Vec<usize> = (0..self.table.rows()).collect();
+        for &(key, value) in keys {
+            let column = self.column(key)?;
+            rows.retain(|&row| is_same(column[row], value));
+        }
+        if rows.is_empty() {
+            return Err(ResultError::Wrong(format!("{}: it has no row with {keys:?}", self.shown)));
+        }
+        Ok(rows)
+    }
+
+    /// The value of `column` in the first row in which every key has its value.
+    ///
+    /// # Errors
+    /// As [`Numbers::rows`].
+    pub fn at(&self, keys: &[(&str, f64)], column: &str) -> Result<f64, ResultError> {
+        Ok(self.column(column)?[self.rows(keys)?[0]])
+    }
+
+    /// The different values of a column, rising.
+    ///
+    /// # Errors
+    /// The table has no such column.
+    pub fn values(&self, column: &str) -> Result<Vec<f64>, ResultError> {
+        let mut values = self.column(column)?;
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        Ok(values)
+    }
+
+    /// The row with the least value of a column.
+    ///
+    /// # Errors
+    /// The table has no such column, or no number in it.
+    pub fn least(&self, column: &str) -> Result<usize, ResultError> {
+        let values = self.column(column)?;
+        let numbers = (0..values.len()).filter(|&row| !values[row].is_nan());
+        let least = numbers.min_by(|&a, &b| values[a].total_cmp(&values[b]));
+        least.ok_or_else(|| ResultError::Wrong(format!("{}: {column} has no numbers", self.shown)))
+    }
+}
+
+/// Least and largest of some numbers.
+#[must_use]
+pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
+/// The middle one of some numbers; the lower of the two middle ones if their number is even.
+#[must_use]
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len().saturating_sub(1) / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// A number without a published one beside it.
+pub(super) fn number(label: impl Into<String>, value: f64, unit: &'static str) -> Number {
+    Number { label: label.into(), value, unit, published: None }
+}
+
+/// A number beside the published one.
+pub(super) fn beside(label: impl Into<String>, value: f64, unit: &'static str, published: f64) -> Number {
+    Number { label: label.into(), value, unit, published: Some(published) }
+}
+
+/// A value with three digits, for sentences.
+pub(super) fn short(value: f64) -> String {
+    if value.abs() < 1e-12 {
+        return "0".into();
+    }
+    let digits = 2 - value.abs().log10().floor() as i32;
+    format!("{value:.*}", digits.clamp(0, 12) as usize)
+}
+
+/// A share in per cent, for sentences.
+pub(super) fn percent(share: f64) -> String {
+    format!("{} %", short(100.0 * share))
+}

@@ -1,0 +1,71 @@
+//! Declares the keys of `items.toml` and `published.toml`.
+
+use crate::input::key::DefaultValue::{Number, Word};
+use crate::input::key::Need::{Default, IfWord, Optional, Required};
+use crate::input::key::Range::{Any, Whole};
+use crate::input::key::{Kind, Quantity, Table, key, number, tables, word};
+
+/// Methods of their own that compute a part.
+pub const METHODS: &[&str] = &["scheme"];
+
+tables! {
+    "All tables of `items.toml` and `published.toml`."
+
+    "The top level of `items.toml`."
+    items("") {
+        ITEM: Required, [key("item", Kind::Tables, "the figures and tables, one after the other")];
+    }
+
+    "A figure or table."
+    item("item") {
+        NAME: Required, [key("name", Kind::Text, "name in commands and of its folder: fig-3-9, table-3-4, eq-5-18")];
+        TITLE: Required, [key("title", Kind::Text, "what it shows")];
+        KIND: Required, [word("kind", &["computed", "virtual_rig", "measured_only"], "computed from a model, measured on the virtual rig, or known only as a measurement")];
+        REASON: IfWord(&KIND, "measured_only", &Required, &Optional), [key("reason", Kind::Text, "why it is of this kind")];
+        READING: IfWord(&KIND, "measured_only", &Optional, &Required), [key("reading", Kind::Text, "how the main parts read the document where it leaves something open")];
+        PART: IfWord(&KIND, "measured_only", &Optional, &Required), [key("part", Kind::Tables, "what is computed, in this order")];
+    }
+
+    "A part of an item."
+    part("item.part") {
+        NAME: Required, [key("name", Kind::Text, "name of its folder")];
+        TITLE: Required, [key("title", Kind::Text, "what it shows")];
+        WHAT: Required, [
+            key("study", Kind::Text, "a study file"),
+            key("cases", Kind::Texts, "case files: their time histories over each other"),
+            key("bifurcation", Kind::Table, "a bifurcation diagram"),
+            key("continuation", Kind::Text, "a continuation file"),
+            key("campaign", Kind::Text, "a campaign file for the virtual rig"),
+            word("method", METHODS, "code of its own"),
+        ];
+    }
+
+    "A bifurcation diagram, with the options of `damprig bifurcation`."
+    bifurcation("item.part.bifurcation") {
+        CASE: Required, [key("case", Kind::Text, "the case file")];
+        AXIS: Required, [key("axis", Kind::Text, "KEY=FROM:TO:COUNT")];
+        DIRECTION: Default(Word("both")), [word("direction", &["both", "up", "down"], "directions of the sweep")];
+        SETTLE: Default(Number(200.0)), [number("settle_cycles", Whole(0.0, 1e6), "cycles at each value before sampling")];
+        CYCLES: Default(Number(60.0)), [number("cycles", Whole(1.0, 1e6), "sampled cycles at each value")];
+        SECTION: Optional, [number("section", Any, "value at which the Poincaré section is drawn too")];
+        SET: Optional, [key("set", Kind::Texts, "KEY=VALUE, in place of values of the case")];
+    }
+
+    "The top level of `published.toml`."
+    published("") {
+        VALUE: Optional, [key("value", Kind::Tables, "the published values")];
+    }
+
+    "A published value."
+    value("value") {
+        ITEM: Required, [key("item", Kind::Text, "the figure or table, by its name in items.toml")];
+        LABEL: Required, [key("label", Kind::Text, "a short label, unique within the item")];
+        ORIGIN: Optional, [word("origin", &["computed", "measured"], "how the document got it")];
+        SOURCE: Optional, [key("source", Kind::Text, "where it is printed")];
+        VALUE: Optional, [number("value", Any, "the value, in the unit of the quantity; left out: a gap")];
+        QUANTITY: Optional, [key("quantity", Kind::Text, "the column of the part's table that it is compared with")];
+        AT: Optional, [key("at", Kind::Table, "the row of that table: columns and their values")];
+        PART: Optional, [key("part", Kind::Text, "the part that it is compared with; default: the first")];
+        NOTE: Optional, [key("note", Kind::Text, "what is to be known about it")];
+    }
+}

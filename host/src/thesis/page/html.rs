@@ -1,0 +1,237 @@
+//! The page: one self-contained file for screen, phone and print.
+
+use std::path::Path;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::{Markup, PreEscaped, html};
+
+use super::markdown::verdict_words;
+use super::{GAP, relative, shown, shown_difference, shown_found, shown_published};
+use crate::report::figures::png_of;
+use crate::report::page::{document_with_images, without_prolog};
+use crate::thesis::catalogue::{Item, ItemKind};
+use crate::thesis::claims::{Judgement, Verdict};
+use crate::thesis::compared::{ComparedItem, Comparison};
+use crate::thesis::published::PublishedValue;
+use crate::thesis::run::command;
+
+/// Bytes of an SVG above which the page has an image of pixels: a map of many points.
+const MOST_SVG: usize = 100_000;
+
+/// Pixels of that image per point: as wide as the page. The file itself, which the caption names, is finer.
+const PIXELS_PER_POINT: f32 = 1.0;
+
+/// Makes the page.
+pub fn page(comparison: &Comparison, out: &Path) -> String {
+    let mut chapters: Vec<String> = comparison.items.iter().map(|compared| compared.item.chapter()).collect();
+    chapters.dedup();
+    let content = html! {
+        header {
+            h1 { "Figures and tables, computed anew" }
+            p.under { (summary(comparison)) }
+        }
+        @if !comparison.judgements.is_empty() { (claims(&comparison.judgements)) }
+        @for chapter in &chapters {
+            section {
+                h2 { "Chapter " (chapter) }
+                @for compared in comparison.items.iter().filter(|compared| compared.item.chapter() == *chapter) {
+                    (item(compared, comparison, out))
+                }
+            }
+        }
+        footer {
+            "Made by " (crate::VERSION_LINE) ". " code { "published.csv" } " and " code { "claims.csv" }
+            " beside this page have all numbers, the folders named after the items all results."
+        }
+    };
+    document_with_images("Figures and tables, computed anew", &content)
+}
+
+fn summary(comparison: &Comparison) -> String {
+    let rows = || comparison.items.iter().flat_map(|compared| &compared.rows);
+    let gaps = rows().filter(|row| row.value.value.is_none()).count();
+    let computed = rows().filter(|row| row.computed.is_ok()).count();
+    format!(
+        "{} items, {} published values, {computed} of them with a computed one beside; {gaps} gaps",
+        comparison.items.len(),
+        rows().count() - gaps,
+    )
+}
+
+fn class(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::Holds => "state good",
+        Verdict::DoesNotHold => "state bad",
+        Verdict::HoldsOnlyIf(_) | Verdict::NotJudged(_) => "state",
+    }
+}
+
+fn claims(judgements: &[Judgement]) -> Markup {
+    html! {
+        section {
+            h2 { "Claims" }
+            div.wide {
+                table {
+                    thead { tr { th.word { "" } th.word { "Claim" } th.word { "Verdict" } } }
+                    tbody {
+                        @for judgement in judgements {
+                            tr {
+                                td.word { a href=(format!("#claim-{}", judgement.number)) { (judgement.number) } }
+                                td.word { (judgement.claim) }
+                                td.word { span class=(class(&judgement.verdict)) { (judgement.verdict.words()) } " " (judgement.verdict.detail()) }
+                            }
+                        }
+                    }
+                }
+            }
+            @for judgement in judgements {
+                article id=(format!("claim-{}", judgement.number)) {
+                    h3 { "Claim " (judgement.number) ": " (judgement.claim) }
+                    p { b { (verdict_words(judgement)) } ". " (judgement.reason) }
+                    @if !judgement.rule.is_empty() { p.under { "Rule: " (judgement.rule) } }
+                    @if !judgement.numbers.is_empty() {
+                        details { summary { (judgement.numbers.len()) " numbers" } (numbers(judgement)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn numbers(judgement: &Judgement) -> Markup {
+    html! {
+        div.wide {
+            table {
+                thead { tr { th.word { "Number" } th { "Computed" } th.word { "Unit" } th { "Published" } } }
+                tbody {
+                    @for number in &judgement.numbers {
+                        tr {
+                            td.word { (number.label) }
+                            td { @if number.value.is_nan() { (GAP) } @else { (shown(number.value)) } }
+                            td.word { (number.unit) }
+                            td { (number.published.map_or_else(|| GAP.into(), shown)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn item(compared: &ComparedItem, comparison: &Comparison, out: &Path) -> Markup {
+    let item = compared.item;
+    let is_computed = compared.parts.iter().any(|(_, figures)| !figures.is_empty())
+        || compared.rows.iter().any(|row| row.computed.is_ok());
+    html! {
+        article id=(item.name) {
+            h3 { (item.label()) ": " (item.title) }
+            p.under { (item.kind.words()) @if let Some(reason) = &item.reason { ": " (reason) } }
+            @if let Some(reading) = &item.reading { p { "Reading: " (reading) } }
+            @if !is_computed && item.kind != ItemKind::MeasuredOnly {
+                p.note { "Not computed yet: " code { "damprig thesis " (item.name) } }
+            }
+            @for (part, figures) in compared.parts.iter().filter(|(part, _)| !part.is_other_reading) {
+                @for (place, file) in figures.iter().enumerate() {
+                    (figure(file, if place == 0 { part.title.as_str() } else { "" }, out))
+                }
+            }
+            @if !compared.rows.is_empty() { (values(compared)) }
+            @if compared.parts.iter().any(|(part, figures)| part.is_other_reading && !figures.is_empty()) {
+                details {
+                    summary { "Figures of the other readings" }
+                    @for (part, figures) in compared.parts.iter().filter(|(part, _)| part.is_other_reading) {
+                        @for (place, file) in figures.iter().enumerate() {
+                            (figure(file, if place == 0 { part.title.as_str() } else { "" }, out))
+                        }
+                    }
+                }
+            }
+            @if item.kind != ItemKind::MeasuredOnly { (commands(item, comparison)) }
+        }
+    }
+}
+
+fn figure(file: &Path, caption: &str, out: &Path) -> Markup {
+    let name = relative(file, out);
+    let svg = std::fs::read_to_string(file);
+    let caption = html! { figcaption { @if !caption.is_empty() { (caption) ". " } a href=(name) { code { (name) } } } };
+    let svg = match svg {
+        Ok(svg) => svg,
+        Err(error) => return html! { p.note.bad { (name) ": " (error) } },
+    };
+    if svg.len() <= MOST_SVG {
+        // The drawing escapes its own text.
+        return html! { figure { (PreEscaped(without_prolog(&svg))) (caption) } };
+    }
+    match png_of(&svg, PIXELS_PER_POINT) {
+        Ok(png) => html! {
+            figure.picture {
+                img alt=(name) src=(format!("data:image/png;base64,{}", STANDARD.encode(png)));
+                (caption)
+            }
+        },
+        Err(error) => html! { p.note.bad { (name) ": " (error) } },
+    }
+}
+
+fn values(compared: &ComparedItem) -> Markup {
+    let readings = compared.readings();
+    html! {
+        div.wide {
+            table {
+                thead {
+                    tr {
+                        th.word { "Value" } th.word { "Source" } th.word { "Origin" } th { "Published" } th { "Computed" } th { "Difference" }
+                        @for part in &readings { th { small { "other reading" } (part.title) } }
+                    }
+                }
+                tbody {
+                    @for row in &compared.rows {
+                        tr {
+                            td.word { (row.value.label) @if let Some(note) = &row.value.note { br; small { (note) } } }
+                            td.word { (row.value.source) }
+                            td.word { (origin(row.value)) }
+                            td { (shown_published(row.value)) }
+                            td title=[row.computed.as_ref().err().map(ToString::to_string)] { (shown_found(&row.computed)) }
+                            td { (shown_difference(row)) }
+                            @for part in &readings {
+                                @match row.others.iter().find(|(other, _)| other.name == part.name) {
+                                    Some((_, found)) => td { (shown_found(found)) },
+                                    None => td { (GAP) },
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn origin(value: &PublishedValue) -> String {
+    let filled = if value.is_filled { ", filled in" } else { "" };
+    format!("{}{filled}", value.origin.name())
+}
+
+fn commands(item: &Item, comparison: &Comparison) -> Markup {
+    html! {
+        details {
+            summary { "Commands and parts" }
+            p { code { "damprig thesis " (item.name) } ", or part by part in the folder of this page:" }
+            div.wide {
+                table {
+                    tbody {
+                        @for part in &item.parts {
+                            tr {
+                                td.word { (part.title) @if part.is_other_reading { " (other reading)" } }
+                                td.word { code { (command(part, comparison.files)) } }
+                                td.word { a href=(format!("{}/{}/", item.name, part.name)) { "results" } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! The values that the source document prints, from `published.toml`. A value that is missing is a gap, which a user can fill with a
+//! file of the same format.
+
+use std::path::Path;
+
+use super::catalogue::{Catalogue, Item, Part};
+use super::keys::{published as root_keys, value as keys};
+use crate::input::section::{FreeKey, Number};
+use crate::input::{Refusal, Section, Source, Span, near};
+
+/// Name of the file with the published values.
+pub const PUBLISHED: &str = "published.toml";
+
+/// How the source document got a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Computed.
+    Computed,
+    /// Measured.
+    Measured,
+}
+
+impl Origin {
+    const ALL: [Self; 2] = [Self::Computed, Self::Measured];
+
+    /// As files write it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Computed => "computed",
+            Self::Measured => "measured",
+        }
+    }
+}
+
+/// A published value, or the gap where one could be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PublishedValue {
+    /// Name of the item.
+    pub item: String,
+    /// Short label, unique within the item.
+    pub label: String,
+    /// How the document got it.
+    pub origin: Origin,
+    /// Where it is printed.
+    pub source: String,
+    /// The value, in the unit of the quantity; `None` for a gap.
+    pub value: Option<f64>,
+    /// Whether a user's file filled it.
+    pub is_filled: bool,
+    /// The column that it is compared with, if there is one.
+    pub quantity: Option<String>,
+    /// The row: columns and their values.
+    pub at: Vec<FreeKey>,
+    /// Name of the part that it is compared with; the first part without one.
+    pub part: Option<String>,
+    /// What is to be known about it.
+    pub note: Option<String>,
+}
+
+/// All published values.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Published {
+    /// In the order of the file.
+    pub values: Vec<PublishedValue>,
+}
+
+impl Published {
+    /// Reads `published.toml` in the catalogue's folder.
+    ///
+    /// # Errors
+    /// Lists all problems of the file, an unknown item or part among them.
+    pub fn read(catalogue: &Catalogue) -> Result<Self, Refusal> {
+        let source = Source::read(&catalogue.folder.join(PUBLISHED))?;
+        let mut values: Vec<PublishedValue> = Vec::new();
+        each(&source, |s| {
+            let Some(value) = shipped(s, catalogue) else { return };
+            if values.iter().any(|other| other.item == value.item && other.label == value.label) {
+                s.reject("label", "another value of this item has this label", None);
+            }
+            values.push(value);
+        });
+        source.verdict()?;
+        Ok(Self { values })
+    }
+
+    /// Fills gaps with the values of a user's file. Of each value it needs item, label and value; origin, quantity and row stay those
+    /// of the gap.
+    ///
+    /// # Errors
+    /// Lists all problems of the file: an unknown item or label, a value that the document prints otherwise.
+    pub fn fill(&mut self, file: &Path) -> Result<(), Refusal> {
+        let source = Source::read(file)?;
+        each(&source, |s| {
+            if let Some((place, value)) = filling(s, &self.values) {
+                let gap = &mut self.values[place];
+                (gap.value, gap.is_filled) = (Some(value), true);
+            }
+        });
+        source.verdict()
+    }
+
+    /// The values of an item.
+    pub fn of<'a>(&'a self, item: &'a str) -> impl Iterator<Item = &'a PublishedValue> {
+        self.values.iter().filter(move |value| value.item == item)
+    }
+
+    /// The value with this label; `None` for a gap, or without such a label.
+    #[must_use]
+    pub fn value(&self, item: &str, label: &str) -> Option<f64> {
+        self.of(item).find(|value| value.label == label)?.value
+    }
+}
+
+fn each(source: &Source, mut read: impl FnMut(&Section)) {
+    source.read_toml(source.text(), "this is not TOML", |root| {
+        root.tables_of(&root_keys::VALUE).iter().for_each(&mut read);
+        Some(())
+    });
+}
+
+/// What a value says of itself.
+struct Written {
+    item: String,
+    item_span: Span,
+    label: String,
+    label_span: Span,
+    value: Option<Number>,
+}
+
+fn written(s: &Section) -> Option<Written> {
+    let (item, label) = (s.text_of(&keys::ITEM), s.text_of(&keys::LABEL));
+    let value = s.placed(&keys::VALUE);
+    let (item, label) = (item?, label?);
+    Some(Written { item: item.value, item_span: item.span, label: label.value, label_span: label.span, value })
+}
+
+/// A value of the shipped file.
+fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedValue> {
+    let written = written(s);
+    let (origin, from) = (s.word(&keys::ORIGIN), s.text_of(&keys::SOURCE));
+    let quantity = s.text_of(&keys::QUANTITY);
+    let at = s.table_of(&keys::AT, None).map(|at| at.free_keys());
+    let (part, note) = (s.text_of(&keys::PART), s.text_of(&keys::NOTE));
+    s.finish();
+    let written = written?;
+    let Some(item) = catalogue.items.iter().find(|item| item.name == written.item) else {
+        let names = catalogue.items.iter().map(|item| item.name.as_str());
+        refuse_name(s, "item", (&written.item, &written.item_span), names, "must be the name of an item");
+        return None;
+    };
+    if let Some(part) = &part
+        && item.part(&part.value).is_none()
+    {
+        let names = item.parts.iter().map(|part| part.name.as_str());
+        refuse_name(s, "part", (&part.value, &part.span), names, "must be the name of a part of the item");
+        return None;
+    }
+    let (Some(origin), Some(from)) = (origin, from) else {
+        s.reject("item", "`origin` and `source` say how the document got its value and where", None);
+        return None;
+    };
+    Some(PublishedValue {
+        item: written.item,
+        label: written.label,
+        origin: Origin::ALL[origin],
+        source: from.value,
+        value: written.value.map(|number| number.value),
+        is_filled: false,
+        quantity: quantity.map(|text| text.value),
+        at: at.unwrap_or_default(),
+        part: part.map(|text| text.value),
+        note: note.map(|text| text.value),
+    })
+}
+
+/// A value of a user's file: the gap that it fills.
+fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
+    let written = written(s);
+    // A copy of the shipped file may state these.
+    let (_, _, _, _) =
+        (s.word(&keys::ORIGIN), s.text_of(&keys::SOURCE), s.text_of(&keys::QUANTITY), s.text_of(&keys::PART));
+    let _ = s.text_of(&keys::NOTE);
+    let _ = s.table_of(&keys::AT, None);
+    s.finish();
+    let written = written?;
+    let of_item = || values.iter().filter(|value| value.item == written.item);
+    if of_item().next().is_none() {
+        let mut names: Vec<&str> = values.iter().map(|value| value.item.as_str()).collect();
+        names.dedup();
+        refuse_name(s, "item", (&written.item, &written.item_span), names, "has no published values");
+        return None;
+    }
+    let place = values.iter().position(|value| value.item == written.item && value.label == written.label);
+    let Some(place) = place else {
+        let names = of_item().map(|value| value.label.as_str());
+        refuse_name(s, "label", (&written.label, &written.label_span), names, "is not a label of this item");
+        return None;
+    };
+    let number = written.value?;
+    match values[place].value {
+        Some(there) if !values[place].is_filled && there != number.value => {
+            let help = Some("leave it out: only values that are missing can be filled in".into());
+            s.refuse("value", &number.span, format!("the document prints {there}"), help);
+            None
+        }
+        Some(there) if there == number.value => None,
+        _ => Some((place, number.value)),
+    }
+}
+
+fn refuse_name<'n>(
+    s: &Section,
+    key: &str,
+    (name, span): (&str, &Span),
+    names: impl IntoIterator<Item = &'n str>,
+    allowed: &str,
+) {
+    let help = near(name, names).first().map(|near| format!("did you mean {near:?}?"));
+    s.refuse(key, span, allowed, help);
+}
+
+/// The part that a value is compared with; `None` for an item without parts.
+#[must_use]
+pub fn compared_part<'a>(item: &'a Item, value: &PublishedValue) -> Option<&'a Part> {
+    match &value.part {
+        Some(name) => item.part(name),
+        None => item.parts.first(),
+    }
+}
