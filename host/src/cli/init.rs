@@ -1,4 +1,4 @@
-//! `damprig init`: writes a new campaign or case with comments, from flags or from a few questions.
+//! `damprig init`: writes a new campaign, case or study with comments, from flags or from a few questions.
 
 use std::io::{BufRead, IsTerminal, Write, stdin};
 use std::path::{Path, PathBuf};
@@ -11,23 +11,34 @@ use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use crate::campaign::Campaign;
 use crate::file_keys::new_file::{self, Damper, Excitation, RecordFile, Values};
+use crate::file_keys::new_study;
 use crate::input::Source;
 use crate::report::exports::atomic_file::{EXISTS, OutFile, to_failure, write_new};
 use crate::simulation::Case;
+use crate::study::Study;
+use crate::study::bifurcation::SweepAxis;
 
-/// Writes a new campaign or case: a commented file to edit.
+/// Writes a new campaign, case or study: a commented file to edit.
 ///
 /// Without options, on a terminal, it asks. Values that are not given are those of the rig of the source document.
 #[derive(Debug, ClapArgs)]
 #[command(after_help = AFTER_HELP)]
 pub struct Args {
-    /// File to write [default: campaign.toml or case.toml]
+    /// File to write [default: campaign.toml, case.toml or study.toml]
     #[arg(value_name = "FILE")]
     file: Option<PathBuf>,
 
     /// Write a case for damprig simulate instead of a campaign
     #[arg(long)]
     case: bool,
+
+    /// Write a study of this case, for damprig study run
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["case", "damper", "experiment", "record", "ValueArgs"])]
+    study: Option<PathBuf>,
+
+    /// An axis of the study, may be repeated [default: what the case's damper is designed by]
+    #[arg(long, value_name = "KEY=FROM:TO:COUNT", requires = "study")]
+    axis: Vec<SweepAxis>,
 
     /// Dampers, a set-up each; a case has one [default: bare,spid; of a case: spid]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -64,6 +75,7 @@ Examples:
   damprig init --case --damper tmd --natural-frequency-hz 4
   damprig init soft.toml --damper bare,hybrid --wall pu-foam --friction-spring --experiment noise
   damprig init quake.toml --record quake.AT2
+  damprig init --study case.toml --axis particle.clearance_ratio=4:24:41
   damprig run my.toml --dry-run
 
 A campaign drives set-ups that only viscous damping limits with a smaller Z than --base-amplitude-m where they
@@ -226,6 +238,9 @@ struct Wanted {
 /// # Errors
 /// The file exists or cannot be written; values that a campaign or a case may not have.
 pub fn run(args: &Args) -> Outcome {
+    if let Some(case) = &args.study {
+        return study_of(case, args);
+    }
     let is_asked = stdin().is_terminal()
         && !args.case
         && args.damper.is_empty()
@@ -245,11 +260,7 @@ pub fn run(args: &Args) -> Outcome {
     refuse_existing(&path, args.force)?;
     let text = text_of(&wanted, &name_of(&path))?;
     check(&wanted, &path, &text)?;
-    let failed = to_failure(&path);
-    write_new(&OutFile { path: path.clone(), force: args.force }, |file| {
-        file.write_all(text.as_bytes()).map_err(|e| failed(&e))
-    })
-    .map_err(Failure::failed)?;
+    write(&path, &text, args.force)?;
     let shown = path.display();
     if wanted.is_case {
         say!("Written to {shown}. Next: damprig simulate {shown}");
@@ -257,6 +268,29 @@ pub fn run(args: &Args) -> Outcome {
         say!("Written to {shown}. Next: damprig run {shown} --dry-run");
     }
     Ok(())
+}
+
+/// Writes a study of a case.
+fn study_of(case_path: &Path, args: &Args) -> Outcome {
+    let path = args.file.clone().unwrap_or_else(|| "study.toml".into());
+    refuse_existing(&path, args.force)?;
+    let case = Case::read(case_path).map_err(Failure::input)?;
+    let named = beside_or_whole("--study", case_path, &path)?;
+    let axes = if args.axis.is_empty() { new_study::usual_axes(&case) } else { args.axis.clone() };
+    let text = new_study::study(&name_of(&path), &named, &case, &axes);
+    let source = Source::new(path.with_file_name("new file").display().to_string(), text.as_str());
+    Study::parse(&source, &path, None)
+        .map_err(|refusal| Failure::Input(format!("{refusal}\n  nothing was written")))?;
+    write(&path, &text, args.force)?;
+    let shown = path.display();
+    say!("Written to {shown}. Next: damprig study run {shown} --dry-run");
+    Ok(())
+}
+
+fn write(path: &Path, text: &str, force: bool) -> Outcome {
+    let failed = to_failure(path);
+    let out = OutFile { path: path.into(), force };
+    write_new(&out, |file| file.write_all(text.as_bytes()).map_err(|e| failed(&e))).map_err(Failure::failed)
 }
 
 fn refuse_existing(path: &Path, force: bool) -> Outcome {
@@ -279,17 +313,22 @@ fn from(args: &Args) -> Wanted {
     Wanted { is_case: args.case, dampers, experiments, has_record, values }
 }
 
-/// The record as a file at `path` names it: as it was typed if both are in the same folder, else by its whole path.
+/// The record as a file at `path` names it.
 fn record_of(args: &Args, record: &Path, path: &Path) -> Result<RecordFile, Failure> {
-    let whole =
-        record.canonicalize().map_err(|error| Failure::Input(format!("--record {}: {error}", record.display())))?;
-    let is_beside = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
-    let file = if is_beside { record } else { &whole };
-    let file = file.to_str().ok_or_else(|| {
-        Failure::Input(format!("--record {}: its path is not UTF-8\n  give it another name", file.display()))
-    })?;
     let (quantity, unit) = (args.record_quantity.clone(), args.record_unit.clone());
-    Ok(RecordFile { file: file.to_string(), quantity, unit })
+    Ok(RecordFile { file: beside_or_whole("--record", record, path)?, quantity, unit })
+}
+
+/// A file as another at `path` names it: as it was typed if both are in the same folder, else by its whole path.
+fn beside_or_whole(option: &str, named: &Path, path: &Path) -> Result<String, Failure> {
+    let whole =
+        named.canonicalize().map_err(|error| Failure::Input(format!("{option} {}: {error}", named.display())))?;
+    let is_beside = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    let file = if is_beside { named } else { &whole };
+    let text = file.to_str().map(str::to_string);
+    text.ok_or_else(|| {
+        Failure::Input(format!("{option} {}: its path is not UTF-8\n  give it another name", file.display()))
+    })
 }
 
 /// A name that a campaign may have, from the file's.

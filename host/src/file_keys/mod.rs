@@ -2,6 +2,7 @@
 //! reference ([`mod@reference`]) and as a new file with comments ([`new_file`]).
 
 pub mod new_file;
+pub mod new_study;
 pub mod reference;
 pub mod schema;
 

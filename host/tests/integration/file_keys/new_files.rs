@@ -7,6 +7,7 @@ use damprig::file_keys::new_file::{self, Damper, Excitation, Values};
 use damprig::input::Source;
 use damprig::simulation::Case;
 use damprig_core::model::Material;
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use tempfile::TempDir;
 
@@ -220,4 +221,43 @@ fn on_a_terminal_it_asks_and_takes_the_defaults_in_brackets() {
     let Some(said) = answered(&folder, "case\nhybrid\nfree-vibration\n\n\n\n\n") else { return };
     assert!(said.contains("Next: damprig simulate case.toml"), "{said}");
     assert!(Case::read(&folder.path().join("case.toml")).unwrap().set_up.friction_damper.is_some());
+}
+
+#[test]
+fn a_new_study_of_every_new_and_shipped_case_is_accepted() {
+    let folder = TempDir::new().unwrap();
+    for damper in Damper::ALL {
+        for excitation in Excitation::ALL {
+            let text = new_file::case("new", damper, excitation, &Values::default());
+            std::fs::write(folder.path().join("case.toml"), text).unwrap();
+            let arguments = ["init", "--force", "--study", "case.toml"];
+            damprig(&folder).args(arguments).assert().success().stdout(contains("damprig study run study.toml"));
+        }
+    }
+    let cases = concat!(env!("CARGO_MANIFEST_DIR"), "/cases");
+    for case in std::fs::read_dir(cases).unwrap().map(|entry| entry.unwrap().path()) {
+        if case.extension().is_some_and(|extension| extension == "toml") {
+            damprig(&folder).args(["init", "--force", "--study"]).arg(&case).assert().success();
+            damprig(&folder).args(["study", "run", "study.toml", "--dry-run"]).assert().success();
+        }
+    }
+}
+
+#[test]
+fn a_study_that_could_not_run_is_not_written() {
+    let folder = folder_with(&new_file::case("new", Damper::Spid, Excitation::SteppedSine, &Values::default()));
+    let init = |more: &[&str]| damprig(&folder).args(["init", "--study", "test.toml"]).args(more).assert().code(2);
+    init(&["--axis", "particle.clearence_ratio=4:24:5"])
+        .stderr(contains("clearance_ratio").and(contains("nothing was written")));
+    init(&["--axis", "particle.clearance_ratio=4"]).stderr(contains("KEY=FROM:TO:COUNT"));
+    init(&["--damper", "spid"]).stderr(contains("cannot be used with"));
+    assert!(!folder.path().join("study.toml").exists());
+    let axis = ["init", "--study", "test.toml", "--axis", "particle.wall.coefficient=0.2:0.8:4"];
+    damprig(&folder).args(axis).assert().success();
+    let text = std::fs::read_to_string(folder.path().join("study.toml")).unwrap();
+    assert!(
+        text.contains("key = \"particle.wall.coefficient\"") && !text.contains("key = \"particle.clearance_ratio\""),
+        "{text}"
+    );
+    damprig(&folder).args(["init", "--study", "test.toml"]).assert().code(2).stderr(contains("study.toml"));
 }
