@@ -116,7 +116,7 @@ def test_a_wrong_dict_is_refused_as_its_file_is(folder):
     study = tomllib.loads(STUDY)
     with pytest.raises(damprig.InputError, match="must be of x_over_z"):
         damprig.study({**study, "metrics": ["x_over"]})
-    with pytest.raises(damprig.InputError, match="restitution"):
+    with pytest.raises(damprig.InputError, match="particle.wall.coefficient"):
         wall = {"kind": "restitution", "coefficient": 2}
         case = tomllib.loads(CASE)
         damprig.study({**study, "case": {**case, "particle": {**case["particle"], "wall": wall}}})
