@@ -73,11 +73,11 @@ fn claims(judgements: &[Judgement]) -> Markup {
             h2 { "Claims" }
             div.wide {
                 table {
-                    thead { tr { th.word { "" } th.word { "Claim" } th.word { "Verdict" } } }
+                    thead { tr { th { "" } th.word { "Claim" } th.word { "Verdict" } } }
                     tbody {
                         @for judgement in judgements {
                             tr {
-                                td.word { a href=(format!("#claim-{}", judgement.number)) { (judgement.number) } }
+                                td { a href=(format!("#claim-{}", judgement.number)) { (judgement.number) } }
                                 td.word { (judgement.claim) }
                                 td.word { span class=(class(&judgement.verdict)) { (judgement.verdict.words()) } " " (judgement.verdict.detail()) }
                             }
@@ -140,9 +140,11 @@ fn item(compared: &ComparedItem, comparison: &Comparison, out: &Path) -> Markup 
             @if compared.parts.iter().any(|(part, figures)| part.is_other_reading && !figures.is_empty()) {
                 details {
                     summary { "Figures of the other readings" }
-                    @for (part, figures) in compared.parts.iter().filter(|(part, _)| part.is_other_reading) {
-                        @for (place, file) in figures.iter().enumerate() {
-                            (figure(file, if place == 0 { part.title.as_str() } else { "" }, out))
+                    ul {
+                        @for (part, figures) in compared.parts.iter().filter(|(part, _)| part.is_other_reading) {
+                            @for file in figures {
+                                li { (part.title) ": " a href=(relative(file, out)) { code { (relative(file, out)) } } }
+                            }
                         }
                     }
                 }
