@@ -107,6 +107,15 @@ impl<'t> Writer<'t> {
     fn number(&mut self, path: &str, key: &str) -> f64 {
         let (low, high) = match (key, Unit::of(key).map_or("", |unit| unit.symbol)) {
             ("seed", _) => return f64::from(self.rng.u8(..)),
+            // Spheres that fit into their box.
+            ("count", _) => return f64::from(self.rng.u8(1..5)),
+            ("diameter_m", _) => (4e-3, 6e-3),
+            ("restitution", _) => (0.2, 0.9),
+            ("contact_time_s", _) => (5e-4, 2e-3),
+            ("steps_per_contact", _) => (20.0, 30.0),
+            ("width_m" | "height_m", _) => (0.05, 0.1),
+            ("length_m", _) => (0.1, 0.2),
+            ("stiffness_n_per_m", _) if path == "many_particles" => (1e5, 1e6),
             ("from_hz", _) => (0.1, 1.0),
             ("to_hz", _) => (5.0, 10.0),
             ("duration_s", _) if path == "base.noise" => (4.0, 8.0),
