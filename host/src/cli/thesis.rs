@@ -109,7 +109,7 @@ pub fn run(args: &Args) -> Outcome {
         &published,
         &results,
         &all,
-        claims::judge_all(&Evidence { results: &results, published: &published }),
+        claims::judge_all(&Evidence { catalogue: &catalogue, results: &results, published: &published }),
         &files,
     );
     page::write(&whole, &args.out).map_err(Failure::failed)?;

@@ -101,7 +101,8 @@ const POINTS_PER_QUESTION: u64 = 256;
 #[must_use]
 pub fn rows_together(study: &Study) -> u64 {
     // Spheres are slow, and no lanes compute them.
-    if study.metrics.contains(&Metric::CollectiveMotion) || study.metrics.contains(&Metric::LossFactor) {
+    let first = study.case_with(&study.points.values(&study.axes, 0, 0));
+    if first.is_ok_and(|case| case.many_particles.is_some()) {
         return 1;
     }
     TOGETHER.div_ceil(study.simulations_per_row().max(1))

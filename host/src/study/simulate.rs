@@ -1,8 +1,8 @@
 //! Simulates cases and gives their metrics: many at once in vector lanes where the case allows it, one by one otherwise.
 
-use damprig_batch::Point;
+use damprig_batch::{Point, Stop};
 use damprig_core::integrator::exact::response::{Response, Wanted};
-use damprig_core::integrator::exact::{Exact, Excitation, Observer};
+use damprig_core::integrator::exact::{Exact, Excitation};
 use damprig_core::model::Wall;
 use damprig_particles::Damper;
 
@@ -39,29 +39,6 @@ impl Halt {
             Err(Self::Stopped) => Ok(None),
             Err(Self::Refused(refusal)) => Err(refusal),
         }
-    }
-}
-
-/// Arcs between two questions whether to go on: about a millisecond.
-const ARCS_PER_QUESTION: u32 = 1_024;
-
-/// Ends a run when it is not to go on.
-struct Stop<'a> {
-    go_on: GoOn<'a>,
-    arcs: u32,
-    is_stopped: bool,
-}
-
-impl Observer for Stop<'_> {
-    const ARCS: bool = false;
-
-    fn goes_on(&mut self, _: f64) -> bool {
-        self.arcs += 1;
-        if self.arcs >= ARCS_PER_QUESTION {
-            self.arcs = 0;
-            self.is_stopped |= !(self.go_on)();
-        }
-        !self.is_stopped
     }
 }
 
@@ -213,7 +190,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Metric], go_on: GoOn)
     let counted = Counted::of(case, record);
     let mut motion = Exact::new(&case.set_up, &case.excitation, &case.initial).map_err(invalid)?;
     let from_s = counted.first_cycle * counted.cycle_s;
-    let mut stop = Stop { go_on, arcs: 0, is_stopped: false };
+    let mut stop = Stop::unless(go_on);
     motion.run(from_s, &mut stop);
     let first_cycle = counted.first_cycle as u64;
     let wanted = Wanted {
@@ -224,7 +201,7 @@ fn figures(case: &Case, record: Option<Record>, metrics: &[Metric], go_on: GoOn)
     let mut response = Response::new(wanted);
     response.skip_to(first_cycle);
     motion.run(counted.end_s, &mut (&mut response, &mut stop));
-    if stop.is_stopped {
+    if stop.is_stopped() {
         return Err(Halt::Stopped);
     }
     response.finish(motion.time_s());
@@ -299,9 +276,9 @@ fn figures_on_record(case: &Case, go_on: GoOn) -> Result<(Figures, f64), Halt> {
 fn periodicity(case: &Case, record: Option<Record>, go_on: GoOn) -> Result<Periodicity, Halt> {
     let mut case = case.clone();
     case.run.duration_s = Counted::of(&case, record).end_s;
-    let mut stop = Stop { go_on, arcs: 0, is_stopped: false };
+    let mut stop = Stop::unless(go_on);
     let periodicity = Periodicity::of(&case, &mut stop);
-    if stop.is_stopped { Err(Halt::Stopped) } else { Ok(periodicity) }
+    if stop.is_stopped() { Err(Halt::Stopped) } else { Ok(periodicity) }
 }
 
 #[cfg(test)]

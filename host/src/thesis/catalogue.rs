@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::keys::{METHODS, bifurcation as sweep_keys, item as item_keys, items as items_keys, part as part_keys};
-use crate::input::section::{Given, Text};
+use crate::input::section::{FreeKey, FreeValue, Given, Text};
 use crate::input::{Problem, Refusal, Section, Source, listed, near};
 use crate::study::bifurcation::SweepAxis;
 
@@ -80,8 +80,24 @@ pub struct Part {
     pub title: String,
     /// Another reading of the document, which shows how the result moves; `--quick` leaves it out.
     pub is_other_reading: bool,
+    /// Rows of its table that stand for printed ones: `KEY.PRINTED` and the key's value here.
+    pub read_as: Vec<FreeKey>,
     /// What computes it.
     pub work: Work,
+}
+
+impl Part {
+    /// The row of this part's table that stands for a printed row.
+    #[must_use]
+    pub fn row_for(&self, printed: &[FreeKey]) -> Vec<FreeKey> {
+        let read = |key: &FreeKey| {
+            let FreeValue::Number(number) = key.value else { return key.clone() };
+            let place = format!("{}.{number}", key.key);
+            let read = self.read_as.iter().find(|read| read.key == place);
+            FreeKey { value: read.map_or(&key.value, |read| &read.value).clone(), ..key.clone() }
+        };
+        printed.iter().map(read).collect()
+    }
 }
 
 /// What computes a part. Paths are relative to the catalogue's folder.
@@ -295,8 +311,9 @@ fn read_part(s: &Section, folder: &Path) -> Option<Part> {
             _ => None,
         }
     });
+    let read_as = s.table_of(&part_keys::READ_AS, None).map(|table| table.free_keys()).unwrap_or_default();
     s.finish();
-    Some(Part { name: name?, title: title?.value, is_other_reading, work: work? })
+    Some(Part { name: name?, title: title?.value, is_other_reading, read_as, work: work? })
 }
 
 fn read_bifurcation(s: &Section, folder: &Path) -> Option<Bifurcation> {

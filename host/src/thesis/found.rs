@@ -35,7 +35,7 @@ pub fn find(
     let Some(quantity) = &value.quantity else {
         return Err(ResultError::Wrong("it is compared with nothing".into()));
     };
-    let (name, at) = (part.name.as_str(), &value.at[..]);
+    let (name, at) = (part.name.as_str(), &part.row_for(&value.at)[..]);
     match &part.work {
         Work::Study(file) => {
             let table = results.study(&item.name, name)?;
@@ -104,10 +104,7 @@ fn only_row(table: &StudyTable, at: &[FreeKey]) -> Result<usize, ResultError> {
 }
 
 /// The rows where all columns have these values, at least one.
-///
-/// # Errors
-/// No such column, or no such row; says which there are.
-pub fn rows_at(table: &StudyTable, at: &[FreeKey]) -> Result<Vec<usize>, ResultError> {
+fn rows_at(table: &StudyTable, at: &[FreeKey]) -> Result<Vec<usize>, ResultError> {
     let mut rows: Vec<usize> = (0..table.rows()).collect();
     for FreeKey { key, value, .. } in at {
         let is_there: Option<Vec<bool>> = match value {

@@ -38,6 +38,9 @@ tables! {
             key("campaign", Kind::Text, "a campaign file for the virtual rig"),
             word("method", METHODS, "code of its own"),
         ];
+        READ_AS: Optional, [
+            key("read_as", Kind::Table, "rows of its table that stand for printed ones: { KEY = { PRINTED = VALUE } }"),
+        ];
     }
 
     "A bifurcation diagram, with the options of `damprig bifurcation`."

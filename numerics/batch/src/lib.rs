@@ -64,10 +64,12 @@
 mod engine;
 mod motion;
 mod point;
+mod stop;
 mod study;
 mod table;
 mod tops;
 mod vector;
 
 pub use point::{Outcome, Point};
+pub use stop::Stop;
 pub use study::{InstructionSet, InvalidPoint, simulate, simulate_on, simulate_while};

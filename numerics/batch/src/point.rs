@@ -7,6 +7,8 @@ use damprig_core::integrator::exact::{Exact, Excitation, Observer};
 use damprig_core::io::{Invalid, require};
 use damprig_core::model::{Initial, SetUp};
 
+use crate::stop::Stop;
+
 /// A parameter point: a set-up under an excitation, from a starting state, over a whole number of cycles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
@@ -87,9 +89,9 @@ impl Point {
 
     /// The same of a point that is valid; `None` if `go_on` says no.
     pub(crate) fn while_going_on(&self, go_on: &dyn Fn() -> bool) -> Option<Outcome> {
-        let mut stop = Stop { go_on, arcs: 0, is_stopped: false };
+        let mut stop = Stop::unless(go_on);
         let outcome = self.run(self.motion().ok()?, &mut stop);
-        (!stop.is_stopped).then_some(outcome)
+        (!stop.is_stopped()).then_some(outcome)
     }
 
     fn run(&self, mut motion: Exact, watch: &mut impl Observer) -> Outcome {
@@ -115,28 +117,5 @@ impl Point {
             exact_steps: 1,
             unresolved: motion.unresolved(),
         }
-    }
-}
-
-/// Arcs between two questions whether to go on: about a millisecond.
-const ARCS_PER_QUESTION: u32 = 1_024;
-
-/// Ends a run when it is not to go on.
-struct Stop<'a> {
-    go_on: &'a dyn Fn() -> bool,
-    arcs: u32,
-    is_stopped: bool,
-}
-
-impl Observer for Stop<'_> {
-    const ARCS: bool = false;
-
-    fn goes_on(&mut self, _: f64) -> bool {
-        self.arcs += 1;
-        if self.arcs >= ARCS_PER_QUESTION {
-            self.arcs = 0;
-            self.is_stopped |= !(self.go_on)();
-        }
-        !self.is_stopped
     }
 }

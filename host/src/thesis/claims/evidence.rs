@@ -1,10 +1,11 @@
 //! What a judge looks at: tables of computed parts, and the published values.
 
-use super::super::found::rows_at;
-use super::super::published::{Origin, Published, PublishedValue};
-use super::super::results::{ResultError, Results};
 use super::Number;
 use crate::study::table::StudyTable;
+use crate::thesis::catalogue::Catalogue;
+use crate::thesis::found::find;
+use crate::thesis::published::{Origin, Published, PublishedValue};
+use crate::thesis::results::{ResultError, Results};
 
 /// A published value counts as reproduced within this share of it. The document prints two or three digits, and the error of its
 /// scheme (its step is not stated) is not known.
@@ -16,6 +17,8 @@ pub const NOTABLE: f64 = 0.01;
 /// What a judge looks at.
 #[derive(Clone, Copy, Debug)]
 pub struct Evidence<'a> {
+    /// Items and parts.
+    pub catalogue: &'a Catalogue,
     /// What was computed.
     pub results: &'a Results,
     /// What is printed.
@@ -68,36 +71,37 @@ impl Evidence<'_> {
         self.published.value(item, label).ok_or_else(missing)
     }
 
-    /// The values that the document computed for an item, beside those of a part's table, as far as it has their rows.
+    /// The values that the document computed for an item, beside those of a part, as far as it has their rows.
     ///
     /// # Errors
-    /// As [`Evidence::study`]; a column that the table lacks; no row of any value.
+    /// No such item or part; a part that has not been computed; no row of any value.
     pub fn pairs(&self, item: &str, part: &str) -> Result<Vec<Pair>, ResultError> {
-        let table = self.study(item, part)?;
-        let values = self.published.of(item).filter(|value| value.origin == Origin::Computed);
-        let pair = |value: &PublishedValue| pair(value, &table).transpose();
-        let pairs: Vec<Pair> = values.filter_map(pair).collect::<Result<_, _>>()?;
+        let item = self.catalogue.find(item).map_err(|refusal| ResultError::Wrong(refusal.0))?;
+        let shown = format!("{}/{part}", item.name);
+        let part = item.part(part).ok_or_else(|| ResultError::Wrong(format!("there is no part {shown}")))?;
+        let mut pairs = Vec::new();
+        for value in self.published.of(&item.name).filter(|value| value.origin == Origin::Computed) {
+            let Some(printed) = value.value else { continue };
+            let found = |value: &PublishedValue| find(self.catalogue, self.results, item, part, value);
+            match found(value) {
+                Ok(computed) => {
+                    // A table over several starts has quantiles.
+                    let quantile = |share: &str| {
+                        let quantity = value.quantity.as_ref().map(|quantity| format!("{quantity}_{share}"));
+                        found(&PublishedValue { quantity, ..value.clone() }).ok()
+                    };
+                    let band = quantile("q05").zip(quantile("q95"));
+                    pairs.push(Pair { label: value.label.clone(), printed, computed, band });
+                }
+                Err(missing @ ResultError::Missing { .. }) => return Err(missing),
+                Err(ResultError::Wrong(_)) => {}
+            }
+        }
         if pairs.is_empty() {
-            return Err(ResultError::Wrong(format!("{}: it has no row for the values of published.toml", table.shown)));
+            return Err(ResultError::Wrong(format!("{shown}: it has no row for the values of published.toml")));
         }
         Ok(pairs)
     }
-}
-
-/// A printed value beside the computed one; `None` for a gap, and if the table has no such row.
-fn pair(value: &PublishedValue, table: &Numbers) -> Result<Option<Pair>, ResultError> {
-    let (Some(printed), Some(quantity)) = (value.value, &value.quantity) else { return Ok(None) };
-    let Ok(rows) = rows_at(&table.table, &value.at) else { return Ok(None) };
-    let row = rows[0];
-    let label = value.label.clone();
-    // A table over several starts has quantiles in place of the value.
-    if let Ok(middle) = table.column(&format!("{quantity}_q50")) {
-        let quantile = |share: &str| Ok::<f64, ResultError>(table.column(&format!("{quantity}_{share}"))?[row]);
-        let band = Some((quantile("q05")?, quantile("q95")?));
-        return Ok(Some(Pair { label, printed, computed: middle[row], band }));
-    }
-    let computed = table.column(quantity)?[row];
-    Ok(Some(Pair { label, printed, computed, band: None }))
 }
 
 fn is_same(value: f64, wanted: f64) -> bool {

@@ -134,6 +134,7 @@ mod tests {
     /// Computed tables of a few parts, made up.
     struct Made {
         folder: tempfile::TempDir,
+        catalogue: Catalogue,
         published: Published,
     }
 
@@ -143,7 +144,7 @@ mod tests {
             let shipped = files::write_out(folder.path()).expect("the shipped files");
             let catalogue = Catalogue::read(&shipped).expect("the shipped items");
             let published = Published::read(&catalogue).expect("the shipped values");
-            Self { folder, published }
+            Self { folder, catalogue, published }
         }
 
         fn table(self, item: &str, part: &str, columns: &[(&str, &[f64])]) -> Self {
@@ -160,7 +161,7 @@ mod tests {
 
         fn judge(&self, judge: Judge) -> Judged {
             let results = Results::at(self.folder.path());
-            judge(&Evidence { results: &results, published: &self.published })
+            judge(&Evidence { catalogue: &self.catalogue, results: &results, published: &self.published })
         }
 
         fn verdict(&self, judge: Judge) -> Verdict {
@@ -190,6 +191,16 @@ mod tests {
     fn a_table_that_no_reading_reproduces_does_not_hold() {
         let made = peaks("grid-01", [29.3, 17.8, 9.2], peaks("r1", [32.0, 21.6, 11.4], Made::new()));
         assert_eq!(made.verdict(tables::peaks_of_the_impact_damper), Verdict::DoesNotHold);
+    }
+
+    /// In that reading the printed d/Z = 5 is 2.5 here.
+    #[test]
+    fn a_reading_with_another_clearance_is_compared_at_its_own_rows() {
+        let whole: (&str, &[f64]) = ("particle.clearance_ratio", &[2.5, 5.0, 7.5]);
+        let made = peaks("r1", [32.0, 21.6, 11.4], Made::new());
+        let made = made.table("table-3-4", "whole-travel", &[whole, ("x_over_z", &[35.6, 17.2, 9.3])]);
+        let verdict = made.verdict(tables::peaks_of_the_impact_damper);
+        assert_eq!(verdict, Verdict::HoldsOnlyIf("d is the whole free travel".into()));
     }
 
     #[test]
@@ -234,7 +245,8 @@ mod tests {
     fn a_claim_without_its_results_is_not_judged_and_names_the_command() {
         let made = Made::new();
         let results = Results::at(made.folder.path());
-        let judgements = judge_all(&Evidence { results: &results, published: &made.published });
+        let judgements =
+            judge_all(&Evidence { catalogue: &made.catalogue, results: &results, published: &made.published });
         assert_eq!(judgements.len(), ALL.len());
         for judgement in judgements {
             let Verdict::NotJudged(reason) = judgement.verdict else { panic!("claim {} was judged", judgement.number) };

@@ -35,6 +35,8 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
     let at =
         |frequency_hz: f64| collective.iter().find(|point| point.0 == frequency_hz).map_or(f64::NAN, |point| point.1);
     let (near, below) = (at(many.0), collective.first().map_or(f64::NAN, |point| point.1));
+    let losses = over_frequency(evidence, "many", "many_particles.clearance_m", "loss_factor")?;
+    let loss_below = losses.first().map_or(f64::NAN, |point| point.1);
     let above = collective.last().map_or(f64::NAN, |point| point.1);
     let reduction = 100.0 * (1.0 - one.1 / many.1);
     let is_better = (reduction - printed).abs() <= POINTS;
@@ -52,6 +54,7 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
         number("collective motion at the peak", near, ""),
         number("collective motion at the lowest frequency", below, ""),
         number("collective motion at the highest frequency", above, ""),
+        number("loss factor at the lowest frequency", loss_below, ""),
     ];
     Ok(Judgement {
         number: 14,
@@ -66,7 +69,7 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
         numbers,
         reason: format!(
             "One particle has a peak of {} at {} Hz, 40 spheres of its mass {} at {} Hz: {} less. Of the spheres' momentum {} is common at \
-             the peak, {} at the lowest frequency, where they lie on the floor of the box and ride along, and {} at the highest.",
+             the peak, {} at the lowest frequency, where the loss factor is {:.1e}, and {} at the highest.",
             short(one.1),
             short(one.0),
             short(many.1),
@@ -74,6 +77,7 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
             percent(reduction / 100.0),
             percent(near),
             percent(below),
+            loss_below,
             percent(above)
         ),
     })

@@ -13,6 +13,7 @@ pub fn peaks_of_the_impact_damper(evidence: &Evidence) -> Judged {
         ("64-s", "the records are 64 s long"),
         ("128-s", "the records are 128 s long"),
         ("whole-travel", "d is the whole free travel"),
+        ("millimetres", "d is 7.5, 22.5 and 37.5 mm and Z 3 mm"),
         ("e-047", "e is 0.47, as measured on the foam"),
     ];
     let claim = "The peaks of X/Z for d/Z = 5, 10 and 15 are 35.6, 17.2 and 9.3 (Table 3-4).";
