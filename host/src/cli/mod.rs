@@ -47,6 +47,7 @@ mod study;
 mod study_figures;
 mod study_work;
 mod thesis;
+mod thesis_work;
 
 #[cfg(not(feature = "probe"))]
 mod without_probe;

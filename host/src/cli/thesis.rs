@@ -1,25 +1,21 @@
 //! `damprig thesis`: computes the figures and tables of the source document and sets them beside the published values.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 use clap::Args as ClapArgs;
 
 use super::outcome::{Failure, Outcome};
-use super::progress;
-use crate::input::shown_in_line;
-use crate::report::numbers::{duration, significant};
+use super::thesis_work;
+use crate::report::numbers::significant;
 use crate::report::terminal::plain_table;
 use crate::thesis::catalogue::{Catalogue, Item};
-use crate::thesis::claims::{self, Evidence};
+use crate::thesis::claims;
 use crate::thesis::compared::{ComparedItem, Comparison};
 use crate::thesis::files::{self, WriteOut};
 use crate::thesis::page;
 use crate::thesis::published::{PUBLISHED, Published};
 use crate::thesis::results::Results;
-use crate::thesis::run::{self, Ending, RunFailure, Task};
+use crate::thesis::run;
 
 /// Computes every figure and table of the source document and sets them beside the published values.
 ///
@@ -101,7 +97,7 @@ pub fn run(args: &Args) -> Outcome {
     let results = Results::at(&args.out);
     let items = wanted(&catalogue, &args.items)?;
     let tasks = run::plan(&catalogue, &results, &items, args.quick).map_err(Failure::input)?;
-    let ended = compute(&catalogue, &tasks, args)?;
+    let ended = thesis_work::compute(&catalogue, &tasks, args.json)?;
     let all: Vec<&Item> = catalogue.items.iter().collect();
     let files = command_folder(&folder, &args.out);
     let whole = Comparison::of(
@@ -109,7 +105,7 @@ pub fn run(args: &Args) -> Outcome {
         &published,
         &results,
         &all,
-        claims::judge_all(&Evidence { catalogue: &catalogue, results: &results, published: &published }),
+        claims::judge_all(&catalogue, &results, &published),
         &files,
     );
     page::write(&whole, &args.out).map_err(Failure::failed)?;
@@ -186,64 +182,13 @@ fn list(catalogue: &Catalogue, args: &Args) -> Outcome {
     Ok(())
 }
 
-/// Computes what is not complete. The inner outcome is how that ended: the results so far are kept and shown in any case.
-fn compute(catalogue: &Catalogue, tasks: &[Task], args: &Args) -> Result<Outcome, Failure> {
-    let open: Vec<&Task> = tasks.iter().filter(|task| !task.is_complete).collect();
-    if open.is_empty() {
-        return Ok(Ok(()));
-    }
-    let stop = Arc::new(AtomicBool::new(false));
-    super::watch_for_ctrl_c(&stop)?;
-    let estimate_s: f64 = open.iter().map(|task| task.estimate_s).sum();
-    if !args.json {
-        let (parts, all) = (open.len(), tasks.len());
-        let cores = rayon::current_num_threads();
-        say!("{parts} of {all} parts to compute, about {} on {cores} cores", duration(estimate_s));
-    }
-    let bar = progress::bar((1e3 * estimate_s) as u64);
-    let (mut before_s, mut failure) = (0.0, None);
-    for (done, task) in open.iter().enumerate() {
-        bar.set_message(shown_in_line(&format!("{}: {}", task.item.name, task.part.title)).into_owned());
-        let start = Instant::now();
-        let report = |share: f64| {
-            bar.set_position((1e3 * (before_s + share.clamp(0.0, 1.0) * task.estimate_s)) as u64);
-            !stop.load(Ordering::Relaxed)
-        };
-        let ending =
-            if stop.load(Ordering::Relaxed) { Ok(Ending::Stopped) } else { run::run(catalogue, task, &report) };
-        match ending {
-            Ok(Ending::Complete) if !args.json => {
-                let took = duration(start.elapsed().as_secs_f64());
-                bar.suspend(|| say!("{}: {} ({took})", task.item.name, task.part.title));
-            }
-            Ok(Ending::Complete) => {}
-            Ok(Ending::Stopped) => {
-                bar.finish_and_clear();
-                let parts = open.len();
-                let message = format!("stopped after {done} of {parts} parts; the same command goes on with them");
-                return Ok(Err(Failure::Interrupted(message)));
-            }
-            Err(error) => {
-                let text = format!("{}, {}: {error}", task.item.name, task.part.title);
-                bar.suspend(|| warn!("warning: {text}"));
-                let of = if matches!(error, RunFailure::Input(_)) { Failure::Input } else { Failure::Failed };
-                failure.get_or_insert(of(format!("a part could not be computed: {text}")));
-            }
-        }
-        before_s += task.estimate_s;
-    }
-    bar.finish_and_clear();
-    Ok(failure.map_or(Ok(()), Err))
-}
-
 /// Prints a line for each item with published values, the verdicts, and where the page is.
 fn say(comparison: &Comparison, args: &Args) {
     for compared in comparison.items.iter().filter(|compared| !compared.rows.is_empty()) {
         say_item(compared);
     }
     for judgement in &comparison.judgements {
-        let (verdict, detail) = (judgement.verdict.words(), judgement.verdict.detail());
-        say!("Claim {}: {verdict} {detail}\n  {}", judgement.number, judgement.claim);
+        say!("Claim {}: {}\n  {}", judgement.number, judgement.words(), judgement.claim);
     }
     let gaps =
         comparison.items.iter().flat_map(|compared| &compared.rows).filter(|row| row.value.value.is_none()).count();

@@ -1,5 +1,8 @@
 //! What a judge looks at: tables of computed parts, and the published values.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+
 use super::Number;
 use crate::study::table::StudyTable;
 use crate::thesis::catalogue::Catalogue;
@@ -15,14 +18,16 @@ pub const REPRODUCED: f64 = 0.05;
 pub const NOTABLE: f64 = 0.01;
 
 /// What a judge looks at.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Evidence<'a> {
     /// Items and parts.
-    pub catalogue: &'a Catalogue,
+    catalogue: &'a Catalogue,
     /// What was computed.
     pub results: &'a Results,
     /// What is printed.
-    pub published: &'a Published,
+    published: &'a Published,
+    /// Parts that were asked for and have not been computed.
+    not_computed: RefCell<BTreeSet<String>>,
 }
 
 /// A printed value beside the computed one.
@@ -53,13 +58,32 @@ impl Pair {
     }
 }
 
-impl Evidence<'_> {
+impl<'a> Evidence<'a> {
+    /// What a judge looks at.
+    #[must_use]
+    pub fn new(catalogue: &'a Catalogue, results: &'a Results, published: &'a Published) -> Self {
+        Self { catalogue, results, published, not_computed: RefCell::default() }
+    }
+
+    /// Parts that the judge asked for and that have not been computed, as item/part.
+    #[must_use]
+    pub fn not_computed(&self) -> Vec<String> {
+        self.not_computed.borrow().iter().cloned().collect()
+    }
+
+    fn noted<T>(&self, result: Result<T, ResultError>) -> Result<T, ResultError> {
+        if let Err(ResultError::Missing { item, part }) = &result {
+            self.not_computed.borrow_mut().insert(format!("{item}/{part}"));
+        }
+        result
+    }
+
     /// The table of a study.
     ///
     /// # Errors
     /// A part that has not been computed; a file that is damaged.
     pub fn study(&self, item: &str, part: &str) -> Result<Numbers, ResultError> {
-        Ok(Numbers { table: self.results.study(item, part)?, shown: format!("{item}/{part}") })
+        Ok(Numbers { table: self.noted(self.results.study(item, part))?, shown: format!("{item}/{part}") })
     }
 
     /// A printed value.
@@ -93,7 +117,7 @@ impl Evidence<'_> {
                     let band = quantile("q05").zip(quantile("q95"));
                     pairs.push(Pair { label: value.label.clone(), printed, computed, band });
                 }
-                Err(missing @ ResultError::Missing { .. }) => return Err(missing),
+                Err(missing @ ResultError::Missing { .. }) => return self.noted(Err(missing)),
                 Err(ResultError::Wrong(_)) => {}
             }
         }

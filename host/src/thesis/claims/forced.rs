@@ -37,6 +37,7 @@ pub fn only_the_ratio_matters(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 6,
+        not_computed: evidence.not_computed(),
         claim: "Only d/Z matters, not Z itself (figure 3-13: Z = 3 mm and 30 mm).".into(),
         verdict,
         rule: format!(
@@ -105,6 +106,7 @@ pub fn restitution_at_small_clearance(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 7,
+        not_computed: evidence.not_computed(),
         claim: "At d/Z = 5 the coefficient of restitution does not matter (figure 3-14).".into(),
         verdict,
         rule: "The peak over 2 to 3 Hz changes by less than 10 % from e = 0 up to an e: the claim holds if that is 1, and only up to it \
@@ -151,6 +153,7 @@ pub fn steady_at_fourteen(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 8,
+        not_computed: evidence.not_computed(),
         claim: "At d/Z = 14 the response is steady for e below 0.7 (figure 3-15).".into(),
         verdict,
         rule: format!(
@@ -211,6 +214,7 @@ pub fn best_design(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 9,
+        not_computed: evidence.not_computed(),
         claim: "The best impact damper has d/Z from 14 to 18 and e from 0 to 0.5 (figure 3-16, section 3.5).".into(),
         verdict,
         rule: "The least X/Z on the map of 100 × 100 points lies in the recommended region: in every reading of \"at resonance\" (holds), \

@@ -76,6 +76,7 @@ pub fn best_clearance_and_restitution(evidence: &Evidence) -> Judged {
     }
     Ok(Judgement {
         number: 3,
+        not_computed: evidence.not_computed(),
         claim: "The RMS over 30 cycles of free vibration is least near d/x0 = 0.85 and e = 0.55 (figure 3-9).".into(),
         verdict,
         rule: format!(
@@ -128,6 +129,7 @@ pub fn faster_than_the_tuned_mass(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 5,
+        not_computed: evidence.not_computed(),
         claim: "The impact damper damps free vibration faster than the optimal tuned mass of equal mass (section 3.3).".into(),
         verdict,
         rule: "Three measures of speed, with the published best damper and with the two measured restitutions: RMS over 30 cycles, and \
@@ -139,7 +141,11 @@ pub fn faster_than_the_tuned_mass(evidence: &Evidence) -> Judged {
 }
 
 fn labelled(label: &str, words: [&str; 3], values: [f64; 3]) -> Vec<Number> {
-    words.iter().zip(values).map(|(word, value)| number(format!("{label}: {word}"), value, "")).collect()
+    let of = |(word, value): (&&str, f64)| match value.is_finite() {
+        true => number(format!("{label}: {word}"), value, ""),
+        false => number(format!("{label}: {word} (more than 30)"), f64::NAN, ""),
+    };
+    words.iter().zip(values).map(of).collect()
 }
 
 fn in_words(words: [&str; 3], values: [f64; 3]) -> String {

@@ -110,6 +110,7 @@ pub fn only_harms(evidence: &Evidence) -> Judged {
     let verdict = if better == 0 { Verdict::Holds } else { Verdict::DoesNotHold };
     Ok(Judgement {
         number: 4,
+        not_computed: evidence.not_computed(),
         claim: "Internal friction between particle and structure only harms (figures 3-8, 3-9, 3-16).".into(),
         verdict,
         rule: format!(

@@ -60,6 +60,7 @@ pub fn friction_alone(evidence: &Evidence) -> Judged {
         grown.iter().map(|(length_s, value)| format!("{} ({length_s} s)", short(*value))).collect();
     Ok(Judgement {
         number: 10,
+        not_computed: evidence.not_computed(),
         claim: "The friction damper alone at γF = 0.6, near the limit π/4, still has a peak of about 20 (figure 5-9).".into(),
         verdict,
         rule: "The steady peak over 2 to 3 Hz is within 10 % of the printed one (holds); a record of some length gives it, interpolated \
@@ -131,6 +132,7 @@ pub fn four_strong_cycles(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 11,
+        not_computed: evidence.not_computed(),
         claim: "About four strongly damped cycles take away 85 % of a free vibration; a little external friction removes the rest \
                 (figures 5-4, 5-5)."
             .into(),
@@ -217,6 +219,7 @@ pub fn close_to_the_tuned_mass(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 12,
+        not_computed: evidence.not_computed(),
         claim: "The hybrid damper at d/Z = 5 comes close to the tuned mass of equal mass: 66 % below friction alone, 43 % below the best \
                 impact damper (Tables 5-1, 5-2, figures 5-11, 5-14)."
             .into(),
@@ -298,6 +301,7 @@ pub fn best_in_an_earthquake(evidence: &Evidence) -> Judged {
     };
     Ok(Judgement {
         number: 13,
+        not_computed: evidence.not_computed(),
         claim: "In an earthquake the hybrid damper is the best, with a largest displacement 46 % below that of the tuned mass (Table 5-3)."
             .into(),
         verdict,

@@ -11,7 +11,9 @@ mod tables;
 
 use serde::Serialize;
 
-use super::results::ResultError;
+use super::catalogue::Catalogue;
+use super::published::Published;
+use super::results::{ResultError, Results};
 
 pub use evidence::Evidence;
 
@@ -41,15 +43,17 @@ pub const ALL: [(u32, &str, Judge); 14] = [
 
 /// Judges every claim. One whose results are missing or cannot be read is not judged, and says why.
 #[must_use]
-pub fn judge_all(evidence: &Evidence) -> Vec<Judgement> {
+pub fn judge_all(catalogue: &Catalogue, results: &Results, published: &Published) -> Vec<Judgement> {
     let judged = |&(number, claim, judge): &(u32, &str, Judge)| {
-        judge(evidence).unwrap_or_else(|error| Judgement {
+        let evidence = Evidence::new(catalogue, results, published);
+        judge(&evidence).unwrap_or_else(|error| Judgement {
             number,
             claim: claim.into(),
             verdict: Verdict::NotJudged(error.to_string()),
             rule: String::new(),
             numbers: Vec::new(),
             reason: String::new(),
+            not_computed: evidence.not_computed(),
         })
     };
     ALL.iter().map(judged).collect()
@@ -70,6 +74,32 @@ pub struct Judgement {
     pub numbers: Vec<Number>,
     /// Why, in words.
     pub reason: String,
+    /// Parts (item/part) that the rule asks for and that have not been computed: with them the verdict may be another.
+    pub not_computed: Vec<String>,
+}
+
+impl Judgement {
+    /// The verdict with its condition or reason, and how many readings it does without.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let (words, detail) = (self.verdict.words(), self.verdict.detail());
+        let verdict = match detail {
+            "" => words.to_owned(),
+            _ if words.ends_with('…') => words.replace('…', detail),
+            _ => format!("{words}: {detail}"),
+        };
+        verdict + &self.without()
+    }
+
+    /// How many readings the verdict does without, in parentheses; empty if none.
+    #[must_use]
+    pub fn without(&self) -> String {
+        match (&self.verdict, self.not_computed.len()) {
+            (Verdict::NotJudged(_), _) | (_, 0) => String::new(),
+            (_, 1) => " (one reading is not computed)".into(),
+            (_, count) => format!(" ({count} readings are not computed)"),
+        }
+    }
 }
 
 /// A verdict.
@@ -129,7 +159,7 @@ mod tests {
 
     use super::*;
     use crate::study::data_set::{TABLE, table_bytes};
-    use crate::thesis::{Catalogue, Published, Results, files};
+    use crate::thesis::files;
 
     /// Computed tables of a few parts, made up.
     struct Made {
@@ -161,7 +191,7 @@ mod tests {
 
         fn judge(&self, judge: Judge) -> Judged {
             let results = Results::at(self.folder.path());
-            judge(&Evidence { catalogue: &self.catalogue, results: &results, published: &self.published })
+            judge(&Evidence::new(&self.catalogue, &results, &self.published))
         }
 
         fn verdict(&self, judge: Judge) -> Verdict {
@@ -191,6 +221,17 @@ mod tests {
     fn a_table_that_no_reading_reproduces_does_not_hold() {
         let made = peaks("grid-01", [29.3, 17.8, 9.2], peaks("r1", [32.0, 21.6, 11.4], Made::new()));
         assert_eq!(made.verdict(tables::peaks_of_the_impact_damper), Verdict::DoesNotHold);
+    }
+
+    #[test]
+    fn a_verdict_counts_the_readings_that_are_not_computed() {
+        let made = peaks("grid-01", [29.3, 17.8, 9.2], peaks("r1", [32.0, 21.6, 11.4], Made::new()));
+        let results = Results::at(made.folder.path());
+        let judgements = judge_all(&made.catalogue, &results, &made.published);
+        let table = &judgements[0];
+        assert!(table.not_computed.contains(&"table-3-4/starts".into()), "{:?}", table.not_computed);
+        assert!(!table.not_computed.contains(&"table-3-4/grid-01".into()), "{:?}", table.not_computed);
+        assert_eq!(table.words(), format!("does not hold ({} readings are not computed)", table.not_computed.len()));
     }
 
     /// In that reading the printed d/Z = 5 is 2.5 here.
@@ -245,8 +286,7 @@ mod tests {
     fn a_claim_without_its_results_is_not_judged_and_names_the_command() {
         let made = Made::new();
         let results = Results::at(made.folder.path());
-        let judgements =
-            judge_all(&Evidence { catalogue: &made.catalogue, results: &results, published: &made.published });
+        let judgements = judge_all(&made.catalogue, &results, &made.published);
         assert_eq!(judgements.len(), ALL.len());
         for judgement in judgements {
             let Verdict::NotJudged(reason) = judgement.verdict else { panic!("claim {} was judged", judgement.number) };

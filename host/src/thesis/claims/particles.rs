@@ -43,8 +43,8 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
     let is_collective = near > below && near > above;
     let verdict = match (is_better, is_collective) {
         (true, true) => Verdict::Holds,
-        (true, false) => Verdict::HoldsOnlyIf("only the amplitudes are compared, not the motion of the spheres".into()),
-        (false, true) => Verdict::HoldsOnlyIf("only the motion of the spheres is compared, not the amplitudes".into()),
+        (true, false) => Verdict::HoldsOnlyIf("the motion of the spheres is left aside".into()),
+        (false, true) => Verdict::HoldsOnlyIf("the amplitudes are left aside".into()),
         (false, false) => Verdict::DoesNotHold,
     };
     let numbers = vec![
@@ -58,6 +58,7 @@ pub fn one_particle_or_many(evidence: &Evidence) -> Judged {
     ];
     Ok(Judgement {
         number: 14,
+        not_computed: evidence.not_computed(),
         claim: "One particle gives a peak 24 % lower than many particles of the same mass, which move together near resonance and are \
                 scattered away from it (chapter 2)."
             .into(),

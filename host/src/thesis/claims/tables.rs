@@ -82,7 +82,7 @@ fn by_readings(
          only under a reading that reproduces all.",
         percent(REPRODUCED)
     );
-    Ok(Judgement { number, claim: claim.into(), verdict, rule, numbers, reason })
+    Ok(Judgement { number, claim: claim.into(), verdict, rule, numbers, reason, not_computed: evidence.not_computed() })
 }
 
 fn reproduced(pairs: &[Pair]) -> usize {

@@ -6,7 +6,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, PreEscaped, html};
 
-use super::markdown::verdict_words;
 use super::{GAP, relative, shown, shown_difference, shown_found, shown_published};
 use crate::report::figures::png_of;
 use crate::report::page::{document_with_images, without_prolog};
@@ -79,7 +78,10 @@ fn claims(judgements: &[Judgement]) -> Markup {
                             tr {
                                 td { a href=(format!("#claim-{}", judgement.number)) { (judgement.number) } }
                                 td.word { (judgement.claim) }
-                                td.word { span class=(class(&judgement.verdict)) { (judgement.verdict.words()) } " " (judgement.verdict.detail()) }
+                                td.word {
+                                    span class=(class(&judgement.verdict)) { (judgement.verdict.words()) }
+                                    " " (judgement.verdict.detail()) (judgement.without())
+                                }
                             }
                         }
                     }
@@ -88,8 +90,11 @@ fn claims(judgements: &[Judgement]) -> Markup {
             @for judgement in judgements {
                 article id=(format!("claim-{}", judgement.number)) {
                     h3 { "Claim " (judgement.number) ": " (judgement.claim) }
-                    p { b { (verdict_words(judgement)) } ". " (judgement.reason) }
+                    p { b { (judgement.words()) } ". " (judgement.reason) }
                     @if !judgement.rule.is_empty() { p.under { "Rule: " (judgement.rule) } }
+                    @if !judgement.not_computed.is_empty() {
+                        p.under { "Not computed, so not considered: " (judgement.not_computed.join(", ")) }
+                    }
                     @if !judgement.numbers.is_empty() {
                         details { summary { (judgement.numbers.len()) " numbers" } (numbers(judgement)) }
                     }

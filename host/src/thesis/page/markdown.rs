@@ -15,7 +15,7 @@ pub fn text(comparison: &Comparison, out: &Path) -> String {
         text.push_str("\n## Claims\n| | claim | verdict |\n|---|---|---|\n");
         for judgement in &comparison.judgements {
             let Judgement { number, claim, .. } = judgement;
-            text.push_str(&format!("| {number} | {} | {} |\n", cell(claim), cell(&verdict_words(judgement))));
+            text.push_str(&format!("| {number} | {} | {} |\n", cell(claim), cell(&judgement.words())));
         }
         comparison.judgements.iter().for_each(|judgement| add_claim(judgement, &mut text));
     }
@@ -30,21 +30,14 @@ pub fn text(comparison: &Comparison, out: &Path) -> String {
     text
 }
 
-/// The verdict with its condition or reason.
-pub fn verdict_words(judgement: &Judgement) -> String {
-    let (words, detail) = (judgement.verdict.words(), judgement.verdict.detail());
-    match detail {
-        "" => words.into(),
-        _ if words.ends_with('…') => words.replace('…', detail),
-        _ => format!("{words}: {detail}"),
-    }
-}
-
 fn add_claim(judgement: &Judgement, text: &mut String) {
-    let Judgement { number, claim, rule, numbers, reason, .. } = judgement;
-    text.push_str(&format!("\n### Claim {number}: {claim}\n{}. {reason}\n", verdict_words(judgement)));
+    let Judgement { number, claim, rule, numbers, reason, not_computed, .. } = judgement;
+    text.push_str(&format!("\n### Claim {number}: {claim}\n{}. {reason}\n", judgement.words()));
     if !rule.is_empty() {
         text.push_str(&format!("\nRule: {rule}\n"));
+    }
+    if !not_computed.is_empty() {
+        text.push_str(&format!("\nNot computed, so not considered: {}.\n", not_computed.join(", ")));
     }
     if !numbers.is_empty() {
         text.push_str("\n| number | computed | unit | published |\n|---|---:|---|---:|\n");
