@@ -1,5 +1,6 @@
 //! `damprig thesis`: computes the figures and tables of the source document and sets them beside the published values.
 
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
@@ -12,6 +13,7 @@ use crate::thesis::catalogue::{Catalogue, Item};
 use crate::thesis::claims;
 use crate::thesis::compared::{ComparedItem, Comparison};
 use crate::thesis::files::{self, WriteOut};
+use crate::thesis::marked;
 use crate::thesis::page;
 use crate::thesis::published::{PUBLISHED, Published};
 use crate::thesis::results::Results;
@@ -86,6 +88,7 @@ pub fn run(args: &Args) -> Outcome {
     if let Some(file) = &args.published {
         published.fill(file).map_err(Failure::input)?;
     }
+    let _lock = lock(&args.out)?;
     let folder = match &args.files {
         Some(folder) => folder.clone(),
         None => files::write_out(&args.out).map_err(|error| match error {
@@ -100,6 +103,7 @@ pub fn run(args: &Args) -> Outcome {
     let ended = thesis_work::compute(&catalogue, &tasks, args.json)?;
     let all: Vec<&Item> = catalogue.items.iter().collect();
     let files = command_folder(&folder, &args.out);
+    marked::draw(&catalogue, &published, &results).map_err(Failure::failed)?;
     let whole = Comparison::of(
         &catalogue,
         &published,
@@ -116,6 +120,22 @@ pub fn run(args: &Args) -> Outcome {
         say(&shown, args);
     }
     ended
+}
+
+/// Keeps other processes from computing into the same folder, until it is dropped.
+fn lock(out: &Path) -> Result<File, Failure> {
+    let path = out.join(".lock");
+    let failed = |error: std::io::Error| Failure::Failed(format!("{}: {error}", path.display()));
+    std::fs::create_dir_all(out).map_err(|error| Failure::Failed(format!("{}: {error}", out.display())))?;
+    let file = File::create(&path).map_err(failed)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Failure::Failed(format!(
+            "another damprig thesis computes into {}\n  wait until it has ended, or give another --out",
+            out.display()
+        ))),
+        Err(TryLockError::Error(error)) => Err(failed(error)),
+    }
 }
 
 /// The files to check the command line against, before anything is written.
@@ -190,10 +210,9 @@ fn say(comparison: &Comparison, args: &Args) {
     for judgement in &comparison.judgements {
         say!("Claim {}: {}\n  {}", judgement.number, judgement.words(), judgement.claim);
     }
-    let gaps =
-        comparison.items.iter().flat_map(|compared| &compared.rows).filter(|row| row.value.value.is_none()).count();
+    let gaps = comparison.gaps();
     if gaps > 0 && args.published.is_none() {
-        say!("{gaps} published values are missing: fill them in with --published FILE, as {PUBLISHED}");
+        say!("{gaps} published values and curves are missing: fill them in with --published FILE, as {PUBLISHED}");
     }
     say!("Page: {}", args.out.join(page::PAGE).display());
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::keys::{METHODS, bifurcation as sweep_keys, item as item_keys, items as items_keys, part as part_keys};
 use crate::input::section::{FreeKey, FreeValue, Given, Text};
 use crate::input::{Problem, Refusal, Section, Source, listed, near};
+use crate::simulation::case::default_name;
 use crate::study::bifurcation::SweepAxis;
 
 /// Name of the file with the items.
@@ -282,6 +283,10 @@ fn read_item(s: &Section, folder: &Path) -> Option<Item> {
 fn name_of(s: &Section, text: Option<Text>) -> Option<String> {
     let text = text?;
     let is_sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    if text.value == super::files::FOLDER {
+        s.refuse("name", &text.span, "is the name of the folder with the files", None);
+        return None;
+    }
     if text.value.is_empty() || text.value.starts_with('-') || !text.value.chars().all(is_sound) {
         s.refuse("name", &text.span, "must have small letters, digits and hyphens only", None);
         return None;
@@ -304,7 +309,9 @@ fn read_part(s: &Section, folder: &Path) -> Option<Part> {
                 if texts.is_empty() {
                     s.reject("cases", "must name at least one case", None);
                 }
-                Some(Work::Cases(texts.iter().map(file).collect::<Option<Vec<_>>>()?))
+                let files = texts.iter().map(file).collect::<Option<Vec<_>>>()?;
+                refuse_same_names(s, &files);
+                Some(Work::Cases(files))
             }
             ("bifurcation", Given::Table(section)) => read_bifurcation(&section, folder).map(Work::Bifurcation),
             ("method", Given::Word(place)) => Some(Work::Method(METHODS[place])),
@@ -312,8 +319,29 @@ fn read_part(s: &Section, folder: &Path) -> Option<Part> {
         }
     });
     let read_as = s.table_of(&part_keys::READ_AS, None).map(|table| table.free_keys()).unwrap_or_default();
+    read_as.iter().for_each(|read| check_read_as(s, read));
     s.finish();
     Some(Part { name: name?, title: title?.value, is_other_reading, read_as, work: work? })
+}
+
+/// The results of cases are files of their names.
+fn refuse_same_names(s: &Section, files: &[PathBuf]) {
+    let names: Vec<String> = files.iter().map(|file| default_name(file)).collect();
+    for (place, name) in names.iter().enumerate() {
+        if names[..place].contains(name) {
+            s.reject("cases", format!("two case files have the name {name:?}, so have their results"), None);
+        }
+    }
+}
+
+/// `KEY.PRINTED` with a number of each.
+fn check_read_as(s: &Section, read: &FreeKey) {
+    // A printed 2.5 is a quoted key with a point of its own.
+    let ends_with_number = read.key.match_indices('.').any(|(point, _)| read.key[point + 1..].parse::<f64>().is_ok());
+    if !ends_with_number || !matches!(read.value, FreeValue::Number(_)) {
+        let allowed = "must give numbers for printed numbers of a key: { \"particle.clearance_ratio\" = { 5 = 2.5 } }";
+        s.refuse("read_as", &read.span, allowed, None);
+    }
 }
 
 fn read_bifurcation(s: &Section, folder: &Path) -> Option<Bifurcation> {

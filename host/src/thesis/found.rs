@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::catalogue::{Catalogue, Item, Part, Work};
 use super::published::PublishedValue;
+use super::published_curve::PublishedCurve;
 use super::results::{ResultError, Results};
 use crate::input::listed;
 use crate::input::section::{FreeKey, FreeValue};
@@ -35,15 +36,33 @@ pub fn find(
     let Some(quantity) = &value.quantity else {
         return Err(ResultError::Wrong("it is compared with nothing".into()));
     };
-    let (name, at) = (part.name.as_str(), &part.row_for(&value.at)[..]);
+    let found = at_row(catalogue, results, item, part, quantity, &value.at)?;
+    let Some(below) = &value.below else { return Ok(found) };
+    let from = below.part.as_deref().map_or(Some(part), |name| item.part(name));
+    let from = from.ok_or_else(|| ResultError::Wrong("there is no part that it is below of".into()))?;
+    let from = at_row(catalogue, results, item, from, quantity, &below.at)?;
+    Ok(100.0 * (1.0 - found / from))
+}
+
+/// The number of `quantity` in a printed row of a part.
+fn at_row(
+    catalogue: &Catalogue,
+    results: &Results,
+    item: &Item,
+    part: &Part,
+    quantity: &str,
+    at: &[FreeKey],
+) -> Result<f64, ResultError> {
+    let (name, at) = (part.name.as_str(), &part.row_for(at)[..]);
     match &part.work {
         Work::Study(file) => {
             let table = results.study(&item.name, name)?;
-            let study = Study::read(&catalogue.folder.join(file)).map_err(|error| ResultError::Wrong(error.0))?;
+            let study =
+                Study::read_unchecked(&catalogue.folder.join(file)).map_err(|error| ResultError::Wrong(error.0))?;
             let row = best_row(&study, &table, &rows_at(&table, at)?)?;
             // The quantity may be a metric, whose column over several starts is their median.
             let column = study.metrics.iter().find(|metric| metric.name() == quantity);
-            let column = column.map_or_else(|| quantity.clone(), |metric| main_column(&study, *metric));
+            let column = column.map_or_else(|| quantity.to_owned(), |metric| main_column(&study, *metric));
             number_in(&table, &column, row)
         }
         Work::Bifurcation(_) => in_table(&results.bifurcation(&item.name, name)?, quantity, at),
@@ -55,6 +74,49 @@ pub fn find(
         }
         Work::Continuation(_) => in_continuation(&results.continuation(&item.name, name)?, quantity, at),
     }
+}
+
+/// The computed curve at the abscissae of a published one, by straight lines between the points of the part's table.
+///
+/// # Errors
+/// As [`find`]; a point outside the computed range has no value (not a number).
+pub fn along(
+    catalogue: &Catalogue,
+    results: &Results,
+    item: &Item,
+    part: &Part,
+    curve: &PublishedCurve,
+) -> Result<Vec<f64>, ResultError> {
+    let Work::Study(file) = &part.work else { return wrong("only studies have curves") };
+    let table = results.study(&item.name, &part.name)?;
+    let study = Study::read_unchecked(&catalogue.folder.join(file)).map_err(|error| ResultError::Wrong(error.0))?;
+    let column = study.metrics.iter().find(|metric| metric.name() == curve.quantity);
+    let column = column.map_or_else(|| curve.quantity.clone(), |metric| main_column(&study, *metric));
+    let rows = rows_at(&table, &part.row_for(&curve.at))?;
+    let columns = (table.column(&curve.over), table.column(&column));
+    let (Some(abscissae), Some(values)) = columns else {
+        let columns = table.columns();
+        let there = listed(columns.iter().map(String::as_str));
+        return wrong(format!("there is no column {} or {column}, but {there}", curve.over));
+    };
+    let mut computed: Vec<(f64, f64)> = rows.iter().map(|row| (abscissae[*row], values[*row])).collect();
+    computed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    if computed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+        return wrong(format!("several rows have the same {}: `at` must name the other axes", curve.over));
+    }
+    Ok(curve.points.iter().map(|(at, _)| between(&computed, *at)).collect())
+}
+
+/// A value on the straight line between two points of a rising list; not a number outside.
+fn between(points: &[(f64, f64)], at: f64) -> f64 {
+    if let Some((_, value)) = points.iter().find(|(x, _)| *x == at) {
+        return *value;
+    }
+    let pair = points.windows(2).find(|pair| pair[0].0 < at && at < pair[1].0);
+    pair.map_or(f64::NAN, |pair| {
+        let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
+        y0 + (y1 - y0) * (at - x0) / (x1 - x0)
+    })
 }
 
 fn wrong<T>(text: impl Into<String>) -> Result<T, ResultError> {

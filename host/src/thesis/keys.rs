@@ -57,6 +57,7 @@ tables! {
     "The top level of `published.toml`."
     published("") {
         VALUE: Optional, [key("value", Kind::Tables, "the published values")];
+        CURVE: Optional, [key("curve", Kind::Tables, "the published curves")];
     }
 
     "A published value."
@@ -69,6 +70,23 @@ tables! {
         QUANTITY: Optional, [key("quantity", Kind::Text, "the column of the part's table that it is compared with")];
         AT: Optional, [key("at", Kind::Table, "the row of that table: columns and their values")];
         PART: Optional, [key("part", Kind::Text, "the part that it is compared with; default: the first")];
+        BELOW: Optional, [key("below", Kind::Table, "the row that it is a reduction from, in %: columns and their values")];
+        BELOW_PART: Optional, [key("below_part", Kind::Text, "the part of that row; default: the same")];
+        CLAIM: Optional, [number("claim", Whole(1.0, 14.0), "number of the claim that judges it, if it is not compared by itself")];
         NOTE: Optional, [key("note", Kind::Text, "what is to be known about it")];
+    }
+
+    "A published curve. The document has it as a picture only, so its points are a gap until someone reads them off."
+    curve("curve") {
+        ITEM: Required, [key("item", Kind::Text, "the figure, by its name in items.toml")];
+        LABEL: Required, [key("label", Kind::Text, "a short label, unique within the item")];
+        ORIGIN: Optional, [word("origin", &["computed", "measured"], "how the document got it")];
+        SOURCE: Optional, [key("source", Kind::Text, "where it is printed")];
+        PART: Optional, [key("part", Kind::Text, "the part, a study, that it is compared with")];
+        QUANTITY: Optional, [key("quantity", Kind::Text, "the metric that it shows")];
+        OVER: Optional, [key("over", Kind::Text, "the axis of the study that is its abscissa")];
+        AT: Optional, [key("at", Kind::Table, "the other axes and their values")];
+        ABSCISSAE: Optional, [key("abscissae", Kind::Numbers(Any), "abscissae of its points; left out: a gap")];
+        VALUES: Optional, [key("values", Kind::Numbers(Any), "the values there, in the unit of the quantity")];
     }
 }

@@ -5,11 +5,15 @@ use std::path::Path;
 
 use super::catalogue::{Catalogue, Item, Part};
 use super::keys::{published as root_keys, value as keys};
+use super::published_curve::{self, PublishedCurve};
 use crate::input::section::{FreeKey, Number};
 use crate::input::{Refusal, Section, Source, Span, near};
 
 /// Name of the file with the published values.
 pub const PUBLISHED: &str = "published.toml";
+
+/// Title of a problem with the file as a whole.
+const NOT_TOML: &str = "this is not TOML";
 
 /// How the source document got a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +25,7 @@ pub enum Origin {
 }
 
 impl Origin {
-    const ALL: [Self; 2] = [Self::Computed, Self::Measured];
+    pub(super) const ALL: [Self; 2] = [Self::Computed, Self::Measured];
 
     /// As files write it.
     #[must_use]
@@ -54,15 +58,30 @@ pub struct PublishedValue {
     pub at: Vec<FreeKey>,
     /// Name of the part that it is compared with; the first part without one.
     pub part: Option<String>,
+    /// The row that it is a reduction from, in per cent; `None` if it is the quantity itself.
+    pub below: Option<Below>,
+    /// Number of the claim that judges it, if it is not compared by itself.
+    pub claim: Option<u32>,
     /// What is to be known about it.
     pub note: Option<String>,
+}
+
+/// The row that a published reduction is measured from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Below {
+    /// Name of its part; that of the value without one.
+    pub part: Option<String>,
+    /// The row: columns and their values.
+    pub at: Vec<FreeKey>,
 }
 
 /// All published values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Published {
-    /// In the order of the file.
+    /// The values, in the order of the file.
     pub values: Vec<PublishedValue>,
+    /// The curves, in the order of the file.
+    pub curves: Vec<PublishedCurve>,
 }
 
 impl Published {
@@ -72,30 +91,55 @@ impl Published {
     /// Lists all problems of the file, an unknown item or part among them.
     pub fn read(catalogue: &Catalogue) -> Result<Self, Refusal> {
         let source = Source::read(&catalogue.folder.join(PUBLISHED))?;
-        let mut values: Vec<PublishedValue> = Vec::new();
-        each(&source, |s| {
-            let Some(value) = shipped(s, catalogue) else { return };
-            if values.iter().any(|other| other.item == value.item && other.label == value.label) {
-                s.reject("label", "another value of this item has this label", None);
+        let mut all = Self::default();
+        source.read_toml(source.text(), NOT_TOML, |root| {
+            for s in &root.tables_of(&root_keys::VALUE) {
+                let Some(value) = shipped(s, catalogue) else { continue };
+                if all.of(&value.item).any(|other| other.label == value.label) {
+                    s.reject("label", "another value of this item has this label", None);
+                }
+                all.values.push(value);
             }
-            values.push(value);
+            for s in &root.tables_of(&root_keys::CURVE) {
+                let Some(curve) = published_curve::shipped(s, catalogue) else { continue };
+                if all.curves_of(&curve.item).any(|other| other.label == curve.label) {
+                    s.reject("label", "another curve of this item has this label", None);
+                }
+                all.curves.push(curve);
+            }
+            Some(())
         });
         source.verdict()?;
-        Ok(Self { values })
+        Ok(all)
     }
 
-    /// Fills gaps with the values of a user's file. Of each value it needs item, label and value; origin, quantity and row stay those
-    /// of the gap.
+    /// Fills gaps with the values and curves of a user's file. Of each it needs item, label and value, or abscissae and values; the rest
+    /// stays as it is in the gap.
     ///
     /// # Errors
     /// Lists all problems of the file: an unknown item or label, a value that the document prints otherwise.
     pub fn fill(&mut self, file: &Path) -> Result<(), Refusal> {
         let source = Source::read(file)?;
-        each(&source, |s| {
-            if let Some((place, value)) = filling(s, &self.values) {
-                let gap = &mut self.values[place];
-                (gap.value, gap.is_filled) = (Some(value), true);
+        source.read_toml(source.text(), NOT_TOML, |root| {
+            for s in &root.tables_of(&root_keys::VALUE) {
+                if let Some((place, value)) = filling(s, &self.values) {
+                    let gap = &mut self.values[place];
+                    if gap.is_filled {
+                        s.reject("label", "another value of this file has this label", None);
+                    }
+                    (gap.value, gap.is_filled) = (Some(value), true);
+                }
             }
+            for s in &root.tables_of(&root_keys::CURVE) {
+                if let Some((place, points)) = published_curve::filling(s, &self.curves) {
+                    let gap = &mut self.curves[place];
+                    if gap.is_filled {
+                        s.reject("label", "another curve of this file has this label", None);
+                    }
+                    (gap.points, gap.is_filled) = (points, true);
+                }
+            }
+            Some(())
         });
         source.verdict()
     }
@@ -105,18 +149,16 @@ impl Published {
         self.values.iter().filter(move |value| value.item == item)
     }
 
+    /// The curves of an item.
+    pub fn curves_of<'a>(&'a self, item: &'a str) -> impl Iterator<Item = &'a PublishedCurve> {
+        self.curves.iter().filter(move |curve| curve.item == item)
+    }
+
     /// The value with this label; `None` for a gap, or without such a label.
     #[must_use]
     pub fn value(&self, item: &str, label: &str) -> Option<f64> {
         self.of(item).find(|value| value.label == label)?.value
     }
-}
-
-fn each(source: &Source, mut read: impl FnMut(&Section)) {
-    source.read_toml(source.text(), "this is not TOML", |root| {
-        root.tables_of(&root_keys::VALUE).iter().for_each(&mut read);
-        Some(())
-    });
 }
 
 /// What a value says of itself.
@@ -142,6 +184,8 @@ fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedValue> {
     let quantity = s.text_of(&keys::QUANTITY);
     let at = s.table_of(&keys::AT, None).map(|at| at.free_keys());
     let (part, note) = (s.text_of(&keys::PART), s.text_of(&keys::NOTE));
+    let (below, below_part) = (s.table_of(&keys::BELOW, None).map(|at| at.free_keys()), s.text_of(&keys::BELOW_PART));
+    let claim = s.scalar(&keys::CLAIM).map(|number| number as u32);
     s.finish();
     let written = written?;
     let Some(item) = catalogue.items.iter().find(|item| item.name == written.item) else {
@@ -149,12 +193,14 @@ fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedValue> {
         refuse_name(s, "item", (&written.item, &written.item_span), names, "must be the name of an item");
         return None;
     };
-    if let Some(part) = &part
-        && item.part(&part.value).is_none()
-    {
-        let names = item.parts.iter().map(|part| part.name.as_str());
-        refuse_name(s, "part", (&part.value, &part.span), names, "must be the name of a part of the item");
-        return None;
+    for (key, part) in [("part", &part), ("below_part", &below_part)] {
+        if let Some(part) = part
+            && item.part(&part.value).is_none()
+        {
+            let names = item.parts.iter().map(|part| part.name.as_str());
+            refuse_name(s, key, (&part.value, &part.span), names, "must be the name of a part of the item");
+            return None;
+        }
     }
     let (Some(origin), Some(from)) = (origin, from) else {
         s.reject("item", "`origin` and `source` say how the document got its value and where", None);
@@ -170,6 +216,8 @@ fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedValue> {
         quantity: quantity.map(|text| text.value),
         at: at.unwrap_or_default(),
         part: part.map(|text| text.value),
+        below: below.map(|at| Below { part: below_part.map(|part| part.value), at }),
+        claim,
         note: note.map(|text| text.value),
     })
 }
@@ -180,7 +228,8 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
     // A copy of the shipped file may state these.
     let (_, _, _, _) =
         (s.word(&keys::ORIGIN), s.text_of(&keys::SOURCE), s.text_of(&keys::QUANTITY), s.text_of(&keys::PART));
-    let _ = s.text_of(&keys::NOTE);
+    let _ =
+        (s.text_of(&keys::NOTE), s.scalar(&keys::CLAIM), s.text_of(&keys::BELOW_PART), s.table_of(&keys::BELOW, None));
     let _ = s.table_of(&keys::AT, None);
     s.finish();
     let written = written?;
@@ -197,7 +246,10 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
         refuse_name(s, "label", (&written.label, &written.label_span), names, "is not a label of this item");
         return None;
     };
-    let number = written.value?;
+    let Some(number) = written.value else {
+        s.reject("label", "its `value` is missing", Some("add value = NUMBER".into()));
+        return None;
+    };
     match values[place].value {
         Some(there) if !values[place].is_filled && there != number.value => {
             let help = Some("leave it out: only values that are missing can be filled in".into());
@@ -209,9 +261,10 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
     }
 }
 
-fn refuse_name<'n>(
+/// Refuses a name and suggests the nearest.
+pub(super) fn refuse_name<'n>(
     s: &Section,
-    key: &str,
+    key: &'static str,
     (name, span): (&str, &Span),
     names: impl IntoIterator<Item = &'n str>,
     allowed: &str,

@@ -82,6 +82,15 @@ label = "Height"
 origin = "measured"
 source = "section 9.3"
 value = 1.5
+
+[[curve]]
+item = "table-9-1"
+label = "Peak over d/Z"
+origin = "computed"
+source = "figure 9-1"
+part = "main"
+quantity = "x_over_z"
+over = "particle.clearance_ratio"
 "#;
 
 const BARE: &str = "\
@@ -222,6 +231,49 @@ fn a_gap_is_a_dash_until_a_users_file_fills_it() {
     assert!(height.contains(",1.5,false,") && height.contains("not computed"), "{height}");
 }
 
+/// Points at d/Z = 9, 10 and 12, and one between two of them.
+#[test]
+fn a_users_points_of_a_curve_are_drawn_over_it_and_compared_with_it() {
+    let folder = folder();
+    done(&folder, &["table-9-1", "--quick"]);
+    assert!(text(&folder, "thesis.md").contains("| Peak over d/Z | figure 9-1 | computed | — | — |"));
+    let plain = text(&folder, "table-9-1/main/x_over_z.svg");
+    let own = "[[curve]]\nitem = \"table-9-1\"\nlabel = \"Peak over d/Z\"\nabscissae = [12, 9, 11, 13]\nvalues = [8, 20, 9, 1]\n";
+    std::fs::write(folder.path().join("own.toml"), own).unwrap();
+    done(&folder, &["table-9-1", "--quick", "--published", "own.toml"]);
+    let csv = text(&folder, "published_curves.csv");
+    let points: Vec<(f64, f64, Option<f64>)> = csv
+        .lines()
+        .skip(1)
+        .map(|line| line.rsplitn(4, ',').collect::<Vec<&str>>())
+        .map(|cells| (cells[2].parse().unwrap(), cells[1].parse().unwrap(), cells[0].parse().ok()))
+        .collect();
+    let results = damprig::thesis::Results::at(&folder.path().join("out"));
+    let computed = results.study("table-9-1", "main").unwrap().column("x_over_z").unwrap();
+    let half = 0.5 * (computed[1] + computed[2]);
+    let expected =
+        [(9.0, 20.0, Some(computed[0])), (11.0, 9.0, Some(half)), (12.0, 8.0, Some(computed[2])), (13.0, 1.0, None)];
+    assert_eq!(points, expected);
+    let drawn = text(&folder, "table-9-1/main/published.svg");
+    assert!(drawn.contains("published, computed") && !plain.contains("published"));
+    assert!(text(&folder, "thesis.html").contains("table-9-1/main/published.svg"));
+    let uneven = own.replace("[8, 20, 9, 1]", "[8, 20]");
+    std::fs::write(folder.path().join("own.toml"), uneven).unwrap();
+    let told = refused(&folder, &["--published", "own.toml"]);
+    assert!(told.contains("own.toml:5") && told.contains("as long as"), "{told}");
+}
+
+#[test]
+fn two_runs_do_not_compute_into_one_folder() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    let lock = std::fs::File::create(folder.path().join("out/.lock")).unwrap();
+    lock.try_lock().unwrap();
+    let output = thesis(&folder, &["table-9-1"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("another damprig thesis"));
+}
+
 #[test]
 fn a_published_value_for_nothing_is_refused_with_file_and_line() {
     let folder = folder();
@@ -254,6 +306,10 @@ fn what_is_complete_is_not_computed_again_and_what_was_removed_is() {
     assert!(told.contains("1 of 2 parts"), "{told}");
     assert_eq!(std::fs::read(part("main/table.parquet")).unwrap(), table);
     assert_eq!((first("stiff/part.json"), first("main/parts/00000000.parquet")), (kept, other));
+    // A damaged table is written again.
+    std::fs::write(part("main/table.parquet"), &table[..table.len() / 2]).unwrap();
+    assert!(done(&folder, &["table-9-1"]).contains("1 of 2 parts"));
+    assert_eq!(std::fs::read(part("main/table.parquet")).unwrap(), table);
     // A changed file is another part.
     let study = folder.path().join("files/studies/main.toml");
     let changed = std::fs::read_to_string(&study).unwrap().replace("[9, 10, 12]", "[9, 11]");

@@ -67,7 +67,7 @@ pub fn over_step(series: Vec<Series>, title: &str, x: &str, y: &str) -> Result<P
     let curves: Vec<Curve> = series.into_iter().map(curve).collect();
     study_curves::draw(
         &curves,
-        &CurveLabels { title: title.into(), x: x.into(), is_log: true, y: y.into(), best: None },
+        &CurveLabels { title: title.into(), x: x.into(), is_log: true, y: y.into(), best: None, marks: Vec::new() },
     )
 }
 
@@ -79,6 +79,7 @@ fn draw(
 ) -> Result<Picture, FigureError> {
     let curve = |(label, points)| Curve { label, points, band: Vec::new(), is_scattered: false };
     let curves: Vec<Curve> = curves.map(curve).collect();
-    let labels = CurveLabels { title: title.into(), x: x.into(), is_log: false, y: y.into(), best: None };
+    let labels =
+        CurveLabels { title: title.into(), x: x.into(), is_log: false, y: y.into(), best: None, marks: Vec::new() };
     study_curves::draw(&curves, &labels)
 }

@@ -1,7 +1,7 @@
 //! The figures of a study: for each metric a map over two axes, curves over one, or the drawn points.
 
 use super::curves::Curve as SpecialCurve;
-use super::study_curves::{self, Curve, CurveLabels};
+use super::study_curves::{self, Curve, CurveLabels, Mark};
 use super::study_labels::{label, name};
 use super::study_map::{self, Map, MapAxis};
 use super::{FigureError, Picture};
@@ -27,11 +27,45 @@ pub struct StudyFigure {
     pub picture: Result<Picture, FigureError>,
 }
 
+/// Points from elsewhere to be drawn over the curves of a study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Given {
+    /// Axes and their values; an axis that is not among them may have any.
+    pub at: Vec<(String, Value)>,
+    /// Key of the axis that is the abscissa of `points`.
+    pub over: String,
+    /// Abscissa and value.
+    pub points: Vec<(f64, f64)>,
+    /// Measured, and not computed.
+    pub is_measured: bool,
+}
+
+/// Draws the figure of the objective with points over its curves. `None` where that figure is no curve over the points' axis.
+#[must_use]
+pub fn draw_with(study: &Study, table: &StudyTable, best: Option<u64>, given: &[Given]) -> Option<StudyFigure> {
+    let [x, ..] = grids(study)[..] else { return None };
+    let is_shown = |given: &&Given| given.over == study.axes[x].key;
+    let given: Vec<Given> = given.iter().filter(is_shown).cloned().collect();
+    if given.is_empty() || is_map(study) || has_drawn_axis(study) {
+        return None;
+    }
+    draw_metric(study, table, best, &[], &given, study.objective)
+}
+
 /// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point. `overlays`: what the study's
 /// overlays found.
 #[must_use]
 pub fn draw(study: &Study, table: &StudyTable, best: Option<u64>, overlays: &[Found]) -> Vec<StudyFigure> {
-    study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, overlays, *metric)).collect()
+    study.metrics.iter().filter_map(|metric| draw_metric(study, table, best, overlays, &[], *metric)).collect()
+}
+
+/// Whether a study is drawn over two of its axes.
+fn is_map(study: &Study) -> bool {
+    matches!(&grids(study)[..], [_, b, ..] if study.axes[*b].count() >= LEAST_OF_MAP)
+}
+
+fn has_drawn_axis(study: &Study) -> bool {
+    study.points.kept().iter().any(|place| matches!(study.axes[*place].values, Values::Drawn { .. }))
 }
 
 /// Kept axes that are grids of at least two numbers, the longest first.
@@ -49,15 +83,15 @@ fn draw_metric(
     table: &StudyTable,
     best: Option<u64>,
     overlays: &[Found],
+    given: &[Given],
     metric: Metric,
 ) -> Option<StudyFigure> {
     let column = main_column(study, metric);
     let values = table.column(&column).filter(|values| values.iter().any(|value| value.is_finite()))?;
-    let sheet = Sheet { study, table, metric, values, column, best, overlays };
-    let is_drawn = study.points.kept().iter().any(|place| matches!(study.axes[*place].values, Values::Drawn { .. }));
+    let sheet = Sheet { study, table, metric, values, column, best, overlays, given };
     let (picture, caption) = match &grids(study)[..] {
-        _ if is_drawn => sheet.drawn_points(),
-        [a, b, ..] if study.axes[*b].count() >= LEAST_OF_MAP => sheet.map(*a.min(b), *a.max(b)),
+        _ if has_drawn_axis(study) => sheet.drawn_points(),
+        [a, b, ..] if is_map(study) => sheet.map(*a.min(b), *a.max(b)),
         [a, ..] => sheet.curves(*a),
         [] => return None,
     };
@@ -72,6 +106,7 @@ struct Sheet<'a> {
     column: String,
     best: Option<u64>,
     overlays: &'a [Found],
+    given: &'a [Given],
 }
 
 impl Sheet<'_> {
@@ -222,6 +257,12 @@ impl Sheet<'_> {
                 curves[known].1.band.push((at, low[row as usize], high[row as usize]));
             }
         }
+        let mut marks = Vec::new();
+        for given in self.given {
+            let place = curves.iter().position(|(others, _)| others.iter().all(|other| self.is_at(given, other)));
+            let Some(place) = place else { continue };
+            marks.extend(given.points.iter().map(|at| Mark { at: *at, curve: place, is_measured: given.is_measured }));
+        }
         let mut curves: Vec<Curve> = curves.into_iter().map(|(_, curve)| curve).collect();
         for curve in &mut curves {
             curve.points.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -236,10 +277,21 @@ impl Sheet<'_> {
             is_log: self.axis(x).is_log,
             y: self.value_label(),
             best,
+            marks,
         };
         let band =
             if quantiles.is_some() { "; the band is from the smallest to the largest over the starts" } else { "" };
         (study_curves::draw(&curves, &labels), format!("{}: {}{band}.", self.column, self.metric.doc()))
+    }
+
+    /// Whether points belong to a value of an axis.
+    fn is_at(&self, given: &Given, (place, value): &(usize, Value)) -> bool {
+        let there = given.at.iter().find(|(key, _)| *key == self.axis(*place).key);
+        there.is_none_or(|(_, wanted)| match (wanted, value) {
+            // As printed: the value of a grid is rounded.
+            (Value::Number(a), Value::Number(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
+            _ => wanted == value,
+        })
     }
 
     /// The value over the first drawn axis.
@@ -257,6 +309,7 @@ impl Sheet<'_> {
             is_log,
             y: self.value_label(),
             best,
+            marks: Vec::new(),
         };
         let caption = format!("{}: {}, of all drawn points.", self.column, self.metric.doc());
         (study_curves::draw(&[curve], &labels), caption)

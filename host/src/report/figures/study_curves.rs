@@ -1,11 +1,11 @@
 //! Draws a quantity over one axis of a study: a curve for each combination of the others, with the band between its quantiles.
 
-use plotters::element::{Circle, PathElement, Polygon, Text};
-use plotters::style::Color;
+use plotters::element::{Circle, Cross, PathElement, Polygon, Text};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, RGBColor};
 
 use super::axis::{Axis, Frame, Scale};
-use super::{FigureError, INK, Picture, colour, text, width};
+use super::{Canvas, FigureError, INK, Picture, colour, text, width};
 
 /// A curve, or points.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +33,29 @@ pub struct CurveLabels {
     pub y: String,
     /// The best point and its text.
     pub best: Option<((f64, f64), String)>,
+    /// Points from elsewhere.
+    pub marks: Vec<Mark>,
+}
+
+/// A published point over a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark {
+    /// Abscissa and value.
+    pub at: (f64, f64),
+    /// Place of its curve, whose colour it has.
+    pub curve: usize,
+    /// Measured (a ring), and not computed (a cross).
+    pub is_measured: bool,
+}
+
+/// A ring or a cross, with its size and line in the canvas' points.
+fn draw_mark(canvas: &Canvas, at: (i32, i32), mark: &Mark, colour: RGBColor, scale: i32) -> Result<(), FigureError> {
+    let style = colour.stroke_width(2 * scale as u32);
+    if mark.is_measured {
+        canvas.draw(&Circle::new(at, 5 * scale, style)).map_err(FigureError::of)
+    } else {
+        canvas.draw(&Cross::new(at, 5 * scale, style)).map_err(FigureError::of)
+    }
 }
 
 const WIDTH: i32 = 980;
@@ -50,9 +73,12 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
     let widest = curves.iter().map(|curve| width(&text(13.0, INK), &curve.label)).max().unwrap_or(0);
     let legend = if curves.len() > 1 { widest + 70 } else { 30 };
     let height = HEIGHT.max(TOP + curves.len() as i32 * LEGEND_LINE + BELOW);
-    let abscissae = || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0));
+    let marks = || labels.marks.iter().map(|mark| mark.at);
+    let abscissae =
+        || curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.0)).chain(marks().map(|at| at.0));
     let bands = || curves.iter().flat_map(|curve| curve.band.iter().flat_map(|(_, low, high)| [*low, *high]));
     let values = curves.iter().flat_map(|curve| curve.points.iter().map(|point| point.1)).chain(bands());
+    let values = values.chain(marks().map(|at| at.1));
     let scale = if labels.is_log { Scale::Log } else { Scale::Linear };
     let frame = Frame {
         x: Axis::around(labels.x.clone(), scale, abscissae()),
@@ -69,8 +95,16 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
             canvas.draw(&sample).map_err(FigureError::of)?;
             canvas.draw(&Text::new(curve.label.clone(), (x + 34, y), left(13.0))).map_err(FigureError::of)?;
         }
+        let mut x = LEFT;
         if let Some((_, words)) = &labels.best {
-            canvas.draw(&Text::new(words.clone(), (LEFT, height - 16), left(13.0))).map_err(FigureError::of)?;
+            canvas.draw(&Text::new(words.clone(), (x, height - 16), left(13.0))).map_err(FigureError::of)?;
+            x += width(&text(13.0, INK), words) + 40;
+        }
+        for (is_measured, words) in [(false, "published, computed"), (true, "published, measured")] {
+            let Some(mark) = labels.marks.iter().find(|mark| mark.is_measured == is_measured) else { continue };
+            draw_mark(canvas, (x + 6, height - 16), mark, INK, 1)?;
+            canvas.draw(&Text::new(words, (x + 20, height - 16), left(13.0))).map_err(FigureError::of)?;
+            x += width(&text(13.0, INK), words) + 50;
         }
         Ok(())
     })?;
@@ -95,6 +129,9 @@ pub fn draw(curves: &[Curve], labels: &CurveLabels) -> Result<Picture, FigureErr
                     canvas.draw(&line).map_err(FigureError::of)?;
                 }
             }
+        }
+        for mark in &labels.marks {
+            draw_mark(canvas, frame.fine_point(mark.at.0, mark.at.1), mark, colour(mark.curve), 10)?;
         }
         if let Some((at, _)) = &labels.best {
             let mark = Circle::new(frame.fine_point(at.0, at.1), 70, colour(5).stroke_width(28));

@@ -98,14 +98,16 @@ impl<'a> Evidence<'a> {
     /// The values that the document computed for an item, beside those of a part, as far as it has their rows.
     ///
     /// # Errors
-    /// No such item or part; a part that has not been computed; no row of any value.
+    /// No such item or part; a part that has not been computed; a gap in the published values; no row of any value.
     pub fn pairs(&self, item: &str, part: &str) -> Result<Vec<Pair>, ResultError> {
         let item = self.catalogue.find(item).map_err(|refusal| ResultError::Wrong(refusal.0))?;
         let shown = format!("{}/{part}", item.name);
         let part = item.part(part).ok_or_else(|| ResultError::Wrong(format!("there is no part {shown}")))?;
         let mut pairs = Vec::new();
         for value in self.published.of(&item.name).filter(|value| value.origin == Origin::Computed) {
-            let Some(printed) = value.value else { continue };
+            let gap =
+                || ResultError::Wrong(format!("published.toml has no value for {:?} of {}", value.label, item.name));
+            let printed = value.value.ok_or_else(gap)?;
             let found = |value: &PublishedValue| find(self.catalogue, self.results, item, part, value);
             match found(value) {
                 Ok(computed) => {
@@ -140,12 +142,23 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// A column of numbers.
+    /// A column of numbers: at least one, and all finite, so that no verdict follows from what is not there.
     ///
     /// # Errors
-    /// The table has no such column.
+    /// The table has no such column, no row, or a row without a value in it.
     pub fn column(&self, name: &str) -> Result<Vec<f64>, ResultError> {
-        self.table.column(name).ok_or_else(|| self.lacks(name))
+        let values = self.table.column(name).ok_or_else(|| self.lacks(name))?;
+        match values.iter().position(|value| !value.is_finite()) {
+            _ if values.is_empty() => Err(self.wrong("its table has no rows")),
+            Some(row) => Err(self.wrong(&format!("{name} has no value in row {row} of its table"))),
+            None => Ok(values),
+        }
+    }
+
+    /// An error that names the table.
+    #[must_use]
+    pub fn wrong(&self, what: &str) -> ResultError {
+        ResultError::Wrong(format!("{}: {what}", self.shown))
     }
 
     /// A column of words.
@@ -157,7 +170,7 @@ impl Numbers {
     }
 
     fn lacks(&self, name: &str) -> ResultError {
-        ResultError::Wrong(format!("{}: its table has no column {name}", self.shown))
+        self.wrong(&format!("its table has no column {name}"))
     }
 
     /// The rows in which every key has its value; at least one.
@@ -171,7 +184,7 @@ impl Numbers {
             rows.retain(|&row| is_same(column[row], value));
         }
         if rows.is_empty() {
-            return Err(ResultError::Wrong(format!("{}: it has no row with {keys:?}", self.shown)));
+            return Err(self.wrong(&format!("it has no row with {keys:?}")));
         }
         Ok(rows)
     }
@@ -198,12 +211,11 @@ impl Numbers {
     /// The row with the least value of a column.
     ///
     /// # Errors
-    /// The table has no such column, or no number in it.
+    /// As [`Numbers::column`].
     pub fn least(&self, column: &str) -> Result<usize, ResultError> {
         let values = self.column(column)?;
-        let numbers = (0..values.len()).filter(|&row| !values[row].is_nan());
-        let least = numbers.min_by(|&a, &b| values[a].total_cmp(&values[b]));
-        least.ok_or_else(|| ResultError::Wrong(format!("{}: {column} has no numbers", self.shown)))
+        let least = (0..values.len()).min_by(|&a, &b| values[a].total_cmp(&values[b]));
+        least.ok_or_else(|| self.lacks(column))
     }
 }
 
@@ -211,6 +223,14 @@ impl Numbers {
 #[must_use]
 pub fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
+/// The value below which a share of some numbers lies; not a number if there are none.
+#[must_use]
+pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let place = (share * values.len().saturating_sub(1) as f64).round() as usize;
+    values.get(place).copied().unwrap_or(f64::NAN)
 }
 
 /// The middle one of some numbers; the lower of the two middle ones if their number is even.

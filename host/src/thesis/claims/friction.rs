@@ -69,6 +69,9 @@ fn ratios(evidence: &Evidence, map: &Map) -> Result<Vec<(f64, f64)>, ResultError
             }
         }
     }
+    if ratios.is_empty() {
+        return Err(without.wrong("no point with internal friction has one without to compare it with"));
+    }
     Ok(ratios)
 }
 

@@ -6,13 +6,13 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, PreEscaped, html};
 
-use super::{GAP, relative, shown, shown_difference, shown_found, shown_published};
+use super::{GAP, relative, shown, shown_difference, shown_found, shown_published, shown_rms};
 use crate::report::figures::png_of;
 use crate::report::page::{document_with_images, without_prolog};
 use crate::thesis::catalogue::{Item, ItemKind};
 use crate::thesis::claims::{Judgement, Verdict};
-use crate::thesis::compared::{ComparedItem, Comparison};
-use crate::thesis::published::PublishedValue;
+use crate::thesis::compared::{ComparedItem, Comparison, Row};
+use crate::thesis::published::Origin;
 use crate::thesis::run::command;
 
 /// Bytes of an SVG above which the page has an image of pixels: a map of many points.
@@ -25,16 +25,32 @@ const PIXELS_PER_POINT: f32 = 1.0;
 pub fn page(comparison: &Comparison, out: &Path) -> String {
     let mut chapters: Vec<String> = comparison.items.iter().map(|compared| compared.item.chapter()).collect();
     chapters.dedup();
+    let of = |chapter: &str| {
+        let chapter = chapter.to_string();
+        comparison.items.iter().filter(move |compared| compared.item.chapter() == chapter)
+    };
     let content = html! {
         header {
             h1 { "Figures and tables, computed anew" }
             p.under { (summary(comparison)) }
         }
+        nav {
+            p { a href="#claims" { "Claims" } }
+            @for chapter in &chapters {
+                p {
+                    "Chapter " (chapter) ": "
+                    @for (place, compared) in of(chapter).enumerate() {
+                        @if place > 0 { " · " }
+                        a href=(format!("#{}", compared.item.name)) title=(compared.item.title) { (compared.item.label()) }
+                    }
+                }
+            }
+        }
         @if !comparison.judgements.is_empty() { (claims(&comparison.judgements)) }
         @for chapter in &chapters {
             section {
                 h2 { "Chapter " (chapter) }
-                @for compared in comparison.items.iter().filter(|compared| compared.item.chapter() == *chapter) {
+                @for compared in of(chapter) {
                     (item(compared, comparison, out))
                 }
             }
@@ -49,12 +65,13 @@ pub fn page(comparison: &Comparison, out: &Path) -> String {
 
 fn summary(comparison: &Comparison) -> String {
     let rows = || comparison.items.iter().flat_map(|compared| &compared.rows);
-    let gaps = rows().filter(|row| row.value.value.is_none()).count();
+    let curves: usize = comparison.items.iter().map(|compared| compared.curves.len()).sum();
     let computed = rows().filter(|row| row.computed.is_ok()).count();
     format!(
-        "{} items, {} published values, {computed} of them with a computed one beside; {gaps} gaps",
+        "{} items, {} published values, {computed} of them with a computed one beside, {curves} published curves; {} gaps",
         comparison.items.len(),
-        rows().count() - gaps,
+        rows().filter(|row| row.value.value.is_some()).count(),
+        comparison.gaps(),
     )
 }
 
@@ -68,7 +85,7 @@ fn class(verdict: &Verdict) -> &'static str {
 
 fn claims(judgements: &[Judgement]) -> Markup {
     html! {
-        section {
+        section id="claims" {
             h2 { "Claims" }
             div.wide {
                 table {
@@ -142,6 +159,7 @@ fn item(compared: &ComparedItem, comparison: &Comparison, out: &Path) -> Markup 
                 }
             }
             @if !compared.rows.is_empty() { (values(compared)) }
+            @if !compared.curves.is_empty() { (curves(compared)) }
             @if compared.parts.iter().any(|(part, figures)| part.is_other_reading && !figures.is_empty()) {
                 details {
                     summary { "Figures of the other readings" }
@@ -189,18 +207,17 @@ fn values(compared: &ComparedItem) -> Markup {
             table {
                 thead {
                     tr {
-                        th.word { "Value" } th.word { "Source" } th.word { "Origin" } th { "Published" } th { "Computed" } th { "Difference" }
+                        th.word { "Value" } th { "Published" } th { "Computed" } th { "Difference" }
                         @for part in &readings { th { small { "other reading" } (part.title) } }
+                        th.word { "Source" } th.word { "Origin" }
                     }
                 }
                 tbody {
                     @for row in &compared.rows {
                         tr {
                             td.word { (row.value.label) @if let Some(note) = &row.value.note { br; small { (note) } } }
-                            td.word { (row.value.source) }
-                            td.word { (origin(row.value)) }
                             td { (shown_published(row.value)) }
-                            td title=[row.computed.as_ref().err().map(ToString::to_string)] { (shown_found(&row.computed)) }
+                            (computed(row))
                             td { (shown_difference(row)) }
                             @for part in &readings {
                                 @match row.others.iter().find(|(other, _)| other.name == part.name) {
@@ -208,6 +225,8 @@ fn values(compared: &ComparedItem) -> Markup {
                                     None => td { (GAP) },
                                 }
                             }
+                            td.word { (row.value.source) }
+                            td.word { (origin(row.value.origin, row.value.is_filled)) }
                         }
                     }
                 }
@@ -216,16 +235,54 @@ fn values(compared: &ComparedItem) -> Markup {
     }
 }
 
-fn origin(value: &PublishedValue) -> String {
-    let filled = if value.is_filled { ", filled in" } else { "" };
-    format!("{}{filled}", value.origin.name())
+/// The computed value, the claim that judges the published one instead, or why there is none.
+fn computed(row: &Row) -> Markup {
+    match (&row.computed, row.value.claim) {
+        (Err(_), Some(claim)) => html! { td { a href=(format!("#claim-{claim}")) { "claim " (claim) } } },
+        (found, _) => html! { td title=[found.as_ref().err().map(ToString::to_string)] { (shown_found(found)) } },
+    }
+}
+
+fn curves(compared: &ComparedItem) -> Markup {
+    let gaps = compared.curves.iter().filter(|row| row.curve.points.is_empty()).count();
+    html! {
+        details open[gaps < compared.curves.len()] {
+            summary { (compared.curves.len()) " published curves, " (gaps) " of them gaps" }
+            div.wide {
+                table {
+                    thead {
+                        tr {
+                            th.word { "Curve" } th { "Points" } th { "RMS difference" } th.word { "Source" } th.word { "Origin" }
+                        }
+                    }
+                    tbody {
+                        @for row in &compared.curves {
+                            tr {
+                                td.word { (row.curve.label) }
+                                td { @if row.curve.points.is_empty() { (GAP) } @else { (row.curve.points.len()) } }
+                                td title=[row.computed.as_ref().err().map(ToString::to_string)] { (shown_rms(row)) }
+                                td.word { (row.curve.source) }
+                                td.word { (origin(row.curve.origin, row.curve.is_filled)) }
+                            }
+                        }
+                    }
+                }
+            }
+            p.under { "A gap takes points that someone reads off: " code { "--published FILE" } "." }
+        }
+    }
+}
+
+fn origin(origin: Origin, is_filled: bool) -> String {
+    let filled = if is_filled { ", filled in" } else { "" };
+    format!("{}{filled}", origin.name())
 }
 
 fn commands(item: &Item, comparison: &Comparison) -> Markup {
     html! {
         details {
             summary { "Commands and parts" }
-            p { code { "damprig thesis " (item.name) } ", or part by part in the folder of this page:" }
+            p { "In the folder of this page: " code { (comparison.item_command(item)) } ", or part by part:" }
             div.wide {
                 table {
                     tbody {

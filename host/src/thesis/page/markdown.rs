@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{GAP, relative, shown, shown_difference, shown_found, shown_published};
+use super::{GAP, relative, shown, shown_difference, shown_found, shown_published, shown_rms};
 use crate::thesis::catalogue::ItemKind;
 use crate::thesis::claims::Judgement;
 use crate::thesis::compared::{ComparedItem, Comparison};
@@ -68,8 +68,11 @@ fn add_item(compared: &ComparedItem, comparison: &Comparison, out: &Path, text: 
     if !compared.rows.is_empty() {
         add_values(compared, text);
     }
+    if !compared.curves.is_empty() {
+        add_curves(compared, text);
+    }
     if item.kind != ItemKind::MeasuredOnly {
-        text.push_str(&format!("\n```sh\ndamprig thesis {}\n", item.name));
+        text.push_str(&format!("\nIn the folder of this file:\n```sh\n{}\n", comparison.item_command(item)));
         for part in &item.parts {
             let command = command(part, comparison.files);
             if !command.is_empty() {
@@ -95,7 +98,10 @@ fn add_values(compared: &ComparedItem, text: &mut String) {
             cell(&value.source),
             value.origin.name(),
             shown_published(value),
-            shown_found(&row.computed),
+            match (&row.computed, value.claim) {
+                (Err(_), Some(claim)) => format!("claim {claim}"),
+                (found, _) => shown_found(found),
+            },
             shown_difference(row)
         ));
         for part in &readings {
@@ -103,6 +109,16 @@ fn add_values(compared: &ComparedItem, text: &mut String) {
             text.push_str(&format!(" {} |", found.map_or_else(|| GAP.into(), |(_, found)| shown_found(found))));
         }
         text.push('\n');
+    }
+}
+
+fn add_curves(compared: &ComparedItem, text: &mut String) {
+    text.push_str("\n| published curve | source | origin | points | RMS difference |\n|---|---|---|---:|---:|\n");
+    for row in &compared.curves {
+        let curve = row.curve;
+        let points = if curve.points.is_empty() { GAP.into() } else { curve.points.len().to_string() };
+        let (label, source) = (cell(&curve.label), cell(&curve.source));
+        text.push_str(&format!("| {label} | {source} | {} | {points} | {} |\n", curve.origin.name(), shown_rms(row)));
     }
 }
 

@@ -1,4 +1,5 @@
-//! Writes what was found: the page `thesis.html`, `thesis.md`, and the tables `published.csv` and `claims.csv`.
+//! Writes what was found: the page `thesis.html`, `thesis.md`, and the tables `published.csv`,
+//! `published_curves.csv` and `claims.csv`.
 
 mod html;
 mod markdown;
@@ -6,7 +7,7 @@ mod tables;
 
 use std::path::Path;
 
-use super::compared::{Comparison, Row};
+use super::compared::{Comparison, CurveRow, Row};
 use super::published::PublishedValue;
 use super::results::ResultError;
 use crate::report::numbers::significant;
@@ -31,6 +32,7 @@ pub fn write(comparison: &Comparison, out: &Path) -> Result<(), StorageError> {
         own_files::replace(&path, &text.map_err(|error| StorageError::new("write", &path, error))?)
     };
     csv("published.csv", tables::published(comparison))?;
+    csv("published_curves.csv", tables::curves(comparison))?;
     csv("claims.csv", tables::claims(comparison))?;
     own_files::replace(&out.join("thesis.md"), markdown::text(comparison, out).as_bytes())?;
     own_files::replace(&out.join(PAGE), html::page(comparison, out).as_bytes())
@@ -58,4 +60,9 @@ fn shown_difference(row: &Row) -> String {
     let Some(difference) = row.difference() else { return GAP.into() };
     let sign = if difference < 0.0 { "−" } else { "+" };
     format!("{sign}{} %", significant((100.0 * difference).abs(), 2))
+}
+
+/// The RMS of a curve's relative differences in percent.
+fn shown_rms(row: &CurveRow) -> String {
+    row.difference().map_or_else(|| GAP.into(), |rms| format!("{} %", significant(100.0 * rms, 2)))
 }

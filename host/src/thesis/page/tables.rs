@@ -1,4 +1,5 @@
-//! The tables for other programs: a row for each published value and reading, and for each number behind a claim.
+//! The tables for other programs: a row for each published value and reading, for each point of a published
+//! curve, and for each number behind a claim.
 
 use crate::thesis::compared::Comparison;
 use crate::thesis::found::words;
@@ -53,6 +54,34 @@ pub fn published(comparison: &Comparison) -> Result<Vec<u8>, csv::Error> {
                     &missing,
                 ])?;
             }
+        }
+    }
+    writer.into_inner().map_err(|error| error.into_error().into())
+}
+
+/// A row for each point of the published curves.
+pub fn curves(comparison: &Comparison) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::WriterBuilder::new().terminator(csv::Terminator::CRLF).from_writer(Vec::new());
+    let columns =
+        ["item", "label", "origin", "source", "part", "quantity", "over", "row", "abscissa", "published", "computed"];
+    writer.write_record(columns)?;
+    for row in comparison.items.iter().flat_map(|compared| &compared.curves) {
+        let curve = row.curve;
+        for (place, (abscissa, value)) in curve.points.iter().enumerate() {
+            let computed = row.computed.as_ref().ok().and_then(|computed| computed.get(place).copied());
+            writer.write_record([
+                curve.item.as_str(),
+                &curve.label,
+                curve.origin.name(),
+                &curve.source,
+                &curve.part,
+                &curve.quantity,
+                &curve.over,
+                &words(&curve.at),
+                &abscissa.to_string(),
+                &value.to_string(),
+                &number(computed),
+            ])?;
         }
     }
     writer.into_inner().map_err(|error| error.into_error().into())

@@ -6,6 +6,7 @@ mod cases;
 mod parts;
 mod scheme;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::catalogue::{Catalogue, Item, Part, Work};
+use super::marked::WITH_PUBLISHED;
 use super::results::{BIFURCATION_TABLE, BRANCHES, BRANCHES_TABLE, METHOD_TABLE, RUN, Results, STUDY_TABLE};
 use crate::campaign::Campaign;
 use crate::continuation::Continuation;
@@ -43,6 +45,8 @@ struct Mark {
     digest: String,
     /// Computing time, s, of the call that completed it.
     wall_s: f64,
+    /// SHA-256 of each file of its folder.
+    files: BTreeMap<String, String>,
 }
 
 /// A part to compute.
@@ -112,13 +116,56 @@ fn task<'a>(catalogue: &Catalogue, results: &Results, item: &'a Item, part: &'a 
     let folder = results.part(&item.name, &part.name);
     let read = Read::of(&catalogue.folder, part)?;
     let digest = read.digest(part);
-    let is_complete = mark_in(&folder).is_some_and(|mark| mark.digest == digest) && has_results(&folder, part);
+    let is_sound = |mark: Mark| mark.digest == digest && is_as_written(&folder, &mark);
+    let is_complete = mark_in(&folder).is_some_and(is_sound) && has_results(&folder, part);
     let estimate_s = if is_complete { 0.0 } else { read.estimate_s()? };
     Ok(Task { item, part, folder, estimate_s, is_complete, digest })
 }
 
 fn mark_in(folder: &Path) -> Option<Mark> {
     serde_json::from_slice(&std::fs::read(folder.join(MARK)).ok()?).ok()
+}
+
+/// SHA-256 of the files in a part's folder, other than the mark and what is drawn anew for every page.
+fn digests(folder: &Path) -> std::io::Result<BTreeMap<String, String>> {
+    let mut digests = BTreeMap::new();
+    add_digests(folder, "", &mut digests)?;
+    digests.retain(|name, _| name != MARK && name != WITH_PUBLISHED);
+    Ok(digests)
+}
+
+fn add_digests(folder: &Path, before: &str, digests: &mut BTreeMap<String, String>) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = format!("{before}{}", entry.file_name().to_string_lossy());
+        if entry.file_type()?.is_dir() {
+            add_digests(&entry.path(), &format!("{name}/"), digests)?;
+        } else if entry.file_type()?.is_file() {
+            digests.insert(name, hex(&Sha256::digest(std::fs::read(entry.path())?)));
+        }
+    }
+    Ok(())
+}
+
+/// Whether the files that a part wrote are as they were.
+fn is_as_written(folder: &Path, mark: &Mark) -> bool {
+    digests(folder).is_ok_and(|there| mark.files.iter().all(|(name, digest)| there.get(name) == Some(digest)))
+}
+
+/// Removes the mark of a part, and the files that have changed since: a study goes on with the others.
+fn remove_changed(folder: &Path) -> Result<(), StorageError> {
+    let Some(mark) = mark_in(folder) else { return Ok(()) };
+    let there = digests(folder).map_err(|error| StorageError::new("read", folder, error))?;
+    let changed = there.iter().filter(|(name, digest)| mark.files.get(*name).is_some_and(|written| written != *digest));
+    for name in changed.map(|(name, _)| name.as_str()).chain([MARK]) {
+        let file = folder.join(name);
+        std::fs::remove_file(&file).map_err(|error| StorageError::new("remove", &file, error))?;
+    }
+    Ok(())
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Whether the files that others read are there.
@@ -177,7 +224,7 @@ impl Read {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
         }
-        digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hex(&digest.finalize())
     }
 
     /// Computing time on all cores, s, about.
@@ -213,6 +260,7 @@ pub fn run(catalogue: &Catalogue, task: &Task, report: &(dyn Fn(f64) -> bool + S
     let Task { part, folder, .. } = task;
     let files = &catalogue.folder;
     std::fs::create_dir_all(folder).map_err(|error| StorageError::new("create", folder, error))?;
+    remove_changed(folder)?;
     let ending = match &part.work {
         Work::Study(file) => parts::study(&files.join(file), folder, report)?,
         Work::Cases(cases) => {
@@ -230,6 +278,7 @@ pub fn run(catalogue: &Catalogue, task: &Task, report: &(dyn Fn(f64) -> bool + S
             damprig: crate::VERSION_LINE.into(),
             digest: task.digest.clone(),
             wall_s: start.elapsed().as_secs_f64(),
+            files: digests(folder).map_err(|error| StorageError::new("read", folder, error))?,
         };
         let text = serde_json::to_string_pretty(&mark).map_err(RunFailure::of)?;
         own_files::replace(&folder.join(MARK), text.as_bytes())?;
@@ -257,9 +306,10 @@ pub fn command(part: &Part, files: &Path) -> String {
             ];
             text.extend(options.into_iter().flatten());
             text.extend(sweep.set.iter().map(|set| format!(" --set {set}")));
-            text
+            // Two diagrams do not go into one folder.
+            text + " --out bifurcation-" + &part.name
         }
-        Work::Continuation(file) => format!("damprig continue {}", shown(file)),
+        Work::Continuation(file) => format!("damprig continue {} --plot {}.svg", shown(file), default_name(file)),
         Work::Campaign(file) => format!("damprig run {}", shown(file)),
         Work::Method(_) => String::new(),
     }
