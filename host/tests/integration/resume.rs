@@ -19,7 +19,7 @@ use predicates::str::contains;
 const OF_THE_CLOCK: [&str; 3] = ["start_tick", "end_tick", "segment"];
 
 /// The measured columns of the results as text: equal text is equal bits, but for the sign of a NaN.
-fn measured(run: &Path) -> String {
+pub(crate) fn measured(run: &Path) -> String {
     let without = |batch: RecordBatch| {
         let schema = batch.schema();
         let kept: Vec<usize> =
