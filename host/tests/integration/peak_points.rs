@@ -10,10 +10,11 @@ use damprig::run_folder::journal;
 use damprig::run_folder::read::columns::{numbers, texts};
 use damprig::run_folder::schema::journal_entry::Entry;
 use damprig::run_folder::schema::journal_state::JournalState;
+use damprig_protocol::{Event, FromDevice};
 use predicates::prelude::*;
 use predicates::str::contains;
 
-use crate::common::{cut_off_at, damprig, folder_with, manifest, read_parquet, short};
+use crate::common::{Fate, Served, cut_off_at, damprig, folder_with, manifest, read_parquet, short};
 use crate::resume::measured;
 
 const GRID: &str = "{ from_hz = 2.4, to_hz = 2.6, step_hz = 0.05, peak_points = 4 }";
@@ -187,6 +188,33 @@ fn a_peak_at_an_end_of_the_grid_is_refined_inside_and_said() {
     let page = std::fs::read_to_string(run.join("report.html")).unwrap();
     let warnings = page.split("<h2>Warnings</h2>").nth(1).unwrap().split("</section>").next().unwrap();
     assert!(warnings.contains("the peak may lie outside"), "{warnings}");
+}
+
+#[test]
+fn a_grid_without_a_valid_point_has_no_points_around_a_peak_and_the_run_is_complete_without_them() {
+    let folder = folder_with(&with(GRID));
+    let mut points = 0;
+    // The base of the first set-up does not move, as its sensor has it.
+    let rig = Served::again_and_again(move |message| {
+        let mut changed = message.clone();
+        match &mut changed {
+            FromDevice::Event { event: Event::Point(result), .. } if points < POINTS[0] => {
+                points += 1;
+                result.z_amplitude_m = 0.0;
+                Fate::Replace(Box::new(changed))
+            }
+            _ => Fate::Pass,
+        }
+    });
+    let answer = damprig(&folder).args(["run", "test.toml", "--rig", &rig, "--out", "out"]).assert().success();
+    let said = "note: set-up \"bare\", experiment \"sweep\": no point has a valid X/Z";
+    answer.stderr(contains(said)).stdout(contains("14 of 14 points"));
+    let run = folder.path().join("out");
+    assert_eq!(results(&run, "bare").len(), POINTS[0]);
+    assert_eq!(results(&run, "hybrid").len(), POINTS[0] + POINTS[1]);
+    let answer = damprig(&folder).args(["run", "--resume", "out"]).assert().success();
+    answer.stdout(contains("The run is complete: all 14 points are measured."));
+    damprig(&folder).args(["runs", "verify", "out"]).assert().success();
 }
 
 #[test]
