@@ -113,7 +113,7 @@ impl<'a> RecordedRun<'a> {
         };
         let mut writer = Writer::new(folder.path(), journal, layout, taken)?;
         writer.note(&Entry::Begin(Box::new(begin)))?;
-        manifest.note(writer.state(), writer.rows());
+        manifest.note(campaign, writer.state(), writer.rows());
         folder.write_manifest(&manifest)?;
         let taken = writer.state().clone();
         let recorder = Recorder::start(writer, waits_for_room);
@@ -156,7 +156,7 @@ impl<'a> RecordedRun<'a> {
         let mut manifest = self.manifest;
         manifest.clock = Durations { rig_s: tally.rig_s, wall_s: taken.wall_s() };
         manifest.counters = taken.losses();
-        manifest.note(&taken, writer.rows());
+        manifest.note(self.campaign, &taken, writer.rows());
         manifest.ending = reason.map_or(Ending::Complete, |reason| Ending::Incomplete { reason });
         let path = self.folder.path();
         let has_sines = self.campaign.experiments.iter().any(|e| e.stepped_sine().is_some());

@@ -10,7 +10,7 @@ use super::keys::{campaign, experiment};
 use super::playback;
 use super::stepped_sine::{self, Start, SteppedSine};
 use super::transient::{self, FreeVibration, Playback};
-use super::{CampaignSetUp, Plan, RigSettings};
+use super::{AroundPeak, CampaignSetUp, Plan, RigSettings};
 use crate::input::{Problem, Section, Text, listed, near};
 
 /// An experiment on some of the set-ups.
@@ -63,7 +63,7 @@ impl Experiment {
         if let Kind::FreeVibration(free) = &self.kind { Some(free) } else { None }
     }
 
-    /// The drive frequencies in order, Hz; none unless it is a stepped sine.
+    /// The known drive frequencies in order, Hz; none unless it is a stepped sine.
     #[must_use]
     pub fn frequencies_hz(&self) -> &[f64] {
         self.stepped_sine().map_or(&[], |sine| &sine.frequencies_hz)
@@ -75,10 +75,44 @@ impl Experiment {
         self.frequencies_hz().get(index).copied().unwrap_or(0.0)
     }
 
-    /// Points on each set-up: each has a result of its own.
+    /// Points on each set-up: each has a result of its own. Those around the peak count although their frequencies are not known.
     #[must_use]
     pub fn points(&self) -> usize {
+        self.known_points() + self.peak_points()
+    }
+
+    /// Points that are known before the experiment begins.
+    #[must_use]
+    pub fn known_points(&self) -> usize {
         self.stepped_sine().map_or(1, |sine| sine.frequencies_hz.len())
+    }
+
+    /// Points around the peak that follow when the others are measured.
+    #[must_use]
+    pub fn peak_points(&self) -> usize {
+        self.stepped_sine().map_or(0, SteppedSine::peak_points)
+    }
+
+    /// Whether these can be its points around the peak: not more than it has, and within its grid.
+    #[must_use]
+    pub fn can_have_around_peak(&self, around: &AroundPeak) -> bool {
+        let lowest = self.frequencies_hz().iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = self.frequencies_hz().iter().copied().fold(0.0, f64::max);
+        let is_within = |f: &f64| lowest < *f && *f < highest;
+        self.peak_points() > 0
+            && around.frequencies_hz.len() <= self.peak_points()
+            && around.frequencies_hz.iter().all(is_within)
+    }
+
+    /// The experiment with these points around its peak at the end of its list; no more follow. Unchanged unless it is a stepped sine.
+    #[must_use]
+    pub fn with_points_around_peak(&self, around: &AroundPeak) -> Self {
+        let mut whole = self.clone();
+        if let Kind::SteppedSine(sine) = &mut whole.kind {
+            sine.frequencies_hz.extend(&around.frequencies_hz);
+            sine.peak_order.clear();
+        }
+        whole
     }
 
     /// Whether each point continues the motion of the one before: after an interruption it starts from its beginning.
@@ -91,7 +125,7 @@ impl Experiment {
     /// [`Self::expected_s`].
     #[must_use]
     pub fn longest_s(&self) -> f64 {
-        let repeated = |sine: &SteppedSine| sine.frequencies_hz.len() as f64 * (sine.longest_dwell_s() - sine.dwell_s);
+        let repeated = |sine: &SteppedSine| self.points() as f64 * (sine.longest_dwell_s() - sine.dwell_s);
         self.expected_s() + self.stepped_sine().map_or(0.0, repeated)
     }
 
@@ -103,7 +137,7 @@ impl Experiment {
             Kind::SteppedSine(e) => {
                 let is_from_rest = e.start == Start::FromRest;
                 let rest_s = if is_from_rest { REST_S + (e.ramp_s - f64::from(FADE_S)).max(0.0) } else { 0.0 };
-                e.frequencies_hz.len() as f64 * (rest_s + e.settle_s + e.dwell_s)
+                self.points() as f64 * (rest_s + e.settle_s + e.dwell_s)
             }
             Kind::Playback(playback) => seconds(playback.order().expected_ticks()),
             Kind::FreeVibration(free) => seconds(core_transient::FreeVibration::expected_ticks(&free.order())),
@@ -145,6 +179,7 @@ pub(super) fn read_all(
                 && sine.start == Start::FromRest
             {
                 plan.order(&mut sine.frequencies_hz, FREQUENCIES_PLACE + all.len() as u64);
+                plan.order(&mut sine.peak_order, PEAKS_PLACE + all.len() as u64);
             }
             all.push(one);
         }
@@ -154,6 +189,9 @@ pub(super) fn read_all(
 
 /// Where the orders of frequencies begin among those of a campaign: after its set-ups.
 const FREQUENCIES_PLACE: u64 = 1 << 16;
+
+/// Where those of the points around peaks begin.
+const PEAKS_PLACE: u64 = 1 << 24;
 
 /// Name of one of several repeats, counted from 1.
 fn repeat_name(series: &str, repeat: usize, repeats: usize) -> String {

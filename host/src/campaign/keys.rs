@@ -238,7 +238,7 @@ tables! {
     "One frequency of the base after another."
     stepped_sine("experiment", "stepped_sine") {
         FREQUENCIES: Required, [
-            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz, resonance_points }")
+            key("frequencies_hz", Kind::NumbersOrTable(Above(0.0, HIGHEST_HZ)), "a list, or { from_hz, to_hz, step_hz, resonance_points, peak_points }")
                 .usual(0.1, 25.0)
                 .note(TICK),
         ];
@@ -271,6 +271,13 @@ tables! {
                 "resonance_points",
                 Whole(2.0, 101.0),
                 "further frequencies over the half-power bandwidth of each bare structure, fn(1 − ζ) to fn(1 + ζ)",
+            ),
+        ];
+        PEAK_POINTS: Optional, [
+            number(
+                "peak_points",
+                Whole(2.0, 40.0),
+                "further frequencies between the neighbours of the point with the highest measured X/Z (cycle maxima), measured after the grid on each set-up; a sweep (`carry_over`) begins at the first of them from rest",
             ),
         ];
         STEP: Required, [

@@ -8,6 +8,7 @@ mod difference;
 mod experiment;
 mod keys;
 mod limits;
+mod peak;
 mod plan;
 mod playback;
 mod rig;
@@ -28,6 +29,7 @@ pub use difference::differences;
 pub use experiment::{Experiment, Kind};
 pub use keys::{PLAYED, TABLES};
 pub use limits::CampaignLimits;
+pub use peak::{AroundPeak, GridPeak};
 pub use plan::Plan;
 pub use rig::{RigSettings, Telemetry};
 pub use set_up::CampaignSetUp;
@@ -99,7 +101,8 @@ impl Campaign {
         self.source.verdict()
     }
 
-    /// Points of the whole campaign: each frequency, record or release on each of its set-ups.
+    /// Points of the whole campaign: each frequency, record or release on each of its set-ups, with all points around
+    /// peaks.
     #[must_use]
     pub fn points(&self) -> usize {
         self.experiments.iter().map(|e| e.set_ups.len() * e.points()).sum()

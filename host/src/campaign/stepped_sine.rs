@@ -26,6 +26,8 @@ pub enum Start {
 pub struct SteppedSine {
     /// The frequencies in the order they are run, Hz.
     pub frequencies_hz: Vec<f64>,
+    /// The points around the measured peak in the order they are run, each as its place in the grid's direction; empty without any.
+    pub peak_order: Vec<usize>,
     /// How each point starts.
     pub start: Start,
     /// Open or closed loop. The drive limit of a closed loop applies only if `drive_limit` is given.
@@ -58,9 +60,10 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[S
     let settle_s = section.scalar(&keys::SETTLE);
     let dwell = section.placed(&keys::DWELL);
     let rest_level_m = section.scalar(&keys::REST_LEVEL);
+    refuse_misplaced(section);
     let frequencies = frequencies(section, structures);
     let steady = read_steady(section, dwell.as_ref());
-    if let (Some(dwell), Some(list)) = (&dwell, &frequencies) {
+    if let (Some(dwell), Some((list, _))) = (&dwell, &frequencies) {
         let lowest = list.iter().copied().fold(f64::INFINITY, f64::min);
         if dwell.value * lowest < f64::from(FEWEST_CYCLES) {
             let allowed = format!("must hold {FEWEST_CYCLES} periods of the lowest frequency, {lowest} Hz");
@@ -76,8 +79,10 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[S
         section.refuse("ramp_s", &ramp.span, allowed, None);
     }
     let (drive, drive_limit) = read_drive(section, rig)?;
+    let (frequencies_hz, peak_points) = frequencies?;
     Some(SteppedSine {
-        frequencies_hz: frequencies?,
+        frequencies_hz,
+        peak_order: (0..peak_points).collect(),
         start: if start? == 0 { Start::FromRest } else { Start::CarryOver },
         drive,
         drive_limit,
@@ -89,16 +94,33 @@ pub(super) fn read(section: &Section, rig: Option<&RigSettings>, structures: &[S
     })
 }
 
-/// A list of numbers, or a grid.
-fn frequencies(section: &Section, structures: &[Structure]) -> Option<Vec<f64>> {
+/// Reports `peak_points` beside `frequencies_hz` instead of in it.
+fn refuse_misplaced(section: &Section) {
+    let key = grid::PEAK_POINTS.name();
+    if section.has_own(key) {
+        let allowed = "belongs in the grid of frequencies_hz: a list has no points around its peak";
+        let help = "write frequencies_hz = { from_hz = 2.0, to_hz = 3.0, step_hz = 0.05, peak_points = 8 }";
+        section.reject(key, allowed, Some(help.into()));
+    }
+}
+
+/// A list of numbers, or a grid; and the number of points around its peak.
+fn frequencies(section: &Section, structures: &[Structure]) -> Option<(Vec<f64>, usize)> {
     match section.given(&keys::FREQUENCIES)? {
-        (_, Given::Numbers(list)) => listed(section, &list),
+        (_, Given::Numbers(list)) => Some((listed(section, &list)?, 0)),
         (_, Given::Table(table)) => {
             let (from, to, step) = (table.scalar(&grid::FROM), table.scalar(&grid::TO), table.placed(&grid::STEP));
             let resonance_points = table.scalar(&grid::RESONANCE_POINTS).map(|points| points as usize);
+            let peak_points = table.scalar(&grid::PEAK_POINTS).map_or(0, |points| points as usize);
             table.finish();
             let even = spread(&table, from?, to?, &step?)?;
-            refine(&table, even, resonance_points, structures)
+            let list = refine(&table, even, resonance_points, structures)?;
+            if peak_points > 0 && list.len() < 2 {
+                let allowed = "needs a grid of at least two frequencies: the points lie between neighbours";
+                table.reject(grid::PEAK_POINTS.name(), allowed, Some("leave it out, or widen the grid".into()));
+                return None;
+            }
+            Some((list, peak_points))
         }
         _ => None,
     }
@@ -144,7 +166,7 @@ fn spread(grid: &Section, from: f64, to: f64, step: &Number) -> Option<Vec<f64>>
 }
 
 /// So that 2 + 7 × 0.05 is written 2.35.
-fn to_nanohertz(frequency_hz: f64) -> f64 {
+pub(super) fn to_nanohertz(frequency_hz: f64) -> f64 {
     (frequency_hz * 1e9).round() / 1e9
 }
 

@@ -172,6 +172,9 @@ fn begin(args: &Args, file: &Path) -> Outcome {
     if !predicted.swings.is_empty() {
         say!("{}", terminal::campaign::plan(&campaign, &predicted.swings));
     }
+    if args.dry_run {
+        terminal::campaign::peak_points(&campaign, &predicted.responses).iter().for_each(|line| say!("{line}"));
+    }
     terminal::transients::plan(&campaign, &predicted.expected).iter().for_each(|plan| say!("{plan}"));
     check(&campaign, &predicted, &session)?;
     if args.dry_run {
@@ -238,7 +241,7 @@ fn resume(args: &Args, wanted: &Path) -> Outcome {
     }
     let is_over = RunFolder::open(&path).is_ok_and(|run| run.manifest().is_complete());
     if is_over && earlier.is_complete() {
-        say!("The run is complete: all {} points are measured. Nothing was done.", earlier.campaign.points());
+        say!("The run is complete: all {} points are measured. Nothing was done.", earlier.journal.points());
         return Ok(());
     }
     earlier.intentions().iter().for_each(|line| say!("- {line}"));

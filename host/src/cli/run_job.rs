@@ -106,7 +106,7 @@ impl Job<'_> {
             log: self.log.take(),
             mount_without_asking: self.mount_without_asking,
         };
-        let mut progress = RunProgress::new(self.campaign, session, taken.points(), display);
+        let mut progress = RunProgress::new(self.campaign, session, &taken, display);
         let recorder = &mut recorded.recorder;
         let (tally, result) = match self.live.take() {
             None => {

@@ -19,6 +19,8 @@ use crate::report::numbers::duration;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::journal_state::{JournalState, Planned};
+use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunError, WatchedStart, Watcher};
@@ -134,10 +136,10 @@ pub struct Display {
 }
 
 impl RunProgress {
-    /// For a run of this campaign on the rig of `session`; `taken` points are measured already.
+    /// For a run of this campaign on the rig of `session`; `taken` is what is measured already.
     #[must_use]
-    pub fn new(campaign: &Campaign, session: &Session, taken: usize, display: Display) -> Self {
-        let expected_s = campaign.expected_s();
+    pub fn new(campaign: &Campaign, session: &Session, taken: &JournalState, display: Display) -> Self {
+        let Planned { points, expected_s } = taken.planned(campaign);
         let bar = if display.is_hidden { ProgressBar::hidden() } else { bar((expected_s * STEPS_PER_S) as u64) };
         let used = (0..campaign.set_ups.len()).filter(|i| campaign.experiments.iter().any(|e| e.set_ups.contains(i)));
         let at = |name: &str| session.signals.iter().position(|signal| signal.name == name);
@@ -153,13 +155,13 @@ impl RunProgress {
                 impacts_in_cycle: at("impacts_in_cycle"),
             },
             expected_s,
-            repeats_dwells: campaign.longest_s() > expected_s,
+            repeats_dwells: campaign.longest_s() > campaign.expected_s(),
             measured: 0,
             rig_s: 0.0,
             began_s: None,
             moving: Duration::ZERO,
             moved_at: Instant::now(),
-            points: (taken, campaign.points()),
+            points: (taken.points(), points),
             mount_without_asking: display.mount_without_asking,
             set_ups: used.map(|i| campaign.set_ups[i].name.clone()).collect(),
             mounted: 0,
@@ -318,6 +320,22 @@ impl Watcher for RunProgress {
             if summary.peak.is_none_or(|(x, _)| row.x_over_z() > x) {
                 summary.peak = Some((row.x_over_z(), row.frequency_hz));
             }
+        }
+    }
+
+    fn peak_points(&mut self, points: &PeakPoints, planned: &Planned) {
+        let text = points.text();
+        self.log(&text);
+        let text = shown_in_line(&text);
+        if points.is_notable() {
+            self.bar.suspend(|| warn!("note: {text}"));
+        } else if self.has_lines {
+            say!("{text}");
+        }
+        self.points.1 = planned.points;
+        if !self.repeats_dwells {
+            self.expected_s = planned.expected_s;
+            self.bar.set_length((self.expected_s * STEPS_PER_S) as u64);
         }
     }
 

@@ -68,7 +68,13 @@ impl Compared<'_> {
             rows.iter().for_each(|_| self.done());
             points
         };
-        together.into_par_iter().flat_map_iter(of).collect()
+        let mut points: Vec<ComparedPoint> = together.into_par_iter().flat_map_iter(of).collect();
+        if self.state.peak(&own.name, &experiment.name).is_some() {
+            // Those around the peak are among those of the grid, as in the results.
+            let order = self.state.rows_in_order(&[(own.name.clone(), experiment.name.clone())]);
+            points.sort_by_key(|point| order.iter().position(|row| Some(row.frequency_hz) == point.frequency_hz));
+        }
+        points
     }
 
     fn points(

@@ -39,7 +39,7 @@ pub(super) fn missing(run: &RunFolder, campaign: &Campaign, state: &JournalState
     let manifest = run.manifest();
     let mut missing = Vec::new();
     if !manifest.is_complete() {
-        let (taken, planned) = (state.points(), campaign.points());
+        let (taken, planned) = (state.points(), state.planned(campaign).points);
         missing.push(format!(
             "the run is not complete ({}): {taken} of {planned} points are compared",
             manifest.ending_text()

@@ -20,7 +20,8 @@ use crate::report::describe;
 use crate::report::terminal::transients::in_words;
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
-use crate::run_folder::schema::journal_state::JournalState;
+use crate::run_folder::schema::journal_state::{JournalState, Planned};
+use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
 use crate::runner::{RunAction, RunError, WatchedStart, Watcher};
@@ -76,6 +77,7 @@ impl<'a> MonitoredRun<'a> {
             .map(|signal| SignalName { name: signal.name.to_string(), unit: signal.unit.to_string() })
             .collect();
         let known = |limit: f32| (limit > 0.0).then_some(f64::from(limit));
+        let planned = taken.planned(campaign);
         let watched = Watched {
             source: Source {
                 kind: SourceKind::Run,
@@ -87,8 +89,8 @@ impl<'a> MonitoredRun<'a> {
             signals: Vec::new(),
             table: table.iter().map(|signal| signal.name.clone()).collect(),
             curves: curves(campaign, predicted),
-            points_planned: campaign.points(),
-            expected_s: Some(campaign.expected_s()),
+            points_planned: planned.points,
+            expected_s: Some(planned.expected_s),
             limits: Limits {
                 x_m: Some(campaign.rig.structure_limit_m()),
                 z_m: Some(campaign.rig.base_limit_m()),
@@ -307,6 +309,18 @@ impl Watcher for MonitoredRun<'_> {
         self.terminal.point(row);
     }
 
+    fn peak_points(&mut self, points: &PeakPoints, planned: &Planned) {
+        let level = if points.is_notable() { Level::Warning } else { Level::Info };
+        self.feed.log(level, words::sentence(&points.text()));
+        if planned.points != self.watched.points_planned {
+            self.watched.points_planned = planned.points;
+            self.watched.expected_s = Some(planned.expected_s);
+            self.feed.send(Update::Watch(Box::new(self.watched.clone())));
+            self.feed.send(Update::Link(self.link.clone()));
+        }
+        self.terminal.peak_points(points, planned);
+    }
+
     fn transient(&mut self, row: &TransientRow) {
         self.feed.send(Update::Transient(transient(row)));
         self.terminal.transient(row);
@@ -357,12 +371,16 @@ pub(super) fn transient(row: &TransientRow) -> Transient {
     Transient { set_up: row.set_up.clone(), experiment: row.experiment.clone(), text: in_words(row) }
 }
 
-/// The predicted responses of a campaign.
+/// The predicted responses of a campaign. Those of a sweep keep its order, unless points around its peak follow.
 pub(super) fn curves(campaign: &Campaign, predicted: &Predicted) -> Vec<Curve> {
-    let curve = |response: &crate::prediction::Response| Curve {
-        set_up: campaign.set_ups[response.set_up].name.clone(),
-        experiment: campaign.experiments[response.experiment].name.clone(),
-        predicted: response.points.clone(),
+    let curve = |response: &crate::prediction::Response| {
+        let experiment = &campaign.experiments[response.experiment];
+        let mut predicted = response.points.clone();
+        if !experiment.carries_over() || experiment.peak_points() > 0 {
+            predicted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let set_up = campaign.set_ups[response.set_up].name.clone();
+        Curve { set_up, experiment: experiment.name.clone(), predicted }
     };
     predicted.responses.iter().map(curve).collect()
 }

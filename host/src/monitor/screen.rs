@@ -219,7 +219,10 @@ fn response(frame: &mut Frame, area: Rect, picture: &Picture) {
         .map(|name| {
             let own = picture.points.iter().filter(|(other, ..)| other == name);
             // Logarithmic, as on the page.
-            own.map(|(_, frequency_hz, x_over_z)| (*frequency_hz, x_over_z.max(1e-3).log10())).collect()
+            let mut curve: Vec<(f64, f64)> =
+                own.map(|(_, frequency_hz, x_over_z)| (*frequency_hz, x_over_z.max(1e-3).log10())).collect();
+            curve.sort_by(|a, b| a.0.total_cmp(&b.0));
+            curve
         })
         .collect();
     let all = || curves.iter().flatten();

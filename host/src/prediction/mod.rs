@@ -28,7 +28,7 @@ use damprig_core::twin::TwinConfig;
 use rayon::prelude::*;
 
 use crate::campaign::transient::two_digits_down;
-use crate::campaign::{Campaign, CampaignSetUp, Start, SteppedSine};
+use crate::campaign::{AroundPeak, Campaign, CampaignSetUp, Start, SteppedSine};
 use crate::input::{Problem, Refusal};
 use transient::Expected;
 use watch::MotionWatch;
@@ -80,6 +80,9 @@ pub struct Response {
     /// Drive frequency (Hz) and X/Z of each point: X is the mean over the cycles of the dwell of max |x|, Z the base amplitude as
     /// set; of a point that is measured until it is steady, in its last possible dwell. A point whose dwell is not predicted is left out.
     pub points: Vec<(f64, f64)>,
+    /// The points around the predicted peak, which `points` has at its end; none without such points, or if a dwell of the grid is not
+    /// predicted. The run measures them around the measured peak.
+    pub around_peak: Option<AroundPeak>,
     /// Largest |x| in the dwells of its points, as the results measure it, m; `None` if a dwell is not predicted to its end.
     pub dwell_max_x_m: Option<f64>,
 }
@@ -242,7 +245,8 @@ fn steps_per_period(set_up: &CampaignSetUp, frequency_hz: f64) -> f64 {
 
 /// Steps that each point of the campaign may have.
 fn allowance(campaign: &Campaign) -> u64 {
-    let points: usize = campaign.experiments.iter().map(|e| e.frequencies_hz().len() * e.set_ups.len()).sum();
+    let points: usize =
+        campaign.experiments.iter().map(|e| (e.frequencies_hz().len() + e.peak_points()) * e.set_ups.len()).sum();
     STEPS_PER_POINT.max(MOST_STEPS / points.max(1) as u64)
 }
 
@@ -252,7 +256,9 @@ fn steps_of(campaign: &Campaign, set_up: usize) -> u64 {
     let wanted = own.filter_map(|e| e.stepped_sine()).flat_map(|sine| {
         let steps =
             move |f: &f64| whole_cycles(sine, *f).iter().sum::<f64>() * steps_per_period(&campaign.set_ups[set_up], *f);
-        sine.frequencies_hz.iter().map(steps)
+        // Those around the peak are somewhere in the grid.
+        let around_peak = sine.frequencies_hz.iter().take(1).cycle().take(sine.peak_points());
+        sine.frequencies_hz.iter().chain(around_peak).map(steps)
     });
     let most = allowance(campaign);
     wanted.map(|steps| (steps as u64).min(most)).sum()
@@ -268,13 +274,21 @@ fn motion(campaign: &Campaign, set_up: usize, base_amplitude_m: f64) -> Result<(
         let detection = &campaign.rig.board.impacts;
         let starts = campaign.set_ups[set_up].starts();
         let budget = (most_steps / starts.len() as u64, detection);
-        let all: Result<Vec<Simulated>, Invalid> =
-            starts.iter().map(|start| simulate(start, sine, base_amplitude_m, budget)).collect();
-        let simulated = Simulated::of_starts(&all?);
-        largest = largest.or(simulated.swing);
-        let is_whole = simulated.swing.predicted_s.is_none();
-        let dwell_max_x_m = is_whole.then_some(simulated.dwell_max_x_m);
-        responses.push(Response { set_up, experiment, points: simulated.points, dwell_max_x_m });
+        let simulated = |sine: &SteppedSine| -> Result<Simulated, Invalid> {
+            let all: Result<Vec<Simulated>, Invalid> =
+                starts.iter().map(|start| simulate(start, sine, base_amplitude_m, budget)).collect();
+            Ok(Simulated::of_starts(&all?))
+        };
+        let mut all = simulated(sine)?;
+        let is_whole = all.points.len() == sine.frequencies_hz.len();
+        let around_peak = (sine.peak_points() > 0 && is_whole).then(|| sine.around_peak(&all.points));
+        if let Some(around) = &around_peak {
+            let frequencies_hz = around.frequencies_hz.clone();
+            all.add(simulated(&SteppedSine { frequencies_hz, ..sine.clone() })?);
+        }
+        largest = largest.or(all.swing);
+        let dwell_max_x_m = all.swing.predicted_s.is_none().then_some(all.dwell_max_x_m);
+        responses.push(Response { set_up, experiment, points: all.points, around_peak, dwell_max_x_m });
     }
     if !campaign.set_ups[set_up].is_predicted {
         return Ok((Swing { max_x_m: f64::NAN, ..Swing::NOTHING }, Vec::new()));
@@ -338,6 +352,13 @@ struct Simulated {
 }
 
 impl Simulated {
+    /// Adds further points of the same experiment.
+    fn add(&mut self, further: Self) {
+        self.swing = self.swing.or(further.swing);
+        self.points.extend(further.points);
+        self.dwell_max_x_m = self.dwell_max_x_m.max(further.dwell_max_x_m);
+    }
+
     /// Of several starts of the particle: the largest displacements and forces, and the median of X/Z at each point.
     fn of_starts(all: &[Self]) -> Self {
         let swing = all.iter().fold(Swing::NOTHING, |largest, one| largest.or(one.swing));

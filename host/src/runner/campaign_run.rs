@@ -1,5 +1,7 @@
 //! Runs all set-ups and experiments of a campaign, segment by segment.
 
+use std::ops::Range;
+
 use damprig_protocol::PlantKind;
 
 use super::context::{Run, Tally};
@@ -39,7 +41,7 @@ impl Run<'_> {
     pub fn start_experiment(mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<Vec<usize>, RunError> {
         self.make_ready()?;
         let id = self.journal.next_segment(&set_up.name, &experiment.name);
-        let task = Task { set_up, experiment, id, points: 0..experiment.points(), anew: false };
+        let task = Task { set_up, experiment, id, points: 0..experiment.known_points(), anew: false };
         Segment::start_only(&mut self, &task)
     }
 
@@ -51,7 +53,7 @@ impl Run<'_> {
             let set_up = &campaign.set_ups[*set_up];
             let own = || own.iter().map(|&place| &campaign.experiments[place]);
             // Each set-up is mounted once, or never when all its points are taken.
-            if own().any(|e| self.next(set_up, e).is_some()) {
+            if own().any(|e| self.is_open(set_up, e)) {
                 if self.watcher.mount(set_up, simulated)? {
                     self.note_action(&format!(
                         "confirmed: set-up {:?} is mounted{}",
@@ -71,26 +73,61 @@ impl Run<'_> {
     /// Asks a person for what an experiment needs; a simulated rig needs nobody.
     fn instruct(&mut self, set_up: &CampaignSetUp, experiment: &Experiment, simulated: bool) -> Result<(), RunError> {
         let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(()) };
-        if self.next(set_up, experiment).is_some() && self.watcher.instruct(experiment, instruction)? {
+        if self.is_open(set_up, experiment) && self.watcher.instruct(experiment, instruction)? {
             self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
         }
         Ok(())
     }
 
-    /// The next start that an experiment on a set-up needs, if any.
-    fn next<'c>(&self, set_up: &'c CampaignSetUp, experiment: &'c Experiment) -> Option<Task<'c>> {
-        let points = experiment.points();
-        let missing = self.journal.missing(&set_up.name, &experiment.name, points).into_iter().next()?;
+    /// Whether an experiment on a set-up has points that are not measured.
+    fn is_open(&self, set_up: &CampaignSetUp, experiment: &Experiment) -> bool {
+        let points = self.journal.known(&set_up.name, experiment).points();
+        !self.journal.missing(&set_up.name, &experiment.name, points).is_empty()
+    }
+
+    /// The next start that these points of an experiment on a set-up need, if any; those before them are measured.
+    fn next<'c>(
+        &self,
+        set_up: &'c CampaignSetUp,
+        experiment: &'c Experiment,
+        points: &Range<usize>,
+    ) -> Option<Task<'c>> {
+        let missing = self.missing(set_up, experiment, points).into_iter().next()?;
         let id = self.journal.next_segment(&set_up.name, &experiment.name);
         // An interrupted sweep has lost its motion, so it starts from its beginning.
-        let anew = experiment.carries_over() && id.segment > 0;
-        let points = if anew { 0..points } else { missing };
+        let anew = experiment.carries_over() && self.journal.has_begun(&set_up.name, &experiment.name, points);
+        let points = if anew { points.clone() } else { missing };
         Some(Task { set_up, experiment, id, points, anew })
     }
 
+    /// The ranges of these points that are not measured.
+    fn missing(&self, set_up: &CampaignSetUp, experiment: &Experiment, points: &Range<usize>) -> Vec<Range<usize>> {
+        let all = self.journal.missing(&set_up.name, &experiment.name, points.end);
+        let within = all.into_iter().map(|range| range.start.max(points.start)..range.end);
+        within.filter(|range| !range.is_empty()).collect()
+    }
+
+    /// Measures an experiment on a set-up: its grid, then the points around the peak of that.
     fn experiment(&mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<(), RunError> {
+        let known = experiment.known_points();
+        self.measure(set_up, experiment, &(0..known))?;
+        if experiment.peak_points() > 0 {
+            self.place_peak_points(set_up, experiment);
+            let whole = self.journal.known(&set_up.name, experiment).into_owned();
+            self.measure(set_up, &whole, &(known..whole.known_points()))?;
+        }
+        Ok(())
+    }
+
+    /// Measures these points of an experiment on a set-up, in as many starts as it takes.
+    fn measure(
+        &mut self,
+        set_up: &CampaignSetUp,
+        experiment: &Experiment,
+        points: &Range<usize>,
+    ) -> Result<(), RunError> {
         let mut fruitless = 0;
-        while let Some(task) = self.next(set_up, experiment) {
+        while let Some(task) = self.next(set_up, experiment, points) {
             let before = self.journal.points();
             let last = match Segment::carry_out(self, &task) {
                 Ok(End::Finished) => "results were lost on the link and the device no longer has them".to_string(),
@@ -114,7 +151,7 @@ impl Run<'_> {
             };
             fruitless = if self.journal.points() > before { 0 } else { fruitless + 1 };
             if fruitless >= FRUITLESS_STARTS {
-                let left = self.journal.missing(&set_up.name, &experiment.name, experiment.points());
+                let left = self.missing(set_up, experiment, points);
                 let missing = left.iter().map(ExactSizeIterator::len).sum();
                 return Err(RunError::NoProgress { set_up: set_up.name.clone(), tries: fruitless, last, missing });
             }

@@ -1,7 +1,7 @@
 //! Runs a campaign on a device and passes what it reports to the recorder.
 //!
 //! Set-up by set-up and experiment by experiment, all points that are not taken yet: so a run goes on after a lost link,
-//! and is resumed after a kill, in the same way as it starts. Whatever ends a run early, the rig is stopped and the points
+//! and is resumed after a kill, in the same way as it starts. The points around a measured peak follow its grid. Whatever ends a run early, the rig is stopped and the points
 //! taken are kept. One start of the device is a segment; a [`Watcher`] shows
 //! the progress to people.
 
@@ -9,6 +9,7 @@ mod campaign_run;
 mod context;
 mod error;
 mod held_impacts;
+mod peak_points;
 mod plan_check;
 mod progress;
 mod reconnect;

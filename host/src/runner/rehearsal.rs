@@ -169,7 +169,7 @@ impl<'a, S: PlantScalar> Device<'a, S> {
             self.upload(&playback.bytes())?;
         }
         let drive_m = self.controller.settings().calibration.drive.range().amplitude_m();
-        let request = wire_mapping::experiment(set_up, experiment, 0..experiment.points(), drive_m);
+        let request = wire_mapping::experiment(set_up, experiment, 0..experiment.known_points(), drive_m);
         self.ask("take the experiment", request)?;
         self.ask("take the campaign's limits", Request::SetLimits(campaign.rig.limits.of_experiment()))?;
         if let Some(spring) = set_up.spring() {

@@ -98,7 +98,7 @@ impl EarlierRun {
                 .push(format!("{name}: line {} cannot be read; the points in it are measured again", list.join(", ")));
         }
         warnings.extend(damaged_parts(folder, &taken));
-        let untracked = untracked(folder, &taken, taken.points() >= campaign.points());
+        let untracked = untracked(folder, &taken, taken.points() >= taken.planned(&campaign).points);
         if !untracked.data.is_empty() {
             return Err(CannotResume(untracked_message(folder, &untracked.data, &taken)));
         }
@@ -149,25 +149,35 @@ impl EarlierRun {
     /// Whether every point is taken.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.journal.points() >= self.campaign.points()
+        self.journal.points() >= self.journal.planned(&self.campaign).points
     }
 
     /// What resuming will do, one line a step.
     #[must_use]
     pub fn intentions(&self) -> Vec<String> {
-        let mut list =
-            vec![format!("{} of {} points are kept as they are", self.journal.points(), self.campaign.points())];
+        let planned = self.journal.planned(&self.campaign).points;
+        let mut list = vec![format!("{} of {planned} points are kept as they are", self.journal.points())];
         for (set_up, own) in &self.campaign.run_order {
             let set_up = &self.campaign.set_ups[*set_up];
             for experiment in own.iter().map(|&place| &self.campaign.experiments[place]) {
+                let experiment = &*self.journal.known(&set_up.name, experiment);
                 let points = experiment.points();
                 let missing = self.journal.missing(&set_up.name, &experiment.name, points);
                 let begun = self.journal.next_segment(&set_up.name, &experiment.name).segment > 0;
                 let Some(first) = missing.first().map(|range| range.start).filter(|_| begun) else { continue };
                 let place = format!("set-up {:?}, {:?}", set_up.name, experiment.name);
                 let frequency_hz = experiment.frequency_hz(first);
-                list.push(if experiment.stepped_sine().is_none() {
+                let around_peak =
+                    self.journal.peak(&set_up.name, &experiment.name).map(|p| p.around.frequencies_hz.len());
+                let is_around_peak = first + around_peak.unwrap_or(0) >= experiment.known_points();
+                list.push(if first >= experiment.known_points() {
+                    format!("{place} continues with the points around its peak")
+                } else if experiment.stepped_sine().is_none() {
                     format!("{place} is repeated; the samples of its interrupted start are kept")
+                } else if experiment.carries_over() && is_around_peak {
+                    format!(
+                        "{place}: the sweep around its peak starts from its beginning; its points so far stay in the journal and are superseded"
+                    )
                 } else if experiment.carries_over() {
                     format!(
                         "{place} starts from its beginning: the motion at {frequency_hz} Hz cannot be carried over; its points so far stay in the journal and are superseded"

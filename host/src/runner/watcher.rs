@@ -8,6 +8,8 @@ use super::error::RunError;
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
+use crate::run_folder::schema::journal_state::Planned;
+use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::transients::TransientRow;
 
 /// What a person asks of a run in progress.
@@ -99,6 +101,11 @@ pub trait Watcher {
 
     /// A point has been taken.
     fn point(&mut self, row: &ResultRow);
+
+    /// The points around a measured peak are known, and with them what the whole run is to measure.
+    fn peak_points(&mut self, points: &PeakPoints, planned: &Planned) {
+        let _ = (points, planned);
+    }
 
     /// A record, a pulse or a free vibration has been taken.
     fn transient(&mut self, row: &TransientRow) {

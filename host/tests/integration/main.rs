@@ -35,6 +35,7 @@ mod noise;
 mod not_files;
 mod optimise;
 mod output;
+mod peak_points;
 mod plan;
 mod predicted;
 mod real_time;

@@ -19,7 +19,7 @@ use predicates::str::contains;
 const OF_THE_CLOCK: [&str; 3] = ["start_tick", "end_tick", "segment"];
 
 /// The measured columns of the results as text: equal text is equal bits, but for the sign of a NaN.
-fn measured(run: &Path) -> String {
+pub(crate) fn measured(run: &Path) -> String {
     let without = |batch: RecordBatch| {
         let schema = batch.schema();
         let kept: Vec<usize> =
@@ -35,10 +35,10 @@ fn taken(run: &Path) -> JournalState {
     JournalState::of(&journal::read(run).unwrap().entries)
 }
 
-/// The short campaign with more points, more samples and a sweep that carries its motion over.
+/// The short campaign with more points, some around its peaks, more samples and a sweep that carries its motion over.
 fn longer() -> String {
     let carried = "\n[[experiment]]\nname = \"carried\"\nkind = \"stepped_sine\"\nfrequencies_hz = [2.45, 2.55]\nstart = \"carry_over\"\nset_ups = [\"bare\"]\nsettle_s = 2.0\ndwell_s = 4.0\n";
-    let more = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.05 }";
+    let more = "frequencies_hz = { from_hz = 2.2, to_hz = 2.8, step_hz = 0.05, peak_points = 6 }";
     short().replace("frequencies_hz = [2.4, 2.5, 2.6]", more).replace("rate_hz = 100", "rate_hz = 1000") + carried
 }
 

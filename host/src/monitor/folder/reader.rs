@@ -224,6 +224,10 @@ impl Reader {
                 self.link.interruptions += 1;
                 self.feed.log(Level::Warning, words::sentence(what));
             }
+            Entry::PeakPoints(points) => {
+                let level = if points.is_notable() { Level::Warning } else { Level::Info };
+                self.feed.log(level, words::sentence(&points.text()));
+            }
             Entry::Action { what, .. } => self.feed.log(Level::Action, words::sentence(what)),
             Entry::Ended(ended) => {
                 let lost = &ended.counters;

@@ -48,7 +48,7 @@ pub(super) struct PageData {
     pub(super) points: Vec<PagePoint>,
     /// State of the journal; empty for a run without one.
     pub(super) taken: JournalState,
-    /// Times and texts of link events.
+    /// Times and texts of link events, actions, and points around peaks.
     pub(super) link: Vec<(String, String)>,
     pub(super) gaps: SampleGaps,
     /// Parts that cannot be read.
@@ -73,6 +73,7 @@ impl PageData {
         let taken = JournalState::of(&lines.entries);
         let link = lines.entries.iter().filter_map(|entry| match entry {
             Entry::Link { what, at } | Entry::Action { what, at } => Some((at.clone(), what.clone())),
+            Entry::PeakPoints(points) => Some((points.at.clone(), points.text())),
             _ => None,
         });
         let board = taken.begun.last().and_then(|begin| begin.device.settings.as_ref());

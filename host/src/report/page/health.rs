@@ -8,6 +8,7 @@ use super::data::PageData;
 use super::tables::{moment, number, short};
 use crate::client::controller::Controller;
 use crate::run_folder::schema::manifest::Manifest;
+use crate::run_folder::schema::peak_points::PeakPoints;
 
 /// Relative error of the base amplitude above which a warning is given.
 const NOTABLE_BASE_ERROR: f64 = 0.05;
@@ -59,6 +60,7 @@ pub(super) fn warnings(data: &PageData) -> Markup {
     if saturated > 0 {
         list.push(format!("the drive was at its limit at {saturated} points"));
     }
+    list.extend(data.taken.peaks.iter().filter(|points| points.is_notable()).map(PeakPoints::text));
     list.extend(clipped(data));
     list.extend(signs(data));
     list.extend(base_errors(data));
@@ -151,7 +153,7 @@ pub(super) fn link(data: &PageData) -> Markup {
         (controller(data))
         @if data.gaps.count > 0 { (gaps(data)) }
         @if !data.link.is_empty() {
-            h3 { "Link and actions" }
+            h3 { "Events" }
             div.wide { table {
                 thead { tr { th.word { "Time" } th.word { "Event" } } }
                 tbody { @for (at, what) in &data.link { tr { td.word { (moment(at)) } td.word { (what) } } } }

@@ -91,7 +91,8 @@ fn of_pair<'a>(
         values: values.into_iter().filter(|value| value.is_finite()).collect(),
     };
     if experiment.stepped_sine().is_some() {
-        let mut frequencies_hz = experiment.frequencies_hz().to_vec();
+        let points = data.points_of(&set_up.name).filter(|p| is_own(&p.shown.experiment));
+        let mut frequencies_hz: Vec<f64> = points.map(|p| p.shown.frequency_hz).collect();
         frequencies_hz.sort_by(f64::total_cmp);
         frequencies_hz.dedup();
         let at = |frequency_hz: f64| {

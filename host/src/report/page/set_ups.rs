@@ -146,9 +146,13 @@ fn range(experiment: &Experiment) -> String {
         Kind::FreeVibration(free) => return format!("released at {} mm", short(free.start_m * 1e3, 3)),
         Kind::SteppedSine(_) => {}
     }
-    match list {
+    let listed = match list {
         [first, .., last] if list.len() > 6 => format!("{} … {}", short(*first, 4), short(*last, 4)),
         _ => list.iter().map(|f| short(*f, 4)).collect::<Vec<_>>().join(", "),
+    };
+    match experiment.peak_points() {
+        0 => listed,
+        count => format!("{listed}; {count} around the peak"),
     }
 }
 

@@ -4,6 +4,7 @@ use comfy_table::Table;
 
 use super::table;
 use crate::campaign::{Campaign, Experiment};
+use crate::input::shown_in_line;
 use crate::prediction::{Prediction, Response};
 use crate::report::describe;
 use crate::report::figures::campaign::stepped_sines;
@@ -74,6 +75,33 @@ pub fn plan(campaign: &Campaign, predictions: &[Prediction]) -> Table {
         ]);
     }
     table
+}
+
+/// The points that follow around measured peaks, with the places that the prediction expects; a line for each experiment on each set-up.
+#[must_use]
+pub fn peak_points(campaign: &Campaign, responses: &[Response]) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (place, experiment) in campaign.experiments.iter().enumerate().filter(|(_, e)| e.peak_points() > 0) {
+        for &set_up in &experiment.set_ups {
+            let own = responses.iter().find(|r| r.set_up == set_up && r.experiment == place);
+            let expected = match own.and_then(|own| own.around_peak.as_ref()?.peak) {
+                Some(peak) => {
+                    let [low, high, at] =
+                        [peak.between_hz[0], peak.between_hz[1], peak.frequency_hz].map(|f| trimmed(f, 4));
+                    let end = if peak.is_at_end() { ", an end of the grid" } else { "" };
+                    format!("predicted from {low} to {high} Hz (highest point of the grid at {at} Hz{end})")
+                }
+                None => "their place is not predicted".into(),
+            };
+            let (set_up, name) = (&campaign.set_ups[set_up].name, &experiment.name);
+            let count = experiment.peak_points();
+            let line = format!(
+                "Set-up {set_up:?}, experiment {name:?}: {count} further points around the measured peak; {expected}"
+            );
+            lines.push(shown_in_line(&line).into_owned());
+        }
+    }
+    lines
 }
 
 /// Largest |x| of the dwells of an experiment on a set-up as predicted, m.

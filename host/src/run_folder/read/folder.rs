@@ -154,7 +154,7 @@ impl RunFolder {
     /// When the file is missing or damaged.
     pub fn results(&self) -> Result<Vec<RecordBatch>, ReadError> {
         match self.unfinished() {
-            Some(state) => Ok(vec![results::table(state.rows()).map_err(ReadError)?]),
+            Some(state) => Ok(vec![results::table(&state.rows_by_experiment()).map_err(ReadError)?]),
             None => read(&self.path.join(RESULTS))?.collect(),
         }
     }

@@ -52,7 +52,8 @@ pub fn verify(path: &Path) -> Result<Vec<Finding>, ReadError> {
     journal(path, run.as_ref(), &mut found);
     let campaign = campaign(path, &mut found);
     untracked_files(path, campaign.as_ref(), &mut found);
-    results(path, run.as_ref(), campaign.as_ref(), &mut found);
+    let taken = JournalState::of(&journal::read(path).unwrap_or_default().entries);
+    results(path, run.as_ref(), campaign.as_ref(), &taken, &mut found);
     samples(path, run.as_ref(), &mut found);
     Ok(found)
 }
@@ -176,7 +177,7 @@ fn untracked_files(path: &Path, campaign: Option<&Campaign>, found: &mut Vec<Fin
     let Ok(lines) = journal::read(path) else { return };
     let taken = JournalState::of(&lines.entries);
     // Without the campaign the number of points is unknown.
-    let is_complete = campaign.is_none_or(|campaign| taken.points() >= campaign.points());
+    let is_complete = campaign.is_none_or(|campaign| taken.points() >= taken.planned(campaign).points);
     let untracked = untracked(path, &taken, is_complete);
     let name = journal::JOURNAL;
     found.extend(untracked.data.iter().map(|what| Finding::Wrong(format!("{what}; {name} does not list it"))));
@@ -206,7 +207,13 @@ fn gather(batch: &arrow_array::RecordBatch, name: &str, into: &mut PerPair) -> R
     Ok(())
 }
 
-fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, found: &mut Vec<Finding>) {
+fn results(
+    path: &Path,
+    run: Option<&RunFolder>,
+    campaign: Option<&Campaign>,
+    journal: &JournalState,
+    found: &mut Vec<Finding>,
+) {
     let mut taken = PerPair::new();
     let batches = match run {
         Some(run) => run.results(),
@@ -235,6 +242,7 @@ fn results(path: &Path, run: Option<&RunFolder>, campaign: Option<&Campaign>, fo
     }
     for experiment in campaign.iter().flat_map(|c| &c.experiments) {
         for set_up in experiment.set_ups.iter().filter_map(|i| campaign?.set_ups.get(*i)) {
+            let experiment = &*journal.known(&set_up.name, experiment);
             let key = (set_up.name.clone(), experiment.name.clone());
             let have = taken.get(&key).map_or(&[][..], Vec::as_slice);
             if experiment.stepped_sine().is_none() && !events.contains_key(&key) {

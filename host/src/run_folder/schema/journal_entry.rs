@@ -8,6 +8,7 @@ use super::clock_fit::{ClockFit, Pair};
 use super::device::Device;
 use super::impacts::Impacts;
 use super::json_float;
+use super::peak_points::PeakPoints;
 use super::results::ResultRow;
 use super::samples::{LAST_PART, SampleColumn, part_name};
 use super::segment_id::SegmentId;
@@ -26,6 +27,8 @@ pub enum Entry {
     Segment(SegmentStart),
     /// A point is measured.
     Result(Box<ResultRow>),
+    /// The points around the peak of a measured grid.
+    PeakPoints(Box<PeakPoints>),
     /// A record, a pulse or a free vibration is measured.
     Transient(Box<TransientRow>),
     /// Impacts of the particle on its walls.
@@ -63,6 +66,7 @@ impl Entry {
     pub fn is_consistent(&self) -> bool {
         match self {
             Self::Sealed(sealed) => sealed.part <= LAST_PART && *sealed.file.name == part_name(sealed.part),
+            Self::PeakPoints(points) => points.is_consistent(),
             Self::Begin(begin) => begin.records.iter().all(|record| record.name.starts_with(RECORDS)),
             _ => true,
         }
@@ -99,7 +103,7 @@ pub struct SegmentStart {
     pub first_index: usize,
     /// Points.
     pub points: usize,
-    /// Results of earlier segments are superseded: their motion could not be carried over.
+    /// Results of earlier segments from the first point on are superseded: their motion could not be carried over.
     pub anew: bool,
     /// Host time with its zone.
     pub at: String,

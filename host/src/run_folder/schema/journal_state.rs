@@ -3,14 +3,16 @@
 //! The run keeps this sum while it writes the lines, so going on after a lost link and resuming a killed run are the same
 //! operation.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::impacts::Impacts;
 use super::journal_entry::{Begin, Ended, Entry, Finished, Joined, Losses, Sealed, SegmentStart};
+use super::peak_points::PeakPoints;
 use super::results::ResultRow;
 use super::segment_id::SegmentId;
 use super::transients::TransientRow;
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Experiment};
 use crate::client::controller::Controller;
 
 /// The sum of a journal's lines.
@@ -30,11 +32,22 @@ pub struct JournalState {
     pub ended: Vec<Ended>,
     /// Impacts as they were reported.
     pub impacts: Vec<Impacts>,
+    /// The points around measured peaks.
+    pub peaks: Vec<PeakPoints>,
     /// The latest counters of the controller since each beginning of the program.
     controllers: Vec<Option<Controller>>,
     transients: Vec<TransientRow>,
     rows: Vec<ResultRow>,
     superseded: Vec<ResultRow>,
+}
+
+/// What a run is to measure, as far as that is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Planned {
+    /// Points, those measured included.
+    pub points: usize,
+    /// Rig time as [`Campaign::expected_s`] has it, s.
+    pub expected_s: f64,
 }
 
 impl JournalState {
@@ -55,9 +68,13 @@ impl JournalState {
             }
             Entry::Segment(start) => {
                 if start.anew {
-                    let id = &start.id;
-                    let is_earlier = |r: &mut ResultRow| r.set_up == id.set_up && r.experiment == id.experiment;
+                    let (id, first) = (&start.id, start.first_index);
+                    let is_earlier = |r: &mut ResultRow| {
+                        r.set_up == id.set_up && r.experiment == id.experiment && r.point_index as usize >= first
+                    };
                     self.superseded.extend(self.rows.extract_if(.., is_earlier));
+                    // The peak follows from the new results of the grid.
+                    self.peaks.retain(|p| first > 0 || p.set_up != id.set_up || p.experiment != id.experiment);
                 }
                 self.segments.push(start.clone());
             }
@@ -68,6 +85,11 @@ impl JournalState {
                 // A point is taken once; a second line of it is a repetition.
                 if !self.rows.iter().any(is_same) {
                     self.rows.push((**row).clone());
+                }
+            }
+            Entry::PeakPoints(points) => {
+                if self.peak(&points.set_up, &points.experiment).is_none() {
+                    self.peaks.push((**points).clone());
                 }
             }
             Entry::Transient(row) => {
@@ -106,7 +128,8 @@ impl JournalState {
         &self.transients
     }
 
-    /// Results of points that the campaign does not have, one text each; none in a journal that is intact.
+    /// Results of points that the campaign does not have, and points around a peak that it cannot have, one text each; none in a
+    /// journal that is intact.
     #[must_use]
     pub fn unplanned(&self, campaign: &Campaign) -> Vec<String> {
         let is_planned = |set_up: &str, experiment: &str, point: usize| {
@@ -119,9 +142,45 @@ impl JournalState {
         let transients = self.transients.iter().map(|r| (&r.set_up, &r.experiment, 0));
         let unplanned =
             points.chain(transients).filter(|(set_up, experiment, point)| !is_planned(set_up, experiment, *point));
-        unplanned
-            .map(|(set_up, experiment, point)| format!("set-up {set_up:?}, experiment {experiment:?}, point {point}"))
-            .collect()
+        let unplanned = unplanned
+            .map(|(set_up, experiment, point)| format!("set-up {set_up:?}, experiment {experiment:?}, point {point}"));
+        let fits = |points: &PeakPoints| {
+            let mut own = campaign.experiments.iter().filter(|e| e.name == points.experiment);
+            own.any(|e| is_planned(&points.set_up, &e.name, 0) && e.can_have_around_peak(&points.around))
+        };
+        let misfits = self.peaks.iter().filter(|points| !fits(points));
+        let misfits =
+            misfits.map(|p| format!("set-up {:?}, experiment {:?}, points around its peak", p.set_up, p.experiment));
+        unplanned.chain(misfits).collect()
+    }
+
+    /// The points around the measured peak of an experiment on a set-up, once they are known.
+    #[must_use]
+    pub fn peak(&self, set_up: &str, experiment: &str) -> Option<&PeakPoints> {
+        self.peaks.iter().find(|p| p.set_up == set_up && p.experiment == experiment)
+    }
+
+    /// An experiment on a set-up as far as it is known: with the points around its peak, once its grid is measured.
+    #[must_use]
+    pub fn known<'e>(&self, set_up: &str, experiment: &'e Experiment) -> Cow<'e, Experiment> {
+        match self.peak(set_up, &experiment.name).filter(|points| experiment.can_have_around_peak(&points.around)) {
+            Some(points) => Cow::Owned(experiment.with_points_around_peak(&points.around)),
+            None => Cow::Borrowed(experiment),
+        }
+    }
+
+    /// What the run of a campaign is to measure: as the campaign has it, less the points around peaks that could not be placed.
+    #[must_use]
+    pub fn planned(&self, campaign: &Campaign) -> Planned {
+        let mut planned = Planned::default();
+        for experiment in &campaign.experiments {
+            for set_up in experiment.set_ups.iter().filter_map(|index| campaign.set_ups.get(*index)) {
+                let known = self.known(&set_up.name, experiment);
+                planned.points += known.points();
+                planned.expected_s += known.expected_s();
+            }
+        }
+        planned
     }
 
     /// Points that are taken: results of either kind.
@@ -137,7 +196,7 @@ impl JournalState {
     }
 
     /// The results in the order of the campaign, however often it was interrupted; `order` gives its set-ups and
-    /// experiments as names.
+    /// experiments as names. The points around a peak are among those of their grid, by frequency; in a random order they follow it.
     #[must_use]
     pub fn rows_in_order(&self, order: &[(String, String)]) -> Vec<ResultRow> {
         let place = |r: &ResultRow| {
@@ -146,7 +205,33 @@ impl JournalState {
         };
         let mut rows = self.rows.clone();
         rows.sort_by_key(place);
+        for own in rows.chunk_by_mut(|a, b| a.set_up == b.set_up && a.experiment == b.experiment) {
+            if let Some(points) = self.peak(&own[0].set_up, &own[0].experiment) {
+                sort_by_frequency(own, &points.around.frequencies_hz);
+            }
+        }
         rows
+    }
+
+    /// The results of each experiment on each set-up together, in the order in which they were begun.
+    #[must_use]
+    pub fn rows_by_experiment(&self) -> Vec<ResultRow> {
+        let mut order: Vec<(String, String)> = Vec::new();
+        for row in &self.rows {
+            let pair = (row.set_up.clone(), row.experiment.clone());
+            if !order.contains(&pair) {
+                order.push(pair);
+            }
+        }
+        self.rows_in_order(&order)
+    }
+
+    /// Whether an experiment on a set-up was started at one of these points.
+    #[must_use]
+    pub fn has_begun(&self, set_up: &str, experiment: &str, points: &Range<usize>) -> bool {
+        let mut starts = self.segments.iter().filter(|s| s.id.set_up == set_up && s.id.experiment == experiment);
+        let mut rows = self.rows.iter().filter(|r| r.set_up == set_up && r.experiment == experiment);
+        starts.any(|s| points.contains(&s.first_index)) || rows.any(|r| points.contains(&(r.point_index as usize)))
     }
 
     /// The next segment of an experiment on a set-up.
@@ -246,9 +331,20 @@ impl JournalState {
     }
 }
 
+/// Sorts the results of a grid and those around its peak by frequency, in the grid's direction; a grid in a random order is left.
+fn sort_by_frequency(rows: &mut [ResultRow], around_peak_hz: &[f64]) {
+    let grid: Vec<f64> = rows.iter().map(|r| r.frequency_hz).filter(|f| !around_peak_hz.contains(f)).collect();
+    if grid.is_sorted() {
+        rows.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    } else if grid.is_sorted_by(|a, b| a >= b) {
+        rows.sort_by(|a, b| b.frequency_hz.total_cmp(&a.frequency_hz));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::{AroundPeak, GridPeak};
 
     fn result(point_index: u32, segment: u32) -> Entry {
         let row =
@@ -312,5 +408,58 @@ mod tests {
         taken.add(&result(0, 1));
         assert_eq!((taken.rows().len(), taken.superseded().len()), (1, 2));
         assert_eq!(taken.rows()[0].segment, 1);
+    }
+
+    fn measured(point_index: u32, frequency_hz: f64) -> Entry {
+        let Entry::Result(row) = result(point_index, 0) else { unreachable!() };
+        Entry::Result(Box::new(ResultRow { frequency_hz, ..*row }))
+    }
+
+    fn around(frequencies_hz: &[f64]) -> Entry {
+        let peak = Some(GridPeak { frequency_hz: 2.5, between_hz: [2.4, 2.6] });
+        let around = AroundPeak { peak, frequencies_hz: frequencies_hz.to_vec() };
+        Entry::PeakPoints(Box::new(PeakPoints {
+            set_up: "a".into(),
+            experiment: "e".into(),
+            around,
+            at: String::new(),
+        }))
+    }
+
+    fn order(grid: [f64; 3]) -> Vec<f64> {
+        let mut entries: Vec<Entry> = (0..).zip(grid).map(|(n, f)| measured(n, f)).collect();
+        entries.extend([around(&[2.45, 2.55]), measured(3, 2.45), measured(4, 2.55)]);
+        JournalState::of(&entries).rows_in_order(&[("a".into(), "e".into())]).iter().map(|r| r.frequency_hz).collect()
+    }
+
+    #[test]
+    fn points_around_a_peak_are_among_those_of_their_grid() {
+        assert_eq!(order([2.4, 2.5, 2.6]), [2.4, 2.45, 2.5, 2.55, 2.6]);
+        assert_eq!(order([2.6, 2.5, 2.4]), [2.6, 2.55, 2.5, 2.45, 2.4]);
+        assert_eq!(order([2.6, 2.4, 2.5]), [2.6, 2.4, 2.5, 2.45, 2.55], "a random order");
+    }
+
+    #[test]
+    fn a_sweep_around_a_peak_that_is_repeated_keeps_the_grid_and_a_repeated_grid_has_a_new_peak() {
+        let anew = |segment, first_index| {
+            let Entry::Segment(start) = start(segment, true) else { unreachable!() };
+            Entry::Segment(SegmentStart { first_index, ..start })
+        };
+        let mut taken = JournalState::of(&[start(0, false), result(0, 0), result(1, 0), around(&[2.45]), result(2, 1)]);
+        taken.add(&around(&[2.47]));
+        assert_eq!(taken.peak("a", "e").map(|p| p.around.frequencies_hz.clone()), Some(vec![2.45]), "the first counts");
+        taken.add(&anew(2, 2));
+        assert_eq!((taken.rows().len(), taken.superseded().len(), taken.peaks.len()), (2, 1, 1));
+        assert!(taken.has_begun("a", "e", &(0..2)) && !taken.has_begun("a", "e", &(3..5)));
+        taken.add(&anew(3, 0));
+        assert_eq!((taken.rows().len(), taken.superseded().len(), taken.peaks.len()), (0, 3, 0));
+    }
+
+    #[test]
+    fn a_line_of_points_around_a_peak_reads_back_to_the_same_bits() {
+        let line = around(&[2.433_333_333, 0.1 + 0.2]);
+        let text = serde_json::to_string(&line).unwrap();
+        assert!(text.starts_with("{\"entry\":\"peak_points\""), "{text}");
+        assert_eq!(serde_json::from_str::<Entry>(&text).unwrap(), line);
     }
 }

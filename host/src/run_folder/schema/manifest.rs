@@ -315,8 +315,9 @@ impl Manifest {
         Some(checksum::of_bytes(unsigned.as_bytes()) == self.manifest_sha256)
     }
 
-    /// Takes over the totals of the journal.
-    pub fn note(&mut self, journal: &JournalState, rows: u64) {
+    /// Takes over the totals of the journal of a run of this campaign.
+    pub fn note(&mut self, campaign: &Campaign, journal: &JournalState, rows: u64) {
+        self.points_planned = journal.planned(campaign).points;
         self.points_taken = journal.points();
         self.sample_rows = rows;
         self.controller = journal.controller();

@@ -8,6 +8,7 @@ pub mod journal_entry;
 pub mod journal_state;
 mod json_float;
 pub mod manifest;
+pub mod peak_points;
 pub mod results;
 pub mod samples;
 pub mod segment_id;

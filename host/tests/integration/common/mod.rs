@@ -233,11 +233,16 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A run of the short campaign that was interrupted at its fourth point.
 pub fn cut_off(campaign: &str) -> (tempfile::TempDir, String) {
+    cut_off_at(campaign, 4)
+}
+
+/// A run of a campaign that was interrupted at a point, counted from 1.
+pub fn cut_off_at(campaign: &str, point: usize) -> (tempfile::TempDir, String) {
     let folder = folder_with(campaign);
     let mut points = 0;
     let rig = Served::again_and_again(move |message| {
         points += usize::from(is_point(message));
-        if is_point(message) && points == 4 { Fate::Close } else { Fate::Pass }
+        if is_point(message) && points == point { Fate::Close } else { Fate::Pass }
     });
     let arguments = ["run", "test.toml", "--rig", &rig, "--out", "out", "--reconnect-s", "0"];
     damprig(&folder)

@@ -48,7 +48,7 @@ damper = "unmodelled"
 
 [[experiment]]
 kind = "stepped_sine"
-frequencies_hz = { from_hz = 2.4, to_hz = 2.5, step_hz = 0.1 }
+frequencies_hz = { from_hz = 2.4, to_hz = 2.5, step_hz = 0.1, peak_points = 2 }
 start = "from_rest"
 ramp_s = 0.1
 settle_s = 0.2
