@@ -8,6 +8,7 @@ mod common;
 mod compare;
 mod continuation;
 mod controller;
+mod devices;
 mod disk;
 mod doctored_folder;
 mod dry_run;
