@@ -59,8 +59,15 @@ impl Run<'_> {
                         also(set_up.instruction.as_deref())
                     ));
                 }
+                let mut is_changed = !simulated;
                 for experiment in own() {
-                    self.instruct(set_up, experiment, simulated)?;
+                    if self.next(set_up, experiment).is_none() {
+                        continue;
+                    }
+                    is_changed |= self.instruct(experiment, simulated)?;
+                    if std::mem::take(&mut is_changed) {
+                        self.check_rest(set_up, experiment)?;
+                    }
                     self.experiment(set_up, experiment)?;
                 }
             }
@@ -68,13 +75,13 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Asks a person for what an experiment needs; a simulated rig needs nobody.
-    fn instruct(&mut self, set_up: &CampaignSetUp, experiment: &Experiment, simulated: bool) -> Result<(), RunError> {
-        let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(()) };
-        if self.next(set_up, experiment).is_some() && self.watcher.instruct(experiment, instruction)? {
+    /// Asks a person for what an experiment needs, and returns whether it needs something; a simulated rig needs nobody.
+    fn instruct(&mut self, experiment: &Experiment, simulated: bool) -> Result<bool, RunError> {
+        let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(false) };
+        if self.watcher.instruct(experiment, instruction)? {
             self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
         }
-        Ok(())
+        Ok(true)
     }
 
     /// The next start that an experiment on a set-up needs, if any.

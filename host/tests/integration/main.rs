@@ -41,6 +41,7 @@ mod predicted;
 mod real_time;
 mod refusals;
 mod report;
+mod rest_check;
 mod resume;
 mod run;
 mod run_folder;
