@@ -141,6 +141,13 @@ def check_mat(path, tables, manifest):
         sys.exit(f"{path}: run differs from the manifest")
     if read["run"]["tick_hz"] != manifest["device"]["tick_hz"]:
         sys.exit(f"{path}: tick_hz differs")
+    for fact, stated in manifest.get("plan", {}).items():
+        if isinstance(stated, str) and fact in read["run"] and read["run"][fact] != stated:
+            sys.exit(f"{path}: run.{fact} is {read['run'][fact]!r} and not {stated!r}")
+    for field, key in (("set_up_names", "name"), ("set_up_labels", "label")):
+        listed = list(np.atleast_1d(read["run"][field]))
+        if listed != [record[key] for record in manifest["set_ups"]]:
+            sys.exit(f"{path}: run.{field} is {listed}")
     samples = tables["samples"]
 
     def names(word, name, values):
@@ -191,7 +198,9 @@ def check_uff(path, samples, results, manifest):
         sys.exit(f"{path}: {len(responses)} responses instead of {len(pairs)}")
     for response, ((set_up, experiment), rows) in zip(responses, pairs):
         what = f"{path}: x/z of {set_up}"
-        if response["id4"].strip() != f"{set_up}, {experiment}":
+        # The format has ASCII alone.
+        expected = "".join(c if c.isascii() else "?" for c in f"{set_up}, {experiment}")
+        if response["id4"].strip() != expected:
             sys.exit(f"{what}: ID line 4 is {response['id4']!r}")
         if "X/Z (lock-in)" not in response["id5"]:
             sys.exit(f"{what}: ID line 5 does not say which ratio: {response['id5']!r}")

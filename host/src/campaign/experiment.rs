@@ -63,6 +63,17 @@ impl Experiment {
         if let Kind::FreeVibration(free) = &self.kind { Some(free) } else { None }
     }
 
+    /// |x| below which the structure counts as at rest before the experiment, m; none of a free vibration, in which a person holds
+    /// the structure deflected.
+    #[must_use]
+    pub fn rest_level_m(&self) -> Option<f64> {
+        match &self.kind {
+            Kind::SteppedSine(sine) => Some(sine.rest_level_m),
+            Kind::Playback(playback) => Some(playback.rest_level_m),
+            Kind::FreeVibration(_) => None,
+        }
+    }
+
     /// The known drive frequencies in order, Hz; none unless it is a stepped sine.
     #[must_use]
     pub fn frequencies_hz(&self) -> &[f64] {

@@ -1,17 +1,25 @@
-//! `damprig devices`: lists serial ports and the boards connected to them.
+//! `damprig devices`: lists serial ports and the boards connected to them, or the board at one address.
 
 use std::time::Duration;
 
 use clap::Args as ClapArgs;
 use comfy_table::Table;
 
+use super::arguments::Rig;
 use super::outcome::{Failure, Outcome};
-use crate::client::devices::{Answer, Found, ports, query};
+use crate::client::devices::{Answer, Usb, ask, ports, query};
+use crate::client::link::Address;
 use crate::report::terminal::plain_table;
 
-/// Lists the serial ports and the boards connected to them.
+/// Lists the serial ports and the boards connected to them, or the board at one address.
 #[derive(Debug, ClapArgs)]
+#[command(after_help = AFTER_HELP)]
 pub struct Args {
+    /// Query this rig alone: serial:PATH, tcp:HOST:PORT, auto (the only connected board), virtual or virtual:BOARD.toml. Nothing
+    /// moves
+    #[arg(long, value_name = "RIG", conflicts_with = "all")]
+    rig: Option<Rig>,
+
     /// Also query ports that are not USB devices: sends a zero byte and a request to whatever is connected
     #[arg(long)]
     all: bool,
@@ -21,43 +29,67 @@ pub struct Args {
     timeout: f64,
 }
 
+const AFTER_HELP: &str = "\
+Examples:
+  damprig devices
+  damprig devices --rig tcp:rig-pc:4000
+  damprig devices --rig serial:/dev/ttyACM0 --timeout 5
+
+Exit codes:
+  0    the ports were listed, whether a board answers or not; with --rig: the board answers
+  1    the ports cannot be listed; with --rig: no board answers there
+  2    the command line is wrong";
+
 /// Runs the subcommand.
 ///
 /// # Errors
-/// The system cannot list its ports.
+/// The system cannot list its ports; nothing answers at the address of `--rig`.
 pub fn run(args: &Args) -> Outcome {
-    let found = query(ports().map_err(Failure::Failed)?, args.all, Duration::from_secs_f64(args.timeout));
+    let timeout = Duration::from_secs_f64(args.timeout);
+    let mut table = plain_table(&["--rig", "USB device", "serial number", "board"]);
+    if let Some(rig) = &args.rig {
+        let address = rig.find()?;
+        let answer = ask(&address, timeout).map_err(Failure::failed)?;
+        add(&mut table, &address, usb_behind(&address).as_ref(), &answer);
+        say!("{table}");
+        return Ok(());
+    }
+    let found = query(ports().map_err(Failure::Failed)?, args.all, timeout);
     if found.is_empty() {
         say!("No serial ports found. To run without a board, use --rig virtual");
         return Ok(());
     }
-    say!("{}", table(&found));
+    for f in &found {
+        add(&mut table, &Address::Serial((&f.port.path).into()), f.port.usb.as_ref(), &f.answer);
+    }
+    say!("{table}");
     Ok(())
 }
 
-fn table(found: &[Found]) -> Table {
-    let mut table = plain_table(&["--rig", "USB device", "serial number", "board"]);
-    for f in found {
-        let usb = f.port.usb.as_ref();
-        table.add_row([
-            format!("serial:{}", f.port.path),
-            usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
-            usb.map_or("–".into(), |usb| usb.serial_number.clone()),
-            match &f.answer {
-                Answer::Device { board, firmware, last_crash, complaints, lost_sensors, warnings } => {
-                    let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
-                    let counted: String = complaints.iter().map(|what| format!("\nsince its start: {what}")).collect();
-                    let lost = match lost_sensors.as_str() {
-                        "" => String::new(),
-                        names => format!("\nsensors without signal: {names}"),
-                    };
-                    let warnings: String = warnings.iter().map(|what| format!("\nwarning: {what}")).collect();
-                    format!("{board}, firmware {firmware}{crash}{counted}{lost}{warnings}")
-                }
-                Answer::None(why) => why.clone(),
-                Answer::NotAsked => "not queried (not a USB device; use --all)".into(),
-            },
-        ]);
-    }
-    table
+/// The USB device of a serial port of this machine.
+fn usb_behind(address: &Address) -> Option<Usb> {
+    let Address::Serial(path) = address else { return None };
+    ports().ok()?.into_iter().find(|port| path.as_os_str() == port.path.as_str())?.usb
+}
+
+fn add(table: &mut Table, address: &Address, usb: Option<&Usb>, answer: &Answer) {
+    table.add_row([
+        address.to_string(),
+        usb.map_or("–".into(), |usb| format!("{:04x}:{:04x} {}", usb.vendor, usb.product, usb.name)),
+        usb.map_or("–".into(), |usb| usb.serial_number.clone()),
+        match answer {
+            Answer::Device { board, firmware, last_crash, complaints, lost_sensors, warnings } => {
+                let crash = last_crash.as_ref().map_or(String::new(), |crash| format!("\nlast crash: {crash}"));
+                let counted: String = complaints.iter().map(|what| format!("\nsince its start: {what}")).collect();
+                let lost = match lost_sensors.as_str() {
+                    "" => String::new(),
+                    names => format!("\nsensors without signal: {names}"),
+                };
+                let warnings: String = warnings.iter().map(|what| format!("\nwarning: {what}")).collect();
+                format!("{board}, firmware {firmware}{crash}{counted}{lost}{warnings}")
+            }
+            Answer::None(why) => why.clone(),
+            Answer::NotAsked => "not queried (not a USB device; use --all)".into(),
+        },
+    ]);
 }

@@ -67,7 +67,8 @@ pub struct Args {
     #[arg(long)]
     dry_run: bool,
 
-    /// Do not ask for confirmation that each set-up is mounted (real structures only)
+    /// Do not ask for confirmation that each set-up is mounted (real structures only); a rig that is not at rest then is told and
+    /// noted, and the run goes on
     #[arg(long)]
     yes: bool,
 

@@ -23,7 +23,7 @@ use crate::run_folder::schema::journal_state::{JournalState, Planned};
 use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
-use crate::runner::{RunError, WatchedStart, Watcher};
+use crate::runner::{RestAnswer, RestFinding, RunError, WatchedStart, Watcher};
 
 /// Bar steps per second of rig time.
 const STEPS_PER_S: f64 = 10.0;
@@ -205,16 +205,21 @@ impl RunProgress {
 
     /// Asks a person to do something, and waits until it is confirmed. `what` names it in errors.
     fn ask(&self, request: &str, what: &str) -> Result<bool, RunError> {
+        self.line(&format!("{request} Press Enter when ready. "), request, what).map(|_| true)
+    }
+
+    /// The line that a person types after a prompt.
+    fn line(&self, prompt: &str, request: &str, what: &str) -> Result<String, RunError> {
         if !std::io::stdin().is_terminal() {
             let message =
                 format!("there is no terminal for the confirmation of this: {request}\n  Do it and use --yes");
             return Err(RunError::NobodyThere(message));
         }
         self.bar.suspend(|| {
-            let _ = write!(std::io::stderr(), "{request} Press Enter when ready. ");
+            let _ = write!(std::io::stderr(), "{prompt}");
             let mut answer = String::new();
             match std::io::stdin().lock().read_line(&mut answer) {
-                Ok(count) if count > 0 => Ok(true),
+                Ok(count) if count > 0 => Ok(answer.trim().to_string()),
                 _ => Err(RunError::NobodyThere(format!("{what} was not confirmed"))),
             }
         })
@@ -254,6 +259,26 @@ impl Watcher for RunProgress {
         }
         let what = format!("what experiment {:?} needs", experiment.name);
         self.ask(&describe::instruction(experiment, instruction), &what)
+    }
+
+    fn not_at_rest(&mut self, finding: &RestFinding) -> Result<RestAnswer, RunError> {
+        let question: Vec<String> = finding.question().iter().map(|line| shown_in_line(line).into_owned()).collect();
+        let question = question.join("\n  ");
+        self.log(&finding.to_string());
+        if self.mount_without_asking {
+            self.bar.suspend(|| warn!("warning: {question}\n  --yes: the run goes on"));
+            return Ok(RestAnswer::GoOn);
+        }
+        let prompt =
+            format!("{question}\nEnter measures again, g goes on anyway, s stops (--resume continues the run): ");
+        loop {
+            match self.line(&prompt, &question, "what to do about a rig that is not at rest")?.as_str() {
+                "" => return Ok(RestAnswer::Again),
+                "g" => return Ok(RestAnswer::GoOn),
+                "s" => return Ok(RestAnswer::Stop),
+                _ => {}
+            }
+        }
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -10,7 +10,7 @@ use serialport::{SerialPortType, UsbPortInfo};
 use crate::client::board_check;
 use crate::client::controller::Controller;
 use crate::client::link::Address;
-use crate::client::session::Session;
+use crate::client::session::{Session, SessionError};
 
 /// A serial port.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -89,6 +89,23 @@ fn identity(usb: UsbPortInfo) -> Usb {
     Usb { vendor: usb.vid, product: usb.pid, name, serial_number: usb.serial_number.unwrap_or_default() }
 }
 
+/// What the device at an address answers.
+///
+/// # Errors
+/// It cannot be reached, is silent, or has another protocol.
+pub fn ask(address: &Address, timeout: Duration) -> Result<Answer, SessionError> {
+    let mut session = Session::open(address, timeout)?;
+    let status = session.status();
+    Ok(Answer::Device {
+        lost_sensors: status.as_ref().map_or(String::new(), |(status, _)| status.sensors.lost.to_string()),
+        complaints: status.map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
+        board: session.identity.board.to_string(),
+        firmware: session.identity.firmware.to_string(),
+        last_crash: session.description.last_crash.map(|crash| crash.to_string()),
+        warnings: board_check::warnings(&session),
+    })
+}
+
 /// Queries ports, each for at most `timeout`: all of them, or only those of USB devices.
 #[must_use]
 pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
@@ -96,20 +113,8 @@ pub fn query(ports: Vec<Port>, all: bool, timeout: Duration) -> Vec<Found> {
         if port.usb.is_none() && !all {
             return Found { port, answer: Answer::NotAsked };
         }
-        let answer = match Session::open(&Address::Serial((&port.path).into()), timeout) {
-            Ok(mut session) => {
-                let status = session.status();
-                Answer::Device {
-                    lost_sensors: status.as_ref().map_or(String::new(), |(status, _)| status.sensors.lost.to_string()),
-                    complaints: status.map_or_else(|e| vec![e.to_string()], |(_, now)| complaints(&now)),
-                    board: session.identity.board.to_string(),
-                    firmware: session.identity.firmware.to_string(),
-                    last_crash: session.description.last_crash.map(|crash| crash.to_string()),
-                    warnings: board_check::warnings(&session),
-                }
-            }
-            Err(error) => Answer::None(error.to_string()),
-        };
+        let asked = ask(&Address::Serial((&port.path).into()), timeout);
+        let answer = asked.unwrap_or_else(|error| Answer::None(error.to_string()));
         Found { port, answer }
     };
     ports.into_iter().map(one).collect()

@@ -24,7 +24,7 @@ use crate::run_folder::schema::journal_state::{JournalState, Planned};
 use crate::run_folder::schema::peak_points::PeakPoints;
 use crate::run_folder::schema::results::steadiness_text;
 use crate::run_folder::schema::transients::TransientRow;
-use crate::runner::{RunAction, RunError, WatchedStart, Watcher};
+use crate::runner::{RestAnswer, RestFinding, RunAction, RunError, WatchedStart, Watcher};
 
 /// What is known of a run before it starts.
 pub struct RunFacts<'a> {
@@ -216,6 +216,13 @@ impl Watcher for MonitoredRun<'_> {
         let text = format!("Waiting: {} Confirm in the terminal.", describe::instruction(experiment, instruction));
         self.feed.send(Update::Activity(Activity::Waiting, text));
         self.terminal.instruct(experiment, instruction)
+    }
+
+    fn not_at_rest(&mut self, finding: &RestFinding) -> Result<RestAnswer, RunError> {
+        let text = finding.question_in_line();
+        self.feed.log(Level::Warning, text.clone());
+        self.feed.send(Update::Activity(Activity::Waiting, format!("Waiting: {text} Answer in the terminal.")));
+        self.terminal.not_at_rest(finding)
     }
 
     fn progress(&mut self, rig_s: f64) {

@@ -23,7 +23,7 @@ use super::message::{Activity, Frame, Level, Log, News, SharedFrame, Snapshot};
 use super::screen;
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::report::describe;
-use crate::runner::{RunAction, RunError, Watcher};
+use crate::runner::{RestAnswer, RestFinding, RunAction, RunError, Watcher};
 
 /// Time from picture to picture.
 const DRAW_EVERY: Duration = Duration::from_millis(100);
@@ -47,7 +47,7 @@ pub(super) struct Picture {
     /// Measured points of the present set-up and experiment: frequency (Hz), X/Z.
     pub(super) points: VecDeque<(String, f64, f64)>,
     pub(super) log: VecDeque<Log>,
-    /// A question to the person at the terminal, answered with Enter.
+    /// A question to the person at the terminal, answered with Enter or g.
     pub(super) question: Option<String>,
     /// Whether the terminal owns a run.
     pub(super) owns_run: bool,
@@ -126,15 +126,22 @@ pub struct TerminalWatcher {
     stop: Arc<AtomicBool>,
     feed: Feed,
     actions: Receiver<RunAction>,
-    confirmed: Receiver<()>,
+    answers: Receiver<Answer>,
     mount_without_asking: bool,
+}
+
+/// A key that answers a question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Answer {
+    Enter,
+    GoOn,
 }
 
 /// What the keys lead to.
 struct Keys {
     stop: Arc<AtomicBool>,
     actions: Sender<RunAction>,
-    confirmed: Sender<()>,
+    answers: Sender<Answer>,
 }
 
 impl TerminalView {
@@ -150,8 +157,8 @@ impl TerminalView {
     ) -> io::Result<(Self, TerminalWatcher)> {
         let shared = Arc::new(Shared::default());
         let (actions, asked) = channel();
-        let (confirmed, confirmations) = channel();
-        let keys = Keys { stop: Arc::clone(stop), actions, confirmed };
+        let (answers, answered) = channel();
+        let keys = Keys { stop: Arc::clone(stop), actions, answers };
         let (theirs, own_feed) = (Arc::clone(&shared), feed.clone());
         let terminal = take_terminal()?;
         let (ends, ended) = channel();
@@ -170,7 +177,7 @@ impl TerminalView {
             stop: Arc::clone(&view.stop),
             feed: view.feed.clone(),
             actions: asked,
-            confirmed: confirmations,
+            answers: answered,
             mount_without_asking,
         };
         Ok((view, watcher))
@@ -264,7 +271,10 @@ fn press(key: KeyEvent, keys: &Keys, picture: &Picture) {
             let _ = keys.actions.send(RunAction::Hold(!is_held));
         }
         KeyCode::Enter if picture.question.is_some() => {
-            let _ = keys.confirmed.send(());
+            let _ = keys.answers.send(Answer::Enter);
+        }
+        KeyCode::Char('g') if picture.question.is_some() => {
+            let _ = keys.answers.send(Answer::GoOn);
         }
         _ => {}
     }
@@ -280,18 +290,24 @@ impl TerminalWatcher {
         if self.mount_without_asking {
             return Ok(false);
         }
-        while self.confirmed.try_recv().is_ok() {}
-        self.ask(Some(format!("{request} Press Enter when ready.")));
-        let confirmed = loop {
-            if self.confirmed.recv_timeout(DRAW_EVERY).is_ok() {
-                break Ok(true);
+        while self.answer_to(format!("{request} Press Enter when ready."))? != Answer::Enter {}
+        Ok(true)
+    }
+
+    /// Asks a question and waits for its answer.
+    fn answer_to(&self, question: String) -> Result<Answer, RunError> {
+        while self.answers.try_recv().is_ok() {}
+        self.ask(Some(question));
+        let answer = loop {
+            if let Ok(answer) = self.answers.recv_timeout(DRAW_EVERY) {
+                break Ok(answer);
             }
             if self.stop.load(Ordering::Relaxed) {
                 break Err(RunError::Interrupted);
             }
         };
         self.ask(None);
-        confirmed
+        answer
     }
 }
 
@@ -302,6 +318,19 @@ impl Watcher for TerminalWatcher {
 
     fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
         self.confirm(&describe::instruction(experiment, instruction))
+    }
+
+    fn not_at_rest(&mut self, finding: &RestFinding) -> Result<RestAnswer, RunError> {
+        if self.mount_without_asking {
+            self.feed.log(Level::Warning, "The run goes on although the rig is not at rest (--yes).");
+            return Ok(RestAnswer::GoOn);
+        }
+        // The line may be longer than the terminal is wide: the keys come first. Its `s` stops every run.
+        let keys = "Enter measures again, g goes on anyway, s stops.";
+        Ok(match self.answer_to(format!("{keys} {}", finding.question_in_line()))? {
+            Answer::Enter => RestAnswer::Again,
+            Answer::GoOn => RestAnswer::GoOn,
+        })
     }
 
     fn progress(&mut self, _: f64) {}

@@ -61,8 +61,14 @@ impl Run<'_> {
                         also(set_up.instruction.as_deref())
                     ));
                 }
+                let mut is_changed = !simulated;
                 for experiment in own() {
-                    self.instruct(set_up, experiment, simulated)?;
+                    if self.is_open(set_up, experiment) {
+                        is_changed |= self.instruct(experiment, simulated)?;
+                        if std::mem::take(&mut is_changed) {
+                            self.check_rest(set_up, experiment)?;
+                        }
+                    }
                     self.experiment(set_up, experiment)?;
                 }
             }
@@ -70,13 +76,13 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Asks a person for what an experiment needs; a simulated rig needs nobody.
-    fn instruct(&mut self, set_up: &CampaignSetUp, experiment: &Experiment, simulated: bool) -> Result<(), RunError> {
-        let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(()) };
-        if self.is_open(set_up, experiment) && self.watcher.instruct(experiment, instruction)? {
+    /// Asks a person for what an experiment needs, and returns whether it needs something; a simulated rig needs nobody.
+    fn instruct(&mut self, experiment: &Experiment, simulated: bool) -> Result<bool, RunError> {
+        let Some(instruction) = experiment.instruction.as_ref().filter(|_| !simulated) else { return Ok(false) };
+        if self.watcher.instruct(experiment, instruction)? {
             self.note_action(&format!("confirmed before experiment {:?}: {instruction}", experiment.name));
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Whether an experiment on a set-up has points that are not measured.

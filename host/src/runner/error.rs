@@ -69,6 +69,16 @@ pub enum RunError {
     /// The run was interrupted by Ctrl-C or a termination signal.
     #[error("interrupted")]
     Interrupted,
+    /// A person stopped the run because the rig was not at rest after it was changed.
+    #[error(
+        "set-up {set_up:?} was not at rest before experiment {experiment:?}: stopped; nothing was driven since the prompt"
+    )]
+    NotAtRest {
+        /// The set-up.
+        set_up: String,
+        /// The experiment.
+        experiment: String,
+    },
     /// The mounting of a set-up was not confirmed, or the program runs without a terminal.
     #[error("{0}")]
     NobodyThere(String),

@@ -15,6 +15,7 @@ mod progress;
 mod reconnect;
 pub mod rehearsal;
 mod reorder_buffer;
+mod rest_check;
 pub mod resume;
 mod segment;
 mod served_watcher;
@@ -25,5 +26,6 @@ mod wire_mapping;
 
 pub use context::{Reconnect, Run, Tally, device_record};
 pub use error::RunError;
-pub use watcher::{RunAction, WatchedStart, Watcher};
+pub use rest_check::RestFinding;
+pub use watcher::{RestAnswer, RunAction, WatchedStart, Watcher};
 pub use wire_mapping::Selection;

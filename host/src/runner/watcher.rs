@@ -5,6 +5,7 @@ use damprig_core::measure::impacts::ImpactRecord;
 use damprig_simulator::plant::InjectedFault;
 
 use super::error::RunError;
+use super::rest_check::RestFinding;
 use crate::campaign::{CampaignSetUp, Experiment};
 use crate::run_folder::ResultRow;
 use crate::run_folder::journal::Losses;
@@ -34,6 +35,17 @@ pub enum RunAction {
     },
 }
 
+/// What a person decides about a rig that is not at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RestAnswer {
+    /// Measure again.
+    Again,
+    /// Go on anyway.
+    GoOn,
+    /// Stop the run; it can be resumed.
+    Stop,
+}
+
 /// A start of the device, as a watcher sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct WatchedStart<'a> {
@@ -49,7 +61,7 @@ pub struct WatchedStart<'a> {
     pub every_ticks: u16,
 }
 
-/// Observes the progress of a run. No method but [`Watcher::mount`] and [`Watcher::instruct`] may wait.
+/// Observes the progress of a run. No method but [`Watcher::mount`], [`Watcher::instruct`] and [`Watcher::not_at_rest`] may wait.
 pub trait Watcher {
     /// Returns when the set-up is mounted on the rig, and whether a person confirmed it. On a real rig a person mounts it.
     ///
@@ -64,6 +76,15 @@ pub trait Watcher {
     fn instruct(&mut self, experiment: &Experiment, instruction: &str) -> Result<bool, RunError> {
         let _ = (experiment, instruction);
         Ok(false)
+    }
+
+    /// A person has changed a real rig, and it is not at rest. Returns what is to be done about it.
+    ///
+    /// # Errors
+    /// As [`Watcher::mount`].
+    fn not_at_rest(&mut self, finding: &RestFinding) -> Result<RestAnswer, RunError> {
+        let _ = finding;
+        Ok(RestAnswer::GoOn)
     }
 
     /// Rig time of the whole run so far, s.

@@ -95,6 +95,26 @@ fn the_parameters_of_every_damper_are_those_of_the_manifest() {
     readers_agree(&folder, &run);
 }
 
+/// Names with one and several letters outside ASCII, in every place where a run has names.
+#[test]
+fn names_of_other_alphabets_arrive_in_the_users_software() {
+    let text = short()
+        .replacen("[structure]", "[plan]\noperator = \"Müller\"\nspecimen = \"µ\"\n\n[structure]", 1)
+        .replace("name = \"hybrid\"", "name = \"Körnerdämpfer\"")
+        .replace("label = \"Bare structure\"", "label = \"裸结构, Δ\"")
+        .replace("name = \"sweep\"", "name = \"größer\"");
+    let folder = folder_with(&text);
+    damprig(&folder).args(["run", "test.toml", "--out", "out"]).assert().success();
+    let run = folder.path().join("out");
+    assert_eq!(crate::common::manifest(&run)["plan"]["operator"], "Müller");
+    readers_agree(&folder, &run);
+    export(&folder, &["mat", "--out", "bytes.mat"]).success();
+    let bytes = std::fs::read(folder.path().join("bytes.mat")).unwrap();
+    let utf_16: Vec<u8> = "Körnerdämpfer".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    assert!(bytes.windows(utf_16.len()).any(|part| part == utf_16), "the set-up's name is in the file as UTF-16");
+    assert!(!bytes.windows(3).any(|part| part == b"\\u{"), "nothing is escaped");
+}
+
 #[test]
 fn a_history_never_spans_a_gap() {
     let (folder, run) = with_run();

@@ -2,28 +2,19 @@
 
 #[cfg(unix)]
 mod unix {
-    use std::collections::VecDeque;
     use std::io::{Read, Write};
-    use std::net::TcpListener;
-    use std::time::{Duration, Instant};
+    use std::sync::Arc;
+    use std::time::Duration;
 
-    use damprig_core::io::{Actuators, Reading, Sensors};
-    use damprig_core::rig::{Rejected, Rig};
-    use damprig_core::settings::Settings;
-    use damprig_device::board::{Board, DeviceInfo, Saving};
-    use damprig_device::control_loop::step;
-    use damprig_device::controller::{BootInfo, Controller};
-    use damprig_device::message_reader::MessageReader;
-    use damprig_device::outbox::Outbox;
-    use damprig_device::queues::{LocalQueues, Losses, Requests};
-    use damprig_device::upload_buffer::UploadBuffer;
-    use damprig_protocol::frame::{self, LONGEST, Reader};
-    use damprig_protocol::{FromDevice, NumberedRequest, Reply, Request, ToDevice};
+    use damprig_device::board::DeviceInfo;
+    use damprig_protocol::frame::Reader;
+    use damprig_protocol::{FromDevice, Reply, Request, ToDevice};
     use damprig_simulator::device::{Progress, SimulatedDevice};
     use predicates::prelude::*;
     use predicates::str::contains;
     use serialport::{SerialPort, TTYPort};
 
+    use crate::common::real_board::{FAST, real_board};
     use crate::common::{damprig, folder_with, is_point, manifest, read_parquet, rows, short};
 
     /// A simulated board at one end of a pseudo-terminal until the end of the test; returns the name of the other
@@ -117,85 +108,9 @@ mod unix {
         damprig(&folder).args(["devices"]).assert().success();
     }
 
-    /// Device seconds per host second.
-    const FAST: f64 = 5.0;
-
-    /// A board with a real structure, which follows the base at twice its amplitude.
-    #[derive(Default)]
-    struct Real {
-        sensors: Sensors,
-    }
-
-    impl Board for Real {
-        fn samples(&mut self, _: &Rig) -> Option<Sensors> {
-            Some(self.sensors)
-        }
-
-        fn set(&mut self, actuators: &Actuators, _: &Rig) {
-            self.sensors.readings.x = Reading::still(2.0 * actuators.drive_m);
-            self.sensors.readings.z = Reading::still(actuators.drive_m);
-        }
-
-        fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
-            Err(Rejected::not_here("this board has no flash to save to"))
-        }
-    }
-
-    #[derive(Default)]
-    struct Received(VecDeque<NumberedRequest>);
-
-    impl Requests for Received {
-        fn front(&mut self) -> Option<&NumberedRequest> {
-            self.0.front()
-        }
-
-        fn drop_front(&mut self) {
-            self.0.pop_front();
-        }
-
-        fn losses(&self) -> Losses {
-            Losses::default()
-        }
-    }
-
-    /// Serves such a board behind a TCP port; returns the address for `--rig`.
+    /// A board behind a TCP port with a real structure, which follows the base at twice its amplitude.
     fn with_its_own_clock() -> String {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
-        std::thread::spawn(move || {
-            let (mut stream, _) = listener.accept().expect("a connection");
-            stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
-            let mut controller = Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default());
-            let (mut upload, mut board, mut reader) = (UploadBuffer::new(), Real::default(), MessageReader::default());
-            let (mut requests, mut queues, mut outbox) =
-                (Received::default(), LocalQueues::default(), Outbox::default());
-            let (begun, mut ticks, mut bytes) = (Instant::now(), 0.0, [0; 4096]);
-            loop {
-                match stream.read(&mut bytes) {
-                    Ok(0) => return,
-                    Ok(count) => {
-                        for &byte in &bytes[..count] {
-                            if let Some(ToDevice::Request(request)) = reader.push(byte) {
-                                requests.0.push_back(request);
-                            }
-                        }
-                    }
-                    Err(_) => {}
-                }
-                while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
-                    step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
-                    ticks += 1.0;
-                    while let Some(message) = outbox.next(&mut queues) {
-                        let mut out = [0; LONGEST];
-                        let length = frame::encode(&message, &mut out).expect("it fits");
-                        if stream.write_all(&out[..length]).is_err() {
-                            return;
-                        }
-                    }
-                }
-            }
-        });
-        rig
+        real_board(&Arc::default())
     }
 
     #[test]

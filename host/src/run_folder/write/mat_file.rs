@@ -10,6 +10,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use matrw::{CellArray, MatFile, MatVariable, MatlabType, NumericArray, Structure, load_matfile, save_matfile_v7};
 
+use super::mat_text;
+
 /// Beginning of the year 10000, s since 1970.
 const YEAR_10000_S: u64 = 253_402_300_800;
 
@@ -31,6 +33,8 @@ pub fn write_checked(path: &str, mat: MatFile, expected: &[TableSums]) -> Result
         );
     }
     save_matfile_v7(path, mat, false).map_err(|e| e.to_string())?;
+    refuse_truncated(path)?;
+    mat_text::mark(path).map_err(|e| format!("its texts could not be written: {e}"))?;
     compare(path, expected)
 }
 
@@ -58,15 +62,18 @@ pub fn numbers(values: Vec<f64>) -> MatVariable {
     array([values.len(), 1], MatlabType::F64(values))
 }
 
-/// A char array. The library counts characters instead of bytes, so non-ASCII characters are written as `\u{…}`.
+/// A char array. The library writes ASCII alone: other text becomes an array of UTF-16 code units, of which `mat_text`
+/// makes a char array in the file. Characters of two code units (beyond U+FFFF, as emoji) are written as `\u{…}`: `scipy` reads
+/// no file that has them.
 #[must_use]
 pub fn text(value: &str) -> MatVariable {
-    let plain: Vec<char> = value
-        .chars()
-        .flat_map(|c| if c.is_ascii() { c.to_string() } else { c.escape_unicode().to_string() }.into_bytes())
-        .map(char::from)
-        .collect();
-    array([usize::from(!plain.is_empty()), plain.len()], MatlabType::UTF8(plain))
+    if value.is_ascii() {
+        let plain: Vec<char> = value.chars().collect();
+        return array([usize::from(!plain.is_empty()), plain.len()], MatlabType::UTF8(plain));
+    }
+    let escaped = |c: char| if c.len_utf16() == 1 { c.to_string() } else { c.escape_unicode().to_string() };
+    let units: Vec<u16> = value.chars().map(escaped).collect::<String>().encode_utf16().collect();
+    array([1, units.len()], MatlabType::U16(units))
 }
 
 /// A cell array of texts.
@@ -91,12 +98,18 @@ fn is_complete(path: &str) -> std::io::Result<bool> {
     Ok(place == length)
 }
 
+fn refuse_truncated(path: &str) -> Result<(), String> {
+    match is_complete(path) {
+        Ok(true) => Ok(()),
+        Ok(false) => Err("the file is truncated; is the disk full?".into()),
+        Err(error) => Err(format!("it could not be read back: {error}")),
+    }
+}
+
 /// Checks that the file holds the expected numbers.
 fn compare(path: &str, expected: &[TableSums]) -> Result<(), String> {
     // The reader panics on a truncated file.
-    if !is_complete(path).map_err(|e| format!("it could not be read back: {e}"))? {
-        return Err("the file is truncated; is the disk full?".into());
-    }
+    refuse_truncated(path)?;
     let mut mat = load_matfile(path).map_err(|e| format!("it could not be read back: {e}"))?;
     for (table, columns) in expected {
         let Some(MatVariable::Structure(mut fields)) = mat.take(table) else {
@@ -142,5 +155,43 @@ mod tests {
         changed[last] ^= 1;
         std::fs::write(place, &changed).unwrap();
         assert!(compare(place, &expected).is_err());
+    }
+
+    /// Texts in every place where a file has them, with one, two and more code units: their elements have different shapes.
+    #[test]
+    fn texts_of_other_alphabets_are_read_back_as_they_are() {
+        let path = tempfile::NamedTempFile::new().unwrap().into_temp_path();
+        let place = path.to_str().unwrap();
+        let texts = ["Körnerdämpfer", "µ", "öä", "öäü", "plain", "", "测试, Δ"].map(String::from);
+        let columns = vec![("counts".to_string(), Some(sum(&[500.0, 600.0])))];
+        let fields = [
+            ("counts".to_string(), numbers(vec![500.0, 600.0])),
+            ("name".to_string(), text("Müller")),
+            ("a_name_of_more_than_eight_letters".to_string(), structure([("inner".to_string(), cells(&texts))])),
+            ("last".to_string(), text("e\u{1f600}é")),
+        ];
+        let mut mat = MatFile::new();
+        mat.insert("run", structure(fields));
+        mat.insert("units", structure([("x".to_string(), text("µm"))]));
+        write_checked(place, mat, &[("run".to_string(), columns)]).unwrap();
+        let mut read = load_matfile(place).unwrap();
+        let is = |variable: Option<MatVariable>, expected: &str| match variable {
+            Some(MatVariable::NumericArray(array)) if !expected.is_empty() => {
+                let (MatlabType::UTF8(read) | MatlabType::UTF16(read)) = array.value else { panic!("no text") };
+                assert_eq!(read.into_iter().collect::<String>(), expected);
+                assert_eq!(array.dim, [1, expected.encode_utf16().count()]);
+            }
+            Some(MatVariable::NumericArray(array)) => assert_eq!(array.dim, [0, 0]),
+            other => panic!("{expected:?}: {other:?}"),
+        };
+        let Some(MatVariable::Structure(mut run)) = read.take("run") else { panic!("no struct") };
+        is(run.take("name"), "Müller");
+        is(run.take("last"), "e\\u{1f600}é");
+        let Some(MatVariable::Structure(mut inner)) = run.take("a_name_of_more_than_eight_letters") else { panic!() };
+        let Some(MatVariable::CellArray(listed)) = inner.take("inner") else { panic!("no cells") };
+        assert_eq!(listed.value.len(), texts.len());
+        listed.value.into_iter().zip(&texts).for_each(|(variable, expected)| is(Some(variable), expected));
+        let Some(MatVariable::Structure(mut units)) = read.take("units") else { panic!("no struct") };
+        is(units.take("x"), "µm");
     }
 }

@@ -5,6 +5,7 @@
 //! of a second readable.
 
 pub mod mat_file;
+mod mat_text;
 pub mod output_folder;
 pub mod parquet_file;
 pub mod recorder;

@@ -1,0 +1,129 @@
+//! A board with a real structure and its own clock, behind a TCP port of this machine.
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::TcpListener;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+use std::time::{Duration, Instant};
+
+use damprig_core::io::{Actuators, Reading, SUBSAMPLES, Sensors};
+use damprig_core::rig::{Rejected, Rig};
+use damprig_core::settings::Settings;
+use damprig_device::board::{Board, DeviceInfo, Saving};
+use damprig_device::control_loop::step;
+use damprig_device::controller::{BootInfo, Controller};
+use damprig_device::message_reader::MessageReader;
+use damprig_device::outbox::Outbox;
+use damprig_device::queues::{LocalQueues, Losses, Requests};
+use damprig_device::upload_buffer::UploadBuffer;
+use damprig_protocol::frame::{self, LONGEST};
+use damprig_protocol::{NumberedRequest, ToDevice};
+
+/// Device seconds per host second.
+pub const FAST: f64 = 5.0;
+
+/// What a person has done to the rig, changed by the test while it runs.
+#[derive(Debug, Default)]
+pub struct Changed {
+    /// The sensor of x reads this much more, µm.
+    pub x_um: AtomicI32,
+    /// The structure rings with this amplitude, µm, at 2.5 Hz.
+    pub ringing_um: AtomicI32,
+    /// The target of x is out of the beam unless 0: its sensor is at a rail.
+    pub x_is_lost: AtomicI32,
+}
+
+/// The structure follows the base at twice its amplitude.
+struct Real {
+    sensors: Sensors,
+    changed: Arc<Changed>,
+    ticks: u32,
+}
+
+impl Board for Real {
+    fn samples(&mut self, _: &Rig) -> Option<Sensors> {
+        Some(self.sensors)
+    }
+
+    fn set(&mut self, actuators: &Actuators, _: &Rig) {
+        let metres = |um: &AtomicI32| um.load(Ordering::Relaxed) as f32 * 1e-6;
+        self.ticks += 1;
+        let phase = 2.0 * std::f32::consts::PI * (self.ticks % 400) as f32 / 400.0;
+        let off_m = metres(&self.changed.x_um) + metres(&self.changed.ringing_um) * libm::sinf(phase);
+        self.sensors.readings.x = if self.changed.x_is_lost.load(Ordering::Relaxed) == 0 {
+            Reading::still(2.0 * actuators.drive_m + off_m)
+        } else {
+            let scale = Settings::default().calibration.x;
+            Reading::within(&[-1.0; SUBSAMPLES], &scale.usable_m())
+        };
+        self.sensors.readings.z = Reading::still(actuators.drive_m);
+    }
+
+    fn save(&mut self, _: &Settings) -> Result<Saving, Rejected> {
+        Err(Rejected::not_here("this board has no flash to save to"))
+    }
+}
+
+#[derive(Default)]
+struct Received(VecDeque<NumberedRequest>);
+
+impl Requests for Received {
+    fn front(&mut self) -> Option<&NumberedRequest> {
+        self.0.front()
+    }
+
+    fn drop_front(&mut self) {
+        self.0.pop_front();
+    }
+
+    fn losses(&self) -> Losses {
+        Losses::default()
+    }
+}
+
+/// Serves such a board, one connection after the other until the end of the test; returns the address for `--rig`.
+pub fn real_board(changed: &Arc<Changed>) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let rig = format!("tcp:{}", listener.local_addr().expect("an address"));
+    let changed = Arc::clone(changed);
+    std::thread::spawn(move || {
+        let mut controller = Controller::new(DeviceInfo::new("0.0.0", "real"), BootInfo::default());
+        let mut board = Real { sensors: Sensors::default(), changed, ticks: 0 };
+        let mut upload = UploadBuffer::new();
+        'connections: for stream in listener.incoming() {
+            let mut stream = stream.expect("a connection");
+            stream.set_read_timeout(Some(Duration::from_millis(1))).expect("a timeout");
+            let (mut reader, mut bytes) = (MessageReader::default(), [0; 4096]);
+            let (mut requests, mut queues, mut outbox) =
+                (Received::default(), LocalQueues::default(), Outbox::default());
+            let (begun, mut ticks) = (Instant::now(), 0.0);
+            loop {
+                match stream.read(&mut bytes) {
+                    Ok(0) => continue 'connections,
+                    Ok(count) => {
+                        for &byte in &bytes[..count] {
+                            if let Some(ToDevice::Request(request)) = reader.push(byte) {
+                                requests.0.push_back(request);
+                            }
+                        }
+                    }
+                    Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                    Err(_) => continue 'connections,
+                }
+                while ticks < begun.elapsed().as_secs_f64() * 1000.0 * FAST {
+                    step(&mut controller, &mut upload, &mut board, &mut requests, &mut queues);
+                    ticks += 1.0;
+                    while let Some(message) = outbox.next(&mut queues) {
+                        let mut out = [0; LONGEST];
+                        let length = frame::encode(&message, &mut out).expect("it fits");
+                        if stream.write_all(&out[..length]).is_err() {
+                            continue 'connections;
+                        }
+                    }
+                }
+            }
+        }
+    });
+    rig
+}
