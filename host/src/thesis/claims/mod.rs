@@ -267,8 +267,10 @@ mod tests {
     fn a_response_that_scales_only_without_friction_holds_only_without_it() {
         let columns = |with: f64| -> Vec<(&str, Vec<f64>)> {
             vec![
-                ("base.amplitude_m", vec![0.003, 0.003, 0.03, 0.03]),
+                ("base.amplitude_m", vec![0.003, 0.003, 0.006, 0.006]),
                 ("particle.friction_coefficient", vec![0.0, 0.08, 0.0, 0.08]),
+                ("particle.clearance_ratio", vec![5.0; 4]),
+                ("base.frequency_hz", vec![2.5; 4]),
                 ("x_over_z", vec![10.0, 9.0, 10.0, with]),
             ]
         };
@@ -280,6 +282,32 @@ mod tests {
         };
         assert_eq!(verdict(9.0), Verdict::Holds);
         assert_eq!(verdict(11.0), Verdict::HoldsOnlyIf("there is no internal friction".into()));
+    }
+
+    /// A verdict from nothing would be one without reason.
+    #[test]
+    fn a_claim_whose_table_lacks_a_number_or_a_row_is_not_judged() {
+        let peak = |last: f64| -> Judged {
+            let columns: [(&str, &[f64]); 3] = [
+                ("particle.clearance_ratio", &[5.0, 5.0, 15.0, 15.0]),
+                ("particle.wall.coefficient", &[0.0, 0.5, 0.0, 0.5]),
+                ("x_over_z", &[40.0, 41.0, 10.0, last]),
+            ];
+            Made::new().table("fig-3-14", "peak", &columns).judge(forced::restitution_at_small_clearance)
+        };
+        let verdict = peak(30.0).expect("all numbers").verdict;
+        assert_eq!(verdict, Verdict::HoldsOnlyIf("e is at most 0.500".into()), "nothing is known above");
+        let error = peak(f64::NAN).expect_err("a number is missing").to_string();
+        assert!(error.contains("fig-3-14/peak: x_over_z has no value in row 3"), "{error}");
+        let columns: [(&str, &[f64]); 5] = [
+            ("base.amplitude_m", &[0.003, 0.006]),
+            ("particle.friction_coefficient", &[0.04, 0.08]),
+            ("particle.clearance_ratio", &[5.0, 5.0]),
+            ("base.frequency_hz", &[2.5, 2.5]),
+            ("x_over_z", &[10.0, 10.0]),
+        ];
+        let without_zero = Made::new().table("fig-3-13", "friction", &columns).judge(forced::only_the_ratio_matters);
+        assert!(without_zero.expect_err("no row without friction").to_string().contains("internal friction 0"));
     }
 
     #[test]
