@@ -237,6 +237,8 @@ impl Sheet<'_> {
         let all: Vec<u64> = (0..self.values.len() as u64).collect();
         let count = all.len() / self.axis(x).count();
         let rows = if count <= MOST_CURVES { all } else { self.slice(&[x]) };
+        // Neighbouring seeds have nothing to do with each other.
+        let is_scattered = self.axis(x).key.ends_with(".seed");
         let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
         let quantiles = self.study.ensemble.as_ref().map(|_| {
             ["min", "max"].map(|end| self.table.column(&format!("{}_{end}", self.metric.name())).unwrap_or_default())
@@ -248,7 +250,7 @@ impl Sheet<'_> {
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
-                curves.push((others, Curve { label, points: Vec::new(), band: Vec::new(), is_scattered: false }));
+                curves.push((others, Curve { label, points: Vec::new(), band: Vec::new(), is_scattered }));
                 curves.len() - 1
             });
             let at = Self::number(&there, x);
