@@ -19,6 +19,7 @@ pub mod study;
 mod study_curves;
 mod study_labels;
 mod study_map;
+pub mod symbols;
 pub mod time_histories;
 pub mod transfer_function;
 
