@@ -2,7 +2,7 @@
 
 use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels};
-use super::study_labels::{label, name};
+use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
 use super::{FigureError, Picture};
 use crate::continuation::Found;
@@ -125,10 +125,11 @@ impl Sheet<'_> {
     }
 
     fn value_label(&self) -> String {
+        let label = metric_label(self.study, self.metric);
         match main_quantile(self.study) {
-            None => self.metric.label().into(),
-            Some(0.5) => format!("{} – median over the starts", self.metric.label()),
-            Some(quantile) => format!("{} – quantile {quantile} over the starts", self.metric.label()),
+            None => label,
+            Some(0.5) => format!("{label} – median over the starts"),
+            Some(quantile) => format!("{label} – quantile {quantile} over the starts"),
         }
     }
 
@@ -182,8 +183,11 @@ impl Sheet<'_> {
         });
         let title = self.title(&others);
         let curves = self.curves_over(x);
-        let mut caption =
-            format!("{}: {}, as computed at each point; lines of equal value.", self.column, self.metric.doc());
+        let mut caption = format!(
+            "{}: {}, as computed at each point; lines of equal value.",
+            self.column,
+            metric_meaning(self.study, self.metric)
+        );
         if !curves.is_empty() {
             caption.push_str(" Black: where a periodic motion changes; docs/CONTINUE.md has the names.");
         }
@@ -239,7 +243,10 @@ impl Sheet<'_> {
         };
         let band =
             if quantiles.is_some() { "; the band is from the smallest to the largest over the starts" } else { "" };
-        (study_curves::draw(&curves, &labels), format!("{}: {}{band}.", self.column, self.metric.doc()))
+        (
+            study_curves::draw(&curves, &labels),
+            format!("{}: {}{band}.", self.column, metric_meaning(self.study, self.metric)),
+        )
     }
 
     /// The value over the first drawn axis.
@@ -258,7 +265,7 @@ impl Sheet<'_> {
             y: self.value_label(),
             best,
         };
-        let caption = format!("{}: {}, of all drawn points.", self.column, self.metric.doc());
+        let caption = format!("{}: {}, of all drawn points.", self.column, metric_meaning(self.study, self.metric));
         (study_curves::draw(&[curve], &labels), caption)
     }
 }
