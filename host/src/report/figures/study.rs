@@ -58,7 +58,7 @@ fn draw_metric(
     let (picture, caption) = match &grids(study)[..] {
         _ if is_drawn => sheet.drawn_points(),
         [a, b, ..] if study.axes[*b].count() >= LEAST_OF_MAP => sheet.map(*a.min(b), *a.max(b)),
-        [a, ..] => sheet.curves(*a),
+        [a, rest @ ..] => sheet.curves(*a, rest.first().copied()),
         [] => return None,
     };
     Some(StudyFigure { stem: metric.name().into(), caption, picture })
@@ -201,19 +201,21 @@ impl Sheet<'_> {
         self.overlays.iter().flat_map(|found| SpecialCurve::all(found, is_swapped(found))).collect()
     }
 
-    fn curves(&self, x: usize) -> (Result<Picture, FigureError>, String) {
-        // One curve for each combination of the other axes, or only the one through the best point.
-        let all: Vec<u64> = (0..self.values.len() as u64).collect();
-        let count = all.len() / self.axis(x).count();
-        let rows = if count <= MOST_CURVES { all } else { self.slice(&[x]) };
+    /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
+    /// of `next`.
+    fn curves(&self, x: usize, next: Option<usize>) -> (Result<Picture, FigureError>, String) {
+        let kept = self.study.points.kept();
+        let is_all = self.values.len() / self.axis(x).count() <= MOST_CURVES;
+        let shown: Vec<usize> = if is_all { kept.to_vec() } else { [x].into_iter().chain(next).collect() };
+        let fixed = self.others(&shown);
         let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
         let quantiles = self.study.ensemble.as_ref().map(|_| {
             ["min", "max"].map(|end| self.table.column(&format!("{}_{end}", self.metric.name())).unwrap_or_default())
         });
-        for row in rows {
+        for row in self.slice(&shown) {
             let there = self.at(row);
-            let kept = self.study.points.kept().iter().filter(|place| **place != x);
-            let others: Vec<(usize, Value)> = kept.map(|place| (*place, there[*place].clone())).collect();
+            let varied = kept.iter().filter(|place| **place != x && shown.contains(place));
+            let others: Vec<(usize, Value)> = varied.map(|place| (*place, there[*place].clone())).collect();
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
@@ -233,7 +235,7 @@ impl Sheet<'_> {
         }
         let best =
             self.best_words().map(|(row, words)| ((Self::number(&self.at(row), x), self.values[row as usize]), words));
-        let others = if curves.len() == 1 { self.others(&[x]) } else { Vec::new() };
+        let others = if curves.len() == 1 { self.others(&[x]) } else { fixed };
         let labels = CurveLabels {
             title: self.title(&others),
             x: label(self.study, self.axis(x)),
