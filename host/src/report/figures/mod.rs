@@ -9,6 +9,8 @@ pub mod bifurcation;
 pub mod branches;
 pub mod campaign;
 pub mod case_overlay;
+#[cfg(test)]
+mod colours;
 pub mod comparison;
 pub mod curves;
 pub mod frequency_response;
