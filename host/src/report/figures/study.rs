@@ -204,9 +204,9 @@ impl Sheet<'_> {
     /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
     /// of `next`.
     fn curves(&self, x: usize, next: Option<usize>) -> (Result<Picture, FigureError>, String) {
-        let kept = self.study.points.kept();
         let is_all = self.values.len() / self.axis(x).count() <= MOST_CURVES;
-        let shown: Vec<usize> = if is_all { kept.to_vec() } else { [x].into_iter().chain(next).collect() };
+        let varied = self.study.points.kept().iter().copied().filter(|place| self.axis(*place).count() > 1);
+        let shown: Vec<usize> = if is_all { varied.collect() } else { [x].into_iter().chain(next).collect() };
         let fixed = self.others(&shown);
         let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
         let quantiles = self.study.ensemble.as_ref().map(|_| {
@@ -214,8 +214,8 @@ impl Sheet<'_> {
         });
         for row in self.slice(&shown) {
             let there = self.at(row);
-            let varied = kept.iter().filter(|place| **place != x && shown.contains(place));
-            let others: Vec<(usize, Value)> = varied.map(|place| (*place, there[*place].clone())).collect();
+            let others = shown.iter().filter(|place| **place != x);
+            let others: Vec<(usize, Value)> = others.map(|place| (*place, there[*place].clone())).collect();
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
