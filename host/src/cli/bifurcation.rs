@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> Outcome {
     bar.end();
     let samples = samples.map_err(Failure::input)?;
     let section =
-        bifurcation_files::write(&args.out, &name, &samples, &sweep, args.section).map_err(Failure::failed)?;
+        bifurcation_files::write(&args.out, &cases[0], &samples, &sweep, args.section).map_err(Failure::failed)?;
     say!("Figure: {}", args.out.join("bifurcation.svg").display());
     if let Some(title) = section {
         say!("Section: {} ({title})", args.out.join("section.svg").display());

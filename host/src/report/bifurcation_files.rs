@@ -6,10 +6,11 @@ use std::sync::Arc;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Schema};
 
-use crate::report::figures::bifurcation as figure;
+use crate::report::figures::{bifurcation as figure, symbols};
 use crate::report::numbers::significant;
 use crate::run_folder::own_files;
 use crate::run_folder::schema::table::field;
+use crate::simulation::Case;
 use crate::study::bifurcation::{Sample, Sweep};
 use crate::study::data_set::table_bytes;
 
@@ -27,14 +28,14 @@ impl Unwritten {
     }
 }
 
-/// Writes table and figure, in place of earlier ones, and the Poincaré section at the value nearest to `section`. Answers with the title
+/// Writes table and figure of `case`, in place of earlier ones, and the Poincaré section at the value nearest to `section`. Answers with the title
 /// of that section, if there is one.
 ///
 /// # Errors
 /// A file that cannot be written.
 pub fn write(
     out: &Path,
-    name: &str,
+    case: &Case,
     samples: &[Sample],
     sweep: &Sweep,
     section: Option<f64>,
@@ -42,8 +43,9 @@ pub fn write(
     let batch = batch(samples, &sweep.key).map_err(Unwritten::of)?;
     let bytes = table_bytes(&batch).map_err(Unwritten::of)?;
     own_files::replace(&out.join(TABLE), &bytes).map_err(Unwritten::of)?;
-    let title = format!("{name}: {} sampled cycles at each value", sweep.cycles);
-    let picture = figure::diagram(samples, &sweep.key, &title).map_err(Unwritten::of)?;
+    let reference = || symbols::reference(case);
+    let picture =
+        figure::diagram(samples, &symbols::label(&sweep.key, reference), &title(case, sweep)).map_err(Unwritten::of)?;
     picture.write(out, "bifurcation").map_err(Unwritten::of)?;
     let Some(wanted) = section else { return Ok(None) };
     let distance = |sample: &Sample| (sample.value - wanted).abs();
@@ -51,9 +53,15 @@ pub fn write(
         return Ok(None);
     };
     let there: Vec<Sample> = samples.iter().filter(|sample| sample.value == nearest).copied().collect();
-    let title = format!("{} = {}", sweep.key, significant(nearest, 6));
+    let title = symbols::at(&sweep.key, &significant(nearest, 6), reference);
     figure::section(&there, &title).and_then(|picture| picture.write(out, "section")).map_err(Unwritten::of)?;
     Ok(Some(title))
+}
+
+/// Says what a dot is.
+fn title(case: &Case, Sweep { key, cycles, settle_cycles, .. }: &Sweep) -> String {
+    let name = symbols::name(key, || symbols::reference(case));
+    format!("{}: each dot is a cycle, {cycles} at each value of {name} after {settle_cycles} to settle", case.name)
 }
 
 fn batch(samples: &[Sample], key: &str) -> Result<RecordBatch, arrow_schema::ArrowError> {

@@ -107,13 +107,30 @@ impl Metric {
         }
     }
 
-    /// Label of an axis or a colour scale.
+    /// Whether it is a length over the case's reference length.
     #[must_use]
-    pub const fn label(self) -> &'static str {
+    pub const fn is_ratio(self) -> bool {
+        matches!(self, Self::XOverZ | Self::MaxXOverZ | Self::RmsOverZ)
+    }
+
+    /// Its meaning for a case whose reference length has this symbol: `Z`, `(P/k)` or `x0`.
+    #[must_use]
+    pub fn meaning(self, reference: &str) -> String {
         match self {
-            Self::XOverZ => "X/Z (cycle maxima)",
-            Self::MaxXOverZ => "largest |x|/Z",
-            Self::RmsOverZ => "RMS of x/Z",
+            Self::XOverZ => format!("X/{reference}: mean of the cycles' largest |x| over {reference}"),
+            Self::MaxXOverZ => format!("largest |x| over {reference}"),
+            Self::RmsOverZ => format!("RMS of x over {reference}"),
+            _ => self.doc().into(),
+        }
+    }
+
+    /// Label of an axis or a colour scale. `reference` is the symbol of the reference length.
+    #[must_use]
+    pub fn label(self, reference: &str) -> String {
+        let label = match self {
+            Self::XOverZ => return format!("X/{reference} (cycle maxima)"),
+            Self::MaxXOverZ => return format!("largest |x|/{reference}"),
+            Self::RmsOverZ => return format!("RMS of x/{reference}"),
             Self::MeanCycleMax => "mean cycle maximum of |x| (m)",
             Self::MaxAbsX => "largest |x| (m)",
             Self::MaxAbsXMinusZ => "largest |x − z| (m)",
@@ -125,7 +142,8 @@ impl Metric {
             Self::LargestMultiplier => "largest multiplier",
             Self::LossFactor => "loss factor",
             Self::CollectiveMotion => "collective motion",
-        }
+        };
+        label.into()
     }
 
     /// Unit symbol; empty for a plain number.
@@ -162,7 +180,7 @@ impl Metric {
             Self::Period | Self::LargestMultiplier if case.many_particles.is_some() => {
                 Some("spheres in a box have no periodic motion whose every event is found exactly")
             }
-            Self::XOverZ | Self::MaxXOverZ | Self::RmsOverZ if case.reference_m().is_none() => {
+            _ if self.is_ratio() && case.reference_m().is_none() => {
                 Some("the case has neither Z nor x0; take `max_abs_x_m` or `rms_x_m`")
             }
             Self::ImpactsPerCycle if !case.has_impacts() => Some("the case has no particle"),

@@ -16,8 +16,8 @@ use crate::run_folder::read::parquet_file;
 /// Relative difference of cycle maxima, or of the response between starts, from which a point is marked in a map.
 pub const MARKED: f64 = 0.01;
 
-/// Values on both axes from which a map is drawn rather than curves.
-pub const LEAST_OF_MAP: usize = 5;
+/// Values on both axes from which a map is drawn. Fewer of one axis are a curve each.
+pub const LEAST_OF_MAP: usize = 8;
 
 /// A table that has been read.
 #[derive(Clone, Debug)]

@@ -212,7 +212,7 @@ fn drawn_points_lie_in_their_ranges_and_words_are_values_too() {
 #[test]
 fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
     let range =
-        |key: &str, from: &str, to: &str| format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 6\n");
+        |key: &str, from: &str, to: &str| format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 8\n");
     let top = "case = \"case.toml\"\nmetrics = [\"x_over_z\", \"cycle_spread\"]\n";
     let (clearance, restitution) =
         (range("particle.clearance_ratio", "5", "20"), range("particle.wall.coefficient", "0.2", "0.9"));
@@ -229,9 +229,18 @@ fn a_study_draws_a_map_curves_or_points_and_a_page_that_needs_no_network() {
     };
     let map = picture(&format!("{top}{clearance}{restitution}"));
     assert!(map.contains("hatch-0") && map.contains("smallest: ") && map.contains("d/Z"));
+    let few = "[[axis]]\nkey = \"particle.wall.coefficient\"\nvalues = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]\n";
+    let curves = picture(&format!("{top}{clearance}{few}"));
+    assert!(!curves.contains("hatch-0") && curves.contains(">\ne = 0.3\n</text>"), "a curve for each of seven values");
+    let starts = "[[axis]]\nkey = \"particle.start\"\nwords = [\"centre\", \"at_positive_wall\"]\n";
+    let slice = picture(&format!("{top}{clearance}{few}{starts}"));
+    assert!(
+        slice.contains(">\ne = 0.3\n</text>") && slice.contains(": start = "),
+        "of fourteen the seven through the best"
+    );
     let one = picture(&format!("{top}{clearance}{ensemble}"));
     assert!(one.contains("<polygon") && one.contains("median over the starts"));
-    let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 6\n", ""));
+    let drawn = format!("{top}{}[sampling]\nmethod = \"sobol\"\ncount = 20\n", clearance.replace("count = 8\n", ""));
     let points = picture(&drawn);
     // The dots, and the mark of the best one.
     assert_eq!(points.matches("<circle").count(), 21);
@@ -244,7 +253,7 @@ const CURVES: &str = "case = \"case.toml\"\nparameter = \"particle.clearance_rat
 const OVER: &str = "[[overlay]]\ncontinuation = \"curves.toml\"\n";
 
 fn axis(key: &str, from: &str, to: &str) -> String {
-    format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 6\n")
+    format!("[[axis]]\nkey = \"{key}\"\nfrom = {from}\nto = {to}\ncount = 8\n")
 }
 
 #[test]
@@ -281,7 +290,7 @@ fn an_overlay_that_does_not_belong_over_the_map_is_refused() {
         ([&clearance, &mass], CURVES, ["particle.mass_ratio is not one of them", "write particle.clearance_ratio and"]),
         ([&clearance, &restitution], one, ["a continuation in two parameters", "add a table [second]"]),
         ([&clearance, &restitution], &other, ["must be of the study's case", "other.toml"]),
-        ([&clearance, &String::new()], CURVES, ["needs a map", "two axes of at least 5 numbers"]),
+        ([&clearance, &String::new()], CURVES, ["needs a map", "two axes of at least 8 numbers"]),
         ([&clearance, &restitution], "case = 3", ["study.toml", "curves.toml"]),
     ] {
         let folder = folder(&format!("{top}{}{}{OVER}", axes[0], axes[1]));

@@ -9,6 +9,9 @@ use plotters::style::{Color, FontTransform, ShapeStyle};
 
 use super::{Canvas, FINE, FigureError, GREY, INK, PALE, text};
 
+/// Range of a linear axis over the magnitude of its values below which the values count as equal.
+const LEAST_RANGE: f64 = 1e-6;
+
 /// Scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
@@ -32,7 +35,8 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis that covers all finite `values` with a margin; 0.5 to 2 without values.
+    /// An axis that covers all finite `values` with a margin; 0.5 to 2 without values. Values that differ by rounding only are drawn as
+    /// one value: the axis is as wide as it is large.
     pub fn around(label: impl Into<String>, scale: Scale, values: impl IntoIterator<Item = f64>) -> Self {
         let usable = |v: &f64| v.is_finite() && (scale == Scale::Linear || *v > 0.0);
         let (low, high) = values
@@ -43,7 +47,12 @@ impl Axis {
             _ if low > high => (0.5, 2.0),
             Scale::Log => (low / 1.3, high * 1.3),
             Scale::Linear => {
-                let margin = if high > low { 0.04 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+                let size = low.abs().max(high.abs());
+                let margin = match high - low {
+                    range if range > LEAST_RANGE * size => 0.04 * range,
+                    _ if size > 0.0 => 0.5 * size,
+                    _ => 0.5,
+                };
                 (low - margin, high + margin)
             }
         };
@@ -235,5 +244,20 @@ mod tests {
         }
         let empty = Axis::around("", Scale::Log, []);
         assert!(empty.from < empty.to && !empty.ticks().0.is_empty());
+    }
+
+    #[test]
+    fn values_that_differ_by_rounding_only_are_drawn_as_a_constant() {
+        for constant in [-3.4, 2.5e-3, 3.4, 7e5] {
+            let values = [constant, constant * (1.0 + 1e-12), constant * (1.0 - 3e-13)];
+            let axis = Axis::around("", Scale::Linear, values);
+            assert!(values.iter().all(|v| (axis.place(*v) - 0.5).abs() < 1e-9), "{axis:?}");
+            let (ticks, _) = axis.ticks();
+            assert!(ticks.len() >= 4 && ticks.iter().all(|t| axis.tick_label(*t).len() <= 9), "{ticks:?}");
+        }
+        let zero = Axis::around("", Scale::Linear, [0.0, 0.0]);
+        assert_eq!((zero.from, zero.to), (-0.5, 0.5));
+        let apart = Axis::around("", Scale::Linear, [1.0, 1.00001]);
+        assert!(apart.place(1.0) < 0.05 && apart.place(1.00001) > 0.95, "a range above rounding stays");
     }
 }

@@ -37,11 +37,11 @@ fn legend(canvas: &Canvas, samples: &[Sample], title: &str, y: i32) -> Result<()
     Ok(())
 }
 
-/// Draws cycle maxima and stroboscopic displacements over the key.
+/// Draws cycle maxima and stroboscopic displacements over the key. `label`: quantity and unit of the key.
 ///
 /// # Errors
 /// The drawing library's error.
-pub fn diagram(samples: &[Sample], key: &str, title: &str) -> Result<Picture, FigureError> {
+pub fn diagram(samples: &[Sample], label: &str, title: &str) -> Result<Picture, FigureError> {
     let of: [(&str, Ordinate); 2] = [
         ("cycle maximum of |x| (mm)", |sample| sample.cycle_max_m * 1e3),
         ("x at drive phase 0 (mm)", |sample| sample.x_m * 1e3),
@@ -49,9 +49,9 @@ pub fn diagram(samples: &[Sample], key: &str, title: &str) -> Result<Picture, Fi
     let frames: Vec<Frame> = PANELS
         .into_iter()
         .zip(of)
-        .map(|((top, bottom), (label, value))| Frame {
-            x: Axis::around(key, Scale::Linear, samples.iter().map(|sample| sample.value)),
-            y: Axis::around(label, Scale::Linear, samples.iter().map(value)),
+        .map(|((top, bottom), (ordinate, value))| Frame {
+            x: Axis::around(label, Scale::Linear, samples.iter().map(|sample| sample.value)),
+            y: Axis::around(ordinate, Scale::Linear, samples.iter().map(value)),
             bounds: (92, top, WIDTH - 30, bottom),
         })
         .collect();

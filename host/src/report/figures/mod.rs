@@ -9,6 +9,8 @@ pub mod bifurcation;
 pub mod branches;
 pub mod campaign;
 pub mod case_overlay;
+#[cfg(test)]
+mod colours;
 pub mod comparison;
 pub mod curves;
 pub mod frequency_response;
@@ -19,6 +21,7 @@ pub mod study;
 mod study_curves;
 mod study_labels;
 mod study_map;
+pub mod symbols;
 pub mod time_histories;
 pub mod transfer_function;
 

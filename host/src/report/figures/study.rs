@@ -2,7 +2,7 @@
 
 use super::curves::Curve as SpecialCurve;
 use super::study_curves::{self, Curve, CurveLabels, Mark};
-use super::study_labels::{label, name};
+use super::study_labels::{label, metric_label, metric_meaning, name};
 use super::study_map::{self, Map, MapAxis};
 use super::{FigureError, Picture};
 use crate::continuation::Found;
@@ -92,7 +92,7 @@ fn draw_metric(
     let (picture, caption) = match &grids(study)[..] {
         _ if has_drawn_axis(study) => sheet.drawn_points(),
         [a, b, ..] if is_map(study) => sheet.map(*a.min(b), *a.max(b)),
-        [a, ..] => sheet.curves(*a),
+        [a, rest @ ..] => sheet.curves(*a, rest.first().copied()),
         [] => return None,
     };
     Some(StudyFigure { stem: metric.name().into(), caption, picture })
@@ -160,10 +160,11 @@ impl Sheet<'_> {
     }
 
     fn value_label(&self) -> String {
+        let label = metric_label(self.study, self.metric);
         match main_quantile(self.study) {
-            None => self.metric.label().into(),
-            Some(0.5) => format!("{} – median over the starts", self.metric.label()),
-            Some(quantile) => format!("{} – quantile {quantile} over the starts", self.metric.label()),
+            None => label,
+            Some(0.5) => format!("{label} – median over the starts"),
+            Some(quantile) => format!("{label} – quantile {quantile} over the starts"),
         }
     }
 
@@ -217,8 +218,11 @@ impl Sheet<'_> {
         });
         let title = self.title(&others);
         let curves = self.curves_over(x);
-        let mut caption =
-            format!("{}: {}, as computed at each point; lines of equal value.", self.column, self.metric.doc());
+        let mut caption = format!(
+            "{}: {}, as computed at each point; lines of equal value.",
+            self.column,
+            metric_meaning(self.study, self.metric)
+        );
         if !curves.is_empty() {
             caption.push_str(" Black: where a periodic motion changes; docs/CONTINUE.md has the names.");
         }
@@ -232,21 +236,23 @@ impl Sheet<'_> {
         self.overlays.iter().flat_map(|found| SpecialCurve::all(found, is_swapped(found))).collect()
     }
 
-    fn curves(&self, x: usize) -> (Result<Picture, FigureError>, String) {
-        // One curve for each combination of the other axes, or only the one through the best point.
-        let all: Vec<u64> = (0..self.values.len() as u64).collect();
-        let count = all.len() / self.axis(x).count();
-        let rows = if count <= MOST_CURVES { all } else { self.slice(&[x]) };
+    /// Curves over `x`, one for each combination of the other axes. If these are too many: through the best point, one for each value
+    /// of `next`.
+    fn curves(&self, x: usize, next: Option<usize>) -> (Result<Picture, FigureError>, String) {
+        let is_all = self.values.len() / self.axis(x).count() <= MOST_CURVES;
+        let varied = self.study.points.kept().iter().copied().filter(|place| self.axis(*place).count() > 1);
+        let shown: Vec<usize> = if is_all { varied.collect() } else { [x].into_iter().chain(next).collect() };
+        let fixed = self.others(&shown);
         // Neighbouring seeds have nothing to do with each other.
         let is_scattered = self.axis(x).key.ends_with(".seed");
         let mut curves: Vec<(Vec<(usize, Value)>, Curve)> = Vec::new();
         let quantiles = self.study.ensemble.as_ref().map(|_| {
             ["min", "max"].map(|end| self.table.column(&format!("{}_{end}", self.metric.name())).unwrap_or_default())
         });
-        for row in rows {
+        for row in self.slice(&shown) {
             let there = self.at(row);
-            let kept = self.study.points.kept().iter().filter(|place| **place != x);
-            let others: Vec<(usize, Value)> = kept.map(|place| (*place, there[*place].clone())).collect();
+            let others = shown.iter().filter(|place| **place != x);
+            let others: Vec<(usize, Value)> = others.map(|place| (*place, there[*place].clone())).collect();
             let known = curves.iter().position(|(of, _)| *of == others);
             let known = known.unwrap_or_else(|| {
                 let label = self.words(&others);
@@ -261,7 +267,8 @@ impl Sheet<'_> {
         }
         let mut marks = Vec::new();
         for given in self.given {
-            let place = curves.iter().position(|(others, _)| others.iter().all(|other| self.is_at(given, other)));
+            let place =
+                curves.iter().position(|(others, _)| others.iter().chain(&fixed).all(|other| self.is_at(given, other)));
             let Some(place) = place else { continue };
             marks.extend(given.points.iter().map(|at| Mark { at: *at, curve: place, is_measured: given.is_measured }));
         }
@@ -272,7 +279,7 @@ impl Sheet<'_> {
         }
         let best =
             self.best_words().map(|(row, words)| ((Self::number(&self.at(row), x), self.values[row as usize]), words));
-        let others = if curves.len() == 1 { self.others(&[x]) } else { Vec::new() };
+        let others = if curves.len() == 1 { self.others(&[x]) } else { fixed };
         let labels = CurveLabels {
             title: self.title(&others),
             x: label(self.study, self.axis(x)),
@@ -283,7 +290,10 @@ impl Sheet<'_> {
         };
         let band =
             if quantiles.is_some() { "; the band is from the smallest to the largest over the starts" } else { "" };
-        (study_curves::draw(&curves, &labels), format!("{}: {}{band}.", self.column, self.metric.doc()))
+        (
+            study_curves::draw(&curves, &labels),
+            format!("{}: {}{band}.", self.column, metric_meaning(self.study, self.metric)),
+        )
     }
 
     /// Whether points belong to a value of an axis.
@@ -313,7 +323,7 @@ impl Sheet<'_> {
             best,
             marks: Vec::new(),
         };
-        let caption = format!("{}: {}, of all drawn points.", self.column, self.metric.doc());
+        let caption = format!("{}: {}, of all drawn points.", self.column, metric_meaning(self.study, self.metric));
         (study_curves::draw(&[curve], &labels), caption)
     }
 }

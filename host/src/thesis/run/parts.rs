@@ -101,8 +101,7 @@ pub(super) fn bifurcation(
     if is_stopped.into_inner() {
         return Ok(Ending::Stopped);
     }
-    let name = default_name(&wanted.case);
-    bifurcation_files::write(folder, &name, &samples, &sweep, wanted.section).map_err(RunFailure::of)?;
+    bifurcation_files::write(folder, &cases[0], &samples, &sweep, wanted.section).map_err(RunFailure::of)?;
     Ok(Ending::Complete)
 }
 
