@@ -206,7 +206,7 @@ fn values_that_make_no_sense_are_refused_with_what_is_allowed() {
 #[test]
 fn the_softest_contacts_that_are_allowed_have_an_energy_book_that_closes() {
     let book = |contact: &str| {
-        let run = answer(&case(SPHERES), &["--set", contact, "--set", "run.duration_s=2"]);
+        let run = answer(&case(SPHERES), &["--set", contact]);
         let number = |place: &str| run["many_particles"][place].as_f64().unwrap_or_else(|| panic!("{place}"));
         let lost_j = number("lost_in_impacts_j") + number("lost_in_friction_j");
         (number("energy_error_j") / lost_j, number("step_s"))
@@ -224,6 +224,6 @@ fn small_spheres_in_a_large_box_start_at_once() {
         .replace("diameter_m = 0.01", "diameter_m = 1e-5")
         .replace("clearance_m = 0.02", "length_m = 100")
         .replace("_m = 0.02", "_m = 100");
-    let run = answer(&case(&wide), &["--set", "run={ duration_s = 0.001 }"]);
+    let run = answer(&format!("{STRUCTURE}{SINE}run = {{ duration_s = 0.001 }}\n{wide}"), &[]);
     assert_eq!(run["summary"]["simulated_s"], 0.001);
 }
