@@ -11,7 +11,7 @@ use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use crate::optimise::search::{self, Progress};
 use crate::optimise::{Answer, Optimisation, table};
-use crate::report::numbers::{duration, significant};
+use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 
 /// Looks for the values of a case's keys at which a metric is best over a band, and says how sure they are.
@@ -60,8 +60,7 @@ pub fn run(args: &Args) -> Outcome {
     }
     let cores = rayon::current_num_threads();
     let estimate_s = search::estimate_s(&optimisation).map_err(Failure::input)? / cores as f64;
-    let scope =
-        format!("{}; about {} on {cores} cores", terminal::optimise::scope(&optimisation), duration(estimate_s));
+    let scope = format!("{}; {} on {cores} cores", terminal::optimise::scope(&optimisation), about(estimate_s));
     if args.dry_run {
         say!("{scope}");
         return Ok(());

@@ -9,6 +9,7 @@ use clap::Args as ClapArgs;
 use super::arguments::{not_negative, positive};
 use super::outcome::{Failure, Outcome};
 use super::progress::SimulationBar;
+use crate::input::Source;
 use crate::report::case_files::{Answer, Simulated};
 use crate::report::figures::simulated_motion::{self, COLUMNS, envelope, usual_envelopes};
 use crate::report::numbers::significant;
@@ -135,7 +136,8 @@ fn simulate_one(
     stop: &AtomicBool,
 ) -> Outcome {
     if args.analyse {
-        case.refuse_many_particles("--analyse").map_err(Failure::input)?;
+        let source = Source::read(path).map_err(Failure::input)?;
+        case.refuse_many_particles((source.name(), source.text()), values, "--analyse").map_err(Failure::input)?;
     }
     super::output_paths::check(path, case, args.out.as_ref(), args.plot.as_deref(), args.force)?;
     let rate_hz = args.out.as_ref().map(|_| args.rate.unwrap_or_else(|| case.usual_rate_hz()));

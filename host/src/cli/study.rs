@@ -11,7 +11,7 @@ use super::outcome::{Failure, Outcome};
 use super::progress::StudyBar;
 use super::study_figures::say_result;
 use super::study_work;
-use crate::report::numbers::{duration, significant};
+use crate::report::numbers::{about, duration, significant};
 use crate::report::terminal;
 use crate::study::Study;
 use crate::study::data_set::DataSet;
@@ -100,7 +100,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let scope = terminal::study::scope(&study, run::cycles(&study));
     if args.dry_run {
         say!("{scope}");
-        say!("about {} on {cores} cores", duration(estimate_s));
+        say!("{} on {cores} cores", about(estimate_s));
         return Ok(());
     }
     if estimate_s > DAY_S && !args.long {
@@ -114,7 +114,7 @@ fn run_study(args: &RunArgs) -> Outcome {
     let data_set = Store::at(&place).and_then(|store| DataSet::open(&study, store)).map_err(Failure::input)?;
     let stop = Arc::new(AtomicBool::new(false));
     super::watch_for_ctrl_c(&stop)?;
-    say!("{scope}; about {} on {cores} cores", duration(estimate_s));
+    say!("{scope}; {} on {cores} cores", about(estimate_s));
     let (start, bar) = (Instant::now(), StudyBar::new(&study.name, study.rows()));
     let report = |progress: &Progress| {
         let best = progress.best.map(|(_, value)| format!("{} {}", study.objective.name(), significant(value, 5)));

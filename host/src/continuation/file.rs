@@ -12,8 +12,8 @@ use super::parameters::{PARAMETERS, ParameterKey};
 use crate::input::key::Quantity;
 use crate::input::{Problem, Refusal, Section, Source, near};
 use crate::motion_record::resolve;
-use crate::simulation::Case;
 use crate::simulation::case::default_name;
+use crate::simulation::{Case, SetValues};
 
 /// A validated continuation.
 #[derive(Clone, Debug)]
@@ -69,7 +69,8 @@ impl Continuation {
         };
         let case = Case::parse(&case_source, &default_name(Path::new(case_source.name())))?;
         let name = case_source.name().to_string();
-        case.refuse_many_particles("a continuation")?;
+        let text = (case_source.name(), case_source.text());
+        case.refuse_many_particles(text, &SetValues::default(), "a continuation")?;
         if !matches!(case.excitation, Excitation::Sine { .. } | Excitation::ForceSine { .. }) || case.record.is_some() {
             return Err(Refusal(format!(
                 "{name}: `base` or `force` must be a sine: only then does a motion repeat with the drive\n  \

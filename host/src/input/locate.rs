@@ -18,16 +18,22 @@ impl Source {
     /// Place of the value at `path`; `None` if it is not written.
     #[must_use]
     pub fn locate(&self, path: &[Step<'_>]) -> Option<Span> {
-        let document = DeTable::parse(self.text()).ok()?;
-        let (Step::Key(first), rest) = path.split_first()? else { return None };
-        let first: &Spanned<DeValue> = document.get_ref().get(*first)?;
-        let found = rest.iter().try_fold(first, |value, step| match (step, value.get_ref()) {
-            (Step::Key(key), DeValue::Table(table)) => table.get(*key),
-            (Step::Item(place), DeValue::Array(list)) => list.get(*place),
-            _ => None,
-        })?;
-        Some(found.span())
+        locate_in(self.text(), path)
     }
+}
+
+/// Place of the value at `path` in a text in TOML; `None` if it is not written.
+#[must_use]
+pub fn locate_in(text: &str, path: &[Step<'_>]) -> Option<Span> {
+    let document = DeTable::parse(text).ok()?;
+    let (Step::Key(first), rest) = path.split_first()? else { return None };
+    let first: &Spanned<DeValue> = document.get_ref().get(*first)?;
+    let found = rest.iter().try_fold(first, |value, step| match (step, value.get_ref()) {
+        (Step::Key(key), DeValue::Table(table)) => table.get(*key),
+        (Step::Item(place), DeValue::Array(list)) => list.get(*place),
+        _ => None,
+    })?;
+    Some(found.span())
 }
 
 /// The path as messages write it: `set_up[2].particle.mass_kg`.

@@ -179,9 +179,13 @@ impl Optimisation {
     /// # Errors
     /// Names the key, its value and what is allowed.
     pub fn case_with(&self, values: &[Value]) -> Result<Case, Refusal> {
-        let set = SetValues { origin: "the variables and axes".into(), lines: lines(&self.axes, values) };
+        let set = self.set_values(values);
         let source = Source::new(self.case_path.display().to_string(), self.case_text.as_str()).with_files(&self.files);
         Case::parse_changed(&source, &default_name(&self.case_path), &set)
+    }
+
+    fn set_values(&self, values: &[Value]) -> SetValues {
+        SetValues { origin: "the variables and axes".into(), lines: lines(&self.axes, values) }
     }
 
     /// Whether `new` is a better value of the objective than `old`.
@@ -193,7 +197,7 @@ impl Optimisation {
     fn check(&self, source: &Source) -> Result<(), Refusal> {
         for corner in corners(&self.axes) {
             let case = self.case_with(&corner)?;
-            self.check_case(&case)?;
+            self.check_case(&case, &corner)?;
             self.check_metrics(source, &case)?;
         }
         // The values of an axis between its ends, with the variables at their first ends.
@@ -208,9 +212,10 @@ impl Optimisation {
         Ok(())
     }
 
-    fn check_case(&self, case: &Case) -> Result<(), Refusal> {
-        case.refuse_many_particles("an optimisation")?;
+    fn check_case(&self, case: &Case, values: &[Value]) -> Result<(), Refusal> {
         let path = self.case_path.display();
+        let text = (&*path.to_string(), self.case_text.as_str());
+        case.refuse_many_particles(text, &self.set_values(values), "an optimisation")?;
         if self.starts.is_some() && case.set_up.particle.is_none() {
             return Err(Refusal(format!("[ensemble] is for a particle, and {path} has none\n  leave it out")));
         }

@@ -33,6 +33,12 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
+/// An estimated duration: `about 3 min`. Beyond a thousand years only that is said.
+#[must_use]
+pub fn about(seconds: f64) -> String {
+    if seconds < 3.15e10 { format!("about {}", duration(seconds)) } else { "more than 1000 years".into() }
+}
+
 /// A length in millimetres with six significant digits.
 #[must_use]
 pub fn millimetres(metres: f64) -> String {

@@ -14,6 +14,7 @@ use super::keys::{case, initial, run};
 use super::many_particles;
 use super::set_values::{self, SetValues};
 use crate::input::locate::Step::Key;
+use crate::input::locate::locate_in;
 use crate::input::{Problem, Refusal, Section, Source};
 use crate::motion_record::{Record, resolve};
 use crate::setup::{self, BASE_AMPLITUDE, BaseAmplitude, SetUpSpec, Shared, set_up_file};
@@ -105,6 +106,11 @@ impl Case {
         TAU / self.set_up.structure.angular_frequency_rad_per_s()
     }
 
+    /// The natural or the drive period, whichever is shorter, s; of a pulse that of the sine that it is a part of.
+    fn shortest_period_s(&self) -> f64 {
+        self.natural_period_s().min(TAU / self.excitation.angular_frequency_rad_per_s())
+    }
+
     /// The reference length of displacement ratios and its symbol: Z of a sine or a pulse, P/k of a harmonic force, x0 of a free
     /// vibration. `None` for a record, a pulse of force or a structure at rest.
     #[must_use]
@@ -138,19 +144,31 @@ impl Case {
         self.set_up.particle.is_some() || self.many_particles.is_some()
     }
 
-    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers.
+    /// Refuses a case with a many-particle damper for what needs the equations of the other dampers. `name` and `text` are those of its
+    /// file, `values` what was set from outside.
     ///
     /// # Errors
-    /// Says that `what` is not available, and what is.
-    pub fn refuse_many_particles(&self, what: &str) -> Result<(), Refusal> {
-        match self.many_particles {
-            Some(_) => Err(Refusal(format!(
-                "{}: {what} is not available for `many_particles`: it needs a motion whose every event is found exactly\n  \
-                 `damprig simulate` and `damprig study` follow the spheres",
-                self.name
-            ))),
-            None => Ok(()),
+    /// Says that `what` is not available, where the spheres are written, and what to do.
+    pub fn refuse_many_particles(
+        &self,
+        (name, text): (&str, &str),
+        values: &SetValues,
+        what: &str,
+    ) -> Result<(), Refusal> {
+        if self.many_particles.is_none() {
+            return Ok(());
         }
+        let key = case::MANY_PARTICLES.name();
+        let source = Source::new(name, text);
+        let set = source.attach(&values.origin, &values.lines);
+        let own = toml_of(&source).and_then(|(toml, _)| locate_in(&toml, &[Key(key)]));
+        source.report(Problem {
+            title: format!("{what} is not available for `{key}`"),
+            span: own.or_else(|| locate_in(&set, &[Key(key)])).unwrap_or_default(),
+            allowed: "spheres have no motion whose every event is found exactly, which it needs".into(),
+            help: Some("`damprig simulate` and `damprig study` follow spheres; or take a `particle`".into()),
+        });
+        source.verdict()
     }
 
     /// Length of a cycle, s: as given, else the drive period, else the natural period.
@@ -171,11 +189,7 @@ pub fn default_name(path: &Path) -> String {
 }
 
 fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
-    // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
-    let (toml, title) = match is_json(source) {
-        true => (json_case::to_toml(source)?, "this JSON cannot be read"),
-        false => (source.text().to_string(), "this is not TOML"),
-    };
+    let (toml, title) = toml_of(source)?;
     let shifted = source.attach(&values.origin, &values.lines);
     let set = match DeTable::parse(&shifted) {
         Ok(set) => set,
@@ -200,6 +214,15 @@ fn read(source: &Source, name: &str, values: &SetValues) -> Option<Case> {
         return None;
     }
     source.read_changed_toml(&toml, title, |own| set_values::put(own, values, ""), |root| read_root(root, name))
+}
+
+/// The text of a case as TOML, with the title of the problem that it is none; `None` after a problem has been reported.
+fn toml_of(source: &Source) -> Option<(String, &'static str)> {
+    // Valid JSON may hold what TOML forbids: a number of 20 digits, a duplicate key.
+    Some(match is_json(source) {
+        true => (json_case::to_toml(source)?, "this JSON cannot be read"),
+        false => (source.text().to_string(), "this is not TOML"),
+    })
 }
 
 fn read_root(root: &Section, name: &str) -> Option<Case> {
@@ -277,6 +300,9 @@ fn read_root(root: &Section, name: &str) -> Option<Case> {
     let case = Case { name, set_up, many_particles, excitation, record, initial, run };
     if let Some(section) = &run_section {
         check_cycle(section, &case);
+    }
+    if let (Some(section), Some(damper)) = (&spheres, &case.many_particles) {
+        many_particles::read::check_contact(section, damper, case.shortest_period_s());
     }
     Some(case)
 }
@@ -365,8 +391,7 @@ const LEAST_CYCLE: f64 = 1e-6;
 
 /// Rejects a cycle so short that the run would only close empty cycles.
 fn check_cycle(run: &Section, case: &Case) {
-    let drive_s = TAU / case.excitation.angular_frequency_rad_per_s();
-    let least_s = LEAST_CYCLE * case.natural_period_s().min(drive_s);
+    let least_s = LEAST_CYCLE * case.shortest_period_s();
     if case.run.cycle_s.is_some_and(|cycle_s| cycle_s < least_s) {
         let allowed = format!("must be {least_s:.3e} s or more: a millionth of the period of structure or drive");
         run.reject("cycle_s", allowed, None);

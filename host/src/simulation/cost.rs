@@ -31,7 +31,7 @@ const STIFF: f64 = 50_000.0;
 /// Estimated cost of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cost {
-    /// Arcs of the whole run.
+    /// Arcs of the whole run; steps with spheres.
     pub arcs: f64,
     /// Computing time without output files, s.
     pub seconds: f64,
@@ -57,7 +57,8 @@ impl Viewer for ArcCounter {
 /// Names a value that is not physical.
 pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
     if let Some(damper) = &case.many_particles {
-        return trial(case, damper.step_s(case.set_up.structure.mass_kg), None);
+        let step_s = damper.step_s(&case.set_up.structure);
+        return Ok(Cost { arcs: (case.run.duration_s / step_s).ceil(), ..trial(case, step_s, None)? });
     }
     // Stiffness depends on the set-up alone, so this also holds for a case on a record.
     let motion = Exact::new(&case.set_up, &case.excitation, &case.initial)?;
@@ -75,11 +76,19 @@ pub fn estimate(case: &Case) -> Result<Cost, Invalid> {
 /// Times the first moments of a run whose pieces take about `least_s`, s.
 fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, Invalid> {
     let duration_s = case.run.duration_s;
-    let (start, mut count) = (Instant::now(), ArcCounter::default());
+    let (mut start, mut count) = (Instant::now(), ArcCounter::default());
+    let mut set_up_s = 0.0;
     let mut trial = case.clone();
     trial.run.sample_times_s.clear();
     let mut marks: Vec<(f64, f64)> = vec![(0.0, 0.0)];
     let mut go_on = |t_s: f64| {
+        // Spheres are put into their box before the first step, once whatever the duration.
+        if marks.len() == 1 && t_s == 0.0 {
+            set_up_s = start.elapsed().as_secs_f64();
+            start = Instant::now();
+            marks.push((0.0, 0.0));
+            return true;
+        }
         let elapsed = start.elapsed();
         let seconds = elapsed.as_secs_f64();
         marks.push((seconds, t_s));
@@ -94,7 +103,7 @@ fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, In
     // Very many impacts may leave the reached time where it was.
     let reached_s = (trial_s - from_t_s).max(duration_s * 1e-30);
     let seconds = spent_s + (duration_s - trial_s).max(0.0) * (spent_s - from_s) / reached_s;
-    Ok(Cost { arcs: count.0 as f64 * seconds / spent_s, seconds, stiff_arc_s, trial_s })
+    Ok(Cost { arcs: count.0 as f64 * seconds / spent_s, seconds: set_up_s + seconds, stiff_arc_s, trial_s })
 }
 
 /// Simulated time between two progress checks, s: a two-thousandth of the run, but at least 10 000 and at most 300 000
@@ -105,7 +114,7 @@ fn trial(case: &Case, least_s: f64, stiff_arc_s: Option<f64>) -> Result<Cost, In
 pub fn longest_part_s(case: &Case, rate_hz: Option<f64>) -> Result<f64, Invalid> {
     let arc_s = match (&case.record, &case.many_particles) {
         (Some(record), _) => record.step_s,
-        (None, Some(damper)) => damper.step_s(case.set_up.structure.mass_kg),
+        (None, Some(damper)) => damper.step_s(&case.set_up.structure),
         (None, None) => Exact::new(&case.set_up, &case.excitation, &case.initial)?.shortest_arc_s(),
     };
     let part_s = (case.run.duration_s / 2_000.0).clamp(10_000.0 * arc_s, 300_000.0 * arc_s);

@@ -1,15 +1,21 @@
 //! Declares the keys of a case other than those of its set-up: excitation, initial state and run.
 
-use damprig_particles::{LEAST_RESTITUTION, LEAST_STEPS};
+use damprig_particles::{LEAST_RESTITUTION, LEAST_STEPS, MOST_SPHERES};
 
 use crate::input::key::DefaultValue::Number;
 use crate::input::key::Need::{Default, Optional, Required, RequiredUnless};
-use crate::input::key::Range::{Any, Between, NotNegative, Positive, Whole};
+use crate::input::key::Range::{Above, Any, Between, NotNegative, Positive, Whole};
 use crate::input::key::{Key, Kind, MOST_WHOLE, Need, Quantity, Table, key, number, tables};
 use crate::setup;
 
-/// Most spheres of a many-particle damper.
-const MOST_SPHERES: f64 = 1e6;
+/// Smallest sphere, m: smaller ones stick to each other, which the model leaves out.
+const LEAST_DIAMETER_M: f64 = 1e-5;
+
+/// Largest sphere, m.
+const MOST_DIAMETER_M: f64 = 1.0;
+
+/// Largest side of a box, m.
+const MOST_SIDE_M: f64 = 100.0;
 
 /// Of the amplitude of the base's motion.
 const UNLESS_STATED: Need = RequiredUnless("`base_amplitude_m` at the top gives it");
@@ -70,8 +76,12 @@ tables! {
 
     "Spheres of one size in a box on the structure: docs/PARTICLES.md."
     many_particles("many_particles") {
-        COUNT: Required, [number("count", Whole(1.0, MOST_SPHERES), "number of spheres").usual(1.0, 5000.0)];
-        DIAMETER: Required, [number("diameter_m", Positive, "diameter of the spheres").usual(5e-4, 0.05)];
+        COUNT: Required, [number("count", Whole(1.0, MOST_SPHERES as f64), "number of spheres; computing time grows with it")
+                .usual(1.0, 5000.0)
+                .note("more cannot be simulated in a useful time; take fewer and larger spheres of the same mass")];
+        DIAMETER: Required, [number("diameter_m", Between(LEAST_DIAMETER_M, MOST_DIAMETER_M), "diameter of the spheres")
+                .usual(5e-4, 0.05)
+                .note("smaller spheres stick to each other, which the model leaves out")];
         MASS: Required, [
             number("mass_kg", Positive, "m, the mass of all spheres together").usual(1e-3, 100.0),
             number("mass_ratio", Positive, "β = m/M, that mass over the structure's").usual(0.005, 0.5),
@@ -87,11 +97,11 @@ tables! {
             number("contact_time_s", Positive, "duration of an undamped contact of two spheres, which gives the stiffness").usual(1e-6, 0.01),
         ];
         LENGTH: Required, [
-            number("length_m", Positive, "inner length of the box, along the motion").usual(0.002, 1.0),
-            number("clearance_m", Positive, "d, half the free travel: the length is 2d plus what the spheres take, packed in layers").usual(5e-4, 0.2),
+            number("length_m", Above(0.0, MOST_SIDE_M), "inner length of the box, along the motion").usual(0.002, 1.0),
+            number("clearance_m", Above(0.0, MOST_SIDE_M), "d, half the free travel: the length is 2d plus what the spheres take, packed in layers").usual(5e-4, 0.2),
         ];
-        WIDTH: Required, [number("width_m", Positive, "inner width of the box, across the motion").usual(0.001, 1.0)];
-        HEIGHT: Required, [number("height_m", Positive, "inner height of the box").usual(0.001, 1.0)];
+        WIDTH: Required, [number("width_m", Above(0.0, MOST_SIDE_M), "inner width of the box, across the motion").usual(0.001, 1.0)];
+        HEIGHT: Required, [number("height_m", Above(0.0, MOST_SIDE_M), "inner height of the box").usual(0.001, 1.0)];
         STEPS: Default(Number(25.0)), [
             number("steps_per_contact", Between(LEAST_STEPS, 10_000.0), "steps of the shortest contact").usual(10.0, 500.0),
         ];

@@ -139,15 +139,29 @@ fn what_spheres_do_not_go_with_is_refused_with_a_reason() {
 fn commands_that_need_exact_events_refuse_spheres() {
     let spheres = case(SPHERES);
     let spheres = ("case.toml", spheres.as_str());
-    refused(&[spheres], &["simulate", "case.toml", "--analyse"], &["--analyse", "many_particles"]);
+    // The table is in line 4 of the case.
+    let at = ["case.toml:4", "[many_particles]", "not available for `many_particles`", "damprig study"];
+    let needs_events = |files: &[(&str, &str)], arguments: &[&str], what: &str| {
+        refused(files, arguments, &[&at[..], &[what]].concat());
+    };
+    needs_events(&[spheres], &["simulate", "case.toml", "--analyse"], "--analyse");
     let bifurcation = ["bifurcation", "case.toml", "--axis", "many_particles.restitution=0.2:0.8:5"];
-    refused(&[spheres], &bifurcation, &["bifurcation", "many_particles"]);
+    needs_events(&[spheres], &bifurcation, "a bifurcation diagram");
+    let continuation = "case = \"case.toml\"\nparameter = \"base.frequency_hz\"\nfrom = 2\nto = 3\n";
+    needs_events(&[spheres, ("c.toml", continuation)], &["continue", "c.toml"], "a continuation");
+    let optimisation = "case = \"case.toml\"\nobjective = \"x_over_z\"\nevaluations = 100\n\
+                        [[variable]]\nkey = \"many_particles.restitution\"\nfrom = 0.2\nto = 0.8\n";
+    needs_events(&[spheres, ("o.toml", optimisation)], &["optimise", "o.toml"], "an optimisation");
+    let table = SPHERES.trim_start_matches("[many_particles]\n").trim().replace('\n', ", ");
+    let set = format!("many_particles={{ {table} }}");
+    let bare = format!("{STRUCTURE}{SINE}{RUN}");
+    let analyse = ["simulate", "case.toml", "--analyse", "--set", &set];
+    refused(&[("case.toml", &bare)], &analyse, &["--set:1", "not available for `many_particles`"]);
     let metric = |name: &str| {
         format!("case = \"case.toml\"\nmetrics = [{name:?}]\n[[axis]]\nkey = \"base.frequency_hz\"\nvalues = [2, 3]\n")
     };
     let study = ["study", "run", "study.toml"];
     refused(&[spheres, ("study.toml", &metric("period_cycles"))], &study, &["period_cycles", "spheres"]);
-    let bare = format!("{STRUCTURE}{SINE}{RUN}");
     refused(
         &[("case.toml", &bare), ("study.toml", &metric("loss_factor"))],
         &study,
@@ -163,4 +177,53 @@ fn a_campaign_refuses_spheres_and_names_what_to_write() {
     );
     let words = ["many_particles", "damper = \"unmodelled\""];
     refused(&[("campaign.toml", &campaign)], &["run", "campaign.toml", "--dry-run"], &words);
+}
+
+#[test]
+fn values_that_make_no_sense_are_refused_with_what_is_allowed() {
+    let simulate = |old: &str, new: &str, words: &[&str]| {
+        let changed = case(&SPHERES.replace(old, new));
+        assert_ne!(changed, case(SPHERES));
+        refused(&[("case.toml", &changed)], &["simulate", "case.toml"], &[&["case.toml:", new], words].concat());
+    };
+    simulate("diameter_m = 0.01", "diameter_m = 1e-9", &["many_particles.diameter_m", "from 0.00001 to 1 m", "stick"]);
+    simulate(
+        "count = 12",
+        "count = 1000000",
+        &["many_particles.count", "from 1 to 100000", "fewer and larger spheres"],
+    );
+    simulate("width_m = 0.02", "width_m = 1e5", &["many_particles.width_m", "at most 100 m"]);
+    simulate("clearance_m = 0.02", "clearance_m = 1e5", &["many_particles.clearance_m", "at most 100 m"]);
+    // A tenth of 0.4 s; 0.5·m·(π/0.04 s)² with spheres of 0.16 kg/12.
+    let soft = ["a tenth of the period of structure or drive"];
+    simulate("contact_time_s = 0.002", "contact_time_s = 10", &["at most 0.04 s", soft[0], "make it shorter"]);
+    let stiffness = ["at least 41.2 N/m", soft[0], "make it larger"];
+    simulate("contact_time_s = 0.002", "stiffness_n_per_m = 1", &stiffness);
+    let fast = case(SPHERES).replace("frequency_hz = 2.5 }\nrun", "frequency_hz = 100 }\nrun");
+    refused(&[("case.toml", &fast)], &["simulate", "case.toml"], &["contact_time_s", "at most 0.001 s"]);
+}
+
+#[test]
+fn the_softest_contacts_that_are_allowed_have_an_energy_book_that_closes() {
+    let book = |contact: &str| {
+        let run = answer(&case(SPHERES), &["--set", contact]);
+        let number = |place: &str| run["many_particles"][place].as_f64().unwrap_or_else(|| panic!("{place}"));
+        let lost_j = number("lost_in_impacts_j") + number("lost_in_friction_j");
+        (number("energy_error_j") / lost_j, number("step_s"))
+    };
+    let (error, step_s) = book("many_particles.contact_time_s=0.04");
+    assert!(step_s < 0.4 / 249.0, "{step_s}");
+    // The scheme is of second order: (π/25)² with 25 steps per contact.
+    assert!(error.abs() < 0.016, "{error}");
+}
+
+#[test]
+fn small_spheres_in_a_large_box_start_at_once() {
+    let wide = SPHERES
+        .replace("count = 12", "count = 2000")
+        .replace("diameter_m = 0.01", "diameter_m = 1e-5")
+        .replace("clearance_m = 0.02", "length_m = 100")
+        .replace("_m = 0.02", "_m = 100");
+    let run = answer(&format!("{STRUCTURE}{SINE}run = {{ duration_s = 0.001 }}\n{wide}"), &[]);
+    assert_eq!(run["summary"]["simulated_s"], 0.001);
 }

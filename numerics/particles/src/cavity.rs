@@ -48,6 +48,21 @@ impl Cavity {
     }
 }
 
+/// A layer with fewer places than this is not made coarser.
+const FEW_PLACES: usize = 1 << 16;
+
+/// Places of a layer along the length and the width. A wide box has far more of them than spheres: larger ones, still at least as many as
+/// spheres, keep the list of places short.
+fn layer_sites(cavity: &Cavity, count: usize, diameter_m: f64) -> [usize; 2] {
+    let [mut along, mut across, _] = cavity.sites(diameter_m);
+    let most = count.saturating_mul(4).max(FEW_PLACES);
+    while along.saturating_mul(across) > most {
+        let longer = if along >= across { &mut along } else { &mut across };
+        *longer /= 2;
+    }
+    [along, across]
+}
+
 /// Draws the centres of spheres at the start, m, from the middle of the box and its floor: horizontal layers of a square lattice from
 /// the floor upwards, spread over the length and the width, each sphere shifted at random within its place; the highest layer has its
 /// spheres at random places. `None` if the box does not hold them ([`Cavity::capacity`]).
@@ -58,7 +73,7 @@ pub fn packing(cavity: &Cavity, count: usize, diameter_m: f64, seed: u64) -> Opt
     }
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut share = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-    let [along, across, _] = cavity.sites(diameter_m);
+    let [along, across] = layer_sites(cavity, count, diameter_m);
     let spacing_m = [cavity.length_m / along as f64, cavity.width_m / across as f64];
     let place = |site: usize, side: usize, share: f64| {
         let corner_m = -0.5 * cavity.sides_m()[side] + (site as f64 + 0.5) * spacing_m[side];
@@ -106,5 +121,24 @@ mod tests {
         assert_eq!(Some(centres.clone()), packing(&cavity, 120, diameter_m, 3));
         assert_ne!(Some(centres), packing(&cavity, 120, diameter_m, 4));
         assert_eq!(packing(&cavity, 151, diameter_m, 3), None);
+    }
+
+    #[test]
+    fn a_wide_box_of_tiny_spheres_is_packed_with_no_more_places_than_spheres_need() {
+        for (length_m, width_m, count) in [(100.0, 100.0, 5_000), (100.0, 1e-9, 100_000), (1e-9, 1.0, 7)] {
+            let cavity = Cavity { length_m, width_m, height_m: 1e-9 };
+            let [along, across] = layer_sites(&cavity, count, 1e-9);
+            assert!((count..=4 * count + FEW_PLACES).contains(&(along * across)), "{along} × {across}");
+            let mut centres = packing(&cavity, count, 1e-9, 1).expect("they fit");
+            assert_eq!(centres.len(), count);
+            assert!(centres.iter().all(|[x, y, z]| {
+                x.abs() <= 0.5 * length_m && y.abs() <= 0.5 * width_m && (z - 0.5e-9).abs() < 1e-12
+            }));
+            // No two are nearer than a diameter: neighbours along a row lie in different places.
+            centres.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+            for pair in centres.windows(2) {
+                assert!(length(&minus(&pair[0], &pair[1])) > 0.99e-9, "{pair:?}");
+            }
+        }
     }
 }

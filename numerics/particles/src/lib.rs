@@ -7,8 +7,8 @@
 //!
 //! # Steps
 //! The steps are those of the velocity form of Verlet's scheme. Forces that depend on velocities take them from a
-//! prediction; the velocities are corrected once. A step is the shortest contact's duration over
-//! [`Damper::steps_per_contact`]. Momentum is kept to the last bits. The scheme is of second order where forces are smooth;
+//! prediction; the velocities are corrected once. A step is the shortest contact's duration, or half a
+//! period of the structure if that is shorter, over [`Damper::steps_per_contact`]. Momentum is kept to the last bits. The scheme is of second order where forces are smooth;
 //! a dashpot's force is not where a contact starts, which leaves errors of first order.
 //!
 //! # The same bits
@@ -28,4 +28,4 @@ pub use contact::{ContactLaw, damping_ratio, restitution};
 pub use energy::Energies;
 pub use excitation::{Drive, Excitation};
 pub use forces::WallImpact;
-pub use motion::{Damper, LEAST_RESTITUTION, LEAST_STEPS, Motion, Start, State};
+pub use motion::{Damper, LEAST_RESTITUTION, LEAST_STEPS, MOST_SPHERES, Motion, Start, State};

@@ -1,5 +1,7 @@
 //! Follows the motion of structure and spheres, step by step.
 
+use core::f64::consts::PI;
+
 use damprig_core::io::{Invalid, finite, not_negative, positive, require};
 use damprig_core::model::Structure;
 
@@ -14,7 +16,7 @@ use crate::vector::{Vector, dot, length, plus, plus_times};
 /// Spheres of one size in a box on the structure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damper {
-    /// Number of spheres; 1 or more.
+    /// Number of spheres; from 1 to [`MOST_SPHERES`].
     pub count: usize,
     /// Of each, m; greater than 0.
     pub diameter_m: f64,
@@ -30,11 +32,14 @@ pub struct Damper {
     pub cavity: Cavity,
     /// Downwards, m/s²; 0 or greater.
     pub gravity_m_per_s2: f64,
-    /// Steps of the shortest contact; 4 or more.
+    /// Steps of the shortest contact, and at least so many of half a period of the structure; 4 or more.
     pub steps_per_contact: f64,
     /// Of the places at the start.
     pub seed: u64,
 }
+
+/// Most spheres: so many make about 80 steps in a second of computing, and a run of 10 s takes an hour.
+pub const MOST_SPHERES: usize = 100_000;
 
 /// Least coefficient of restitution: a smaller one needs ever stiffer dashpots.
 pub const LEAST_RESTITUTION: f64 = 0.01;
@@ -56,10 +61,21 @@ impl Damper {
         ContactLaw::new(contact, self.sphere_kg(), structure_kg)
     }
 
-    /// Length of a step on a structure of this mass (kg), s.
+    /// Length of a step, s: that of the shortest contact or of half a period of the structure, whichever is shorter, over
+    /// [`Damper::steps_per_contact`].
     #[must_use]
-    pub fn step_s(&self, structure_kg: f64) -> f64 {
-        self.law(structure_kg).shortest_contact_s() / self.steps_per_contact
+    pub fn step_s(&self, structure: &Structure) -> f64 {
+        let law = self.law(structure.mass_kg);
+        let half_period_s = PI / self.structure_rate_rad_per_s(structure, &law);
+        law.shortest_contact_s().min(half_period_s) / self.steps_per_contact
+    }
+
+    /// Fastest rate of the structure, rad/s: with all spheres against an end of the box, or more with heavy damping.
+    fn structure_rate_rad_per_s(&self, structure: &Structure, law: &ContactLaw) -> f64 {
+        let count = self.count as f64;
+        let stiffness_n_per_m = structure.stiffness_n_per_m + count * law.stiffness_n_per_m;
+        let damping_n_s_per_m = structure.damping_n_s_per_m + count * law.end_damping_n_s_per_m;
+        (stiffness_n_per_m / structure.mass_kg).sqrt().max(damping_n_s_per_m / structure.mass_kg)
     }
 
     /// Checks that every value is physical and that the box holds the spheres.
@@ -68,10 +84,10 @@ impl Damper {
     /// Names the first parameter outside its range, spelled as in case files.
     pub fn validate(&self) -> Result<(), Invalid> {
         require(
-            self.count >= 1 && u32::try_from(self.count).is_ok(),
+            (1..=MOST_SPHERES).contains(&self.count),
             "many_particles.count",
             self.count as f64,
-            "a whole number from 1 to 4294967295",
+            "a whole number from 1 to 100000",
         )?;
         positive("many_particles.diameter_m", self.diameter_m)?;
         positive("many_particles.mass_kg", self.mass_kg)?;
@@ -215,8 +231,8 @@ impl<E: Excitation> Motion<E> {
             radius_m: 0.5 * damper.diameter_m,
             sphere_kg: damper.sphere_kg(),
             gravity_m_per_s2: damper.gravity_m_per_s2,
-            step_s: damper.step_s(structure.mass_kg),
-            neighbours: Neighbours::new(&damper.cavity, damper.diameter_m),
+            step_s: damper.step_s(&structure),
+            neighbours: Neighbours::new(&damper.cavity, count, damper.diameter_m),
             walls: vec![[History::default(); 6]; count],
             energy: ContactEnergy::default(),
             largest_overlap_m: 0.0,

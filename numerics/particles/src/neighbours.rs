@@ -9,8 +9,8 @@ use crate::vector::{Vector, dot, minus};
 /// Gap up to which two spheres are a pair, over their diameter.
 const SKIN: f64 = 0.25;
 
-/// Most cells along a side.
-const MOST_CELLS: usize = 64;
+/// Most cells of a box, for each sphere in it.
+const MOST_CELLS: usize = 8;
 
 /// The pairs, sorted, with the histories of their contacts.
 #[derive(Clone, Debug)]
@@ -30,10 +30,15 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    pub fn new(cavity: &Cavity, diameter_m: f64) -> Self {
+    /// For `count` spheres. A large box has larger cells than its spheres need: pairs are found all the same.
+    pub fn new(cavity: &Cavity, count: usize, diameter_m: f64) -> Self {
         let near_m = diameter_m * (1.0 + SKIN);
         let sides_m = cavity.sides_m();
-        let cells = sides_m.map(|side_m| ((side_m / near_m) as usize).clamp(1, MOST_CELLS));
+        let mut cells = sides_m.map(|side_m| ((side_m / near_m) as usize).max(1));
+        while cells.into_iter().fold(1, usize::saturating_mul) > count.max(1).saturating_mul(MOST_CELLS) {
+            let longest = if cells[0] >= cells[1].max(cells[2]) { 0 } else { 1 + usize::from(cells[2] > cells[1]) };
+            cells[longest] = cells[longest].div_ceil(2);
+        }
         let cell_m = [0, 1, 2].map(|side| sides_m[side] / cells[side] as f64);
         Self {
             diameter_m,
@@ -131,21 +136,43 @@ mod tests {
     use crate::cavity::packing;
     use crate::vector::length;
 
-    #[test]
-    fn the_pairs_are_all_those_near_each_other() {
-        let cavity = Cavity { length_m: 0.09, width_m: 0.033, height_m: 0.021 };
-        let centres = packing(&cavity, 150, 0.004, 5).expect("they fit");
-        let mut neighbours = Neighbours::new(&cavity, 0.004);
-        neighbours.update(&centres, 0.0);
+    fn near_each_other(centres: &[Vector], near_m: f64) -> Vec<[u32; 2]> {
         let mut expected = Vec::new();
-        for (i, a) in (0u32..).zip(&centres) {
-            for (j, b) in (0u32..).zip(&centres) {
-                if i < j && length(&minus(a, b)) < 0.005 {
+        for (i, a) in (0u32..).zip(centres) {
+            for (j, b) in (0u32..).zip(centres) {
+                if i < j && length(&minus(a, b)) < near_m {
                     expected.push([i, j]);
                 }
             }
         }
-        assert!(expected.len() > 100);
-        assert_eq!(neighbours.pairs, expected);
+        expected
+    }
+
+    #[test]
+    fn the_pairs_are_all_those_near_each_other() {
+        let cavity = Cavity { length_m: 0.09, width_m: 0.033, height_m: 0.021 };
+        let centres = packing(&cavity, 150, 0.004, 5).expect("they fit");
+        let mut neighbours = Neighbours::new(&cavity, centres.len(), 0.004);
+        neighbours.update(&centres, 0.0);
+        assert!(neighbours.pairs.len() > 100);
+        assert_eq!(neighbours.pairs, near_each_other(&centres, 0.005));
+    }
+
+    #[test]
+    fn a_large_box_has_no_more_cells_than_its_spheres_need_and_the_same_pairs() {
+        let diameter_m = 1e-5;
+        // A heap in a corner of a box of 100 m.
+        let heap = Cavity { length_m: 1e-4, width_m: 8e-5, height_m: 1e-4 };
+        let cavity = Cavity { length_m: 100.0, width_m: 100.0, height_m: 100.0 };
+        let mut centres = packing(&heap, 300, diameter_m, 5).expect("they fit");
+        for centre in &mut centres {
+            *centre = [centre[0] - 49.9999, centre[1] + 49.9999, centre[2]];
+        }
+        let mut neighbours = Neighbours::new(&cavity, centres.len(), diameter_m);
+        let cells: usize = neighbours.cells.iter().product();
+        assert!((centres.len()..=MOST_CELLS * centres.len()).contains(&cells), "{:?}", neighbours.cells);
+        neighbours.update(&centres, 0.0);
+        assert!(neighbours.pairs.len() > 300);
+        assert_eq!(neighbours.pairs, near_each_other(&centres, diameter_m * (1.0 + SKIN)));
     }
 }

@@ -8,7 +8,7 @@ use damprig_particles::Damper;
 
 use crate::motion_record::Quantity;
 use crate::report::describe;
-use crate::report::numbers::{duration, millimetres, significant};
+use crate::report::numbers::{about, millimetres, significant};
 use crate::simulation::collector::MAX_ACCUMULATIONS_WITHOUT_IMPACTS;
 use crate::simulation::cost::Cost;
 use crate::simulation::many_particles::SpheresResult;
@@ -35,10 +35,11 @@ pub fn warnings(case: &Case, cost: &Cost, history: Option<(&TablePath, f64)>) ->
         ));
     }
     if cost.seconds > LONG_S {
+        let pieces = if case.many_particles.is_some() { "steps" } else { "arcs" };
         warnings.push(format!(
-            "simulating {} s may take about {} ({} arcs), judging by the first {} s; Ctrl-C stops the run and keeps the results so far",
+            "simulating {} s may take {} ({} {pieces}), judging by the first {} s; Ctrl-C stops the run and keeps the results so far",
             significant(case.run.duration_s, 6),
-            duration(cost.seconds),
+            about(cost.seconds),
             significant(cost.arcs, 2),
             significant(cost.trial_s, 2)
         ));
@@ -286,4 +287,25 @@ pub fn summary(case: &Case, result: &SimulationResult) -> String {
         }
     }
     text.replace("\n\n\n", "\n\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::Source;
+
+    #[test]
+    fn a_run_of_spheres_that_never_ends_is_told_in_steps_and_without_a_number_of_years() {
+        let text = "structure = { mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0 }
+                    run = { duration_s = 10 }
+                    many_particles = { count = 9, diameter_m = 0.01, mass_ratio = 0.1, restitution = 0.5, contact_time_s = 0.001, length_m = 0.1, width_m = 0.05, height_m = 0.05 }";
+        let mut case = Case::parse(&Source::new("case.toml", text), "case").expect("sound");
+        let cost = Cost { arcs: 4e5, seconds: 1e30, trial_s: 0.01, stiff_arc_s: None };
+        let told = |case: &Case, cost: &Cost| warnings(case, cost, None).concat();
+        assert!(told(&case, &cost).contains("may take more than 1000 years (400000 steps)"), "{}", told(&case, &cost));
+        let cost = Cost { seconds: 300.0, ..cost };
+        assert!(told(&case, &cost).contains("may take about 5 min (400000 steps)"), "{}", told(&case, &cost));
+        case.many_particles = None;
+        assert!(told(&case, &cost).contains("(400000 arcs)"));
+    }
 }

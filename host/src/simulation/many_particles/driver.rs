@@ -50,8 +50,13 @@ struct SpheresRun {
     impacts: Vec<ImpactRecord>,
 }
 
-/// Steps between two calls of `go_on`, times the number of spheres.
-const SPHERE_STEPS_PER_CHECK: u64 = 100_000;
+/// Steps between two calls of `go_on`, times the number of spheres: some milliseconds.
+const SPHERE_STEPS_PER_CALL: u64 = 100_000;
+
+/// Steps between two calls of `go_on`.
+fn steps_per_call(damper: &Damper) -> u64 {
+    (SPHERE_STEPS_PER_CALL / damper.count.max(1) as u64).max(1)
+}
 
 impl SpheresRun {
     fn new(case: &Case, damper: &Damper, duration_s: f64) -> Result<Self, Invalid> {
@@ -121,11 +126,11 @@ pub fn run<V: Viewer>(
     let mut at = SpheresRun::new(case, damper, case.run.duration_s)?;
     let mut figures = MotionStatistics::new(wanted);
     let mut meter = CycleMeter::new(case.cycle_s(), case.set_up.structure.mass_kg, &at.motion);
-    let steps_per_check = (SPHERE_STEPS_PER_CHECK / damper.count as u64).max(1);
+    let steps_per_call = steps_per_call(damper);
     run_in_parts(case.run.duration_s, options, collector, |until_s, collector, go_on| {
         let mut viewer = (&mut figures, collector.all());
         while at.reached_s() < until_s {
-            if at.steps % steps_per_check == steps_per_check - 1 && !go_on(at.reached_s()) {
+            if at.steps.is_multiple_of(steps_per_call) && !go_on(at.reached_s()) {
                 break;
             }
             at.step(&mut viewer);
@@ -167,9 +172,6 @@ pub struct CountedSpheres {
     pub spheres: SpheresFigures,
 }
 
-/// Steps between two questions whether to go on.
-const STEPS_PER_QUESTION: u32 = 1_024;
-
 /// Runs a case up to `end_s`, s, and counts from the cycle `first_cycle` on. `None` if it was stopped: `go_on` is asked now and then.
 ///
 /// # Errors
@@ -183,13 +185,10 @@ pub fn counted(
 ) -> Result<Option<CountedSpheres>, Invalid> {
     let mut at = SpheresRun::new(case, damper, end_s)?;
     let cycle_s = case.cycle_s();
-    let mut steps = 0_u32;
-    let mut goes_on = || {
-        steps = steps.wrapping_add(1);
-        !steps.is_multiple_of(STEPS_PER_QUESTION) || go_on()
-    };
+    let steps_per_call = steps_per_call(damper);
+    let goes_on = |at: &SpheresRun| !at.steps.is_multiple_of(steps_per_call) || go_on();
     while at.motion.state().t_s + at.motion.step_s() < first_cycle as f64 * cycle_s {
-        if !goes_on() {
+        if !goes_on(&at) {
             return Ok(None);
         }
         at.step(&mut ());
@@ -199,7 +198,7 @@ pub fn counted(
     figures.skip_to(first_cycle);
     let mut meter = CycleMeter::new(cycle_s, case.set_up.structure.mass_kg, &at.motion);
     while at.reached_s() < end_s {
-        if !goes_on() {
+        if !goes_on(&at) {
             return Ok(None);
         }
         at.step(&mut figures);
@@ -280,7 +279,53 @@ impl Piece for StepPiece {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
+    use crate::input::Source;
+    use crate::simulation::{cost, simulate};
+
+    fn many(count: usize) -> Case {
+        let text = format!(
+            "structure = {{ mass_kg = 1.6, natural_frequency_hz = 2.5, damping_ratio = 0.0038 }}
+             initial = {{ x_m = 0.01 }}
+             run = {{ duration_s = 10 }}
+             many_particles = {{ count = {count}, diameter_m = 0.001, mass_ratio = 0.1, restitution = 0.5,
+                 contact_time_s = 0.001, clearance_m = 0.02, width_m = 0.1, height_m = 0.05 }}"
+        );
+        Case::parse(&Source::new("case.toml", text.replace(",\n", ",")), "case").expect("sound")
+    }
+
+    #[test]
+    fn many_spheres_ask_before_the_first_step_and_after_a_few() {
+        let case = many(20_000);
+        let damper = case.many_particles.as_ref().expect("spheres");
+        let asked = Cell::new(0);
+        let go_on = || {
+            asked.set(asked.get() + 1);
+            asked.get() < 2
+        };
+        let options = RunOptions { keep: false, longest_part_s: 10.0, go_on: &mut |_| go_on() };
+        let result = simulate(&case, &mut (), options).expect("physical");
+        let reached_s = result.stopped_at_s.expect("stopped");
+        assert!((reached_s / damper.step_s(&case.set_up.structure) - 5.0).abs() < 1e-9, "{reached_s} s");
+        asked.set(0);
+        assert_eq!(counted(&case, damper, 0, 10.0, &go_on), Ok(None));
+        assert_eq!(asked.get(), 2);
+        assert_eq!(counted(&case, damper, 3, 10.0, &|| false), Ok(None));
+    }
+
+    #[test]
+    fn the_estimate_of_many_spheres_goes_by_their_steps() {
+        let case = many(20_000);
+        let cost = cost::estimate(&case).expect("physical");
+        let step_s = case.many_particles.as_ref().expect("spheres").step_s(&case.set_up.structure);
+        assert_eq!(cost.arcs, (10.0 / step_s).ceil());
+        assert!(cost.trial_s >= step_s, "{cost:?}");
+        // From a nanosecond to a millisecond for a step of a sphere, on any machine.
+        let sphere_steps = 20_000.0 * cost.arcs;
+        assert!((1e-9..1e-3).contains(&(cost.seconds / sphere_steps)), "{cost:?}");
+    }
 
     #[test]
     fn a_cubic_has_the_values_and_rates_at_its_ends_and_follows_a_cubic() {

@@ -32,7 +32,7 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
     let sphere_kg = mass_kg / count as f64;
     let stiffness_n_per_m = match stiffness? {
         (0, stiffness) => stiffness,
-        (_, contact_s) => 0.5 * sphere_kg * (PI / contact_s).powi(2),
+        (_, contact_s) => contact_stiffness_n_per_m(sphere_kg, contact_s),
     };
     let mut cavity = Cavity { length_m: 0.0, width_m: width?, height_m: height? };
     for (key, side_m) in [(&keys::WIDTH, cavity.width_m), (&keys::HEIGHT, cavity.height_m)] {
@@ -66,4 +66,53 @@ pub fn read(s: &Section, structure: Option<&Structure>, gravity_m_per_s2: f64) -
         steps_per_contact: steps?,
         seed: seed? as u64,
     })
+}
+
+/// Longest contact over the shorter period of structure and drive.
+const LONGEST_CONTACT: f64 = 0.1;
+
+/// Rejects contacts that are not short against the shorter period of structure and drive, s: such a contact is no impact but a spring
+/// that couples the masses, and is seen in fewer steps of that period than the scheme needs.
+pub fn check_contact(s: &Section, damper: &Damper, period_s: f64) {
+    let longest_s = LONGEST_CONTACT * period_s;
+    let least_n_per_m = contact_stiffness_n_per_m(damper.sphere_kg(), longest_s);
+    // A contact of just that time is allowed, whatever the rounding.
+    if damper.stiffness_n_per_m >= least_n_per_m * (1.0 - 1e-9) {
+        return;
+    }
+    let why = "a contact lasts at most a tenth of the period of structure or drive, else it is no impact";
+    let (allowed, help) = match s.written(&keys::STIFFNESS).map(|key| key.name) {
+        Some("stiffness_n_per_m") => {
+            (format!("must be at least {} N/m: {why}", rounded_up(least_n_per_m)), "make it larger")
+        }
+        _ => (
+            format!("must be at most {} s: {why}", -rounded_up(-longest_s)),
+            "make it shorter: a thousandth of the period is usual",
+        ),
+    };
+    let name = s.written(&keys::STIFFNESS).map_or(keys::STIFFNESS.name(), |key| key.name);
+    s.reject(name, allowed, Some(help.into()));
+}
+
+/// To three significant digits, towards larger numbers: what a message allows is allowed.
+fn rounded_up(value: f64) -> f64 {
+    let unit = 10f64.powf(value.abs().log10().floor() - 2.0);
+    let rounded = (value / unit).ceil() * unit;
+    format!("{rounded:.2e}").parse().unwrap_or(rounded)
+}
+
+/// Stiffness of contacts between two spheres that last so long without damping, N/m.
+fn contact_stiffness_n_per_m(sphere_kg: f64, contact_s: f64) -> f64 {
+    0.5 * sphere_kg * (PI / contact_s).powi(2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded_up;
+
+    #[test]
+    fn a_bound_is_shown_on_the_side_that_is_allowed() {
+        assert_eq!([rounded_up(12.3456), rounded_up(-0.040_01), rounded_up(0.5)], [12.4, -0.04, 0.5]);
+        assert!(rounded_up(-0.039_999) == -0.0399);
+    }
 }

@@ -1,6 +1,7 @@
 //! Momentum and energy are accounted for, and a motion is repeatable.
 
 use damprig_core::integrator::exact::Excitation;
+use damprig_core::model::Structure;
 use damprig_particles::{Cavity, Damper, Motion, Start};
 
 use crate::{rig, spheres};
@@ -71,4 +72,31 @@ fn two_runs_have_the_same_bits_and_another_seed_other_ones() {
     };
     assert_eq!(run(1), run(1));
     assert_ne!(run(1).1, run(2).1);
+}
+
+#[test]
+fn the_book_closes_with_contacts_slower_than_the_structure_and_with_heavy_dampers() {
+    let cavity = Cavity { length_m: 0.06, width_m: 0.025, height_m: 0.04 };
+    let bed = spheres(40, 0.008, cavity);
+    // A contact of a second, a structure with ζ = 200, spheres of 50 times the structure's mass.
+    let soft = Damper { stiffness_n_per_m: 0.02, gravity_m_per_s2: 0.0, ..bed };
+    let stiff = Structure::from_modal(1.6, 2.5, 200.0);
+    let heavy = Damper { mass_kg: 80.0, stiffness_n_per_m: 1e6, ..bed };
+    for (structure, damper) in [(rig(), soft), (stiff, bed), (rig(), heavy)] {
+        let start = Start { x_m: 0.01, v_m_per_s: 0.1 };
+        let sine = Excitation::Sine { amplitude_m: 0.003, angular_frequency_rad_per_s: 15.7, phase_rad: 0.3 };
+        let mut motion = Motion::new(structure, &damper, sine, start).expect("physical");
+        let start_j = motion.energies().book_j();
+        let mut largest_j = 0.0_f64;
+        while motion.state().t_s < 1.0 {
+            motion.step(&mut |_| ());
+            largest_j = largest_j.max(motion.energies().held_j());
+        }
+        let energies = motion.energies();
+        let turned_over_j = largest_j + energies.lost_in_contacts_j() + energies.lost_in_structure_j;
+        let missing = ((energies.book_j() - start_j) / turned_over_j).abs();
+        println!("{missing:e} of {turned_over_j} J, step {:e} s", motion.step_s());
+        // 25 steps of the fastest half period: (ωΔt)² = (π/25)².
+        assert!(missing < 0.016, "{damper:?}: {missing} of {turned_over_j} J");
+    }
 }
