@@ -233,23 +233,11 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
     let _ = s.table_of(&keys::AT, None);
     s.finish();
     let written = written?;
-    let of_item = || values.iter().filter(|value| value.item == written.item);
-    if of_item().next().is_none() {
-        let mut names: Vec<&str> = values.iter().map(|value| value.item.as_str()).collect();
-        names.dedup();
-        refuse_name(s, "item", (&written.item, &written.item_span), names, "has no published values");
-        return None;
-    }
-    let place = values.iter().position(|value| value.item == written.item && value.label == written.label);
-    let Some(place) = place else {
-        let names = of_item().map(|value| value.label.as_str());
-        refuse_name(s, "label", (&written.label, &written.label_span), names, "is not a label of this item");
-        return None;
-    };
-    let Some(number) = written.value else {
-        s.reject("label", "its `value` is missing", Some("add value = NUMBER".into()));
-        return None;
-    };
+    let names: Vec<(&str, &str)> = values.iter().map(|value| (value.item.as_str(), value.label.as_str())).collect();
+    let item = (written.item.as_str(), &written.item_span);
+    let place = place_of(s, item, (&written.label, &written.label_span), &names, "value")?;
+    // A gap that stays one.
+    let number = written.value?;
     match values[place].value {
         Some(there) if !values[place].is_filled && there != number.value => {
             let help = Some("leave it out: only values that are missing can be filled in".into());
@@ -259,6 +247,27 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
         Some(there) if there == number.value => None,
         _ => Some((place, number.value)),
     }
+}
+
+/// The place of an item's label among all; refuses names that are not there. `what` is published of them.
+pub(super) fn place_of(
+    s: &Section,
+    item: (&str, &Span),
+    label: (&str, &Span),
+    all: &[(&str, &str)],
+    what: &str,
+) -> Option<usize> {
+    let of_item = || all.iter().filter(|(name, _)| *name == item.0);
+    if of_item().next().is_none() {
+        refuse_name(s, "item", item, all.iter().map(|(name, _)| *name), &format!("has no published {what}"));
+        return None;
+    }
+    let place = all.iter().position(|names| *names == (item.0, label.0));
+    if place.is_none() {
+        let labels = of_item().map(|(_, label)| *label);
+        refuse_name(s, "label", label, labels, &format!("is not the label of a published {what} of this item"));
+    }
+    place
 }
 
 /// Refuses a name and suggests the nearest.

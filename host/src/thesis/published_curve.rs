@@ -2,7 +2,7 @@
 
 use super::catalogue::{Catalogue, Part, Work};
 use super::keys::curve as keys;
-use super::published::{Origin, refuse_name};
+use super::published::{Origin, place_of, refuse_name};
 use crate::input::key::Quantity;
 use crate::input::section::{FreeKey, Given};
 use crate::input::{Number, Section};
@@ -82,19 +82,8 @@ pub(super) fn filling(s: &Section, curves: &[PublishedCurve]) -> Option<(usize, 
     let _ = (s.text_of(&keys::OVER), s.table_of(&keys::AT, None));
     s.finish();
     let (item, label) = (item?, label?);
-    let of_item = || curves.iter().filter(|curve| curve.item == item.value);
-    if of_item().next().is_none() {
-        let mut names: Vec<&str> = curves.iter().map(|curve| curve.item.as_str()).collect();
-        names.dedup();
-        refuse_name(s, "item", (&item.value, &item.span), names, "has no published curves");
-        return None;
-    }
-    let place = curves.iter().position(|curve| curve.item == item.value && curve.label == label.value);
-    let Some(place) = place else {
-        let names = of_item().map(|curve| curve.label.as_str());
-        refuse_name(s, "label", (&label.value, &label.span), names, "is not a label of a curve of this item");
-        return None;
-    };
+    let names: Vec<(&str, &str)> = curves.iter().map(|curve| (curve.item.as_str(), curve.label.as_str())).collect();
+    let place = place_of(s, (&item.value, &item.span), (&label.value, &label.span), &names, "curve")?;
     points.filter(|points| !points.is_empty()).map(|points| (place, points))
 }
 

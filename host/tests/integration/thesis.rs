@@ -248,7 +248,7 @@ fn a_users_points_of_a_curve_are_drawn_over_it_and_compared_with_it() {
         .map(|line| line.rsplitn(4, ',').collect::<Vec<&str>>())
         .map(|cells| (cells[2].parse().unwrap(), cells[1].parse().unwrap(), cells[0].parse().ok()))
         .collect();
-    let results = damprig::thesis::Results::at(&folder.path().join("out"));
+    let results = damprig::thesis::Results::at(folder.path().join("out"));
     let computed = results.study("table-9-1", "main").unwrap().column("x_over_z").unwrap();
     let half = 0.5 * (computed[1] + computed[2]);
     let expected =
