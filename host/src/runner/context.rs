@@ -85,6 +85,8 @@ pub struct Run<'a> {
     pub(super) tally: Tally,
     pub(super) journal: JournalState,
     pub(super) readings: Readings,
+    /// The board may still hold a message with rows of the check at rest: it sends it before the first row of a segment.
+    pub(super) has_rows_at_rest: bool,
     pub(super) began: Instant,
     /// When the watcher last got the controller's values.
     pub(super) values_shown: Instant,
@@ -115,6 +117,7 @@ impl<'a> Run<'a> {
             tally,
             journal,
             readings: Readings::default(),
+            has_rows_at_rest: false,
             began: Instant::now(),
             values_shown: Instant::now(),
         }

@@ -32,6 +32,9 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// The measured signals. `x_peak` is what the controller compares with the level.
 const SIGNALS: [&str; 3] = ["x", "z", "x_peak"];
 
+/// The same in rows that are wider than those of a run with two or three signals: no row of the check may pass for one of the run.
+const WIDE_SIGNALS: [&str; 5] = ["x", "z", "x_peak", "drive", "frequency"];
+
 /// A displacement while the drive is off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct AtRest {
@@ -213,7 +216,11 @@ impl Run<'_> {
             }
         }
         // A fault from the mounting, as of a blow on a wall, is cleared.
-        Ok(self.make_ready()?)
+        match self.make_ready() {
+            // The link may have been lost while the person thought.
+            Err(error) if reconnect::is_recoverable(&error) => self.reconnect(error),
+            ready => Ok(ready?),
+        }
     }
 
     fn measure_rest(&mut self, set_up: &CampaignSetUp, experiment: &Experiment) -> Result<RestFinding, RunError> {
@@ -226,7 +233,9 @@ impl Run<'_> {
         let measured_s = ((MEASURED_S.0 / period_s).ceil() * period_s).min(MEASURED_S.1);
         let rows = self.rows_at_rest((measured_s * f64::from(TICK_HZ)).round() as usize)?;
         let column = |at: usize| rows.iter().map(move |row| row[at]);
-        let largest = |at: usize| column(at).fold(0.0, |most: f64, value| most.max(value.abs()));
+        // A value that is no number is no rest.
+        let larger = |most: f64, value: f64| if most.is_nan() || value.abs() <= most { most } else { value.abs() };
+        let largest = |at: usize| column(at).fold(0.0, larger);
         let (status, _) = self.session.status()?;
         Ok(RestFinding {
             set_up: set_up.name.clone(),
@@ -245,9 +254,12 @@ impl Run<'_> {
     fn rows_at_rest(&mut self, count: usize) -> Result<Vec<[f64; 3]>, RunError> {
         let table = &self.session.signals;
         let place = |name| table.iter().position(|signal| signal.name == name).map(|place| place as u8);
-        let Some(signals) = SIGNALS.into_iter().map(place).collect() else {
-            return Err(self.session.unusable(format!("its signals lack one of {}", SIGNALS.join(", "))).into());
+        // The run may add its frequency.
+        let names: &[&str] = if (2..=3).contains(&self.selection.positions.len()) { &WIDE_SIGNALS } else { &SIGNALS };
+        let Some(signals) = names.iter().copied().map(place).collect() else {
+            return Err(self.session.unusable(format!("its signals lack one of {}", names.join(", "))).into());
         };
+        self.has_rows_at_rest = true;
         let ask = Request::SetTelemetry { every_ticks: 1, signals, impacts: false };
         self.session.execute("send telemetry", ask)?;
         let (mut rows, begun) = (Vec::new(), Instant::now());
@@ -260,10 +272,10 @@ impl Run<'_> {
                 return Err(self.session.unusable(what).into());
             }
             if let Some(Report::Telemetry(message)) = self.session.next_report()?
-                && usize::from(message.width) == SIGNALS.len()
+                && usize::from(message.width) == names.len()
             {
-                let of_three = message.values.chunks_exact(SIGNALS.len());
-                rows.extend(of_three.map(|row| [row[0], row[1], row[2]].map(f64::from)));
+                let each = message.values.chunks_exact(names.len());
+                rows.extend(each.map(|row| [row[0], row[1], row[2]].map(f64::from)));
             }
         }
         self.end_telemetry()?;

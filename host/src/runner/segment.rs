@@ -289,10 +289,14 @@ impl<'r, 'a, 'c> Segment<'r, 'a, 'c> {
     /// Handles a report; whether it was a new result, or the end.
     fn handle(&mut self, report: Report) -> Result<bool, RunError> {
         if !self.check.admits(&report) {
+            if matches!(report, Report::Telemetry(_)) && std::mem::take(&mut self.run.has_rows_at_rest) {
+                return Ok(false);
+            }
             return self.count_misfit().map(|()| false);
         }
         match report {
             Report::Telemetry(message) => {
+                self.run.has_rows_at_rest = false;
                 let rows = message.values.len() / usize::from(message.width).max(1);
                 let span = (rows.max(1) as u32 - 1).saturating_mul(u32::from(message.every_ticks));
                 self.add_clock_pair(message.first_tick.saturating_add(span));

@@ -82,6 +82,11 @@ fn run(folder: &TempDir) -> PathBuf {
     folder.path().join("out")
 }
 
+/// No row of the check was taken for one of the run, or for one that does not belong.
+fn is_verified(folder: &TempDir) {
+    damprig(folder).args(["runs", "verify", "out"]).assert().success();
+}
+
 const ASKED: &str = "s stops (--resume continues the run): ";
 
 #[test]
@@ -109,6 +114,7 @@ fn a_zero_that_has_shifted_is_told_before_the_drive_starts_and_measured_again() 
     person.types("");
     let (code, told) = person.ends();
     assert_eq!(code, Some(0), "{told}");
+    is_verified(&folder);
     assert_eq!(result_rows(&run(&folder)), 1);
     let journal = journal(&folder);
     assert_eq!(journal.matches("not at rest: set-up").count(), 2, "{journal}");
@@ -133,6 +139,7 @@ fn a_structure_that_still_rings_is_not_taken_for_a_shifted_zero_and_the_person_m
     person.types("g");
     let (code, told) = person.ends();
     assert_eq!(code, Some(0), "{told}");
+    is_verified(&folder);
     assert_eq!(result_rows(&run(&folder)), 1);
     assert!(journal(&folder).contains("went on although the rig was not at rest"), "{}", journal(&folder));
 }
@@ -158,6 +165,7 @@ fn a_run_that_was_stopped_because_a_target_is_out_of_the_beam_is_resumed_when_it
     person.types("");
     let (code, told) = person.ends();
     assert_eq!(code, Some(0), "{told}");
+    is_verified(&folder);
     assert!(!told.contains("not at rest") && result_rows(&run(&folder)) == 1, "{told}");
 }
 
@@ -182,6 +190,7 @@ fn what_a_person_did_for_an_experiment_is_checked_as_well() {
     person.types("");
     let (code, told) = person.ends();
     assert_eq!(code, Some(0), "{told}");
+    is_verified(&folder);
     assert_eq!(journal(&folder).matches("\"at rest: set-up").count(), 2, "{}", journal(&folder));
 }
 
