@@ -1,7 +1,7 @@
 //! Progress of a run: a bar with the present numbers on a terminal, otherwise lines; and the log file.
 
 use std::fs::{File, OpenOptions};
-use std::io::{BufRead, IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -125,6 +125,37 @@ fn is_pipe(_: &Path) -> bool {
     false
 }
 
+/// What was typed before a question is no answer to it: an answer may start the drive.
+#[cfg(unix)]
+fn forget_typed() {
+    let _ = rustix::termios::tcflush(std::io::stdin(), rustix::termios::QueueSelector::IFlush);
+}
+
+#[cfg(not(unix))]
+fn forget_typed() {}
+
+/// A typed line with its end; empty at the end of input. Byte by byte, so that nothing that follows is kept for the next question.
+#[cfg(unix)]
+fn typed_line() -> io::Result<String> {
+    let (mut line, mut byte) = (Vec::new(), [0]);
+    while line.last() != Some(&b'\n') {
+        match rustix::io::read(std::io::stdin(), &mut byte) {
+            Ok(0) => break,
+            Ok(_) => line.push(byte[0]),
+            Err(rustix::io::Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(String::from_utf8_lossy(&line).into_owned())
+}
+
+#[cfg(not(unix))]
+fn typed_line() -> io::Result<String> {
+    let mut line = String::new();
+    std::io::stdin().read_line(&mut line)?;
+    Ok(line)
+}
+
 /// What is shown, and how.
 pub struct Display {
     /// Nothing is shown: `--quiet`, or the terminal view is open.
@@ -216,10 +247,10 @@ impl RunProgress {
             return Err(RunError::NobodyThere(message));
         }
         self.bar.suspend(|| {
+            forget_typed();
             let _ = write!(std::io::stderr(), "{prompt}");
-            let mut answer = String::new();
-            match std::io::stdin().lock().read_line(&mut answer) {
-                Ok(count) if count > 0 => Ok(answer.trim().to_string()),
+            match typed_line() {
+                Ok(answer) if !answer.is_empty() => Ok(answer.trim().to_string()),
                 _ => Err(RunError::NobodyThere(format!("{what} was not confirmed"))),
             }
         })

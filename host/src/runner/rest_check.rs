@@ -202,7 +202,12 @@ impl Run<'_> {
             if finding.is_at_rest() {
                 break;
             }
-            match self.watcher.not_at_rest(&finding)? {
+            let answer = self.watcher.not_at_rest(&finding)?;
+            // Ctrl-C while the question stood.
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(RunError::Interrupted);
+            }
+            match answer {
                 RestAnswer::Again => {}
                 RestAnswer::GoOn => {
                     self.note_action("went on although the rig was not at rest");

@@ -6,7 +6,7 @@ use super::catalogue::{Catalogue, Item, Part, Work};
 use super::published::{Origin, Published, PublishedValue, compared_part};
 use super::results::Results;
 use crate::input::section::{FreeKey, FreeValue};
-use crate::report::figures::study::{Given, draw_with};
+use crate::report::figures::study::{PublishedPoints, draw_with};
 use crate::run_folder::{StorageError, own_files};
 use crate::study::Study;
 use crate::study::axis::Value;
@@ -41,29 +41,29 @@ fn remove(file: &Path) -> Result<(), StorageError> {
 /// The figure of a part with its published points; `None` without points, or for a part that is no curve or not computed.
 fn figure(catalogue: &Catalogue, published: &Published, results: &Results, item: &Item, part: &Part) -> Option<String> {
     let Work::Study(file) = &part.work else { return None };
-    let given = given(published, item, part);
-    if given.is_empty() {
+    let points = points_of(published, item, part);
+    if points.is_empty() {
         return None;
     }
     let study = Study::read_unchecked(&catalogue.folder.join(file)).ok()?;
     let table = results.study(&item.name, &part.name).ok()?;
     let is_shown = |quantity: &str| quantity == study.objective.name();
-    let given: Vec<Given> =
-        given.into_iter().filter(|(quantity, _)| is_shown(quantity)).map(|(_, given)| given).collect();
-    draw_with(&study, &table, None, &given)?.picture.ok().map(|picture| picture.svg().to_owned())
+    let points: Vec<PublishedPoints> =
+        points.into_iter().filter(|(quantity, _)| is_shown(quantity)).map(|(_, points)| points).collect();
+    draw_with(&study, &table, None, &points)?.picture.ok().map(|picture| picture.svg().to_owned())
 }
 
 /// Quantity and points of the values and curves that are compared with a part.
-fn given(published: &Published, item: &Item, part: &Part) -> Vec<(String, Given)> {
+fn points_of(published: &Published, item: &Item, part: &Part) -> Vec<(String, PublishedPoints)> {
     let curves = published.curves_of(&item.name).filter(|curve| curve.part == part.name && !curve.points.is_empty());
     let of_curves = curves.map(|curve| {
-        let given = Given {
+        let points = PublishedPoints {
             at: pairs(&part.row_for(&curve.at)),
             over: curve.over.clone(),
             points: curve.points.clone(),
             is_measured: curve.origin == Origin::Measured,
         };
-        (curve.quantity.clone(), given)
+        (curve.quantity.clone(), points)
     });
     let is_here = |of: &Part| of.name == part.name || item.other_readings(of).any(|other| other.name == part.name);
     let values = published
@@ -74,18 +74,18 @@ fn given(published: &Published, item: &Item, part: &Part) -> Vec<(String, Given)
 }
 
 /// A value as a point over each axis of its row: which of them the figure is drawn over is not known here.
-fn over_each_key(value: &PublishedValue, part: &Part) -> Vec<(String, Given)> {
+fn over_each_key(value: &PublishedValue, part: &Part) -> Vec<(String, PublishedPoints)> {
     let (Some(number), Some(quantity)) = (value.value, &value.quantity) else { return Vec::new() };
     let at = pairs(&part.row_for(&value.at));
     let point = |(key, place): &(String, Value)| {
         let Value::Number(place) = place else { return None };
-        let given = Given {
+        let points = PublishedPoints {
             at: at.iter().filter(|(other, _)| other != key).cloned().collect(),
             over: key.clone(),
             points: vec![(*place, number)],
             is_measured: value.origin == Origin::Measured,
         };
-        Some((quantity.clone(), given))
+        Some((quantity.clone(), points))
     };
     at.iter().filter_map(point).collect()
 }

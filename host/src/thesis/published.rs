@@ -188,11 +188,7 @@ fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedValue> {
     let claim = s.scalar(&keys::CLAIM).map(|number| number as u32);
     s.finish();
     let written = written?;
-    let Some(item) = catalogue.items.iter().find(|item| item.name == written.item) else {
-        let names = catalogue.items.iter().map(|item| item.name.as_str());
-        refuse_name(s, "item", (&written.item, &written.item_span), names, "must be the name of an item");
-        return None;
-    };
+    let item = item_named(s, catalogue, (&written.item, &written.item_span))?;
     for (key, part) in [("part", &part), ("below_part", &below_part)] {
         if let Some(part) = part
             && item.part(&part.value).is_none()
@@ -247,6 +243,16 @@ fn filling(s: &Section, values: &[PublishedValue]) -> Option<(usize, f64)> {
         Some(there) if there == number.value => None,
         _ => Some((place, number.value)),
     }
+}
+
+/// The item of a name; refuses one that is not there.
+pub(super) fn item_named<'c>(s: &Section, catalogue: &'c Catalogue, name: (&str, &Span)) -> Option<&'c Item> {
+    let item = catalogue.items.iter().find(|item| item.name == name.0);
+    if item.is_none() {
+        let names = catalogue.items.iter().map(|item| item.name.as_str());
+        refuse_name(s, "item", name, names, "must be the name of an item");
+    }
+    item
 }
 
 /// The place of an item's label among all; refuses names that are not there. `what` is published of them.

@@ -2,7 +2,7 @@
 
 use super::catalogue::{Catalogue, Part, Work};
 use super::keys::curve as keys;
-use super::published::{Origin, place_of, refuse_name};
+use super::published::{Origin, item_named, place_of, refuse_name};
 use crate::input::key::Quantity;
 use crate::input::section::{FreeKey, Given};
 use crate::input::{Number, Section};
@@ -41,11 +41,7 @@ pub(super) fn shipped(s: &Section, catalogue: &Catalogue) -> Option<PublishedCur
     let points = points(s);
     s.finish();
     let (name, label) = (item?, label?);
-    let Some(item) = catalogue.items.iter().find(|item| item.name == name.value) else {
-        let names = catalogue.items.iter().map(|item| item.name.as_str());
-        refuse_name(s, "item", (&name.value, &name.span), names, "must be the name of an item");
-        return None;
-    };
+    let item = item_named(s, catalogue, (&name.value, &name.span))?;
     let (Some(origin), Some(from), Some(part), Some(quantity), Some(over)) = (origin, from, part, quantity, over)
     else {
         let what =
@@ -84,7 +80,14 @@ pub(super) fn filling(s: &Section, curves: &[PublishedCurve]) -> Option<(usize, 
     let (item, label) = (item?, label?);
     let names: Vec<(&str, &str)> = curves.iter().map(|curve| (curve.item.as_str(), curve.label.as_str())).collect();
     let place = place_of(s, (&item.value, &item.span), (&label.value, &label.span), &names, "curve")?;
-    points.filter(|points| !points.is_empty()).map(|points| (place, points))
+    // A gap that stays one, or a copy of what is printed.
+    let points = points.filter(|points| !points.is_empty() && *points != curves[place].points)?;
+    if !curves[place].points.is_empty() && !curves[place].is_filled {
+        let help = Some("leave it out: only curves that are missing can be filled in".into());
+        s.reject("abscissae", "the document has other points of this curve", help);
+        return None;
+    }
+    Some((place, points))
 }
 
 /// The points, sorted; none if both lists are left out.

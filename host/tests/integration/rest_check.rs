@@ -122,6 +122,22 @@ fn a_zero_that_has_shifted_is_told_before_the_drive_starts_and_measured_again() 
 }
 
 #[test]
+fn what_was_typed_before_the_question_does_not_start_the_drive() {
+    let (folder, changed) = (folder_with(&campaign("carry_over")), Arc::new(Changed::default()));
+    changed.x_um.store(300, Ordering::Relaxed);
+    let rig = real_board(&changed);
+    let mut person = Operated::start(&folder, &["test.toml", "--rig", &rig, "--out", "out"]);
+    person.hears("Press Enter when ready. ");
+    person.types("\ng");
+    person.hears(ASKED);
+    person.types("s");
+    let (code, told) = person.ends();
+    assert_eq!(code, Some(1), "{told}");
+    let journal = journal(&folder);
+    assert!(!journal.contains("went on") && !journal.contains("\"segment\""), "{journal}");
+}
+
+#[test]
 fn a_structure_that_still_rings_is_not_taken_for_a_shifted_zero_and_the_person_may_go_on() {
     let (folder, changed) = (folder_with(&campaign("carry_over")), Arc::new(Changed::default()));
     changed.ringing_um.store(400, Ordering::Relaxed);

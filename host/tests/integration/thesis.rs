@@ -261,6 +261,12 @@ fn a_users_points_of_a_curve_are_drawn_over_it_and_compared_with_it() {
     std::fs::write(folder.path().join("own.toml"), uneven).unwrap();
     let told = refused(&folder, &["--published", "own.toml"]);
     assert!(told.contains("own.toml:5") && told.contains("as long as"), "{told}");
+    // A curve that the document prints, as an equation is one.
+    let shipped = format!("{PUBLISHED}abscissae = [9, 12]\nvalues = [20, 8]\n");
+    std::fs::write(folder.path().join("files/published.toml"), shipped).unwrap();
+    std::fs::write(folder.path().join("own.toml"), own).unwrap();
+    let told = refused(&folder, &["--published", "own.toml"]);
+    assert!(told.contains("own.toml:4") && told.contains("other points"), "{told}");
 }
 
 #[test]

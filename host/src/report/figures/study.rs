@@ -27,9 +27,9 @@ pub struct StudyFigure {
     pub picture: Result<Picture, FigureError>,
 }
 
-/// Points from elsewhere to be drawn over the curves of a study.
+/// Published points to be drawn over the curves of a study.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Given {
+pub struct PublishedPoints {
     /// Axes and their values; an axis that is not among them may have any.
     pub at: Vec<(String, Value)>,
     /// Key of the axis that is the abscissa of `points`.
@@ -42,14 +42,19 @@ pub struct Given {
 
 /// Draws the figure of the objective with points over its curves. `None` where that figure is no curve over the points' axis.
 #[must_use]
-pub fn draw_with(study: &Study, table: &StudyTable, best: Option<u64>, given: &[Given]) -> Option<StudyFigure> {
+pub fn draw_with(
+    study: &Study,
+    table: &StudyTable,
+    best: Option<u64>,
+    published: &[PublishedPoints],
+) -> Option<StudyFigure> {
     let [x, ..] = grids(study)[..] else { return None };
-    let is_shown = |given: &&Given| given.over == study.axes[x].key;
-    let given: Vec<Given> = given.iter().filter(is_shown).cloned().collect();
-    if given.is_empty() || is_map(study) || has_drawn_axis(study) {
+    let is_shown = |points: &&PublishedPoints| points.over == study.axes[x].key;
+    let published: Vec<PublishedPoints> = published.iter().filter(is_shown).cloned().collect();
+    if published.is_empty() || is_map(study) || has_drawn_axis(study) {
         return None;
     }
-    draw_metric(study, table, best, &[], &given, study.objective)
+    draw_metric(study, table, best, &[], &published, study.objective)
 }
 
 /// Draws the figures of all metrics; none of a metric without values. `best`: row of the best point. `overlays`: what the study's
@@ -83,12 +88,12 @@ fn draw_metric(
     table: &StudyTable,
     best: Option<u64>,
     overlays: &[Found],
-    given: &[Given],
+    published: &[PublishedPoints],
     metric: Metric,
 ) -> Option<StudyFigure> {
     let column = main_column(study, metric);
     let values = table.column(&column).filter(|values| values.iter().any(|value| value.is_finite()))?;
-    let sheet = Sheet { study, table, metric, values, column, best, overlays, given };
+    let sheet = Sheet { study, table, metric, values, column, best, overlays, published };
     let (picture, caption) = match &grids(study)[..] {
         _ if has_drawn_axis(study) => sheet.drawn_points(),
         [a, b, ..] if is_map(study) => sheet.map(*a.min(b), *a.max(b)),
@@ -106,7 +111,7 @@ struct Sheet<'a> {
     column: String,
     best: Option<u64>,
     overlays: &'a [Found],
-    given: &'a [Given],
+    published: &'a [PublishedPoints],
 }
 
 impl Sheet<'_> {
@@ -266,11 +271,16 @@ impl Sheet<'_> {
             }
         }
         let mut marks = Vec::new();
-        for given in self.given {
-            let place =
-                curves.iter().position(|(others, _)| others.iter().chain(&fixed).all(|other| self.is_at(given, other)));
+        for published in self.published {
+            let place = curves
+                .iter()
+                .position(|(others, _)| others.iter().chain(&fixed).all(|other| self.is_at(published, other)));
             let Some(place) = place else { continue };
-            marks.extend(given.points.iter().map(|at| Mark { at: *at, curve: place, is_measured: given.is_measured }));
+            marks.extend(published.points.iter().map(|at| Mark {
+                at: *at,
+                curve: place,
+                is_measured: published.is_measured,
+            }));
         }
         let mut curves: Vec<Curve> = curves.into_iter().map(|(_, curve)| curve).collect();
         for curve in &mut curves {
@@ -297,8 +307,8 @@ impl Sheet<'_> {
     }
 
     /// Whether points belong to a value of an axis.
-    fn is_at(&self, given: &Given, (place, value): &(usize, Value)) -> bool {
-        let there = given.at.iter().find(|(key, _)| *key == self.axis(*place).key);
+    fn is_at(&self, published: &PublishedPoints, (place, value): &(usize, Value)) -> bool {
+        let there = published.at.iter().find(|(key, _)| *key == self.axis(*place).key);
         there.is_none_or(|(_, wanted)| match (wanted, value) {
             // As printed: the value of a grid is rounded.
             (Value::Number(a), Value::Number(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),

@@ -247,7 +247,7 @@ fn curves(compared: &ComparedItem) -> Markup {
     let gaps = compared.curves.iter().filter(|row| row.curve.points.is_empty()).count();
     html! {
         details open[gaps < compared.curves.len()] {
-            summary { (compared.curves.len()) " published curves, " (gaps) " of them gaps" }
+            summary { (compared.curves.len()) " published curves" @if gaps > 0 { ", " (gaps) " of them gaps" } }
             div.wide {
                 table {
                     thead {
@@ -268,7 +268,7 @@ fn curves(compared: &ComparedItem) -> Markup {
                     }
                 }
             }
-            p.under { "A gap takes points that someone reads off: " code { "--published FILE" } "." }
+            @if gaps > 0 { p.under { "A gap takes points that someone reads off: " code { "--published FILE" } "." } }
         }
     }
 }
