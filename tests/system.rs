@@ -6,6 +6,7 @@ mod emulated_campaign;
 mod emulator;
 mod fixed_point;
 mod golden;
+mod hardware;
 mod layout;
 mod link;
 mod log;

@@ -15,7 +15,7 @@
 //! | PB5 (D4) | GPIO | direction, high towards the structure |
 //! | PB10 (D6) | GPIO | motor off (low switches the motor on) |
 //! | PA8 (D7) | GPIO, pull-up | limit switch, opens at the start of the travel |
-//! | PA9 (D8) | GPIO, pull-up | emergency stop's second contact, opens when pressed |
+//! | PA9 (D8) | GPIO, pull-up | emergency stop's contact 2, opens when pressed |
 //!
 //! Switches open to signal, so a broken wire signals too. [`clock`] selects the oscillator, [`sampling`] runs the
 //! converters, [`stepper`] the motor. [`stall`] detects a missing control tick, [`supply`] a low supply.
