@@ -13,11 +13,15 @@ unsafe extern "C" {
 /// Return addresses, innermost first, followed by 0.
 #[inline(always)]
 pub fn of_here() -> [u32; CALLS_TOLD] {
-    let mut frame: usize;
+    let frame: usize;
     // SAFETY: reads a register.
     unsafe { asm!("mov {}, r7", out(reg) frame, options(nomem, nostack, preserves_flags)) };
+    of(frame, cortex_m::register::msp::read() as usize)
+}
+
+/// Return addresses from a frame on, which lies at `above` or higher.
+pub fn of(mut frame: usize, mut above: usize) -> [u32; CALLS_TOLD] {
     let mut calls = [0; CALLS_TOLD];
-    let mut above = cortex_m::register::msp::read() as usize;
     let end = &raw const _stack_start as usize;
     for call in &mut calls {
         // Each frame must be completely within the stack, at a higher address than the one before.

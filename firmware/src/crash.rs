@@ -1,10 +1,11 @@
 //! Stores the crash record in memory that survives a reset. Its writers are panics, processor faults, a stopped
 //! crystal and stalled tasks. [`damprig_device::crash`] defines its content.
 
+use core::arch::naked_asm;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
-use cortex_m_rt::{ExceptionFrame, exception};
+use cortex_m_rt::exception;
 use damprig_device::crash::Record;
 use damprig_protocol::{CALLS_TOLD, Crash, CrashCause, Reset};
 use embassy_stm32::pac;
@@ -66,9 +67,38 @@ pub fn end(cause: CrashCause, calls: [u32; CALLS_TOLD]) -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end(CrashCause::HardFault, [frame.pc(), frame.lr(), 0, 0, 0, 0])
+unsafe extern "C" {
+    /// Lowest address of the stack, a linker symbol from `memory.x`. Only its address has a meaning.
+    static _stack_end: u32;
+}
+
+/// Goes on with a fresh stack, because there may be none left; the interrupted code does not continue. Passes the stack pointer and
+/// the frame of the interrupted code.
+///
+/// # Safety
+/// Called by the processor.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+unsafe extern "C" fn HardFault() -> ! {
+    naked_asm!(
+        "mrs r0, msp",
+        "mov r1, r7",
+        "movw r2, #:lower16:_stack_start",
+        "movt r2, #:upper16:_stack_start",
+        "msr msp, r2",
+        "b {}",
+        sym faulted,
+    )
+}
+
+/// The processor has pushed the interrupted registers at `stack`, unless that is below the stack.
+unsafe extern "C" fn faulted(stack: *const [u32; 8], frame: usize) -> ! {
+    if stack.addr() < (&raw const _stack_end).addr() {
+        end(CrashCause::StackOverflow, callers::of(frame, stack.addr()))
+    }
+    // SAFETY: the eight words are within the stack.
+    let [.., lr, pc, _] = unsafe { stack.read() };
+    end(CrashCause::HardFault, [pc, lr, 0, 0, 0, 0])
 }
 
 /// Possible causes: a damaged word of the settings was read, which their checksum detects; the crystal stopped, and

@@ -46,7 +46,7 @@ mod wiring {
 
     use crate::board;
     use crate::tasks::queues::{RequestsIn, RequestsOut};
-    use crate::tasks::{comms_heartbeat, control, queues, receive, settings, transmit};
+    use crate::tasks::{comms_heartbeat, control, log, queues, receive, settings, transmit};
 
     #[embassy_executor::task]
     async fn run_control(
@@ -61,6 +61,11 @@ mod wiring {
     #[embassy_executor::task]
     async fn run_heartbeat() -> ! {
         comms_heartbeat::run().await
+    }
+
+    #[embassy_executor::task]
+    async fn run_log() -> ! {
+        log::run().await
     }
 
     #[embassy_executor::task]
@@ -85,6 +90,7 @@ mod wiring {
         let once = "the task is spawned once";
         board::spawn_control(&spawner, run_control(board, boot, stored, requests_out).expect(once));
         spawner.spawn(run_heartbeat().expect(once));
+        spawner.spawn(run_log().expect(once));
         spawner.spawn(run_receive(receiver, requests_in).expect(once));
         spawner.spawn(run_transmit(transmitter).expect(once));
         if let Some(store) = store {

@@ -11,6 +11,7 @@ use static_cell::ConstStaticCell;
 
 use crate::boards::TaskBoard;
 use crate::tasks::comms_heartbeat::{Heartbeat, Watch};
+use crate::tasks::log;
 use crate::tasks::queues::{Queues, RequestsOut};
 
 /// The buffer of the uploaded record.
@@ -24,15 +25,20 @@ pub async fn run(
     stored: &'static (Settings, Source),
     mut requests: RequestsOut,
 ) -> ! {
+    if let Some(crash) = boot.last_crash {
+        defmt::error!("last crash: {=str}, in tick {=u32}", crash.cause.text(), crash.tick);
+    }
     let mut controller = Controller::new(info(name), boot);
     controller.start_with(&stored.0, stored.1);
     let upload = UPLOAD_BUFFER.take();
     let mut heartbeat = Watch::default();
+    let mut log = log::Watch::default();
     let mut last = Step::Idle;
     board.start();
     loop {
         board.wait(last, controller.rig()).await;
         last = step(&mut controller, upload, &mut board, &mut requests, &mut Queues);
+        log.note(&controller);
         board.end_step(controller.next_tick());
         match heartbeat.check() {
             Heartbeat::Alive => board.feed_watchdog(),

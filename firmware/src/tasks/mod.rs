@@ -10,6 +10,8 @@ pub mod count;
 #[cfg(feature = "board-mps2-an385")]
 pub mod fixed_point;
 #[cfg(not(feature = "board-mps2-an385"))]
+pub mod log;
+#[cfg(not(feature = "board-mps2-an385"))]
 pub mod queues;
 #[cfg(not(feature = "board-mps2-an385"))]
 pub mod receive;

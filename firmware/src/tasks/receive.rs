@@ -7,6 +7,7 @@ use damprig_protocol::ToDevice;
 
 use crate::boards::Receiver;
 use crate::tasks::let_others_run;
+use crate::tasks::log::HEARD;
 use crate::tasks::queues::{BAD_FRAMES, REQUESTS_DROPPED, RequestsIn, counted};
 
 /// Runs the receive task. Owns the receiving side of the line.
@@ -19,6 +20,9 @@ pub async fn run(mut receiver: impl Receiver, mut requests: RequestsIn) -> ! {
         for &byte in &bytes[..length] {
             let message = reader.push(byte);
             BAD_FRAMES.store(reader.bad_frames(), Ordering::Relaxed);
+            if message.is_some() {
+                HEARD.store(true, Ordering::Relaxed);
+            }
             match message {
                 None => {}
                 Some(ToDevice::Grant { until_tick }) => receiver.granted(until_tick),

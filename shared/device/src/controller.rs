@@ -144,6 +144,12 @@ impl Controller {
         self.rig.next_tick()
     }
 
+    /// Counts of what was lost, and the timing.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
     /// Notes that the host is connected.
     pub fn hear_host(&mut self) {
         self.rig.hear_host();

@@ -21,7 +21,7 @@ pub struct Record {
     checksum: u32,
 }
 
-const CAUSES: [CrashCause; 9] = [
+const CAUSES: [CrashCause; 10] = [
     CrashCause::Panic,
     CrashCause::HardFault,
     CrashCause::ControlStalled,
@@ -31,6 +31,7 @@ const CAUSES: [CrashCause; 9] = [
     CrashCause::SupplyLow,
     CrashCause::ProgramDamaged,
     CrashCause::UnknownNmi,
+    CrashCause::StackOverflow,
 ];
 
 impl Record {

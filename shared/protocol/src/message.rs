@@ -255,6 +255,8 @@ pub enum CrashCause {
     ProgramDamaged,
     /// A non-maskable interrupt with an unknown cause.
     UnknownNmi,
+    /// The stack was too small.
+    StackOverflow,
 }
 
 impl CrashCause {
@@ -271,6 +273,7 @@ impl CrashCause {
             Self::SupplyLow => "the supply fell below 2.9 V",
             Self::ProgramDamaged => "the program's flash is damaged: flash the board again",
             Self::UnknownNmi => "a non-maskable interrupt of no known cause came",
+            Self::StackOverflow => "the stack overflowed",
         }
     }
 }

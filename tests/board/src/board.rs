@@ -15,10 +15,10 @@ use std::collections::{BTreeMap, HashMap};
 
 use unicorn_engine::{Arch, ArmCpuModel, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
-use crate::chip::{BANK2_BASE, Chip, Config, FLASH_BASE, RAM_BASE, RAM_BYTES};
+use crate::chip::{BANK2_BASE, CCM_BASE, CCM_BYTES, Chip, Config, FLASH_BASE, RAM_BASE, RAM_BYTES};
 use crate::image::Image;
 use crate::peripherals::flash::BANK_BYTES;
-use crate::peripherals::nvic::Masks;
+use crate::peripherals::nvic::{HARD_FAULT, Masks};
 use crate::peripherals::rcc::ResetCause;
 use crate::register::Refused;
 use crate::time::Time;
@@ -86,6 +86,8 @@ enum Stop {
     Return,
     /// IPSR is to be read into this register.
     ReadIpsr(u8),
+    /// An access below the stack, where nothing is.
+    BusFault,
     /// The program did something that is not modelled.
     Failed,
 }
@@ -291,6 +293,8 @@ pub struct Board {
     halted_until: Time,
     /// The exception whose handler must loop for ever; 0 for code outside handlers.
     hangs_in: Option<u16>,
+    /// The exception whose handler must find no stack left.
+    overflows_in: Option<u16>,
     /// A low supply holds the chip in reset.
     is_held: bool,
 }
@@ -329,6 +333,7 @@ impl Board {
             costs: BTreeMap::new(),
             halted_until: Time(0),
             hangs_in: None,
+            overflows_in: None,
             is_held: false,
         };
         board.start_core();
@@ -379,17 +384,18 @@ impl Board {
         self.costs.clear();
     }
 
-    /// Bytes of the stack that were ever written: memory between the static part and the stack's top that differs from its
-    /// contents at power-on. 0 for an image without a symbol at the end of its static memory.
+    /// Bytes of the stack that were ever written: memory from the end of the CCM down that differs from its contents at power-on.
+    ///
+    /// # Panics
+    /// The image has its stack elsewhere.
     #[must_use]
     pub fn stack_used(&self) -> u32 {
-        let top = self.code_word(self.chip().vectors());
-        let Some(bottom) = self.image.static_end() else { return 0 };
-        let now = self.uc.mem_read_as_vec(bottom.into(), (top - bottom) as usize).expect("the stack lies in memory");
-        let before = &memory_at_power_on()[(bottom - RAM_BASE) as usize..(top - RAM_BASE) as usize];
-        let untouched = now.iter().zip(before).take_while(|(now, before)| now == before).count();
-        top - bottom - untouched as u32
+        assert_eq!(self.code_word(self.chip().vectors()), CCM_BASE + CCM_BYTES, "the stack begins at the end of the CCM");
+        let now = self.uc.mem_read_as_vec(CCM_BASE.into(), CCM_BYTES as usize).expect("the CCM is mapped");
+        let before = memory_at_power_on(CCM_BYTES);
+        CCM_BYTES - now.iter().zip(before).take_while(|(now, before)| **now == *before).count() as u32
     }
+
 
     /// Bytes of static memory.
     #[must_use]
@@ -463,6 +469,12 @@ impl Board {
     /// Makes the handler of `exception` loop for ever the next time it runs; 0 selects the code outside handlers.
     pub fn hang_in(&mut self, exception: u16) {
         self.hangs_in = Some(exception);
+    }
+
+    /// Leaves no stack to the handler of `exception` the next time it runs, as a chain of calls that is too deep does; 0 selects
+    /// the code outside handlers.
+    pub fn overflow_in(&mut self, exception: u16) {
+        self.overflows_in = Some(exception);
     }
 
     /// Puts the core into an endless loop: an instruction of the image that branches to itself.
@@ -539,6 +551,10 @@ impl Board {
             if self.hangs_in == Some(self.chip().nvic.current()) {
                 self.hang();
             }
+            if self.overflows_in == Some(self.chip().nvic.current()) {
+                self.overflows_in = None;
+                self.set_register(RegisterARM::SP, CCM_BASE);
+            }
             self.slice()?;
         }
     }
@@ -557,6 +573,9 @@ impl Board {
         self.uc.get_data_mut().stop = Stop::Due;
         let outcome = self.uc.emu_start(u64::from(pc | 1), NOWHERE, 0, 0);
         let machine = self.uc.get_data_mut();
+        if machine.stop == Stop::BusFault {
+            return self.fault();
+        }
         if let Err(error) = outcome {
             machine.fail(Refused(format!("the core stopped: {error:?}")));
         }
@@ -603,6 +622,7 @@ impl Board {
                 Ok(())
             }
             Stop::Return => self.leave(),
+            Stop::BusFault => self.fault(),
             Stop::Failed => Err(self.failure()),
         }
     }
@@ -619,13 +639,26 @@ impl Board {
         self.failure()
     }
 
-    /// Takes an exception.
+    /// A fault of the bus, which the program has not enabled as an exception of its own: HardFault, or the end if in HardFault.
+    fn fault(&mut self) -> Result<(), Failure> {
+        if self.chip().nvic.current() == HARD_FAULT {
+            return Err(self.refuse("the core locks up: a fault in HardFault".into()));
+        }
+        self.enter(HARD_FAULT)
+    }
+
+    /// Takes an exception. If there is no memory for its frame, takes HardFault instead, whose frame is lost too (Armv7-M, section
+    /// B1.5.14).
     fn enter(&mut self, exception: u16) -> Result<(), Failure> {
         let sp = self.register(RegisterARM::SP);
         let is_aligned = sp & 4 == 0;
         let frame_at = (sp - 4 * FRAME_WORDS as u32) & !7;
-        if frame_at < RAM_BASE || sp > RAM_BASE + RAM_BYTES {
+        let is_lost = is_below_stack(frame_at);
+        if !is_lost && !is_memory(frame_at, sp) {
             return Err(self.refuse(format!("the stack pointer {sp:#010x} is outside the memory")));
+        }
+        if is_lost && exception != HARD_FAULT {
+            return self.fault();
         }
         let current = self.chip().nvic.current();
         let flags = self.register(RegisterARM::APSR) & 0xf80f_0000;
@@ -642,7 +675,9 @@ impl Board {
         }
         frame[24] = self.register(RegisterARM::FPSCR);
         let bytes: Vec<u8> = frame.iter().flat_map(|word| word.to_le_bytes()).collect();
-        self.uc.mem_write(frame_at.into(), &bytes).expect("the stack lies in memory");
+        if !is_lost {
+            self.uc.mem_write(frame_at.into(), &bytes).expect("the stack lies in memory");
+        }
         let to_thread = self.chip().nvic.depth() == 0;
         let vector = self.code_word(self.chip().vectors() + 4 * u32::from(exception));
         self.set_register(RegisterARM::SP, frame_at);
@@ -733,8 +768,10 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
     let code = uc.get_data().code.clone();
     uc.mem_map(FLASH_BASE.into(), BANK_BYTES.into(), Prot::READ | Prot::EXEC).map_err(says)?;
     uc.mem_write(FLASH_BASE.into(), &code).map_err(says)?;
-    uc.mem_map(RAM_BASE.into(), RAM_BYTES.into(), Prot::READ | Prot::WRITE).map_err(says)?;
-    uc.mem_write(RAM_BASE.into(), &memory_at_power_on()).map_err(says)?;
+    for (base, length) in [(RAM_BASE, RAM_BYTES), (CCM_BASE, CCM_BYTES)] {
+        uc.mem_map(base.into(), length.into(), Prot::READ | Prot::WRITE).map_err(says)?;
+        uc.mem_write(base.into(), &memory_at_power_on(length)).map_err(says)?;
+    }
     uc.mem_map(RETURN_PAGE.into(), 0x1000, Prot::READ | Prot::EXEC).map_err(says)?;
     for (base, length) in DEVICES {
         uc.mmio_map(
@@ -775,6 +812,10 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
     })
     .map_err(says)?;
     uc.add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, bytes, _| {
+        if is_below_stack(address as u32) {
+            uc.get_data_mut().stop = Stop::BusFault;
+            return false;
+        }
         uc.get_data_mut().fail(Refused(format!("{kind:?} of {bytes} bytes at {address:#010x}: nothing is there")));
         false
     })
@@ -794,10 +835,19 @@ fn map(uc: &mut Unicorn<'static, Machine>) -> Result<(), String> {
     Ok(())
 }
 
+/// The reserved range below the CCM, where an overflowing stack arrives.
+fn is_below_stack(address: u32) -> bool {
+    (CCM_BASE - CCM_BYTES..CCM_BASE).contains(&address)
+}
+
+fn is_memory(from: u32, to: u32) -> bool {
+    [(RAM_BASE, RAM_BYTES), (CCM_BASE, CCM_BYTES)].iter().any(|&(base, length)| base <= from && to <= base + length)
+}
+
 /// Contents of memory at power-on: pseudo-random.
-fn memory_at_power_on() -> Vec<u8> {
+fn memory_at_power_on(length: u32) -> Vec<u8> {
     let mut state = 0x2545_f491u32;
-    (0..RAM_BYTES)
+    (0..length)
         .map(|_| {
             state ^= state << 13;
             state ^= state >> 17;

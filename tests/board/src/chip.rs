@@ -36,7 +36,13 @@ pub const BANK2_BASE: u32 = FLASH_BASE + BANK_BYTES;
 /// First address of the RAM: SRAM1, SRAM2 and the CCM's alias, contiguous.
 pub const RAM_BASE: u32 = 0x2000_0000;
 /// Size of the RAM.
-pub const RAM_BYTES: u32 = 128 * 1_024;
+pub const RAM_BYTES: u32 = 96 * 1_024;
+
+/// Start of the CCM, which DMA does not reach at this address.
+pub const CCM_BASE: u32 = 0x1000_0000;
+
+/// Size of the CCM.
+pub const CCM_BYTES: u32 = 32 * 1_024;
 
 /// Request numbers of the multiplexer (RM0440, table 91).
 const REQUEST_OF_ADC: [u32; 2] = [5, 36];
@@ -715,11 +721,13 @@ impl Chip {
         self.tim16.set_clock(new.timers2, self.now);
     }
 
-    /// Checks that the wait states and the voltage range permit the core's clock.
+    /// Checks that the voltage range permits the system clock, and the wait states the core's. The AHB prescaler does not divide
+    /// SYSCLK: the range limits SYSCLK itself (RM0440, section 6.1.5).
     fn check_speed(&mut self, before: Time) -> Access<()> {
-        let megahertz = UNITS_PER_US as f64 / self.at.clocks.hclk.0 as f64;
-        if megahertz > 150.0 && !self.pwr.is_boosted() {
-            self.deviate("the core runs above 150 MHz while PWR_CR5.R1MODE (bit 8) is 1: not in range 1's boost mode");
+        let megahertz_of = |period: Time| UNITS_PER_US as f64 / period.0 as f64;
+        let megahertz = megahertz_of(self.at.clocks.hclk);
+        if megahertz_of(self.at.clocks.sysclk) > 150.0 && !self.pwr.is_boosted() {
+            self.deviate("SYSCLK is above 150 MHz while PWR_CR5.R1MODE (bit 8) is 1: not in range 1's boost mode");
         }
         // RM0440, table 29.
         let step = if self.pwr.is_boosted() || megahertz > 150.0 { 34.0 } else { 30.0 };
@@ -862,6 +870,7 @@ impl Chip {
                 if self.pwr.write(offset, value)? {
                     self.exti.rises(EXTI_PVD);
                 }
+                self.check_speed(at.clocks.hclk)?;
             }
             Block::Exti => self.exti.write(offset, value)?,
             Block::Flash => {

@@ -144,6 +144,9 @@ pub struct Plant {
     reached: Time,
     /// Voltage at the drive's output.
     output_v: f64,
+    /// The program demands the relay closed.
+    closes: bool,
+    /// The coil is supplied: the program demands it and the emergency stop's contact 1 is closed.
     coil: bool,
     contact: bool,
     contact_moves: Time,
@@ -209,6 +212,7 @@ impl Plant {
             history: VecDeque::from([Truth::default()]),
             reached: Time(0),
             output_v: 0.0,
+            closes: false,
             coil: false,
             contact: false,
             contact_moves: Time::NEVER,
@@ -260,6 +264,7 @@ impl Plant {
             spring.drive.broken = broken;
         }
         self.press();
+        self.supply_coil(now);
     }
 
     /// A hand holds the structure at this displacement, m, or releases it.
@@ -268,20 +273,28 @@ impl Plant {
         self.held_m = at_m;
     }
 
-    /// Switches the relay's coil.
+    /// Switches the relay's driver.
     pub fn set_coil(&mut self, now: Time, on: bool) {
         self.advance(now);
+        self.closes = on;
+        self.supply_coil(now);
+    }
+
+    /// Contact 1 of the emergency stop is in the supply of the coil.
+    fn supply_coil(&mut self, now: Time) {
+        let on = self.closes && !self.faults.emergency_stop;
         if on != self.coil {
             self.coil = on;
             self.contact_moves = now + if on { self.relay.operate } else { self.relay.release };
         }
     }
 
-    /// Makes one motor step if the motor is on.
+    /// Makes one motor step if the motor is on and has power: contact 1 of the emergency stop is in its supply.
     pub fn step_motor(&mut self, now: Time, towards_structure: bool, is_on: bool) {
         self.advance(now);
+        let has_power = !self.faults.emergency_stop;
         if let Some(spring) = &mut self.spring {
-            spring.drive.energise(is_on);
+            spring.drive.energise(is_on && has_power);
             spring.drive.step(towards_structure);
         }
         self.press();

@@ -91,6 +91,8 @@ impl Sum for Time {
 /// The periods of the chip's clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clocks {
+    /// SYSCLK, before the AHB prescaler.
+    pub sysclk: Time,
     /// HCLK: the core, the memories, AHB.
     pub hclk: Time,
     /// PCLK1.

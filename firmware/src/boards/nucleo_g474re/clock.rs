@@ -1,11 +1,11 @@
 //! Clock set-up: 170 MHz from the 24 MHz crystal, or from the internal oscillator if the crystal does not start. The
-//! core reaches 170 MHz in boost mode and in two steps.
+//! core reaches 170 MHz in boost mode, which is set before the PLL is selected, and in two steps.
 
 use damprig_protocol::ClockSource;
 use embassy_stm32::pac::flash::vals::Latency;
 use embassy_stm32::pac::rcc::vals::Hpre;
 use embassy_stm32::time::Hertz;
-use embassy_stm32::{pac, rcc};
+use embassy_stm32::{Config, Peri, pac, peripherals, rcc};
 
 /// Frequency of the core's, the buses' and the converters' clock, Hz.
 pub const CORE_HZ: u32 = 170_000_000;
@@ -14,11 +14,27 @@ pub const CORE_HZ: u32 = 170_000_000;
 /// data sheet.
 const PATIENCE: u32 = 200_000;
 
-/// Starts the crystal and selects the clocks. The library's own start would wait for the crystal forever.
-pub fn choose() -> (rcc::Config, ClockSource) {
+/// The clocks of the start: the internal oscillator of 16 MHz. The RTC is off: according to the errata sheet the LSI may run 50 %
+/// too fast while it clocks the RTC. The watchdog's time-out would become shorter.
+pub fn at_start() -> Config {
+    let mut config = Config::default();
+    config.rcc.ls = rcc::LsConfig { rtc: rcc::RtcClockSource::DISABLE, lsi: false, lse: None };
+    config
+}
+
+/// Selects boost mode, starts the crystal and the PLL. Call once, at 16 MHz. The library's own start would wait for the crystal
+/// forever, and [`embassy_stm32::init`] would end boost mode, because it resets the power control.
+pub fn start(rcc: &mut Peri<'_, peripherals::RCC>) -> ClockSource {
+    boost();
+    let (clocks, source) = choose();
+    rcc::reinit(clocks, rcc);
+    source
+}
+
+fn choose() -> (rcc::Config, ClockSource) {
     pac::RCC.cr().modify(|control| control.set_hseon(true));
     let starts = (0..PATIENCE).any(|_| pac::RCC.cr().read().hserdy());
-    let mut clocks = rcc::Config::new();
+    let mut clocks = at_start().rcc;
     let (source, prediv) = if starts {
         clocks.hse = Some(rcc::Hse { freq: Hertz::mhz(24), mode: rcc::HseMode::Oscillator });
         (rcc::PllSource::HSE, rcc::PllPreDiv::DIV6)
@@ -42,19 +58,20 @@ pub fn choose() -> (rcc::Config, ClockSource) {
     clocks.boost = true;
     clocks.mux.adc12sel = rcc::mux::Adcsel::SYS;
     clocks.mux.lpuart1sel = rcc::mux::Uartsel::SYS;
-    // The RTC is off: according to an errata sheet of this family the LSI may run 50 % too fast while it clocks the
-    // RTC. The watchdog's time-out would become shorter.
-    clocks.ls = rcc::LsConfig { rtc: rcc::RtcClockSource::DISABLE, lsi: false, lse: None };
     (clocks, if starts { ClockSource::Crystal } else { ClockSource::InternalOscillator })
+}
+
+/// Boost mode of range 1: without it SYSCLK may not exceed 150 MHz, whatever the AHB prescaler (RM0440, section 6.1.5). The
+/// library's option `boost` alone has no effect: its register definition (stm32-metapac 21) has R1MODE, bit 8, at bit 0 (RM0440,
+/// section 6.4.21).
+fn boost() {
+    pac::PWR.cr5().write_value(pac::pwr::regs::Cr5(0));
 }
 
 /// Raises the clock of core and buses from 85 MHz to [`CORE_HZ`], at least 1 µs after the switch to the PLL (RM0440,
 /// section 7.2.7): a larger step would lower the core's supply voltage. Call after the drivers have been set up. The
 /// library still assumes 85 MHz, so this function sets the DAC's interface.
 pub fn speed_up() {
-    // Boost mode of range 1; without it the limit is 150 MHz. R1MODE is bit 8 (RM0440, section 6.4.21). The library's
-    // register definition (stm32-metapac 21) has it at bit 0, so the option `boost` alone has no effect.
-    pac::PWR.cr5().write_value(pac::pwr::regs::Cr5(0));
     cortex_m::asm::delay(CORE_HZ / 2_000_000 + 1);
     pac::FLASH.acr().modify(|access| {
         access.set_latency(Latency::WS4);

@@ -45,7 +45,7 @@ use embassy_stm32::interrupt::{self, InterruptExt, Priority};
 use embassy_stm32::mode::{Async, Blocking};
 use embassy_stm32::usart::{self, RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{Config, Peri, bind_interrupts, dma, pac, peripherals};
+use embassy_stm32::{Peri, bind_interrupts, dma, pac, peripherals};
 use embedded_io_async::Write;
 use sampling::{Sampling, SamplingParts};
 use static_cell::ConstStaticCell;
@@ -114,12 +114,10 @@ pub fn spawn_control<S: Send>(_: &Spawner, control: SpawnToken<S>) {
 /// Sets the clocks, takes the peripherals and starts sampling. Call once.
 pub fn init() -> Parts {
     let reset = why_reset();
-    let mut config = Config::default();
-    let clock_source;
-    (config.rcc, clock_source) = clock::choose();
-    let p = embassy_stm32::init(config);
+    let mut p = embassy_stm32::init(clock::at_start());
     // Open the relay before anything else.
     let relay = Output::new(p.PC7, Level::Low, Speed::Low);
+    let clock_source = clock::start(&mut p.RCC);
     clock::watch(clock_source);
 
     supply::watch();

@@ -250,6 +250,7 @@ impl Rcc {
         let timers = |prescaler: u32| hclk * (apb_divider(prescaler) / 2).max(1);
         let (ppre1, ppre2) = (field(self.cfgr, 8, 3), field(self.cfgr, 11, 3));
         Clocks {
+            sysclk,
             hclk,
             pclk1: pclk(ppre1),
             pclk2: pclk(ppre2),

@@ -50,6 +50,23 @@ fn a_hanging_control_tick_is_reset_within_55_ms_and_reported_over_the_watchdogs_
     }
 }
 
+#[test]
+fn a_stack_that_overflows_opens_the_relay_and_is_reported_with_its_calls() {
+    // Outside handlers and in the control tick, in a call, or in an interrupt that finds no room for its frame.
+    for exception in [THREAD, TICK] {
+        let Some(mut board) = driving(&Config::new(bare())) else { return };
+        let at = board.now();
+        board.overflow_in(exception);
+        let (opened, description) = after_fault(board, at);
+        assert!(opened < Time::from_ms(2), "{} ms", opened.us() / 1e3);
+        assert_eq!(description.reset, Reset::Software);
+        let crash = description.last_crash.expect("a crash is reported");
+        assert_eq!(crash.cause, CrashCause::StackOverflow);
+        assert!(crash.to_string().starts_with("the stack overflowed in tick "), "{crash}");
+        assert!(crash.tick > 0, "the record of the tick is intact: {crash}");
+    }
+}
+
 /// The stall watch is above the samples' interrupt; its own hang is left to the watchdog.
 #[test]
 fn an_interrupt_of_the_tick_that_hangs_is_reset_in_55_ms_and_told_as_such() {
