@@ -293,6 +293,8 @@ pub struct Board {
     halted_until: Time,
     /// The exception whose handler must loop for ever; 0 for code outside handlers.
     hangs_in: Option<u16>,
+    /// Place in the log's ring up to which it was read.
+    log_read: usize,
     /// The exception whose handler must find no stack left.
     overflows_in: Option<u16>,
     /// A low supply holds the chip in reset.
@@ -334,6 +336,7 @@ impl Board {
             halted_until: Time(0),
             hangs_in: None,
             overflows_in: None,
+            log_read: 0,
             is_held: false,
         };
         board.start_core();
@@ -390,12 +393,34 @@ impl Board {
     /// The image has its stack elsewhere.
     #[must_use]
     pub fn stack_used(&self) -> u32 {
-        assert_eq!(self.code_word(self.chip().vectors()), CCM_BASE + CCM_BYTES, "the stack begins at the end of the CCM");
+        assert_eq!(
+            self.code_word(self.chip().vectors()),
+            CCM_BASE + CCM_BYTES,
+            "the stack begins at the end of the CCM"
+        );
         let now = self.uc.mem_read_as_vec(CCM_BASE.into(), CCM_BYTES as usize).expect("the CCM is mapped");
         let before = memory_at_power_on(CCM_BYTES);
         CCM_BYTES - now.iter().zip(before).take_while(|(now, before)| **now == *before).count() as u32
     }
 
+    /// What the program has written to its log since the last call, as a debug probe reads it from memory: nothing if the image
+    /// has no log. Call often enough that the ring does not overtake itself.
+    ///
+    /// # Panics
+    /// The ring is outside the memory.
+    pub fn read_log(&mut self) -> Vec<u8> {
+        let Some(block) = self.image.log() else { return Vec::new() };
+        // Behind the identification and the numbers of channels: name, buffer, size, place of the next byte.
+        let word = |n: u32| {
+            let bytes =
+                self.uc.mem_read_as_vec(u64::from(block + 24 + 4 * n), 4).expect("the control block is in memory");
+            u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+        };
+        let (buffer, size, next) = (word(1), word(2) as usize, word(3) as usize);
+        let ring = self.uc.mem_read_as_vec(buffer.into(), size).expect("the ring is in memory");
+        let from = std::mem::replace(&mut self.log_read, next);
+        if from <= next { ring[from..next].to_vec() } else { [&ring[from..], &ring[..next]].concat() }
+    }
 
     /// Bytes of static memory.
     #[must_use]

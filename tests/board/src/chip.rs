@@ -247,6 +247,7 @@ pub struct Chip {
     deviations: Vec<(Time, &'static str)>,
     /// Time at which HCLK rose above 80 MHz with the AHB's prescaler at 2.
     half_speed_since: Option<Time>,
+    stop_line_is_shorted: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -306,6 +307,7 @@ impl Chip {
             source: Vec::new(),
             deviations: Vec::new(),
             half_speed_since: None,
+            stop_line_is_shorted: false,
         };
         chip.apply_inputs();
         Ok(chip)
@@ -491,7 +493,14 @@ impl Chip {
         let (port, pin) = PIN_LIMIT;
         self.ports[port].connect(pin, (!self.plant.at_limit()).then_some(false));
         let (port, pin) = PIN_EMERGENCY_STOP;
-        self.ports[port].connect(pin, (!self.plant.is_stopped()).then_some(false));
+        let is_closed = !self.plant.is_stopped() || self.stop_line_is_shorted;
+        self.ports[port].connect(pin, is_closed.then_some(false));
+    }
+
+    /// Shorts the line of the emergency stop's contact 2 to ground: the controller no longer sees it open.
+    pub fn short_stop_line(&mut self) {
+        self.stop_line_is_shorted = true;
+        self.apply_inputs();
     }
 
     /// Applies the chip's outputs to the rig.

@@ -34,6 +34,8 @@ pub struct Image {
     symbols: Vec<(u32, String)>,
     /// End of the static memory: the stack may grow down to here.
     static_end: Option<u32>,
+    /// The control block of the log's ring (RTT).
+    log: Option<u32>,
     lines: Option<addr2line::Loader>,
 }
 
@@ -71,8 +73,9 @@ impl Image {
             .collect();
         symbols.sort();
         let static_end = file.symbols().find(|symbol| symbol.name() == Ok("__sheap")).map(|it| it.address() as u32);
+        let log = file.symbols().find(|symbol| symbol.name() == Ok("_SEGGER_RTT")).map(|it| it.address() as u32);
         let lines = addr2line::Loader::new(path).map_err(|error| bad(error.to_string()))?;
-        Ok(Self { flash, symbols, static_end, lines: Some(lines) })
+        Ok(Self { flash, symbols, static_end, log, lines: Some(lines) })
     }
 
     /// An image of a few instructions, for tests. The stack pointer is the end of memory, every other vector is the
@@ -90,7 +93,7 @@ impl Image {
         for (n, halfword) in code.iter().enumerate() {
             put(CODE + 2 * n as u32, &halfword.to_le_bytes());
         }
-        Self { flash, symbols: Vec::new(), static_end: None, lines: None }
+        Self { flash, symbols: Vec::new(), static_end: None, log: None, lines: None }
     }
 
     /// Functions and source lines of an address, innermost first, one per line, without register accessors. Returns the
@@ -116,6 +119,12 @@ impl Image {
     #[must_use]
     pub fn static_end(&self) -> Option<u32> {
         self.static_end
+    }
+
+    /// Address of the control block of the log's ring; `None` if the image has no log.
+    #[must_use]
+    pub fn log(&self) -> Option<u32> {
+        self.log
     }
 
     /// Name of the function at an address.

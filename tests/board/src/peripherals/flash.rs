@@ -257,6 +257,7 @@ impl Flash {
         rule(self.cr & (CR_PG | CR_LOCK) == CR_PG, "the flash is written to while PG is not set")?;
         rule(!self.is_busy(at.now), "the flash is written to while BSY is set")?;
         rule(self.sr & SR_FLAGS & !SR_EOP == 0, "the flash is written to while SR has error flags")?;
+        rule(!bit(self.acr, 10), "the flash is written to while the data cache is on (ES0430, 2.2.2)")?;
         rule(bytes == 4, "SIZERR: the flash is written to by other than words")?;
         let Some((start, low)) = self.first.take() else {
             rule(offset.is_multiple_of(8), "PGAERR: a double word begins between two")?;

@@ -10,6 +10,7 @@ mod common;
 mod cost;
 mod faults;
 mod hardware;
+mod log;
 mod sensors;
 mod settings;
 mod timing;

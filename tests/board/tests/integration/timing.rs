@@ -1,13 +1,14 @@
 //! Timing tests on the board: age of the samples, delay of the drive, pulses of the motor, bytes of the UART.
 
 use damprig_board::{Board, Config, Output, Time};
+use damprig_core::control::fault::FaultCause;
 use damprig_core::control::friction_spring::{SpringCommand, SpringStage};
 use damprig_core::model::Structure;
 use damprig_protocol::{FromDevice, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::{Base, InjectedFault, PlantConfig};
 
-use crate::common::{Host, bare, image, run, sine};
+use crate::common::{Host, bare, driving, image, pass, run, sine};
 
 /// A base that follows the drive exactly, regardless of the structure, and a structure whose motion decays fast.
 fn prescribed() -> PlantConfig {
@@ -186,6 +187,44 @@ fn the_emergency_stop_ends_the_steps_and_switches_the_motor_off() {
     assert!(off - pressed < Time::from_ms(2), "{} us", (off - pressed).us());
     let after = board.chip().trace().iter().filter(|(at, output)| *at > off && *output == Output::Step(true));
     assert_eq!(after.count(), 0);
+}
+
+/// Contact 1 is in the supply of the motor: a shorted cable of contact 2 hides the stop from the controller only.
+#[test]
+fn contact_1_alone_stops_the_motor_when_the_line_of_contact_2_is_shorted() {
+    let Some(image) = image() else { return };
+    let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+    board.chip_mut().short_stop_line();
+    let begun = homing(&mut board);
+    run(&mut board, begun + Time::from_ms(500));
+    let seat = board.chip().plant().seat_steps();
+    let pressed = board.now();
+    board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
+    run(&mut board, pressed + Time::from_ms(500));
+    assert!(pulses(&board, pressed).len() > 10, "the controller does not know");
+    assert_eq!(board.chip().plant().seat_steps(), seat);
+}
+
+#[test]
+fn contact_1_alone_opens_the_relay_when_the_line_of_contact_2_is_shorted() {
+    let Some(mut board) = driving(&Config::new(bare())) else { return };
+    board.chip_mut().short_stop_line();
+    // The largest |z| of a period of the drive, 0.4 s.
+    let largest_m = |board: &mut Board| {
+        (0..400).fold(0.0, |most: f64, _| {
+            run(board, board.now() + Time::from_ms(1));
+            most.max(board.chip().plant().truth(board.now()).z_m.abs())
+        })
+    };
+    pass(&mut board, 2_000);
+    let driven_m = largest_m(&mut board);
+    assert!(driven_m > 0.8e-3, "{driven_m} m");
+    board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
+    pass(&mut board, 1_000);
+    let left_m = largest_m(&mut board);
+    assert!(left_m < 0.05 * driven_m, "{left_m} m of {driven_m} m");
+    let status = Host::new(&mut board).status();
+    assert_eq!(status.fault.map(|fault| fault.cause), Some(FaultCause::BaseStill));
 }
 
 /// The UART's FIFO holds 87 µs of bytes; DMA empties it, even while a tick delays the line's task.
