@@ -53,12 +53,15 @@ fn after_a_stall_samples_are_as_fresh_as_before_it() {
     host.pass(Time::from_ms(300));
     let before = base_motion(&host);
     assert!(before.len() > 250, "{}", before.len());
-    // Half a block, a block and a half, and more than both halves of the buffer: the last two lose blocks.
+    // Half a block, a block and a half, and more than both halves of the buffer. The first loses no block, the last two do; the
+    // second does if it holds two ends of a block, which depends on where in a tick it begins.
     for stall_us in [400, 1_600, 4_700, 17_300] {
         host.board.halt(Time::from_us(stall_us));
         host.pass(Time::from_ms(3_000));
-        if stall_us > 1_000 {
-            let Reply::Status { counters, .. } = host.ask(Request::Status) else { panic!("no status") };
+        let Reply::Status { status, counters } = host.ask(Request::Status) else { panic!("no status") };
+        let is_lost = status.fault.is_some();
+        assert!(if is_lost { stall_us > 1_000 } else { stall_us < 2_000 }, "{stall_us} us: {:?}", status.fault);
+        if is_lost {
             assert!(counters.timing.overruns > 0);
             host.ask(Request::ClearFault);
         } else {
@@ -207,7 +210,8 @@ fn contact_1_alone_stops_the_motor_when_the_line_of_contact_2_is_shorted() {
 
 #[test]
 fn contact_1_alone_opens_the_relay_when_the_line_of_contact_2_is_shorted() {
-    let Some(mut board) = driving(&Config::new(bare())) else { return };
+    // Without the drive this base stands, whatever the structure does.
+    let Some(mut board) = driving(&Config::new(prescribed())) else { return };
     board.chip_mut().short_stop_line();
     // The largest |z| of a period of the drive, 0.4 s.
     let largest_m = |board: &mut Board| {
@@ -218,11 +222,11 @@ fn contact_1_alone_opens_the_relay_when_the_line_of_contact_2_is_shorted() {
     };
     pass(&mut board, 2_000);
     let driven_m = largest_m(&mut board);
-    assert!(driven_m > 0.8e-3, "{driven_m} m");
+    assert!(driven_m > 0.9e-3, "{driven_m} m");
     board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
     pass(&mut board, 1_000);
     let left_m = largest_m(&mut board);
-    assert!(left_m < 0.05 * driven_m, "{left_m} m of {driven_m} m");
+    assert_eq!(left_m, 0.0);
     let status = Host::new(&mut board).status();
     assert_eq!(status.fault.map(|fault| fault.cause), Some(FaultCause::BaseStill));
 }
