@@ -33,7 +33,7 @@ pub const FLASH_BASE: u32 = 0x0800_0000;
 pub const FLASH_BYTES: u32 = 2 * BANK_BYTES;
 /// First address of the second bank.
 pub const BANK2_BASE: u32 = FLASH_BASE + BANK_BYTES;
-/// First address of the RAM: SRAM1, SRAM2 and the CCM's alias, contiguous.
+/// First address of the RAM: SRAM1 and SRAM2, contiguous. The alias of the CCM behind it is not used.
 pub const RAM_BASE: u32 = 0x2000_0000;
 /// Size of the RAM.
 pub const RAM_BYTES: u32 = 96 * 1_024;
