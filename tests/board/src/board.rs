@@ -491,6 +491,18 @@ impl Board {
         }
     }
 
+    /// Whether the program has masked all interrupts.
+    #[must_use]
+    pub fn masks_interrupts(&self) -> bool {
+        self.masks().primask
+    }
+
+    /// The exception that is being handled; 0 for code outside handlers.
+    #[must_use]
+    pub fn handles(&self) -> u16 {
+        self.chip().nvic.current()
+    }
+
     /// Makes the handler of `exception` loop for ever the next time it runs; 0 selects the code outside handlers.
     pub fn hang_in(&mut self, exception: u16) {
         self.hangs_in = Some(exception);

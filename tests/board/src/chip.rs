@@ -457,6 +457,11 @@ impl Chip {
         self.nvic.pend_system(NMI);
     }
 
+    /// Makes bits of a byte of the second bank, at this offset, read as 0 from now on, without an error.
+    pub fn stick_flash(&mut self, offset: u32, bits: u8) {
+        self.flash.stuck = Some((offset, bits));
+    }
+
     /// Changes the supply voltage, which is also the analogue reference. Below the brown-out level of the option bytes the
     /// chip is held in reset.
     pub fn set_supply(&mut self, volts: f64) {

@@ -1,11 +1,15 @@
 //! The interlocks: every fault leads to the safe state, and the drive cannot restart before it.
 
-use damprig_core::control::fault::FaultCause;
+use damprig_core::control::fault::{Fault, FaultCause};
 use damprig_core::control::safety::{Allowed, Limits, SafeStage, Safety, SafetyConfig, Signs};
 use damprig_core::io::{Rail, Reading, Readings, SUBSAMPLES, Sensor, Sensors, Usable};
 
 /// The laser's usable span: ±80 mm less 1 % of its span at either end.
 const LASER: Usable<f32> = Usable { low: -0.0784, high: 0.0784 };
+
+/// The faults that a fade of the drive would prolong.
+const CUT_AT_ONCE: [FaultCause; 4] =
+    [FaultCause::EmergencyStop, FaultCause::BaseDisplacement, FaultCause::BaseRunaway, FaultCause::BaseOverdriven];
 
 struct Bench {
     safety: Safety,
@@ -57,7 +61,7 @@ impl Bench {
     fn expect_safe_path(&mut self, cause: FaultCause) {
         (self.signs.driving, self.signs.swinging, self.signs.running) = (false, false, false);
         let mut drive = 1.0;
-        let fade = if cause.cuts_at_once() { 0 } else { 201 };
+        let fade = if CUT_AT_ONCE.contains(&cause) { 0 } else { 201 };
         for tick in 0..400 {
             let (allowed, again) = self.tick();
             assert!(again.is_none(), "latched once only");
@@ -110,6 +114,23 @@ fn the_emergency_stop_opens_the_relay_in_the_same_tick_and_holds_until_released(
 }
 
 #[test]
+fn the_brake_stays_open_after_an_emergency_stop_and_opens_in_one_after_another_fault() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.emergency_stop = true;
+    bench.run(100);
+    bench.signs.emergency_stop = false;
+    assert_eq!(bench.run(100).brake_n, None, "the operator has released the stop and not cleared it");
+
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.wall_force_n = 501.0;
+    assert_eq!(bench.run(10).brake_n, Some(6.0));
+    bench.signs.emergency_stop = true;
+    assert_eq!(bench.tick().0.brake_n, None, "a hand may be at the spring");
+}
+
+#[test]
 fn both_displacement_limits_end_the_drive() {
     let limits = Limits { structure_m: 0.05, base_m: 0.005 };
     let mut bench = Bench::with(SafetyConfig { limits, brake_n: 6.0, ..SafetyConfig::default() });
@@ -121,6 +142,33 @@ fn both_displacement_limits_end_the_drive() {
     bench.run(1000);
     bench.x_m = 0.0501;
     bench.expect(FaultCause::StructureDisplacement);
+}
+
+#[test]
+fn a_displacement_of_either_sign_exactly_at_its_limit_ends_the_drive() {
+    let limits = Limits { structure_m: 0.05, base_m: 0.005 };
+    for sign in [1.0, -1.0] {
+        for (x_m, z_m, cause) in
+            [(0.05, 0.0, FaultCause::StructureDisplacement), (0.0, 0.005, FaultCause::BaseDisplacement)]
+        {
+            let mut bench = Bench::with(SafetyConfig { limits, ..SafetyConfig::default() });
+            bench.run(1000);
+            let (x, z) = (Reading::still(sign * x_m), Reading::still(sign * z_m));
+            let readings = Readings { x, z, ..Sensors::default().readings };
+            let (_, fault) = bench.safety.tick(&readings, &bench.signs);
+            assert_eq!(fault.map(|fault| fault.cause), Some(cause), "{sign}");
+        }
+    }
+}
+
+#[test]
+fn a_base_that_is_found_to_run_away_or_to_move_too_far_is_cut_in_the_next_tick() {
+    for cause in [FaultCause::BaseRunaway, FaultCause::BaseOverdriven] {
+        let mut bench = Bench::new();
+        bench.run(1000);
+        assert!(bench.safety.latch(Fault { cause, tick: bench.tick, value: 0.01, limit: 0.005 }));
+        bench.expect_safe_path(cause);
+    }
 }
 
 #[test]
@@ -201,6 +249,44 @@ fn every_sensor_at_a_rail_for_five_milliseconds_ends_an_experiment_and_is_named(
 }
 
 #[test]
+fn a_sensor_that_reads_between_ticks_at_a_rail_is_not_lost() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    let lost = Rail::All { reading: -5.5, edge: -5.0 };
+    for spring_rail in [lost; 4].into_iter().chain([Rail::Clear]).cycle().take(50) {
+        let readings = Readings { spring_rail, ..bench.sensors().readings };
+        assert_eq!(bench.safety.tick(&readings, &bench.signs).1, None);
+    }
+}
+
+/// Readings as of a structure at rest that are none: the x sensor is at a rail whose reading is near zero.
+#[test]
+fn a_sensor_at_a_rail_near_zero_is_no_evidence_of_rest() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.wall_force_n = 501.0;
+    bench.tick();
+    let x = Reading { rail: Rail::All { reading: -1e-4, edge: -1e-5 }, ..Reading::still(-1e-4) };
+    for _ in 0..2000 {
+        bench.safety.tick(&Readings { x, ..Sensors::default().readings }, &Signs::default());
+    }
+    assert_eq!(bench.safety.stage(), SafeStage::Ringing);
+    assert!(bench.safety.clear().is_err());
+}
+
+#[test]
+fn a_fault_whose_cause_persists_cannot_be_cleared_though_the_structure_is_at_rest() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    for _ in 0..2000 {
+        let signs = Signs { wall_force_n: 501.0, ..Signs::default() };
+        bench.safety.tick(&Sensors::default().readings, &signs);
+    }
+    assert_eq!(bench.safety.fault().unwrap().cause, FaultCause::WallForce);
+    assert!(bench.safety.clear().is_err());
+}
+
+#[test]
 fn a_lost_sensor_of_an_idle_rig_is_reported_and_latches_no_fault() {
     let mut bench = Bench::new();
     bench.signs = Signs { host_heard: true, ..Signs::default() };
@@ -254,6 +340,14 @@ fn saturation_that_is_only_reported_does_not_end_the_drive() {
     bench.signs.saturated = true;
     bench.run(60_000);
     assert!(bench.safety.fault().is_none());
+}
+
+#[test]
+fn a_wall_force_that_is_no_number_ends_the_drive() {
+    let mut bench = Bench::new();
+    bench.run(1000);
+    bench.signs.wall_force_n = f32::NAN;
+    assert_eq!(bench.tick().1, Some(FaultCause::WallForce));
 }
 
 #[test]

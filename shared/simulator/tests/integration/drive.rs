@@ -1,18 +1,20 @@
 //! Demands beyond the drive's range: refused when configured and when started, clipped and reported in closed loop.
 
 use damprig_core::control::base_loop::ClosedLoop;
+use damprig_core::control::experiment::Experiment;
 use damprig_core::control::fault::FaultCause;
-use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine};
+use damprig_core::control::stepped_sine::{DriveMode, Start, SteppedSine, SteppedSinePlan};
 use damprig_core::control::transient::Playback;
 use damprig_core::control::transient::playback::RecordId;
 use damprig_core::io::{Calibration, DriveScale};
 use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
+use damprig_core::rig::{Command, Rig};
 use damprig_core::settings::Settings;
 use damprig_device::board::DeviceInfo;
 use damprig_protocol::frame::{self, LONGEST, Reader};
 use damprig_protocol::upload::{CHUNK_BYTES, checksum};
-use damprig_protocol::{FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
+use damprig_protocol::{Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::board::PlantScalar;
 use damprig_simulator::device::{Progress, SimulatedDevice};
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
@@ -96,6 +98,14 @@ fn an_amplitude_that_the_drive_cannot_deliver_is_refused_when_it_is_configured()
     host.done(Request::Configure(sine(1e-3, closed(as_delivered_m()))));
 }
 
+/// The rig checks by itself: not every program that uses the core has a controller before it.
+#[test]
+fn the_rig_refuses_a_drive_that_it_cannot_deliver() {
+    let plan = SteppedSinePlan::new(sine(4.4e-3, DriveMode::Constant)).unwrap();
+    let refused = Rig::new().handle(Command::Configure(Experiment::SteppedSine(plan)));
+    assert_refused(refused.map(|()| Reply::Done), "amplitude_m", 4.4e-3);
+}
+
 /// Regression test: a 10 mm pulse became 5 mm on a board and stayed 10 mm on a virtual rig.
 #[test]
 fn a_record_that_the_drive_cannot_deliver_is_refused_as_soon_as_it_is_uploaded() {
@@ -155,6 +165,44 @@ fn a_closed_loop_that_needs_more_than_the_drive_delivers_is_clipped_and_reported
     let most = host.rows.iter().fold(0.0f32, |most, row| most.max(row[0].abs()));
     assert!(point.drive_saturated && point.z_amplitude_m < 3e-3, "{point:?}");
     assert_eq!(most, as_delivered_m());
+}
+
+/// A loop that asks for more than its own limit keeps a sine within it: the amplitude is limited, not the peaks cut off.
+#[test]
+fn a_closed_loop_at_its_drive_limit_keeps_to_it_and_stays_a_sine() {
+    let mut host = Host::new(on_a_shaker(Shaker { calibrated_at_hz: 1.0, ..Shaker::default() }));
+    let limit_m = 1e-3;
+    let parameters = ClosedLoop { gain_per_s: 2.0, wait_s: 0.0, drive_limit_m: limit_m, ..ClosedLoop::default() };
+    host.done(Request::Configure(sine(0.9e-3, DriveMode::ClosedLoop(parameters))));
+    host.done(Request::SetTelemetry { every_ticks: 1, signals: [2].into_iter().collect(), impacts: false });
+    host.done(Request::Start);
+    host.pass(3_000);
+    host.rows.clear();
+    // Whole cycles of 2 Hz.
+    host.pass(2_000);
+    let drive_m: Vec<f32> = host.rows.iter().map(|row| row[0]).collect();
+    let largest = drive_m.iter().fold(0.0f32, |largest, drive| largest.max(drive.abs()));
+    let rms = (drive_m.iter().map(|drive| drive * drive).sum::<f32>() / drive_m.len() as f32).sqrt();
+    println!("largest {largest}, rms {rms}");
+    assert!(largest <= limit_m, "{largest} m");
+    assert!(rms < 0.8 * limit_m, "{rms} m");
+}
+
+/// Samples within the drive's range with a curve between them that is not: the spline of 0, 1, 1, 0 reaches 9/8.
+#[test]
+fn a_record_that_is_cut_between_its_samples_says_so() {
+    for (peak, cuts) in [(19_000i16, false), (21_000, true)] {
+        let record: Vec<u8> = [0, 0, peak, peak, 0, 0].iter().flat_map(|sample: &i16| sample.to_le_bytes()).collect();
+        let mut host = Host::new(bare());
+        upload(&mut host, &record);
+        let Request::ConfigurePlayback(configured) = playback(&record) else { panic!() };
+        host.done(Request::ConfigurePlayback(Playback { sample_rate_hz: 10.0, ..configured }));
+        host.done(Request::Start);
+        host.pass(5_000);
+        let result = host.events.iter().find_map(|event| if let Event::Transient(r) = event { Some(*r) } else { None });
+        let result = result.unwrap_or_else(|| panic!("{:?}", host.events));
+        assert_eq!(result.drive_saturated, cuts, "{peak} counts");
+    }
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod drive;
 mod emergency_stop;
 mod friction_spring;
 mod impacts;
+mod interlocks;
 mod limits;
 mod sensors;
 mod shaker;

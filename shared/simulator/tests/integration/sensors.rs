@@ -185,6 +185,20 @@ fn a_wall_sensor_with_a_drifted_zero_is_reported_as_a_fault() {
 }
 
 #[test]
+fn a_force_beyond_the_limit_on_either_wall_ends_the_drive() {
+    for sensor in [Sensor::WallLow, Sensor::WallHigh] {
+        let mut host = Host::new(plant());
+        host.done(sine(10.0, 10.0));
+        host.done(Request::Start);
+        host.pass(3_000);
+        assert_eq!(host.fault(), None);
+        breaks(&mut host, sensor, Some(SensorFault::Noisy(200.0)));
+        ticks_to_fault(&mut host, 20);
+        assert_eq!(host.fault(), Some(FaultCause::WallForce), "{sensor:?}");
+    }
+}
+
+#[test]
 fn a_large_displacement_within_the_span_trips_its_limit_and_not_the_sensor_check() {
     let start = PlantConfig { structure_start_m: 0.0785, ..plant() };
     for (config, lost) in [(PlantConfig { structure_start_m: 0.0782, ..start }, false), (start, true)] {

@@ -82,6 +82,8 @@ pub struct Flash {
     busy_until: Time,
     /// The second bank.
     pub bank2: Bank2,
+    /// A byte of the second bank, as an offset, and the bits of it that always read as 0, without an error.
+    pub stuck: Option<(u32, u8)>,
     /// The operation at which the supply fails, counted from 0.
     pub cut: Option<(u64, Cut)>,
     /// Whether the supply has failed.
@@ -105,6 +107,7 @@ impl Flash {
             keys: Some(0),
             busy_until: Time(0),
             bank2,
+            stuck: None,
             cut: None,
             is_cut: false,
             first: None,
@@ -114,8 +117,8 @@ impl Flash {
 
     /// Resets the registers; the contents stay.
     pub fn reset(&mut self) {
-        let (operations, cut, is_cut) = (self.operations, self.cut, self.is_cut);
-        *self = Self { operations, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2), self.optr) };
+        let (operations, stuck, cut, is_cut) = (self.operations, self.stuck, self.cut, self.is_cut);
+        *self = Self { operations, stuck, cut, is_cut, ..Self::new(std::mem::take(&mut self.bank2), self.optr) };
     }
 
     /// BOR_LEV: the brown-out level, 0 to 4.
@@ -232,7 +235,11 @@ impl Flash {
         if self.is_damaged(offset) {
             self.find_damage(true);
         }
-        (0..bytes).fold(0, |value, n| value | u32::from(self.bank2.bytes[(offset + n) as usize]) << (8 * n))
+        let byte = |at: u32| match self.stuck {
+            Some((stuck, bits)) if stuck == at => self.bank2.bytes[at as usize] & !bits,
+            _ => self.bank2.bytes[at as usize],
+        };
+        (0..bytes).fold(0, |value, n| value | u32::from(byte(offset + n)) << (8 * n))
     }
 
     /// Whether the double word at `offset` has an uncorrectable error.

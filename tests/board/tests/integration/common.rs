@@ -15,7 +15,7 @@ use damprig_core::measure::steadiness::SteadyLimits;
 use damprig_core::model::{SetUp, Structure};
 use damprig_core::rig::Status;
 use damprig_protocol::frame::{self, LONGEST, Reader};
-use damprig_protocol::{Description, Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
+use damprig_protocol::{Counters, Description, Event, FromDevice, NumberedRequest, Rejected, Reply, Request, ToDevice};
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 use escargot::CargoBuild;
 use serde_json::Value;
@@ -28,9 +28,11 @@ pub fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The controller's image; prints a message if it has not been built.
+/// The controller's image; prints a message if it has not been built. `DAMPRIG_IMAGE` names another file: `tests/faults/run`
+/// gives one with a deliberate fault.
 pub fn image() -> Option<Image> {
-    let path = project().join("firmware/target/images/nucleo-g474re.elf");
+    let built = || project().join("firmware/target/images/nucleo-g474re.elf");
+    let path = std::env::var_os("DAMPRIG_IMAGE").map_or_else(built, PathBuf::from);
     if path.is_file() {
         return Some(Image::read(&path).unwrap());
     }
@@ -105,8 +107,17 @@ impl<'a> Host<'a> {
 
     /// The rig's status.
     pub fn status(&mut self) -> Status {
+        self.status_and_counters().0
+    }
+
+    /// The board's counters.
+    pub fn counters(&mut self) -> Counters {
+        self.status_and_counters().1
+    }
+
+    fn status_and_counters(&mut self) -> (Status, Counters) {
         match self.ask(Request::Status) {
-            Reply::Status { status, .. } => status,
+            Reply::Status { status, counters } => (status, counters),
             other => panic!("{other:?}"),
         }
     }

@@ -11,6 +11,8 @@ mod cost;
 mod faults;
 mod hardware;
 mod log;
+mod outputs;
+mod report;
 mod sensors;
 mod settings;
 mod timing;

@@ -75,3 +75,42 @@ fn power_loss_at_any_operation_of_a_save_leaves_the_old_settings_or_the_new() {
     // Only the last operation completes the new record.
     assert!(old_read > 0 && (new_read > 0 || cuts.len() == 1), "{old_read} {new_read}");
 }
+
+/// A worn cell of the flash reads as 0 whatever is programmed, and no error tells.
+#[test]
+fn a_flash_that_reads_other_bytes_than_were_written_is_reported_and_the_old_settings_stay() {
+    let Some((old, _)) = save(&Bank2::default(), 300.0, None) else { return };
+    // The next save goes to the second page: in its number, in its settings, in its checksum's neighbourhood.
+    let page = if old.bytes[..2_048].iter().all(|byte| *byte == 0xff) { 0 } else { 2_048 };
+    let mut refused = 0;
+    for at in [8, 20, 40, 100, 315] {
+        let mut board = Board::new(image().unwrap(), &Config { bank2: old.clone(), ..Config::new(bare()) }).unwrap();
+        board.chip_mut().stick_flash(page + at, 0xff);
+        let mut host = Host::new(&mut board);
+        let Reply::Settings { mut settings, .. } = host.ask(Request::Settings) else { panic!("no settings") };
+        settings.safety.wall_force_n = 200.0;
+        host.ask(Request::SetSettings(settings));
+        let saved = host.try_ask(Request::SaveSettings);
+        let Reply::Settings { source, .. } = host.ask(Request::Settings) else { panic!("no settings") };
+        let (wall_force_n, after) = read_stuck(board.chip().bank2(), page + at);
+        match saved {
+            Ok(_) => assert_eq!((wall_force_n, source, after), (200.0, Source::Stored, Source::Stored), "byte {at}"),
+            Err(why) => {
+                refused += 1;
+                assert!(why.to_string().contains("did not take"), "{why}");
+                assert_eq!((wall_force_n, source, after), (300.0, Source::Host, Source::Stored), "byte {at}");
+            }
+        }
+    }
+    assert!(refused >= 3, "{refused}");
+}
+
+/// As [`read`], from a flash with this byte stuck at 0.
+fn read_stuck(bank2: &Bank2, at: u32) -> (f32, Source) {
+    let mut board = Board::new(image().unwrap(), &Config { bank2: bank2.clone(), ..Config::new(bare()) }).unwrap();
+    board.chip_mut().stick_flash(at, 0xff);
+    match Host::new(&mut board).ask(Request::Settings) {
+        Reply::Settings { settings, source } => (settings.safety.wall_force_n, source),
+        other => panic!("{other:?}"),
+    }
+}

@@ -1,4 +1,5 @@
-//! A flash in memory with the controller's page and word size, whose supply fails at a chosen operation.
+//! A flash in memory with the controller's page and word size, whose supply fails at a chosen operation, or which gives wrong
+//! data without an error.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 
@@ -42,12 +43,16 @@ pub struct Flash {
     pub operations: usize,
     /// The operation during which the supply fails, counted from the present state.
     pub cut: Option<(usize, Cut)>,
+    /// The operation, counted from the present state, that has no effect and reports success.
+    pub ineffective: Option<usize>,
+    /// A byte whose bits always read as these, whatever was written: its place, which bits, and their value.
+    pub stuck: Option<(usize, u8, u8)>,
     is_off: bool,
 }
 
 impl Default for Flash {
     fn default() -> Self {
-        Self { bytes: [0xff; SIZE], operations: 0, cut: None, is_off: false }
+        Self { bytes: [0xff; SIZE], operations: 0, cut: None, ineffective: None, stuck: None, is_off: false }
     }
 }
 
@@ -60,7 +65,7 @@ fn random(state: &mut u64) -> u8 {
 impl Flash {
     /// The flash after power has come back; it fails again at `cut`.
     pub fn restarted(&self, cut: Option<(usize, Cut)>) -> Self {
-        Self { bytes: self.bytes, operations: 0, cut, is_off: false }
+        Self { operations: 0, cut, ineffective: None, is_off: false, ..self.clone() }
     }
 
     /// Performs one operation on the bytes from `at` on; `done` is their content after it.
@@ -71,6 +76,9 @@ impl Flash {
         let place = &mut self.bytes[at..at + done.len()];
         let number = self.operations;
         self.operations += 1;
+        if self.ineffective == Some(number) {
+            return Ok(());
+        }
         match self.cut {
             Some((last, cut)) if last == number => {
                 self.is_off = true;
@@ -113,6 +121,11 @@ impl ReadNorFlash for &mut Flash {
         }
         let offset = offset as usize;
         bytes.copy_from_slice(&self.bytes[offset..offset + bytes.len()]);
+        if let Some((at, bits, value)) = self.stuck
+            && let Some(byte) = at.checked_sub(offset).and_then(|at| bytes.get_mut(at))
+        {
+            *byte = (*byte & !bits) | (value & bits);
+        }
         Ok(())
     }
 

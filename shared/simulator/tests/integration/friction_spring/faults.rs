@@ -194,3 +194,22 @@ fn a_fault_is_not_cleared_while_the_block_moves_away() {
     bench.until(SpringStage::Faulted);
     assert!(matches!(bench.spring.handle(SpringCommand::ClearFault), Err(SpringRejected::WrongStage { .. })));
 }
+
+/// The count of steps may be wrong: the switch protects the screw.
+#[test]
+fn a_release_after_a_fault_ends_at_the_switch() {
+    let mut bench = Bench::ready();
+    bench.set(Target::Force { force_n: 5.0 });
+    bench.until(SpringStage::Holding);
+    bench.reads_n = Some(f32::NAN);
+    bench.until(SpringStage::Faulted);
+    bench.run(300);
+    assert!(bench.log.iter().rev().take(100).any(|&steps| steps < 0), "the block moves away");
+    bench.plant.broken.switch_stuck = Some(true);
+    bench.run(2);
+    let stopped_m = bench.plant.position_m();
+    bench.run(2_000);
+    assert_eq!((bench.plant.position_m(), bench.drive.enabled), (stopped_m, false));
+    bench.command(SpringCommand::ClearFault);
+    assert_eq!(bench.spring.stage(), SpringStage::Unhomed, "the position is no longer trusted");
+}

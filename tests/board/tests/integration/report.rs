@@ -1,0 +1,181 @@
+//! What the board reports of its own timing and its line, against what is done to it: late ticks, long ticks, masked interrupts,
+//! lost blocks, damaged frames, dropped requests.
+
+use damprig_board::{Board, Config, Output, Time};
+use damprig_protocol::{FromDevice, Request, Timing};
+
+use crate::common::{Host, bare, board, driving, image, pass, run};
+
+/// The interrupt that runs the control tick (UART5).
+const TICK: u16 = 16 + 53;
+
+/// A microsecond is the resolution of the reports.
+const RESOLUTION_US: f64 = 1.0;
+
+fn timing(board: &mut Board) -> Timing {
+    Host::new(board).counters().timing
+}
+
+/// Largest deviation of a change of the drive from the tick after the change before it, µs, since `since`. The output is set in
+/// every tick, at nearly the same time after its start.
+fn largest_deviation_us(board: &Board, since: Time) -> f64 {
+    let trace = board.chip().trace().iter();
+    let drive = trace.filter(|(at, output)| *at >= since && matches!(output, Output::Drive(_)));
+    let times: Vec<f64> = drive.map(|(at, _)| at.us()).collect();
+    let off = times.windows(2).map(|pair| (pair[1] - pair[0] - 1_000.0).abs()).filter(|off| *off < 990.0);
+    off.fold(0.0, f64::max)
+}
+
+/// Runs in short steps until the control tick is being handled.
+fn run_into_tick(board: &mut Board) {
+    while board.handles() != TICK {
+        let next = board.now() + Time::from_us(2);
+        run(board, next);
+    }
+}
+
+#[test]
+fn the_reported_jitter_is_how_late_a_tick_was() {
+    let Some(mut board) = driving(&Config::new(bare())) else { return };
+    let begun = board.now();
+    pass(&mut board, 200);
+    let (quiet, seen_us) = (timing(&mut board), largest_deviation_us(&board, begun));
+    println!("undisturbed: {} us reported, {seen_us:.1} us seen at the output", quiet.largest_jitter_us);
+    // Some start later because a tick or another interrupt delays them; not by more than a tick of the longest kind.
+    assert!(quiet.largest_jitter_us > 0 && quiet.largest_jitter_us < 50, "{quiet:?}");
+    let mut before = f64::from(quiet.largest_jitter_us);
+    for late_us in [150, 400, 800] {
+        // The core stands from the end of one tick until so long after the start of the next.
+        run_into_tick(&mut board);
+        let started = board.now();
+        pass(&mut board, 0);
+        run(&mut board, started + Time::from_us(500));
+        board.halt(Time::from_us(500 + late_us));
+        pass(&mut board, 20);
+        let reported = f64::from(timing(&mut board).largest_jitter_us);
+        let seen_us = largest_deviation_us(&board, started);
+        println!("{late_us} us late: {reported} us reported, {seen_us:.1} us seen at the output");
+        assert!(reported > before);
+        // The tick's own start varies by the quiet jitter, and the output by the length of what the tick does before it.
+        assert!((reported - late_us as f64).abs() <= f64::from(quiet.largest_jitter_us) + 2.0 + RESOLUTION_US);
+        assert!((reported - seen_us).abs() < 60.0, "{reported} us reported, {seen_us} us seen");
+        before = reported;
+    }
+}
+
+#[test]
+fn the_reported_longest_tick_is_how_long_a_tick_took() {
+    let Some(mut board) = driving(&Config::new(bare())) else { return };
+    pass(&mut board, 100);
+    let quiet = f64::from(timing(&mut board).longest_tick_us);
+    // An instruction takes a cycle of 1/170 us here; the tick begins and ends within the handler.
+    let longest_us = board.costs()[&TICK].most as f64 / 170.0;
+    println!("undisturbed: {quiet} us reported, the longest handler has {longest_us:.1} us of instructions");
+    assert!(
+        quiet > 0.5 * longest_us && quiet < 1.5 * longest_us,
+        "{quiet} us reported, {longest_us} us of instructions"
+    );
+    for held_us in [200, 500] {
+        run_into_tick(&mut board);
+        // Beyond the start of the tick's measurement.
+        let next = board.now() + Time::from_us(10);
+        run(&mut board, next);
+        board.halt(Time::from_us(held_us));
+        pass(&mut board, 20);
+        let reported = f64::from(timing(&mut board).longest_tick_us);
+        println!("held for {held_us} us: {reported} us reported");
+        assert!(reported >= held_us as f64 && reported <= held_us as f64 + quiet + RESOLUTION_US, "{reported} us");
+    }
+}
+
+#[test]
+fn the_reported_masked_time_is_how_long_interrupts_were_masked() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    pass(&mut board, 100);
+    let tenths_us = |board: &mut Board| f64::from(timing(board).longest_masked_tenths_us);
+    let quiet = tenths_us(&mut board);
+    println!("undisturbed: {} us reported", quiet / 10.0);
+    assert!(quiet > 0.0 && quiet < 100.0, "{quiet}");
+    let mut held = 0.0;
+    for held_us in [30, 100] {
+        // The queues between the tasks mask interrupts while a reply passes through.
+        Host::new(&mut board).send(Request::Status);
+        let until = board.now() + Time::from_ms(20);
+        while !board.masks_interrupts() {
+            let next = board.now() + Time::from_us(1);
+            run(&mut board, next);
+            assert!(board.now() < until, "no critical section in 20 ms");
+        }
+        board.halt(Time::from_us(held_us));
+        pass(&mut board, 20);
+        held = 10.0 * held_us as f64;
+        let reported = tenths_us(&mut board);
+        println!("held for {held_us} us in a critical section: {} us reported", reported / 10.0);
+        assert!(reported >= held && reported <= held + quiet + 1.0, "{reported}");
+    }
+    assert!(held > quiet);
+}
+
+/// Nothing is driven during the start-up, and no tick is delayed.
+#[test]
+fn masked_interrupts_of_the_start_up_are_not_reported() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    let (held_us, mut held, mut was_masked) = (50, 0, false);
+    // Until the control task runs for the first time, which starts the ticks.
+    while board.handles() != TICK {
+        let next = board.now() + Time(Time::from_us(1).0 / 5);
+        run(&mut board, next);
+        let is_masked = board.masks_interrupts();
+        if is_masked && !was_masked {
+            board.halt(Time::from_us(held_us));
+            held += 1;
+        }
+        was_masked = is_masked;
+    }
+    assert!(held > 1, "{held} critical sections");
+    pass(&mut board, 20);
+    let reported = timing(&mut board).longest_masked_tenths_us;
+    println!("{held} critical sections held for {held_us} us each: {} us reported", f64::from(reported) / 10.0);
+    assert!(u64::from(reported) < 10 * held_us, "{reported}");
+}
+
+#[test]
+fn every_lost_block_of_samples_is_counted() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    pass(&mut board, 100);
+    assert_eq!(timing(&mut board).overruns, 0);
+    for lost in 1..=3 {
+        board.halt(Time::from_ms(5));
+        pass(&mut board, 100);
+        // Sampling starts anew after a loss.
+        assert_eq!(timing(&mut board).overruns, lost);
+    }
+}
+
+#[test]
+fn damaged_frames_and_requests_without_room_are_counted() {
+    let Some(image) = image() else { return };
+    let mut board = board(image);
+    let mut host = Host::new(&mut board);
+    host.ask(Request::Identify);
+    assert_eq!((host.counters().bad_frames, host.counters().requests_dropped), (0, 0));
+    for _ in 0..3 {
+        host.board.chip_mut().host_sends(&[7, 1, 2, 3, 4, 5, 6, 0]);
+    }
+    host.pass(Time::from_ms(5));
+    assert_eq!(host.counters().bad_frames, 3);
+    // Two requests have room, and one is served in a tick: a dozen within a millisecond is too many.
+    host.received.clear();
+    let sent: Vec<u16> = (0..12).map(|_| host.send(Request::Status)).collect();
+    host.pass(Time::from_ms(40));
+    let answered =
+        host.messages().iter().filter(|m| matches!(m, FromDevice::Reply { seq, .. } if sent.contains(seq))).count();
+    let counters = host.counters();
+    println!("{} sent, {answered} answered, {} dropped", sent.len(), counters.requests_dropped);
+    assert!(answered >= 3 && counters.requests_dropped > 0);
+    assert_eq!(answered as u32 + counters.requests_dropped, sent.len() as u32);
+    assert_eq!(counters.bad_frames, 3);
+}
