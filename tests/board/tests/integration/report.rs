@@ -26,6 +26,11 @@ fn largest_deviation_us(board: &Board, since: Time) -> f64 {
     off.fold(0.0, f64::max)
 }
 
+fn drive_code(board: &Board) -> u16 {
+    let code = |output: &Output| if let Output::Drive(code) = output { *code } else { None };
+    board.chip().trace().iter().rev().find_map(|(_, output)| code(output)).expect("the output is on")
+}
+
 /// Runs in short steps until the control tick is being handled.
 fn run_into_tick(board: &mut Board) {
     while board.handles() != TICK {
@@ -41,14 +46,17 @@ fn the_reported_jitter_is_how_late_a_tick_was() {
     pass(&mut board, 200);
     let (quiet, seen_us) = (timing(&mut board), largest_deviation_us(&board, begun));
     println!("undisturbed: {} us reported, {seen_us:.1} us seen at the output", quiet.largest_jitter_us);
-    // Some start later because a tick or another interrupt delays them; not by more than a tick of the longest kind.
-    assert!(quiet.largest_jitter_us > 0 && quiet.largest_jitter_us < 50, "{quiet:?}");
+    // The samples' interrupt wakes the tick, and nothing of a higher priority takes long.
+    assert!(quiet.largest_jitter_us < 20, "{quiet:?}");
     let mut before = f64::from(quiet.largest_jitter_us);
     for late_us in [150, 400, 800] {
-        // The core stands from the end of one tick until so long after the start of the next.
+        // Near its zero crossing the drive changes in every tick.
+        while drive_code(&board).abs_diff(2_048) > 60 {
+            pass(&mut board, 1);
+        }
+        // The core stands from the middle of one tick until so long after the start of the next.
         run_into_tick(&mut board);
         let started = board.now();
-        pass(&mut board, 0);
         run(&mut board, started + Time::from_us(500));
         board.halt(Time::from_us(500 + late_us));
         pass(&mut board, 20);
@@ -56,9 +64,10 @@ fn the_reported_jitter_is_how_late_a_tick_was() {
         let seen_us = largest_deviation_us(&board, started);
         println!("{late_us} us late: {reported} us reported, {seen_us:.1} us seen at the output");
         assert!(reported > before);
-        // The tick's own start varies by the quiet jitter, and the output by the length of what the tick does before it.
-        assert!((reported - late_us as f64).abs() <= f64::from(quiet.largest_jitter_us) + 2.0 + RESOLUTION_US);
-        assert!((reported - seen_us).abs() < 60.0, "{reported} us reported, {seen_us} us seen");
+        // The start of the tick before was found within a step of 2 us.
+        assert!((reported - late_us as f64).abs() <= 2.0 + RESOLUTION_US, "{reported} us reported");
+        // What a tick does before it sets the output takes some us more or less with each tick.
+        assert!((reported - seen_us).abs() < 10.0, "{reported} us reported, {seen_us} us seen");
         before = reported;
     }
 }
@@ -99,16 +108,18 @@ fn the_reported_masked_time_is_how_long_interrupts_were_masked() {
     assert!(quiet > 0.0 && quiet < 100.0, "{quiet}");
     let mut held = 0.0;
     for held_us in [30, 100] {
-        // The queues between the tasks mask interrupts while a reply passes through.
-        Host::new(&mut board).send(Request::Status);
-        let until = board.now() + Time::from_ms(20);
-        while !board.masks_interrupts() {
-            let next = board.now() + Time::from_us(1);
-            run(&mut board, next);
-            assert!(board.now() < until, "no critical section in 20 ms");
+        // Some of the instructions with masked interrupts lie outside the measurement: hold the core in many sections.
+        for _ in 0..20 {
+            Host::new(&mut board).send(Request::Status);
+            let until = board.now() + Time::from_ms(20);
+            while !board.masks_interrupts() {
+                let next = board.now() + Time::from_us(1);
+                run(&mut board, next);
+                assert!(board.now() < until, "no critical section in 20 ms");
+            }
+            board.halt(Time::from_us(held_us));
+            pass(&mut board, 5);
         }
-        board.halt(Time::from_us(held_us));
-        pass(&mut board, 20);
         held = 10.0 * held_us as f64;
         let reported = tenths_us(&mut board);
         println!("held for {held_us} us in a critical section: {} us reported", reported / 10.0);
