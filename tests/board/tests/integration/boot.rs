@@ -31,7 +31,8 @@ fn without_its_crystal_the_board_runs_on_the_internal_oscillator_and_reports_it(
 fn an_idle_board_keeps_the_relay_open_the_output_at_zero_drive_and_the_motor_off() {
     let Some(image) = image() else { return };
     let mut board = board(image);
-    run(&mut board, Time::from_ms(200));
+    // A watchdog that is never fed resets the board after half a second.
+    run(&mut board, Time::from_ms(1_000));
     // The output switches on at its negative end and is set to the middle at once.
     let drive: Vec<_> = board.chip().trace().iter().filter(|(_, output)| matches!(output, Output::Drive(_))).collect();
     assert_eq!(

@@ -23,6 +23,9 @@ use serde_json::Value;
 /// Maximum device seconds per second: far from the time-outs of either side.
 const PACE: f64 = 5.0;
 
+/// The interrupt that runs the control tick (UART5).
+pub const TICK: u16 = 16 + 53;
+
 /// Root directory of the project.
 pub fn project() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -208,6 +211,13 @@ pub fn driving(config: &Config) -> Option<Board> {
 
 pub fn pass(board: &mut Board, ms: u64) {
     run(board, board.now() + Time::from_ms(ms));
+}
+
+/// Runs until the control tick is being handled, to within 2 µs of its start.
+pub fn run_into_tick(board: &mut Board) {
+    while board.handles() != TICK {
+        run(board, board.now() + Time::from_us(2));
+    }
 }
 
 /// Whether the relay is closed.

@@ -11,10 +11,7 @@ use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::walls::WallSensors;
 use damprig_simulator::plant::{Base, PlantConfig, Shaker};
 
-use crate::common::{Host, driving, image, is_driving, pass, project, sine};
-
-/// The interrupt that runs the control tick (UART5).
-const TICK: u16 = 16 + 53;
+use crate::common::{Host, TICK, driving, image, is_driving, pass, project, sine};
 
 /// The function names of the profile that are printed.
 const MOST_FUNCTIONS: usize = 20;

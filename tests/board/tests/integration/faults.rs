@@ -5,10 +5,7 @@ use damprig_board::{Board, Config, Time};
 use damprig_core::control::fault::FaultCause;
 use damprig_protocol::{CrashCause, Description, Reset};
 
-use crate::common::{Host, bare, description, driving, is_driving, opened, pass, run};
-
-/// The interrupt that runs the control tick (UART5).
-const TICK: u16 = 16 + 53;
+use crate::common::{Host, TICK, bare, description, driving, is_driving, opened, pass, run};
 
 /// The interrupts of a block of samples (DMA1 channel 1), of the stall watch (TIM7) and of the serial line (LPUART1).
 const SAMPLES: u16 = 16 + 11;

@@ -4,10 +4,7 @@
 use damprig_board::{Board, Config, Output, Time};
 use damprig_protocol::{FromDevice, Request, Timing};
 
-use crate::common::{Host, bare, board, driving, image, pass, run};
-
-/// The interrupt that runs the control tick (UART5).
-const TICK: u16 = 16 + 53;
+use crate::common::{Host, TICK, bare, board, driving, image, pass, run, run_into_tick};
 
 /// A microsecond is the resolution of the reports.
 const RESOLUTION_US: f64 = 1.0;
@@ -29,14 +26,6 @@ fn largest_deviation_us(board: &Board, since: Time) -> f64 {
 fn drive_code(board: &Board) -> u16 {
     let code = |output: &Output| if let Output::Drive(code) = output { *code } else { None };
     board.chip().trace().iter().rev().find_map(|(_, output)| code(output)).expect("the output is on")
-}
-
-/// Runs in short steps until the control tick is being handled.
-fn run_into_tick(board: &mut Board) {
-    while board.handles() != TICK {
-        let next = board.now() + Time::from_us(2);
-        run(board, next);
-    }
 }
 
 #[test]

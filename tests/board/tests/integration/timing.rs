@@ -8,7 +8,7 @@ use damprig_protocol::{FromDevice, Reply, Request};
 use damprig_simulator::plant::spring::SpringPlant;
 use damprig_simulator::plant::{Base, InjectedFault, PlantConfig};
 
-use crate::common::{Host, bare, driving, image, pass, run, sine};
+use crate::common::{Host, bare, driving, image, pass, run, run_into_tick, sine};
 
 /// A base that follows the drive exactly, regardless of the structure, and a structure whose motion decays fast.
 fn prescribed() -> PlantConfig {
@@ -229,6 +229,31 @@ fn contact_1_alone_opens_the_relay_when_the_line_of_contact_2_is_shorted() {
     assert_eq!(left_m, 0.0);
     let status = Host::new(&mut board).status();
     assert_eq!(status.fault.map(|fault| fault.cause), Some(FaultCause::BaseStill));
+}
+
+/// The pulses of a tick that starts late reach into the next. Every second or third tick of the search makes a step.
+#[test]
+fn the_emergency_stop_ends_the_pulses_of_a_late_tick() {
+    for ticks in 0..4 {
+        let Some(image) = image() else { return };
+        let mut board = Board::new(image, &Config::new(with_spring())).unwrap();
+        let begun = homing(&mut board);
+        run(&mut board, begun + Time::from_ms(500 + ticks));
+        run_into_tick(&mut board);
+        let started = board.now();
+        run(&mut board, started + Time::from_us(500));
+        // The next tick comes 0.8 ms late and is over when the stop is pressed.
+        board.halt(Time::from_us(1_300));
+        run(&mut board, started + Time::from_us(1_950));
+        board.chip_mut().inject(&InjectedFault::EmergencyStop { pressed: true });
+        run(&mut board, started + Time::from_ms(10));
+        let trace = board.chip().trace();
+        let off = trace.iter().find(|(at, output)| *at >= started && *output == Output::MotorOff(true));
+        let off = off.expect("the motor goes off").0;
+        assert!(off - started < Time::from_us(2_200), "{} us", (off - started).us());
+        let after = trace.iter().filter(|(at, output)| *at > off && *output == Output::Step(true));
+        assert_eq!(after.count(), 0, "{ticks}");
+    }
 }
 
 /// The UART's FIFO holds 87 µs of bytes; DMA empties it, even while a tick delays the line's task.
